@@ -1,0 +1,45 @@
+# `make repro` sets up and runs the main job, `make test` sets up and runs the tests.
+#   make repro FLEET=recorded RECORDINGS=path   runs it on real recordings
+
+VENV := .venv
+PYTHON ?= python3
+BIN := $(VENV)/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PYTHONHASHSEED := 0
+READY := $(VENV)/ready
+TESTS := $(VENV)/ready-for-tests
+INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.lock
+
+.PHONY: repro test setup benchmark clean
+
+repro: $(READY)
+ifdef FLEET
+	kerf fleet $(FLEET) $(if $(RECORDINGS),--recordings "$(RECORDINGS)")
+endif
+	dvc repro
+
+test: $(TESTS)
+	ruff check .
+	ruff format --check .
+	mypy
+	pytest
+
+benchmark: $(TESTS)
+	pytest tests/benchmarks --benchmark-only -s
+
+setup: $(TESTS)
+
+# torch first and by its exact version: a range would bring a build with CUDA
+$(READY): requirements.lock pyproject.toml
+	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else f"Kerf needs Python 3.11, this is {v[0]}.{v[1]}: make PYTHON=/path/to/python3.11")'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(INSTALL) "$$(grep '^torch==' requirements.lock)"
+	$(INSTALL) -e .
+	touch $@
+
+$(TESTS): $(READY)
+	$(INSTALL) -e ".[test,tdms]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .hypothesis
