@@ -1,0 +1,1 @@
+"""Kerf: the digital twin of a machine tool, rebuilt from the machine's own records."""

@@ -1,0 +1,280 @@
+"""The simulated spindle's heat: a network of ten nodes and two boundaries (numba).
+
+Explicit Euler with steps of one second or less; the fastest node (winding) has a time constant of
+about 27 s.  What leaves one node enters another, so the balance closes to rounding.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.shop.losses import (
+    copper_share,
+    flux,
+    friction_torque,
+    iron_loss,
+    viscosity,
+    viscosity_line,
+)
+from pipeline.shop.spindle_parameters import BearingParameters, SpindleParameters
+
+NODES = ("winding", "stator", "rotor", "front_bearing", "rear_bearing", "housing", "head", "bed",
+         "chiller", "coolant")  # fmt: skip
+WINDING, STATOR, ROTOR, FRONT, REAR, HOUSING, HEAD, BED, CHILLER, COOLANT = range(10)
+AIR = 10
+RPM = 2 * np.pi / 60
+OFF_FLOW = 0.04  # of a jacket's conductance is left when its pump stands
+
+
+class Path(IntEnum):
+    """What a conductance depends on."""
+
+    CONSTANT = 0
+    AIR_GAP = 1  # shear in the gap mixes it: Taylor number, Bossmanns & Tu (1999)
+    PUMP = 2  # chiller water flows while the machine is on
+    FLOOD = 3  # cutting coolant is on
+    NATURAL = 4  # grows with the fourth root of the difference
+    SPINNING = 5  # a turning disc in air, about n^0.7
+
+
+def _edges(p: SpindleParameters) -> list[tuple[int, int, float, Path]]:
+    g = p.paths
+    return [
+        (WINDING, STATOR, g.winding_stator, Path.CONSTANT),
+        (STATOR, HOUSING, g.stator_housing, Path.CONSTANT),
+        (STATOR, CHILLER, g.stator_jacket, Path.PUMP),
+        (STATOR, ROTOR, g.stator_rotor, Path.AIR_GAP),
+        (ROTOR, FRONT, g.rotor_front, Path.CONSTANT),
+        (ROTOR, REAR, g.rotor_rear, Path.CONSTANT),
+        (FRONT, HOUSING, g.front_housing, Path.CONSTANT),
+        (REAR, HOUSING, g.rear_housing, Path.CONSTANT),
+        (HOUSING, CHILLER, g.housing_jacket, Path.PUMP),
+        (HOUSING, HEAD, g.housing_head, Path.CONSTANT),
+        (HEAD, BED, g.head_bed, Path.CONSTANT),
+        (FRONT, COOLANT, g.nose_coolant, Path.FLOOD),
+        (BED, COOLANT, g.bed_coolant, Path.FLOOD),
+        (ROTOR, AIR, g.nose_air, Path.SPINNING),
+        (HOUSING, AIR, g.housing_air, Path.NATURAL),
+        (HEAD, AIR, g.head_air, Path.NATURAL),
+        (BED, AIR, g.bed_air, Path.CONSTANT),
+        (CHILLER, AIR, g.chiller_air, Path.CONSTANT),
+        (COOLANT, AIR, g.coolant_air, Path.CONSTANT),
+    ]
+
+
+class _Bearing(NamedTuple):
+    pieces: float
+    d_m: float
+    f0: float
+    preload: float
+    capacity: float
+    growth: float
+
+
+class _Constants(NamedTuple):
+    front: _Bearing
+    rear: _Bearing
+    slope: float
+    intercept: float
+    rated_torque: float
+    base_speed: float
+    top_speed: float
+    copper: float
+    rotor: float
+    hysteresis: float
+    eddy: float
+    magnetising: float
+    hold: float
+    windage: float
+    inertia: float
+    bed_heat: float
+    feed_heat: float
+    pump: float
+    chips: float
+    tool: float
+    setpoint: float
+    follows: bool
+    hysteresis_band: float
+    capacity: float
+    capacity_slope: float
+
+
+class Inputs(NamedTuple):
+    """What acts on the spindle in each second; arrays of shape (T,)."""
+
+    speed: np.ndarray  # rev/min
+    cut_power: np.ndarray  # W
+    hold: np.ndarray  # bool: position control
+    power: np.ndarray  # bool: switched on
+    coolant: np.ndarray  # bool: flood on
+    moving: np.ndarray  # bool: feed axes move
+    ambient: np.ndarray  # degC
+
+
+class Heat(NamedTuple):
+    """Result: temperatures (T, 10) [degC], motor torque (T,) [N m], heats of the whole span [J]."""
+
+    temperatures: np.ndarray
+    torque: np.ndarray
+    state: np.ndarray  # last temperatures, then whether the chiller runs
+    generated: float
+    to_air: float
+    to_chiller: float
+
+
+def _bearing(p: BearingParameters) -> _Bearing:
+    return _Bearing(
+        float(p.count), p.mean_diameter, p.f0, p.preload, p.static_capacity, p.thermal_preload
+    )
+
+
+def _constants(p: SpindleParameters) -> _Constants:
+    slope, intercept = viscosity_line(p.viscosity_40, p.viscosity_100)
+    m, c = p.motor, p.chiller
+    return _Constants(
+        front=_bearing(p.front), rear=_bearing(p.rear), slope=slope, intercept=intercept,
+        rated_torque=m.rated_power / (m.base_speed * RPM), base_speed=m.base_speed,
+        top_speed=p.top_speed, copper=m.copper_loss, rotor=m.rotor_loss,
+        hysteresis=m.hysteresis_loss, eddy=m.eddy_loss, magnetising=m.magnetising_share,
+        hold=m.hold_share, windage=m.windage, inertia=m.inertia, bed_heat=p.bed_heat,
+        feed_heat=p.feed_heat, pump=p.coolant_pump, chips=p.chip_heat_to_coolant,
+        tool=p.cut_heat_to_tool, setpoint=c.setpoint, follows=c.follows_ambient,
+        hysteresis_band=c.hysteresis, capacity=c.capacity, capacity_slope=c.capacity_slope,
+    )  # fmt: skip
+
+
+def capacities(p: SpindleParameters) -> np.ndarray:
+    """Heat capacities of the nodes [J/K], shape (10,)."""
+    return np.array([getattr(p.masses, node) for node in NODES])
+
+
+def state_at_rest(ambient: float) -> np.ndarray:
+    """State of a machine that has the temperature of the air [degC]; the chiller is off."""
+    return np.append(np.full(len(NODES), ambient), 0.0)
+
+
+def heat(state: np.ndarray, inputs: Inputs, p: SpindleParameters, substeps: int = 1) -> Heat:
+    """Temperatures of all nodes for each second of ``inputs``.
+
+    Parameters
+    ----------
+    state : ndarray, shape (11,)
+        Temperatures [degC] before the first second and whether the chiller runs.
+    inputs : Inputs
+        What acts on it, arrays of shape (T,).
+    p : SpindleParameters
+        The spindle.
+    substeps : int
+        Euler steps in a second.
+    """
+    table = _edges(p)
+    ends = np.array([(a, b) for a, b, _, _ in table])
+    kinds = np.array([int(kind) for *_, kind in table])
+    conductances = np.array([g for _, _, g, _ in table])
+    result = _run(
+        state.copy(), inputs, _constants(p), ends, kinds, conductances, capacities(p), substeps
+    )
+    return Heat(*result)
+
+
+@njit(cache=True)
+def _bearing_heat(speed: float, own: float, growth: float, b: _Bearing, k: _Constants) -> float:
+    """Friction heat [W] of a bearing set at temperature ``own``; ``growth`` = shaft - housing."""
+    if speed < 1.0:
+        return 0.0
+    load = b.preload * max(1.0 + b.growth * growth, 0.2)
+    nu = viscosity(own, k.slope, k.intercept)
+    return b.pieces * friction_torque(speed, nu, load, b.d_m, b.f0, b.capacity) * speed * RPM
+
+
+@njit(cache=True)
+def _factor(kind: int, speed: float, on: bool, flood: bool, difference: float) -> float:
+    if kind == 1:
+        return 1.0 + 3.0 * (speed / 12000.0) ** 0.6
+    if kind == 2:
+        return 1.0 if on else OFF_FLOW
+    if kind == 3:
+        return 1.0 if flood else 0.0
+    if kind == 4:
+        return (abs(difference) / 10.0) ** 0.25
+    if kind == 5:
+        return 1.0 + (speed / 1000.0) ** 0.7
+    return 1.0
+
+
+@njit(cache=True)
+def _sources(
+    q: np.ndarray, t: np.ndarray, i: int, acceleration: float, x: Inputs, k: _Constants
+) -> float:
+    """Fill ``q`` with the heat made in each node [W]; return the motor's torque [N m]."""
+    n, omega = x.speed[i], x.speed[i] * RPM
+    q[:] = 0.0
+    q[FRONT] = _bearing_heat(n, t[FRONT], t[ROTOR] - t[HOUSING], k.front, k)
+    q[REAR] = _bearing_heat(n, t[REAR], t[ROTOR] - t[HOUSING], k.rear, k)
+    windage = k.windage * (n / 12000.0) ** 3
+    torque = k.inertia * acceleration
+    if n >= 1.0:
+        torque += (q[FRONT] + q[REAR] + windage + x.cut_power[i]) / omega
+    if n >= 1.0 or x.hold[i]:
+        phi = flux(n, k.base_speed)
+        current = abs(torque) / k.rated_torque / phi
+        if x.hold[i] and n < 1.0:
+            current = k.hold
+        warm = 1.0 + 0.0039 * (t[WINDING] - 20.0)
+        q[WINDING] = k.copper * warm * copper_share(phi, current, k.magnetising)
+        q[STATOR] = iron_loss(phi, n / k.base_speed, k.hysteresis, k.eddy) + 0.5 * windage
+        q[ROTOR] = k.rotor * current**2 + 0.5 * windage
+    q[ROTOR] += k.tool * x.cut_power[i]
+    if x.power[i]:
+        q[BED] = k.bed_heat + (k.feed_heat if x.moving[i] else 0.0)
+    if x.coolant[i]:
+        q[COOLANT] = k.pump + k.chips * x.cut_power[i]
+    return torque
+
+
+@njit(cache=True)
+def _chiller(state: np.ndarray, i: int, x: Inputs, k: _Constants) -> float:
+    """Switch the chiller with its hysteresis; return the heat that it takes away [W]."""
+    ambient = x.ambient[i]
+    setpoint = k.setpoint - 20.0 + ambient if k.follows else k.setpoint
+    if not x.power[i] or state[CHILLER] < setpoint - k.hysteresis_band:
+        state[10] = 0.0
+    elif state[CHILLER] > setpoint + k.hysteresis_band:
+        state[10] = 1.0
+    return state[10] * k.capacity * max(1.0 - k.capacity_slope * (ambient - 20.0), 0.1)
+
+
+@njit(cache=True)
+def _run(
+    state: np.ndarray, x: Inputs, k: _Constants, ends: np.ndarray, kinds: np.ndarray,
+    conductances: np.ndarray, masses: np.ndarray, substeps: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float, float]:  # fmt: skip
+    steps, nodes, dt = x.speed.size, masses.size, 1.0 / substeps
+    temperatures, torques = np.empty((steps, nodes)), np.empty(steps)
+    q, generated, to_air, to_chiller = np.zeros(nodes), 0.0, 0.0, 0.0
+    for i in range(steps):
+        acceleration = (x.speed[i] - x.speed[max(i - 1, 0)]) * RPM
+        for _ in range(substeps):
+            torques[i] = _sources(q, state, i, acceleration, x, k)
+            generated += q.sum() * dt
+            cold = _chiller(state, i, x, k)
+            q[CHILLER] -= cold
+            to_chiller += cold * dt
+            for e in range(kinds.size):
+                a, b = ends[e, 0], ends[e, 1]
+                other = x.ambient[i] if b == AIR else state[b]
+                difference = state[a] - other
+                flow = conductances[e] * difference * _factor(
+                    kinds[e], x.speed[i], x.power[i], x.coolant[i], difference
+                )  # fmt: skip
+                q[a] -= flow
+                if b == AIR:
+                    to_air += flow * dt
+                else:
+                    q[b] += flow
+            for j in range(nodes):
+                state[j] += q[j] * dt / masses[j]
+        temperatures[i] = state[:nodes]
+    return temperatures, torques, state, generated, to_air, to_chiller

@@ -1,0 +1,84 @@
+"""One simulated week of each machine, made once, and a plain reader of its log."""
+
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import cattrs
+import pytest
+import yaml
+
+from pipeline.shop import ShopParameters, simulate
+
+CONF = Path(__file__).parents[2] / "conf" / "shop"
+
+
+@dataclass(frozen=True)
+class Record:
+    line: int
+    time: datetime
+    name: str
+    fields: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LogFile:
+    lines: list[str]
+    records: list[Record]
+    rejected: list[str]
+    out_of_order: int
+
+
+@dataclass(frozen=True)
+class Simulated:
+    folder: Path
+    truth: dict[str, Any]
+    parameters: ShopParameters
+
+    def log(self, name: str) -> LogFile:
+        return read_log(self.folder / name)
+
+
+def read_log(path: Path) -> LogFile:
+    """An independent reader: splits at bars, knows nothing of how the file was written."""
+    records, rejected, old, latest = [], [], 0, datetime.min
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for number, line in enumerate(lines, 1):
+        parts = line.split("|")
+        try:
+            time = datetime.fromisoformat(parts[0].removesuffix("Z"))
+        except ValueError:
+            rejected.append(line)
+            continue
+        if len(parts) < 3:
+            rejected.append(line)
+            continue
+        old += time < latest
+        latest = max(latest, time)
+        if parts[1].endswith(("_c", "travel")):
+            records.append(Record(number, time, parts[1], tuple(parts[2:])))
+            assert len(parts) == 7, f"condition with {len(parts)} fields: {line}"
+            continue
+        assert len(parts) % 2 == 1, f"a name without a value: {line}"
+        for name, value in zip(parts[1::2], parts[2::2], strict=True):
+            records.append(Record(number, time, name, (value,)))
+    return LogFile(lines, records, rejected, old)
+
+
+def shop_parameters(machine: str, **changes: Any) -> ShopParameters:
+    section = yaml.safe_load((CONF / f"{machine}.yaml").read_text(encoding="utf-8"))
+    return cattrs.Converter(forbid_extra_keys=True).structure(section | changes, ShopParameters)
+
+
+def run(root: Path, machine: str, **changes: Any) -> Simulated:
+    parameters = shop_parameters(machine, **changes)
+    truth = root / "truth" / f"{machine}.json"
+    simulate(root / "raw" / machine, truth, parameters)
+    return Simulated(root / "raw" / machine, json.loads(truth.read_text()), parameters)
+
+
+@pytest.fixture(scope="session", params=["mill01", "mill02"])
+def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    return run(tmp_path_factory.mktemp(request.param), request.param, weeks=1)
