@@ -1,0 +1,1 @@
+"""What the machine said: columns, readers (one module a format), ingest, cleaning."""

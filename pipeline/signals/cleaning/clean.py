@@ -1,0 +1,218 @@
+"""Clean a machine's records, a day at a time, and only the days whose inputs have changed."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pipeline.signals.cleaning import tables
+from pipeline.signals.cleaning.cycles import cycles
+from pipeline.signals.cleaning.day import Day, clean_day
+from pipeline.signals.cleaning.gaps import Gap
+from pipeline.signals.cleaning.habits import N_BINS, Habit, habit
+from pipeline.signals.cleaning.item import Carry
+from pipeline.signals.cleaning.recorded import (
+    DAY,
+    LOGGER,
+    WHOLE,
+    Index,
+    conversions,
+    day_start,
+    file_hash,
+    files_of,
+    index,
+    is_trace,
+    merged_intervals,
+    rows_of,
+)
+from pipeline.signals.cleaning.segments import USED, segments
+from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.states import CONTROLLER, intervals, seconds_in_states
+
+Summary = dict[str, Any]
+
+
+def clean(
+    signals: Path, out: Path, *, machine: CleanMachine, settings: CleanSettings | None = None
+) -> Summary:
+    """Clean one machine.
+
+    Parameters
+    ----------
+    signals : Path
+        ``data/signals/<machine>``.
+    out : Path
+        ``data/clean/<machine>``; days that are there and still true are left alone.
+    machine : CleanMachine
+        Where the signals are found.
+    settings : CleanSettings, optional
+        By which rules.
+
+    Returns
+    -------
+    dict
+        What ``summary.json`` holds: seconds in each state and counts by rule, by day and in all;
+        and ``written``, the days that were written now.
+
+    Raises
+    ------
+    ValueError
+        When a data item's unit cannot become its signal's.
+    """
+    settings = settings or CleanSettings()
+    converted = conversions(signals, machine)
+    out.mkdir(parents=True, exist_ok=True)
+    before = tables.read_summary(out)
+    rules = _digest([tables.code_version(), asdict(machine), asdict(settings), converted])
+    known = before.get("files", {}) if before.get("rules") == rules else {}
+    indices = [_index(p, signals, known, machine, settings) for p in files_of(signals)]
+    habits = _habits(indices, machine)
+    build = _Build(
+        signals=signals, out=out, machine=machine, settings=settings, rules=rules,
+        indices=indices, habits=habits, before=before, converted=converted,
+    )  # fmt: skip
+    return build.run()
+
+
+def _digest(what: Any) -> str:
+    return sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _index(
+    path: Path, signals: Path, known: Mapping[str, Any], machine: CleanMachine, s: CleanSettings
+) -> Index:
+    old = known.get(path.relative_to(signals).as_posix())
+    if old is not None and old["sha256"] == file_hash(path):
+        return Index(**old)
+    return index(path, signals, machine, s)
+
+
+def _habits(indices: list[Index], machine: CleanMachine) -> dict[str, Habit]:
+    import numpy as np
+
+    found = {}
+    for item in (WHOLE, *machine.items):
+        counts = np.zeros(N_BINS, dtype=np.int64)
+        voice = LOGGER if item == WHOLE and not _has_agent(indices) else item
+        for place, n in merged_intervals(indices, voice).items():
+            counts[int(place)] = n
+        found[item] = habit(counts)
+    return found
+
+
+def _has_agent(indices: list[Index]) -> bool:
+    """Whether an agent tells when the machine is on; else its recordings do."""
+    return any(one.days and not is_trace(one.file) for one in indices)
+
+
+@dataclass
+class _Build:
+    """One run over all days."""
+
+    signals: Path
+    out: Path
+    machine: CleanMachine
+    settings: CleanSettings
+    rules: str
+    indices: list[Index]
+    habits: dict[str, Habit]
+    before: Summary
+    converted: dict[str, tuple[float, float]]
+
+    def run(self) -> Summary:
+        """Clean the days in their order, then what spans them."""
+        days = sorted({d for one in self.indices for d in one.days})
+        done: dict[str, Summary] = {}
+        fresh: dict[str, Day] = {}
+        carry: Carry = {}
+        for day in days:
+            key = self._key(day, carry)
+            old = self.before.get("days", {}).get(day, {})
+            if old.get("key") == key and tables.has_day(self.out, day, old):
+                done[day] = old
+            else:
+                fresh[day] = self._day(day, carry)
+                done[day] = self._note(day, key, fresh[day])
+            carry = done[day]["carry"]
+        tables.drop_days(self.out, keep=[d for d in days if done[d]["seconds"]])
+        kept = [d for d in days if d not in fresh]
+        tables.write_audit(self.out, [a for d in fresh.values() for a in d.audit], kept)
+        gaps = tables.write_gaps(self.out, [g for d in fresh.values() for g in d.gaps],
+                                 self._open_gaps(carry), kept)  # fmt: skip
+        return self._whole(days, done, list(fresh), gaps)
+
+    def _files(self, day: str) -> list[Index]:
+        start = day_start(day)
+        end = start + DAY + round(self.settings.lookahead_s * NS)
+        return [i for i in self.indices if i.days and i.live_start < end and i.last >= start]
+
+    def _key(self, day: str, carry: Carry) -> str:
+        files = [(i.file, i.sha256) for i in self._files(day)]
+        habits = {k: v.effect(self.settings) for k, v in self.habits.items()}
+        return _digest([self.rules, day, files, carry, habits, _has_agent(self.indices)])
+
+    def _day(self, day: str, carry: Carry) -> Day:
+        start = day_start(day)
+        end = start + DAY + round(self.settings.lookahead_s * NS)
+        parts = []
+        for one in self._files(day):
+            rows = rows_of(self.signals / one.file, self.machine, self.settings)
+            time = rows["time"]
+            parts.append(rows[(time >= start) & (time < end)])
+        rows = tables.stacked(parts)
+        rows["apart"] = rows["trace"].to_numpy(dtype=bool) & _has_agent(self.indices)
+        for item, (factor, offset) in self.converted.items():
+            chosen = (rows["data_item"] == item).to_numpy()
+            rows.loc[chosen, "number"] = rows.loc[chosen, "number"] * factor + offset
+        done = clean_day(rows, start, start + DAY, carry, self.habits, self.machine, self.settings)
+        tables.write_state(self.out, day, done.state, self.machine)
+        return done
+
+    def _note(self, day: str, key: str, done: Day) -> Summary:
+        removed = pd.Series([a.rule for a in done.audit], dtype=object).value_counts()
+        series = {n: done.series[i] for n, i in self.machine.signals.items() if n in CONTROLLER}
+        start = day_start(day)
+        found = intervals(series, start + DAY)
+        inside = tables.clipped(found, start, start + DAY)
+        return {
+            "key": key, "carry": done.carry, "seconds": len(done.state) * self.settings.period_s,
+            "removed": {str(k): int(v) for k, v in sorted(removed.items())}, **done.counts,
+            "execution_s": seconds_in_states(inside) if done.state.size else {},
+            "controller": tables.changes(series, start, start + DAY),
+        }  # fmt: skip
+
+    def _open_gaps(self, carry: Carry) -> list[Gap]:
+        found = []
+        for item, left in carry.get("items", {}).items():
+            if left["said"] is not None and left["said"][1] is None:
+                found.append(
+                    Gap(start=left["said"][0], end=None, data_item=item, cause="unavailable")
+                )
+        return found
+
+    def _whole(
+        self, days: list[str], done: dict[str, Summary], written: list[str], gaps: pd.DataFrame
+    ) -> Summary:
+        """Cycles, segments and the summary, from all days."""
+        changes = [done[d]["controller"] for d in days]
+        end = max((done[d]["carry"]["spoken"] or 0 for d in days), default=0)
+        found = intervals(tables.series_of_changes(changes), end)
+        made = cycles(found, self.settings)
+        tables.write_table(self.out / "cycles.parquet", made)
+        state = tables.read_state(self.out, days, [n for n in self.machine.names if n in USED])
+        parts = segments(state, self.settings, self.machine.warm_up_programs)
+        tables.write_table(self.out / "segments.parquet", parts)
+        summary = tables.summary(done, made, parts, gaps, self.indices)
+        summary["rules"] = self.rules
+        summary["absent"] = self._absent()
+        tables.write_summary(self.out, summary)
+        return summary | {"written": sorted(written)}
+
+    def _absent(self) -> list[str]:
+        """Items that the machine's file names and no record has."""
+        there = {item for one in self.indices for item in one.intervals}
+        return [item for item in self.machine.items if item not in there]

@@ -1,0 +1,259 @@
+"""What lies in ``data/signals/<machine>``: an index of its files, and the rows of one file.
+
+An agent's file often begins with what was known before: old times, each item once.  Such rows are
+taken as said at the first moment that the file tells anew (its live start); at their own times they
+are in the file before, or not known to be all that was said.
+"""
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.signals.cleaning.habits import counted_intervals
+from pipeline.signals.cleaning.series import Bools, Ints
+from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.columns import COLUMNS
+from pipeline.signals.units import conversion
+
+DAY = 86400 * NS
+WHOLE = "*"
+"""Stands for the machine as a whole among the data items of an index."""
+LOGGER = "*trace"
+"""Stands for a recording as a whole; it may go on while the machine is off."""
+
+_READ = ["time", "data_item", "number", "text", "sequence", "kind", "key", "instance"]
+THIN = 10
+"""Parts of each period of the state table from which a trace's samples are kept."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Index:
+    """What has to be known of one file before its rows are read again.
+
+    Parameters
+    ----------
+    file, sha256 : str
+        Path under the machine's folder, and the hash of its bytes.
+    live_start, last : int
+        First and last time [ns] that it tells anew; both -1 when there is none.
+    late, restated : int
+        Rows out of order, rows that restate what was known before.
+    days : list of str
+        Days with rows.
+    intervals : dict of str to dict of str to int
+        Counted intervals of each item: bin -> count (see ``habits``).
+    """
+
+    file: str
+    sha256: str
+    live_start: int = -1
+    last: int = -1
+    late: int = 0
+    restated: int = 0
+    days: list[str] = field(default_factory=list)
+    intervals: dict[str, dict[str, int]] = field(default_factory=dict)
+
+
+def files_of(signals: Path) -> list[Path]:
+    """The tables of observations and of traces of a machine, sorted."""
+    return sorted(signals.glob("observations/*.parquet")) + sorted(signals.glob("traces/*.parquet"))
+
+
+def is_trace(name: str) -> bool:
+    """Whether a file of an index is a recording and not an agent's log."""
+    return name.startswith("traces/")
+
+
+def file_hash(path: Path) -> str:
+    """Hash of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def day_of(time: int) -> str:
+    """The day [UTC] of a time [ns]."""
+    return str(np.datetime64(time // DAY, "D"))
+
+
+def day_start(day: str) -> int:
+    """The first moment [ns] of a day."""
+    return int(np.datetime64(day, "D").astype(np.int64)) * DAY
+
+
+def index(path: Path, signals: Path, machine: CleanMachine, settings: CleanSettings) -> Index:
+    """Read one file through and note what later reading needs."""
+    name, digest = path.relative_to(signals).as_posix(), file_hash(path)
+    rows = rows_of(path, machine, settings)
+    if rows.empty:
+        return Index(file=name, sha256=digest)
+    time = rows["time"].to_numpy()
+    spoken = rows["spoken"].to_numpy()
+    late = int((np.diff(rows.sort_values("sequence", kind="stable")["time"].to_numpy()) < 0).sum())
+    voice = LOGGER if is_trace(name) else WHOLE
+    counts = {voice: _sparse(counted_intervals(np.unique(time[spoken]), settings.off_after_s))}
+    wanted = rows[rows["wanted"]]
+    for item, part in wanted.groupby("data_item", observed=True):
+        times = np.unique(part["time"].to_numpy()[part["spoken"].to_numpy()])
+        counts[str(item)] = _sparse(counted_intervals(times, settings.off_after_s))
+    days = sorted({day_of(int(t)) for t in np.unique(time // DAY) * DAY})
+    return Index(
+        file=name, sha256=digest, live_start=int(time.min()), last=int(time.max()), late=late,
+        restated=int(rows["restated"].sum()), days=days, intervals=counts,
+    )  # fmt: skip
+
+
+def _sparse(counts: Ints) -> dict[str, int]:
+    return {str(k): int(counts[k]) for k in np.flatnonzero(counts)}
+
+
+def rows_of(path: Path, machine: CleanMachine, settings: CleanSettings) -> pd.DataFrame:
+    """The rows of one file in the order of time.
+
+    Returns
+    -------
+    DataFrame
+        time [int64 ns], data_item, number, text, key, sequence, instance, spoken (has a value),
+        wanted (is one of the machine's items), restated, trace (of a recording).
+    """
+    if path.parent.name == "traces":
+        return _trace_rows(path, machine, settings)
+    table = pq.read_table(path, columns=_READ)
+    frame = pd.DataFrame(
+        {
+            "time": table["time"].cast(pa.int64()).to_numpy().copy(),
+            "data_item": _categories(table["data_item"]),
+            "number": table["number"].to_numpy().copy(),
+            "text": _categories(table["text"]),
+            "key": _categories(table["key"]),
+            "sequence": table["sequence"].to_numpy().copy(),
+            "instance": table["instance"].to_pandas(types_mapper=pd.ArrowDtype),
+        }
+    )
+    text = frame["text"]
+    lost = text.cat.categories[text.cat.categories.str.upper() == "UNAVAILABLE"]
+    if len(lost):
+        frame["text"] = text.cat.remove_categories(lost)
+    frame["spoken"] = frame["number"].notna() | frame["text"].notna()
+    plain = frame["key"].isna().to_numpy()
+    frame["wanted"] = plain & frame["data_item"].isin(machine.items).to_numpy()
+    frame["trace"] = False
+    _restate(frame, settings)
+    return frame.sort_values(["time", "sequence"], kind="stable", ignore_index=True)
+
+
+def _categories(column: pa.ChunkedArray) -> pd.Categorical:
+    values = column.combine_chunks()
+    if not pa.types.is_dictionary(values.type):
+        values = values.dictionary_encode()
+    codes = values.indices.fill_null(-1).to_numpy(zero_copy_only=False)
+    return pd.Categorical.from_codes(codes, pd.Index(values.dictionary.to_pylist(), dtype=object))
+
+
+def _restate(frame: pd.DataFrame, settings: CleanSettings) -> None:
+    """Take rows that restate old values as said at the file's live start; in place."""
+    order = np.argsort(frame["sequence"].to_numpy(), kind="stable")
+    time = frame["time"].to_numpy().copy()
+    again = frame.iloc[order].duplicated(["data_item", "key"]).to_numpy()
+    old = np.zeros(len(frame), dtype=bool)
+    if again.any():
+        n = int(np.argmax(again))
+        live = time[order[n]]
+        block: Ints = order[:n]
+        old[block] = live - time[block] > settings.off_after_s * NS
+        time[old] = live
+    frame["time"] = time
+    frame["restated"] = old
+
+
+def _trace_rows(path: Path, machine: CleanMachine, settings: CleanSettings) -> pd.DataFrame:
+    schema = pq.read_schema(path)
+    channels = [name for name in schema.names if name in machine.items]
+    if "time" not in schema.names or not channels:
+        return pd.DataFrame()
+    table = pq.read_table(path, columns=["time", *channels])
+    time = table["time"].cast(pa.timestamp("ns", tz="UTC")).cast(pa.int64()).to_numpy()
+    kept = _thinned(time, round(settings.period_s * NS) // THIN)
+    parts = []
+    for name in channels:
+        column = table[name].to_pandas()
+        number = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+        text = column.where(np.isnan(number)).astype(object)
+        rows = {
+            "time": time[kept], "data_item": name, "number": number[kept],
+            "text": text.where(text.notna(), None).to_numpy()[kept], "key": None,
+            "sequence": np.flatnonzero(kept).astype(np.uint64),
+        }  # fmt: skip
+        parts.append(pd.DataFrame(rows))
+    frame = pd.concat(parts, ignore_index=True)
+    frame["text"] = frame["text"].astype("category")
+    frame["instance"] = pd.Series(pd.NA, index=frame.index, dtype=pd.ArrowDtype(pa.uint64()))
+    frame["spoken"] = frame["number"].notna() | frame["text"].notna()
+    frame["wanted"], frame["restated"], frame["trace"] = True, False, True
+    return frame.sort_values(["time", "sequence"], kind="stable", ignore_index=True)
+
+
+def _thinned(time: Ints, step: int) -> Bools:
+    """First and last sample in each ``step`` [ns]: a coarser grid needs no more, shape (T,)."""
+    if not len(time):
+        return np.zeros(0, dtype=bool)
+    turn = np.diff(time // max(step, 1)) != 0
+    return np.r_[turn, True] | np.r_[True, turn]
+
+
+def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, float]]:
+    """Factor and offset of the items whose unit is not their signal's.
+
+    Items without a unit are taken to be in their signal's.
+
+    Raises
+    ------
+    ValueError
+        When a unit cannot become the signal's, with the item and both units.
+    """
+    units = _units(signals)
+    found = {}
+    named = {} if machine.position_control is None else machine.position_control.signals
+    for item, name in (named | {item: name for name, item in machine.signals.items()}).items():
+        unit, wanted = units.get(item, ""), COLUMNS[name].unit
+        if not wanted or not unit or unit == wanted:
+            continue
+        try:
+            factor, offset = conversion(unit, wanted)
+        except ValueError as error:
+            raise ValueError(
+                f"data item {item!r} is in {unit!r} and cannot be {name!r} in {wanted!r} "
+                f"({error}); name another item for this signal"
+            ) from error
+        if (factor, offset) != (1.0, 0.0):
+            found[item] = (factor, offset)
+    return found
+
+
+def _units(signals: Path) -> dict[str, str]:
+    """Unit of each data item and channel that has one."""
+    units: dict[str, str] = {}
+    items = signals / "data_items.parquet"
+    if items.is_file():
+        frame = pd.read_parquet(items, columns=["data_item", "units"]).dropna()
+        units.update({str(i): str(u) for i, u in frame.itertuples(index=False) if u})
+    for path in sorted(signals.glob("traces/*.parquet")):
+        for one in pq.read_schema(path):
+            unit = (one.metadata or {}).get(b"unit", b"").decode()
+            if unit:
+                units[one.name] = unit
+    return units
+
+
+def merged_intervals(indices: Iterable[Index], item: str) -> dict[str, int]:
+    """Counted intervals of an item over files."""
+    total: dict[str, int] = {}
+    for one in indices:
+        for place, n in one.intervals.get(item, {}).items():
+            total[place] = total.get(place, 0) + n
+    return total

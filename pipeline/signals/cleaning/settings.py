@@ -1,0 +1,206 @@
+"""What cleaning is told: where a machine's signals are found, and by which rules it cleans."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+from pipeline.signals.columns import COLUMNS, column
+
+NS = 1_000_000_000
+"""Nanoseconds in one second."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionControl:
+    """Data items that tell when a spindle is held by its position loop.
+
+    Parameters
+    ----------
+    angle : str
+        Data item of the C axis' angle [DEGREE].
+    speed : str
+        Data item of the same spindle's speed [REVOLUTION/MINUTE].
+    rate : str or None
+        Data item of the C axis' angular velocity [DEGREE/SECOND]: it betrays a motion that ended
+        between two reports of the angle.
+    tool_speed : str or None
+        Data item of a second spindle's speed [REVOLUTION/MINUTE] that carries driven tools: while
+        it turns and this spindle stands, the work is held for it.
+    mode : str or None
+        Data item of the spindle's MTConnect rotary mode; where it is known it decides alone.
+    """
+
+    angle: str
+    speed: str
+    rate: str | None = None
+    tool_speed: str | None = None
+    mode: str | None = None
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Data item -> the signal that it is."""
+        named = {
+            self.angle: "c_angle",
+            self.speed: "spindle_speed",
+            self.rate: "c_angular_velocity",
+            self.tool_speed: "second_spindle_speed",
+            self.mode: "spindle_rotary_mode",
+        }
+        return {item: signal for item, signal in named.items() if item is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CleanMachine:
+    """How the canonical signals are found in one machine's records.
+
+    Parameters
+    ----------
+    signals : mapping of str to str
+        Canonical signal -> name of the data item or of the trace channel.
+    position_control : PositionControl or None
+        For machines whose spindle also works as a C axis.
+    warm_up_programs : tuple of str
+        Programs that only warm the machine up.
+
+    Raises
+    ------
+    ValueError
+        When a signal is not in the table of signals, or two signals name one data item.
+    """
+
+    signals: Mapping[str, str] = field(default_factory=dict)
+    position_control: PositionControl | None = None
+    warm_up_programs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the names against the table of signals."""
+        seen: dict[str, str] = {}
+        for name, item in self.signals.items():
+            column(name)
+            if item in seen:
+                raise ValueError(
+                    f"data item {item!r} stands for {seen[item]!r} and for {name!r}; "
+                    f"name it once in the machine's signals"
+                )
+            seen[item] = name
+
+    @property
+    def items(self) -> tuple[str, ...]:
+        """Data items and channels that are read, sorted."""
+        wanted = set(self.signals.values())
+        if self.position_control is not None:
+            wanted |= set(self.position_control.signals)
+        return tuple(sorted(wanted))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the state table, in the order of the table of signals."""
+        wanted = set(self.signals)
+        if self.position_control is not None:
+            wanted.add("spindle_position_control")
+        return tuple(name for name in COLUMNS if name in wanted)
+
+
+SignalMap = CleanMachine
+
+
+_RANGES: dict[str, tuple[str, float, float]] = {
+    "period_s": ("s", 1e-3, 3600),
+    "off_after_s": ("s", 1, 7 * 86400),
+    "lookahead_s": ("s", 60, 86400),
+    "silence_factor": ("1", 1, 1000),
+    "silence_min_s": ("s", 0.1, 86400),
+    "bridge_s": ("s", 0, 86400),
+    "settle_s": ("s", 1, 86400),
+    "temperature_step_K": ("K", 0.1, 50),
+    "temperature_slew_K_per_s": ("K/s", 1e-4, 10),
+    "temperature_reach_s": ("s", 1, 3600),
+    "counter_slack_s": ("s", 0, 3600),
+    "linear_intervals": ("1", 1, 100),
+    "turning_rpm": ("rev/min", 0.1, 1000),
+    "cold_after_s": ("s", 60, 30 * 86400),
+    "warm_up_min_s": ("s", 1, 86400),
+    "segment_min_s": ("s", 0, 3600),
+    "load_margin": ("PERCENT", 0, 100),
+    "load_spreads": ("1", 1, 20),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CleanSettings:
+    """By which rules records are cleaned.
+
+    Parameters
+    ----------
+    period_s : float
+        Period of the state table [s].
+    off_after_s : float
+        A machine that says nothing for longer was off [s]; shorter gaps stay in the table as nulls.
+    lookahead_s : float
+        How far a day looks into the next one, to judge and to join its last values [s].
+    silence_factor : float
+        A silence is this many times as long as an item's habitual interval [1].
+    silence_min_s : float
+        No silence is shorter [s].
+    bridge_s : float
+        Longest stretch of removed values over which a signal still counts as known [s].
+    settle_s : float
+        A level that lasts this long is a new level, not a glitch [s].
+    temperature_step_K, temperature_slew_K_per_s, temperature_reach_s : float
+        From one report to the next a temperature changes by at most
+        ``step + slew * min(elapsed, reach)``: an item that reports on change would have reported
+        in between.
+    counter_slack_s : float
+        How far a counter of seconds may run ahead of the clock [s].
+    linear_intervals : float
+        Values further apart than this many typical intervals are held, not joined by a line [1].
+    turning_rpm : float
+        A spindle turns above this speed [rev/min].
+    cold_after_s : float
+        A machine that was off for this long starts cold [s].
+    warm_up_min_s : float
+        Shortest warm-up [s].
+    segment_min_s : float
+        Shorter segments join the one before [s].
+    load_margin, load_spreads : float
+        A load is above no-load by more than ``max(load_margin, load_spreads * spread)``
+        [PERCENT, 1].
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    period_s: float = 1.0
+    off_after_s: float = 900.0
+    lookahead_s: float = 3600.0
+    silence_factor: float = 5.0
+    silence_min_s: float = 10.0
+    bridge_s: float = 60.0
+    settle_s: float = 60.0
+    temperature_step_K: float = 5.0
+    temperature_slew_K_per_s: float = 0.1
+    temperature_reach_s: float = 60.0
+    counter_slack_s: float = 5.0
+    linear_intervals: float = 3.0
+    turning_rpm: float = 5.0
+    cold_after_s: float = 7200.0
+    warm_up_min_s: float = 120.0
+    segment_min_s: float = 3.0
+    load_margin: float = 2.0
+    load_spreads: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Check every range."""
+        for f in fields(self):
+            unit, low, high = _RANGES[f.name]
+            value = getattr(self, f.name)
+            if not low <= value <= high:
+                raise ValueError(f"{f.name} = {value!r} {unit} is outside {low} … {high} {unit}")
+        if self.lookahead_s < self.off_after_s:
+            raise ValueError(
+                f"lookahead_s = {self.lookahead_s} s is shorter than off_after_s = "
+                f"{self.off_after_s} s; a day must see whether the machine goes on after midnight"
+            )
+        if 86400 % self.period_s:
+            raise ValueError(f"period_s = {self.period_s} s does not divide a day of 86400 s")

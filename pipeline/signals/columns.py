@@ -1,0 +1,190 @@
+"""The one table of signals: name, unit, meaning, physical range, factor to SI.
+
+Names and units are those of MTConnect (ANSI/MTC1.4) wherever it has them.  Tables on disk speak
+these units; physics speaks SI and multiplies by :attr:`Column.factor` (and adds
+:attr:`Column.offset`) at its door.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pyarrow as pa
+
+Between = Literal["hold", "linear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One signal of the clean tables.
+
+    Parameters
+    ----------
+    name : str
+        Canonical name, snake case.
+    unit : str
+        MTConnect unit on disk, ``""`` for states, counts and names.
+    meaning : str
+        What the signal is, for people.
+    low, high : float
+        Values outside are not physical for any machine tool; they are glitches.
+    factor, offset : float
+        ``SI = value * factor + offset``.
+    between : {"hold", "linear"}
+        How the value goes on between two observations when it is resampled.
+    text : bool
+        Whether the signal is a word (a state, a program's name) instead of a number.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    low: float = -np.inf
+    high: float = np.inf
+    factor: float = 1.0
+    offset: float = 0.0
+    between: Between = "hold"
+    text: bool = False
+
+
+RPM = 2 * np.pi / 60  # rad/s in one revolution/minute
+
+_STATES = (
+    ("availability", "whether the machine answers"),
+    ("execution", "what the controller is doing: ACTIVE, READY, FEED_HOLD, INTERRUPTED, STOPPED"),
+    ("controller_mode", "AUTOMATIC, MANUAL, MANUAL_DATA_INPUT, SEMI_AUTOMATIC, EDIT"),
+    ("emergency_stop", "ARMED or TRIGGERED"),
+    ("power_state", "ON or OFF"),
+    ("program", "name of the program in the controller"),
+    ("tool_number", "tool in the spindle"),
+    ("spindle_rotary_mode", "SPINDLE under speed control, INDEX or CONTOUR under position control"),
+)
+
+
+def _states() -> list[Column]:
+    return [Column(name=n, unit="", meaning=m, text=True) for n, m in _STATES]
+
+
+def _axes() -> list[Column]:
+    columns = []
+    for axis in "xyz":
+        up = axis.upper()
+        columns += [
+            Column(name=f"{axis}_position", unit="MILLIMETER", meaning=f"actual position of {up}",
+                   low=-1e5, high=1e5, factor=1e-3, between="linear"),
+            Column(name=f"{axis}_feedrate", unit="MILLIMETER/SECOND",
+                   meaning=f"feed rate of axis {up}", low=-5e3, high=5e3, factor=1e-3),
+            Column(name=f"{axis}_load", unit="PERCENT", meaning=f"load of axis {up} drive",
+                   low=-500, high=500, factor=1e-2),
+        ]  # fmt: skip
+    for axis in "abc":
+        up = axis.upper()
+        columns += [
+            Column(name=f"{axis}_angle", unit="DEGREE", meaning=f"actual angle of {up}",
+                   low=-1e6, high=1e6, factor=np.pi / 180),
+            Column(name=f"{axis}_angular_velocity", unit="DEGREE/SECOND",
+                   meaning=f"angular velocity of {up}", low=-1e5, high=1e5, factor=np.pi / 180),
+            Column(name=f"{axis}_load", unit="PERCENT", meaning=f"load of axis {up} drive",
+                   low=-500, high=500, factor=1e-2),
+        ]  # fmt: skip
+    return columns
+
+
+def _spindles() -> list[Column]:
+    columns = []
+    for prefix, which in (("", "the modelled spindle"), ("second_", "the other spindle")):
+        columns += [
+            Column(name=f"{prefix}spindle_speed", unit="REVOLUTION/MINUTE",
+                   meaning=f"speed of {which}", low=-2e5, high=2e5, factor=RPM),
+            Column(name=f"{prefix}spindle_load", unit="PERCENT",
+                   meaning=f"load of {which} against its rating", low=-500, high=500, factor=1e-2),
+            Column(name=f"{prefix}spindle_temperature", unit="CELSIUS",
+                   meaning=f"temperature of {which}", low=-30, high=200, offset=273.15,
+                   between="linear"),
+        ]  # fmt: skip
+    return columns
+
+
+def _others() -> list[Column]:
+    return [
+        Column(name="spindle_position_control", unit="",
+               meaning="1 while the spindle is held by its position loop (a C axis), 0 otherwise",
+               low=0, high=1),
+        Column(name="ambient_temperature", unit="CELSIUS", meaning="air around the machine",
+               low=-40, high=70, offset=273.15, between="linear"),
+        Column(name="path_feedrate", unit="MILLIMETER/SECOND", meaning="actual feed along the path",
+               low=-5e3, high=5e3, factor=1e-3),
+        Column(name="feed_override", unit="PERCENT", meaning="feed override", low=0, high=500,
+               factor=1e-2),
+        Column(name="rapid_override", unit="PERCENT", meaning="rapid override", low=0, high=500,
+               factor=1e-2),
+        Column(name="spindle_override", unit="PERCENT", meaning="spindle speed override", low=0,
+               high=500, factor=1e-2),
+        Column(name="line", unit="", meaning="line or block of the program", low=0),
+        Column(name="part_count", unit="", meaning="parts made, as the controller counts", low=0),
+        Column(name="total_time", unit="SECOND", meaning="time the machine was on", low=0),
+        Column(name="auto_time", unit="SECOND", meaning="time in automatic operation", low=0),
+        Column(name="cut_time", unit="SECOND", meaning="time cutting", low=0),
+    ]  # fmt: skip
+
+
+COLUMNS: dict[str, Column] = {c.name: c for c in _states() + _axes() + _spindles() + _others()}
+
+
+def column(name: str) -> Column:
+    """The column called ``name``.
+
+    Raises
+    ------
+    ValueError
+        When no such signal is in the table; the message lists the nearest names.
+    """
+    if name not in COLUMNS:
+        import difflib
+
+        near = ", ".join(difflib.get_close_matches(name, COLUMNS)) or "see pipeline/signals/columns.py"
+        raise ValueError(f"signal {name!r} is not in the table of signals; did you mean {near}?")
+    return COLUMNS[name]
+
+
+def field(name: str) -> pa.Field:
+    """Arrow field of a clean column, its unit as metadata."""
+    c = column(name)
+    return pa.field(name, pa.string() if c.text else pa.float64(), metadata={"unit": c.unit})
+
+
+OBSERVATIONS = pa.schema(
+    [
+        pa.field("time", pa.timestamp("ns", tz="UTC"), nullable=False),
+        pa.field("data_item", pa.dictionary(pa.int32(), pa.string()), nullable=False),
+        pa.field("number", pa.float64()),
+        pa.field("text", pa.dictionary(pa.int32(), pa.string())),
+        pa.field("sequence", pa.uint64(), nullable=False),
+        pa.field("kind", pa.dictionary(pa.int32(), pa.string()), nullable=False),
+        pa.field("key", pa.dictionary(pa.int32(), pa.string())),
+        pa.field("attributes", pa.string()),
+        pa.field("instance", pa.uint64()),
+    ]
+)
+"""Long form of what a machine said.
+
+``number`` or ``text`` holds the value; both null say that the item became unavailable at ``time``.
+``kind`` is one of :data:`KINDS`.  ``key`` tells apart values that stand for one item at the same
+time: a condition's native code or id, an entry of a data set (``row/column`` for a table), X, Y, Z
+of a position, the place in a time series, the id of an asset.  ``attributes`` is JSON of whatever
+else was said.  ``sequence`` is the agent's, or the place of the record in its file (from 1) when
+there is none; ``instance`` is the agent's instanceId.
+"""
+
+KINDS = ("SAMPLE", "EVENT", "CONDITION", "MESSAGE", "DATA_SET", "TABLE", "TIME_SERIES", "ASSET",
+         "UNKNOWN")  # fmt: skip
+
+REJECTED = pa.schema(
+    [
+        pa.field("file", pa.string(), nullable=False),
+        pa.field("line", pa.uint64()),
+        pa.field("reason", pa.string(), nullable=False),
+        pa.field("excerpt", pa.string()),
+    ]
+)
+"""What could not be read: file, line (or record, null for the whole file), reason, its beginning."""

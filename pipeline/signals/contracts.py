@@ -1,0 +1,264 @@
+"""What the tables promise: pandera schemas made from the table of signals, and one check for all.
+
+A table that breaks its promise is told by one sentence: column, row, value, remedy.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.signals.columns import COLUMNS, KINDS, Column
+
+if TYPE_CHECKING:
+    import pandera.pandas as pa
+
+TABLES = ("observations", "traces", "runs", "rejected", "state", "cycles", "segments", "gaps",
+          "audit")  # fmt: skip
+GAP_CAUSES = ("unavailable", "silence", "instance", "sequence")
+SEGMENT_KINDS = ("off", "warm_up", "idle", "air", "cut")
+
+_CLOSED = ("state", "observations", "rejected", "cycles", "segments", "gaps")
+"""Tables that have no columns but their own."""
+
+_REMEDY = {
+    "observations": "read the raw file again",
+    "traces": "correct the table's layout in the machine's file and read it again",
+    "runs": "correct the conditions of the recording",
+    "rejected": "read the raw file again",
+}
+_CLEAN = "clean the machine's signals again"
+
+
+def check(table_name: str, frame: pd.DataFrame) -> pd.DataFrame:
+    """Check a table against its contract.
+
+    Parameters
+    ----------
+    table_name : str
+        One of ``TABLES``.
+    frame : DataFrame
+        The table as pandas reads it.
+
+    Returns
+    -------
+    DataFrame
+        The same table.
+
+    Raises
+    ------
+    ValueError
+        When there is no such contract, or with the column, row and value that break it.
+    """
+    import pandera.errors
+
+    contract = schema(table_name, frame.columns)
+    _check_columns(table_name, frame, contract)
+    try:
+        contract.validate(frame)
+    except pandera.errors.SchemaError as error:
+        raise ValueError(_sentence(table_name, frame, error)) from error
+    _check_order(table_name, frame)
+    return frame
+
+
+def schema(table_name: str, present: Iterable[str] = ()) -> "pa.DataFrameSchema":
+    """The pandera schema of a table.
+
+    Parameters
+    ----------
+    table_name : str
+        One of ``TABLES``.
+    present : iterable of str
+        The columns of the table at hand: wide tables have those of the signals they have.
+
+    Raises
+    ------
+    ValueError
+        When there is no such table.
+    """
+    import pandera.pandas as pa
+
+    if table_name not in TABLES:
+        raise ValueError(f"table {table_name!r} has no contract; name one of {', '.join(TABLES)}")
+    if table_name in ("state", "traces"):
+        columns = _wide(table_name, list(present))
+    else:
+        columns = {"observations": _observations, "runs": _runs, "rejected": _rejected,
+                   "cycles": _cycles, "segments": _segments, "gaps": _gaps,
+                   "audit": _audit}[table_name]()  # fmt: skip
+    return pa.DataFrameSchema(columns, strict=table_name in _CLOSED)
+
+
+def _of(accepts: str, *, nullable: bool = False, checks: Any = None) -> "pa.Column":
+    """A column of times, words, numbers or counts."""
+    import pandera.pandas as pa
+
+    kinds = {
+        "time": pa.Check(
+            lambda s: isinstance(s.dtype, pd.DatetimeTZDtype) and str(s.dtype.tz) == "UTC",
+            error="times with zone UTC",
+        ),
+        "word": pa.Check(_is_words, error="words"),
+        "number": pa.Check(
+            lambda s: pd.api.types.is_numeric_dtype(s) and not pd.api.types.is_bool_dtype(s),
+            error="numbers",
+        ),
+        "truth": pa.Check(pd.api.types.is_bool_dtype, error="true or false"),
+    }
+    return pa.Column(None, [kinds[accepts], *(checks or [])], nullable=nullable)
+
+
+def _is_words(series: pd.Series) -> bool:
+    return all(isinstance(word, str) for word in series.dropna().unique())
+
+
+def _among(words: Iterable[str]) -> Any:
+    import pandera.pandas as pa
+
+    return [pa.Check.isin(list(words), error=f"one of {', '.join(words)}")]
+
+
+def _between(column: Column) -> Any:
+    import pandera.pandas as pa
+
+    unit = f" {column.unit}" if column.unit else ""
+    text = f"within {column.low:g} … {column.high:g}{unit}"
+    return [pa.Check.in_range(column.low, column.high, error=text)]
+
+
+def _not_negative() -> Any:
+    import pandera.pandas as pa
+
+    return [pa.Check.ge(0, error="at least 0")]
+
+
+def _wide(table_name: str, present: list[str]) -> "dict[str, pa.Column]":
+    """Columns of a wide table: known signals within their range, other channels as numbers."""
+    columns = {}
+    if table_name == "state" or "time" in present:
+        columns["time"] = _of("time")
+    else:
+        columns["t"] = _of("number")
+    for name in present:
+        known = COLUMNS.get(name)
+        if known is not None and known.text:
+            columns[name] = _of("word", nullable=True)
+        elif known is not None:
+            checks = _between(known) if table_name == "state" else None
+            columns[name] = _of("number", nullable=True, checks=checks)
+    return columns
+
+
+def _observations() -> "dict[str, pa.Column]":
+    return {
+        "time": _of("time"),
+        "data_item": _of("word"),
+        "number": _of("number", nullable=True),
+        "text": _of("word", nullable=True),
+        "sequence": _of("number", checks=_not_negative()),
+        "kind": _of("word", checks=_among(KINDS)),
+        "key": _of("word", nullable=True),
+        "attributes": _of("word", nullable=True),
+        "instance": _of("number", nullable=True),
+    }
+
+
+def _runs() -> "dict[str, pa.Column]":
+    return {
+        "recording": _of("word"),
+        "file": _of("word"),
+        "start": _of("time", nullable=True),
+        "end": _of("time", nullable=True),
+        "rows": _of("number", checks=_not_negative()),
+    }
+
+
+def _rejected() -> "dict[str, pa.Column]":
+    return {
+        "file": _of("word"),
+        "line": _of("number", nullable=True, checks=_not_negative()),
+        "reason": _of("word"),
+        "excerpt": _of("word", nullable=True),
+    }
+
+
+def _cycles() -> "dict[str, pa.Column]":
+    seconds = ("active_s", "feed_hold_s", "interrupted_s", "idle_s")
+    return {
+        "cycle": _of("number"),
+        "program": _of("word", nullable=True),
+        "part": _of("word", nullable=True),
+        "start": _of("time"),
+        "end": _of("time"),
+        **{name: _of("number", checks=_not_negative()) for name in seconds},
+        "tool_changes": _of("number", checks=_not_negative()),
+        "complete": _of("truth"),
+    }
+
+
+def _segments() -> "dict[str, pa.Column]":
+    return {"start": _of("time"), "end": _of("time"),
+            "kind": _of("word", checks=_among(SEGMENT_KINDS))}  # fmt: skip
+
+
+def _gaps() -> "dict[str, pa.Column]":
+    return {"data_item": _of("word", nullable=True), "start": _of("time"),
+            "end": _of("time", nullable=True),
+            "cause": _of("word", checks=_among(GAP_CAUSES))}  # fmt: skip
+
+
+def _audit() -> "dict[str, pa.Column]":
+    return {"time": _of("time"), "data_item": _of("word"), "before": _of("word", nullable=True),
+            "after": _of("word", nullable=True), "rule": _of("word")}  # fmt: skip
+
+
+def _check_columns(table_name: str, frame: pd.DataFrame, contract: "pa.DataFrameSchema") -> None:
+    """No column is missing, and in a closed table none is too many."""
+    remedy = _REMEDY.get(table_name, _CLEAN)
+    for name in contract.columns:
+        if name not in frame.columns:
+            raise ValueError(f"{table_name}: column {name!r} is missing; {remedy}")
+    if contract.strict:
+        for name in frame.columns:
+            if name not in contract.columns:
+                raise ValueError(f"{table_name}: column {name!r} is not of this table; {remedy}")
+
+
+def _check_order(table_name: str, frame: pd.DataFrame) -> None:
+    """Times ascend where they index the table, and nothing ends before it starts."""
+    remedy = _REMEDY.get(table_name, _CLEAN)
+    if table_name == "state" and len(frame):
+        late = (frame["time"].diff() <= pd.Timedelta(0)).to_numpy()
+        if late.any():
+            row = int(np.argmax(late))
+            raise ValueError(
+                f"state: column 'time', row {row}: {frame['time'].iloc[row]} does not follow the "
+                f"row before; {remedy}"
+            )
+    if {"start", "end"} <= set(frame.columns):
+        wrong = (frame["end"] < frame["start"]).to_numpy()
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise ValueError(
+                f"{table_name}: column 'end', row {row}: {frame['end'].iloc[row]} is before its "
+                f"start {frame['start'].iloc[row]}; {remedy}"
+            )
+
+
+def _sentence(table_name: str, frame: pd.DataFrame, error: Any) -> str:
+    """One sentence for what pandera found: column, row, value, what it should be, remedy."""
+    remedy = _REMEDY.get(table_name, _CLEAN)
+    name = getattr(error.schema, "name", None)
+    wanted = getattr(error.check, "error", None) or "a value"
+    rows: Any = error.failure_cases
+    if not isinstance(rows, pd.DataFrame) or "index" not in rows or rows["index"].isna().all():
+        kind = frame[name].dtype if name in frame else "of an unknown kind"
+        return f"{table_name}: column {name!r} is {kind} where {wanted} belong; {remedy}"
+    case = rows["failure_case"].iloc[0]
+    shown = case.item() if isinstance(case, np.generic) else case
+    return (
+        f"{table_name}: column {name!r}, row {rows['index'].iloc[0]}: {shown!r} where "
+        f"{wanted} belongs; {remedy}"
+    )

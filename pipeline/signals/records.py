@@ -1,0 +1,170 @@
+"""What readers hand over: batches of observations or traces, and what they had to reject."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Protocol
+
+import pyarrow as pa
+
+Format = Literal["shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms"]
+
+EXCERPT = 200
+"""Characters of a rejected record that are kept."""
+
+
+class UnreadableFile(ValueError):
+    """A whole file that cannot be read; the message says why in one sentence, without the path."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejection:
+    """One record that was not kept: ``line`` counts from 1, None for the whole file."""
+
+    line: int | None
+    reason: str
+    excerpt: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """A stretch of one file, read.
+
+    ``read == kept + len(rejected)`` holds for every batch.  A record is what the format counts by:
+    a ``key|value`` pair of a log, an observation element of a document, a row of a table.  One
+    record may give several rows (a position gives X, Y and Z).
+    """
+
+    observations: pa.Table
+    read: int
+    kept: int
+    rejected: list[Rejection] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """One recording in wide form: ``table`` has ``time`` [ns UTC] or ``t`` [s] and channels.
+
+    Each channel's field carries its unit as metadata.  ``read == kept + len(rejected)`` in rows.
+    """
+
+    table: pa.Table
+    read: int
+    kept: int
+    rejected: list[Rejection] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnSource:
+    """Where a signal is found in a table: the file's own column name and the unit it is in there."""
+
+    column: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableLayout:
+    """How a table is laid out.
+
+    Parameters
+    ----------
+    columns : dict of str to ColumnSource
+        Signal -> the column it is found in.  A signal of ``columns.COLUMNS``, or any other name
+        with a unit (``""`` for none), which becomes a channel of its own; a name that ends with a
+        known signal (``turret_spindle_speed``, ``x_position_ref``) takes that signal's unit.
+        Of columns with one name the n-th is called ``name#n``; a column without a name ``#n``;
+        of a matrix of MATLAB or HDF5 the columns are ``name[0]``, ``name[1]``.
+    text : tuple of str
+        Those signals, not in ``columns.COLUMNS``, that hold words.
+    rest : bool
+        Whether columns that are not named above are kept too, under the file's own names.
+    time : str or None
+        Name of the time column; None with ``rate`` for tables that have none.
+    date : str or None
+        Column of the date when ``time`` holds the time of day alone.
+    time_format : str or None
+        Form of ``"iso"`` times that are written otherwise, as in ``strptime``
+        (``"%m/%d/%Y %H:%M:%S:%f"``; ``%f`` down to nanoseconds).
+    time_unit : str
+        ``"iso"`` for date and time in words, else a unit of time since the start (``"s"``,
+        ``"ms"``, ``"us"``, ``"ns"``, ``"min"``, ``"h"``) or since 1970 (``"unix_s"``, ``"unix_ms"``,
+        ``"unix_us"``, ``"unix_ns"``).  Columns of type timestamp need none.
+    time_zone : str
+        Zone of ISO times that name none.
+    start : str or None
+        ISO date and time of the first sample when ``time`` counts from the start.
+    rate : float or None
+        Sampling rate [Hz] of a table without a time column.
+    delimiter, decimal, encoding : str
+        Of text tables; delimiter ``"auto"`` finds it.
+    header : int or None
+        Line of the column names, counting from 0; None finds it.
+    names : tuple of str
+        Column names of a table without a header line; ``header`` is then its first line of data.
+    ragged : {"reject", "fill"}
+        Rows with fewer cells than columns: rejected, or the missing cells are null.
+    units_row : bool
+        Whether the line after the names holds units.
+    group : str or None
+        Group or variable in which an HDF5, TDMS or MATLAB file holds the channels.
+    """
+
+    columns: dict[str, ColumnSource] = field(default_factory=dict)
+    text: tuple[str, ...] = ()
+    rest: bool = False
+    time: str | None = None
+    date: str | None = None
+    time_format: str | None = None
+    time_unit: str = "s"
+    time_zone: str = "UTC"
+    start: str | None = None
+    rate: float | None = None
+    delimiter: str = "auto"
+    decimal: str = "."
+    encoding: str = "utf-8"
+    header: int | None = None
+    names: tuple[str, ...] = ()
+    ragged: Literal["reject", "fill"] = "reject"
+    units_row: bool = False
+    group: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordSource:
+    """One kind of record of a machine, as named in its file in ``conf/machine/``.
+
+    Parameters
+    ----------
+    format : str
+        Which reader.
+    files : str
+        Glob under ``data/raw/<machine>/``.
+    devices : str or None
+        The agent's Devices document under ``data/raw/<machine>/``, for kinds and units.
+    device : str or None
+        Which device of that document (name, uuid or id); None when it has only one.
+    values : {"units", "native"}
+        Whether the numbers of a log are in the document's ``units`` (written by an agent) or
+        ``nativeUnits`` (written by an adapter).
+    table : TableLayout or None
+        For tables.
+    """
+
+    format: Format
+    files: str
+    devices: str | None = None
+    device: str | None = None
+    values: Literal["units", "native"] = "units"
+    table: TableLayout | None = None
+
+
+class ObservationReader(Protocol):
+    """``read`` of the modules for logs and documents."""
+
+    def __call__(self, path: Path, source: RecordSource, root: Path) -> Iterator[Batch]: ...
+
+
+class TraceReader(Protocol):
+    """``read`` of the modules for tables."""
+
+    def __call__(self, path: Path, source: RecordSource, root: Path) -> Trace: ...

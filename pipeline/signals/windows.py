@@ -1,0 +1,99 @@
+"""Stretches of the clean state table that a model can be started in and judged on."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A stretch of a day in which every input is known.
+
+    Parameters
+    ----------
+    day : str
+        UTC day, ``YYYY-MM-DD``.
+    frame : DataFrame
+        One row a step, index the UTC time of the step's beginning.
+    step : float
+        Step [s].
+    bridged : int
+        Steps whose inputs were unknown and held from before.
+    """
+
+    day: str
+    frame: pd.DataFrame
+    step: float
+    bridged: int
+
+
+def state_days(clean: Path, start: str | None = None, end: str | None = None) -> list[str]:
+    """Days with a state table in ``clean`` from ``start`` to ``end``, both included."""
+    days = sorted(p.stem for p in (clean / "state").glob("*.parquet"))
+    return [d for d in days if (start is None or d >= start) and (end is None or d <= end)]
+
+
+def read_state(clean: Path, day: str) -> pd.DataFrame:
+    """The state table of one day, indexed by UTC time.
+
+    Raises
+    ------
+    ValueError
+        When there is none for that day.
+    """
+    path = clean / "state" / f"{day}.parquet"
+    if not path.exists():
+        raise ValueError(f"no state table of {day} in {clean}: run the stage clean for this machine")
+    return pd.read_parquet(path).set_index("time")
+
+
+def stretches(
+    frame: pd.DataFrame,
+    day: str,
+    *,
+    inputs: Sequence[str],
+    target: str,
+    step: float,
+    bridge_s: float,
+    shortest_s: float,
+) -> Iterator[Stretch]:
+    """Average a day over steps and cut it into stretches in which every input is known.
+
+    Unknown inputs are held for up to ``bridge_s`` seconds, so that a burst of UNAVAILABLE does not
+    end a stretch; a longer gap does.  With ``bridge_s = inf`` nothing does.  A stretch begins with
+    a measured target and lasts at least ``shortest_s`` seconds.
+
+    Raises
+    ------
+    ValueError
+        When an input or the target is no column of ``frame``; the message names it.
+    """
+    missing = [name for name in (*inputs, target) if name not in frame.columns]
+    if missing:
+        raise ValueError(
+            f"{missing[0]} is no column of the state table of {day}; "
+            "map it to a data item in conf/machine/ or leave it out of the model's inputs"
+        )
+    numbers = frame.select_dtypes("number")
+    steps = numbers.resample(pd.Timedelta(seconds=step)).mean()
+    known = steps[list(inputs)].notna().all(axis=1).to_numpy()
+    limit = len(steps) if np.isinf(bridge_s) else int(bridge_s / step)
+    held = steps[list(inputs)].ffill(limit=limit) if limit else steps[list(inputs)]
+    steps = steps.assign(**{name: held[name] for name in inputs})
+    usable = held.notna().all(axis=1).to_numpy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        measured = np.flatnonzero(steps[target].iloc[first:last].notna().to_numpy())
+        if len(measured) == 0:
+            continue
+        begin, end = first + measured[0], first + measured[-1] + 1
+        if (end - begin) * step >= shortest_s:
+            yield Stretch(
+                day=day,
+                frame=steps.iloc[begin:end],
+                step=step,
+                bridged=int((~known[begin:end]).sum()),
+            )

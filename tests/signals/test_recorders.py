@@ -1,0 +1,231 @@
+"""MATLAB, HDF5 and TDMS: files written by their own libraries, whole and damaged."""
+
+import json
+import random
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import nptdms
+import numpy as np
+import pytest
+import scipy.io
+
+from pipeline.signals import hdf5, mat5, matlab, tdms
+from pipeline.signals.records import (
+    ColumnSource,
+    RecordSource,
+    TableLayout,
+    Trace,
+    UnreadableFile,
+)
+
+T = np.arange(50) / 1000
+F = np.arange(50) * 0.5
+
+
+def source(columns: dict[str, tuple[str, str | None]], **options: Any) -> RecordSource:
+    sources = {name: ColumnSource(column=c, unit=u) for name, (c, u) in columns.items()}
+    if "rate" not in options:
+        options.setdefault("time", "t")
+    return RecordSource(format="hdf5", files="*", table=TableLayout(columns=sources, **options))
+
+
+FORCE = source({"force_x": ("F", "N")})
+
+
+def check(result: Trace) -> None:
+    assert result.read == result.kept == 50
+    assert result.table.column("t").to_pylist() == T.tolist()
+    assert result.table.column("force_x").to_pylist() == F.tolist()
+
+
+def write_mat(path: Path) -> None:
+    scipy.io.savemat(path, {"t": T[:, None], "F": F[None, :], "gain": 35.0, "note": "abc"})
+
+
+def write_h5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["t"] = T
+        file["F"] = F
+        file["F"].attrs["unit"] = "N"
+
+
+def write_tdms(path: Path) -> None:
+    channels = [nptdms.ChannelObject("g", n, v) for n, v in (("t", T), ("F", F))]
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(channels)
+
+
+FORMATS = [
+    (matlab.read, write_mat, "x.mat", FORCE),
+    (hdf5.read, write_h5, "x.h5", FORCE),
+    (tdms.read, write_tdms, "x.tdms", source({"force_x": ("F", "N")}, group="g")),
+]
+formats = pytest.mark.parametrize(("read", "write", "name", "form"), FORMATS)
+Read = Callable[[Path, RecordSource, Path], Trace]
+
+
+@formats
+def test_whole(
+    tmp_path: Path, read: Read, write: Callable[[Path], None], name: str, form: RecordSource
+) -> None:
+    path = tmp_path / name
+    write(path)
+    check(read(path, form, tmp_path))
+
+
+@formats
+def test_missing_channel_is_named(
+    tmp_path: Path, read: Read, write: Callable[[Path], None], name: str, form: RecordSource
+) -> None:
+    path = tmp_path / name
+    write(path)
+    assert form.table is not None
+    other = source({"force_x": ("f", "N")}, group=form.table.group)
+    with pytest.raises(UnreadableFile, match="'f' missing; the file has 'F'"):
+        read(path, other, tmp_path)
+
+
+@formats
+def test_damage_is_never_another_exception(
+    tmp_path: Path, read: Read, write: Callable[[Path], None], name: str, form: RecordSource
+) -> None:
+    """Cut anywhere, bytes overwritten anywhere: a whole trace or an unreadable file."""
+    path = tmp_path / name
+    write(path)
+    whole = path.read_bytes()
+    chance = random.Random(7)
+    damaged = [whole[: chance.randrange(len(whole))] for _ in range(60)]
+    for _ in range(200):
+        noisy = bytearray(whole)
+        for _ in range(chance.choice((1, 4, 40))):
+            noisy[chance.randrange(len(noisy))] = chance.randrange(256)
+        damaged.append(bytes(noisy))
+    damaged += [b"", b"\0" * 600, chance.randbytes(2000), b"t,F\n0,1\n"]
+    refused = 0
+    for data in damaged:
+        path.write_bytes(data)
+        try:
+            result = read(path, form, tmp_path)
+        except UnreadableFile as error:
+            refused += 1
+            assert str(error)
+        else:
+            assert result.read == result.kept + len(result.rejected)
+    assert refused > 40
+
+
+def test_constants_of_a_mat_file_are_noted(tmp_path: Path) -> None:
+    write_mat(tmp_path / "x.mat")
+    notes = matlab.read(tmp_path / "x.mat", FORCE, tmp_path).table.schema.metadata[b"notes"]
+    assert json.loads(notes)["constants"] == {"gain": 35.0}
+
+
+def test_mat_struct_matrix_and_cells(tmp_path: Path) -> None:
+    words = np.array(["a", "b"] * 25, dtype=object)
+    run = {"axes": {"t": T, "M": np.stack([F, 2 * F], axis=1), "state": words}}
+    scipy.io.savemat(tmp_path / "x.mat", {"run": run})
+    form = source(
+        {"force_x": ("M[0]", "N"), "force_y": ("M[1]", "N"), "state": ("state", None)},
+        group="run.axes",
+        text=("state",),
+    )
+    result = matlab.read(tmp_path / "x.mat", form, tmp_path)
+    check(result)
+    assert result.table.column("force_y").to_pylist() == (2 * F).tolist()
+    assert result.table.column("state").to_pylist() == ["a", "b"] * 25
+
+
+def test_mat_73_is_read_with_its_512_bytes_of_header(tmp_path: Path) -> None:
+    path = tmp_path / "x.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["run/t"] = T[None, :]
+        file["run/F"] = F[:, None]
+        file["#refs#/a"] = T
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(128))
+    check(matlab.read(path, source({"force_x": ("F", "N")}, group="run"), tmp_path))
+
+
+def test_hdf5_compound_and_own_units(tmp_path: Path) -> None:
+    rows = np.zeros(50, dtype=[("t", "f8"), ("F", "f4"), ("tag", "S4")])
+    rows["t"], rows["F"], rows["tag"] = T, F, b"mill"
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["log/rows"] = rows
+        file["kilo"] = F
+        file["kilo"].attrs["unit"] = "kN"
+        file["t"] = T
+    form = source({"force_x": ("F", "N"), "tag": ("tag", None)}, group="log/rows", text=("tag",))
+    result = hdf5.read(tmp_path / "x.h5", form, tmp_path)
+    check(result)
+    assert set(result.table.column("tag").to_pylist()) == {"mill"}
+    kilo = hdf5.read(tmp_path / "x.h5", source({"force_x": ("kilo", None)}), tmp_path)
+    assert kilo.table.column("force_x").to_pylist() == (F * 1000).tolist()
+
+
+def test_channels_of_two_rates_are_refused(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["t"], file["F"] = T, F[:40]
+    with pytest.raises(UnreadableFile, match="'t' has 50 samples and 'F' has 40"):
+        hdf5.read(tmp_path / "x.h5", FORCE, tmp_path)
+
+
+def test_tdms_states_its_own_rate_start_and_unit(tmp_path: Path) -> None:
+    facts = {
+        "wf_increment": 0.0001,
+        "wf_start_time": np.datetime64("2024-05-17T08:00:00.000001"),
+        "wf_start_offset": 0.0,
+        "unit_string": "kN",
+    }
+    with nptdms.TdmsWriter(tmp_path / "x.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("g", "F", F, properties=facts)])
+    form = source({"force_x": ("F", None)}, group="g", time=None)
+    result = tdms.read(tmp_path / "x.tdms", form, tmp_path)
+    time = result.table.column("time").cast("int64").to_pylist()
+    assert time[:2] == [1_715_932_800_000_001_000, 1_715_932_800_000_101_000]
+    assert result.table.column("force_x").to_pylist() == (F * 1000).tolist()
+
+
+def test_a_cut_tdms_file_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "x.tdms"
+    form = source({"force_x": ("F", "N")}, group="g", rate=1000.0, time=None)
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("g", "F", F)])
+    path.write_bytes(path.read_bytes()[:-80])  # ten samples of eight bytes
+    result = tdms.read(path, form, tmp_path)
+    assert result.table.column("force_x").to_pylist() == F[:40].tolist()
+    assert [rejection.line for rejection in result.rejected] == [41]
+
+
+def test_without_nptdms_the_remedy_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_tdms(tmp_path / "x.tdms")
+    monkeypatch.setitem(sys.modules, "nptdms", None)  # what an import finds when it is missing
+    with pytest.raises(UnreadableFile, match=r"pip install kerf\[tdms\]"):
+        tdms.read(tmp_path / "x.tdms", FORCE, tmp_path)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_mat5_reads_what_scipy_reads(tmp_path: Path, packed: bool) -> None:
+    """SciPy's reader is the oracle on whole files."""
+    kinds = ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8")
+    saved: dict[str, Any] = {f"v_{kind}": np.arange(6, dtype=kind).reshape(2, 3) for kind in kinds}
+    saved |= {"z": np.array([1 + 2j, 3]), "word": "Spindel 20 °C", "empty": np.zeros((0, 3))}
+    saved["cube"] = np.arange(24.0).reshape(2, 3, 4)
+    path = tmp_path / "x.mat"
+    scipy.io.savemat(path, saved, do_compression=packed)
+    found = dict(mat5.arrays(path.read_bytes()))
+    expected = scipy.io.loadmat(path)
+    assert set(found) == set(saved)
+    for name in saved:
+        assert np.array_equal(found[name], expected[name]), name
+        assert found[name].dtype.kind == expected[name].dtype.kind
+
+
+def test_mat_level_4(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "x.mat", {"t": T, "F": F}, format="4")
+    check(matlab.read(tmp_path / "x.mat", FORCE, tmp_path))

@@ -1,0 +1,223 @@
+"""What is written is what is read again: whole, in order, filtered, without doubles."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.signals.columns import OBSERVATIONS, REJECTED
+from pipeline.signals.records import Batch, Rejection, UnreadableFile
+from pipeline.signals.store import (
+    GROUP,
+    read_observations,
+    write_observations,
+    write_rejected,
+)
+
+Record = tuple[int, str, float | None, str | None, int, str | None, int | None]
+
+
+def table(records: list[Record]) -> pa.Table:
+    """Observations of (time, item, number, text, sequence, key, instance)."""
+    columns_of = zip(*records, strict=True) if records else [()] * 7
+    time, item, number, text, sequence, key, instance = (list(c) for c in columns_of)
+    words = {"data_item": item, "text": text, "kind": ["EVENT"] * len(item), "key": key}
+    columns = {k: pa.array(v, pa.string()).dictionary_encode() for k, v in words.items()}
+    columns |= {
+        "time": pa.array(time, pa.timestamp("ns", tz="UTC")),
+        "number": pa.array(number, pa.float64()),
+        "sequence": pa.array(sequence, pa.uint64()),
+        "attributes": pa.nulls(len(item), pa.string()),
+        "instance": pa.array(instance, pa.uint64()),
+    }
+    return pa.table({name: columns[name] for name in OBSERVATIONS.names}, schema=OBSERVATIONS)
+
+
+def batch(records: list[Record], rejected: int = 0) -> Batch:
+    refused = [Rejection(line=i + 1, reason="odd", excerpt="x") for i in range(rejected)]
+    n = len(records)
+    return Batch(observations=table(records), read=n + rejected, kept=n, rejected=refused)
+
+
+def plain(t: pa.Table) -> list[Record]:
+    names = ("data_item", "number", "text", "sequence", "key", "instance")
+    columns = [t["time"].cast(pa.int64()), *(t[n] for n in names)]
+    return list(zip(*(c.to_pylist() for c in columns), strict=True))
+
+
+def number(
+    time: int,
+    item: str = "a",
+    sequence: int = 1,
+    instance: int | None = None,
+    key: str | None = None,
+) -> Record:
+    return (time, item, float(sequence), None, sequence, key, instance)
+
+
+def test_counts_times_and_schema(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "o.parquet"
+    second = 1_558_349_177 * 10**9
+    written = write_observations(
+        [batch([number(second + 5)], 2), batch([]), batch([number(second - 1, "b")], 1)], path
+    )
+    assert (written.read, written.kept, written.rejected, written.rows) == (5, 2, 3, 2)
+    assert written.first == "2019-05-20T10:46:16.999999999Z"
+    assert written.last == "2019-05-20T10:46:17.000000005Z"
+    assert [r.line for r in written.rejections] == [1, 2, 1]
+    file = pq.ParquetFile(path)
+    assert file.schema_arrow.equals(OBSERVATIONS)
+    assert file.metadata.row_group(0).column(0).compression == "ZSTD"
+    assert [p.name for p in path.parent.iterdir()] == ["o.parquet"]
+
+
+def test_a_file_without_rows_is_whole(tmp_path: Path) -> None:
+    written = write_observations([batch([], 1)], tmp_path / "o.parquet")
+    assert (written.rows, written.first, written.last) == (0, None, None)
+    assert read_observations(tmp_path).schema.equals(OBSERVATIONS)
+
+
+def test_what_a_reader_raises_leaves_the_old_file_alone(tmp_path: Path) -> None:
+    def breaking() -> Iterator[Batch]:
+        yield batch([number(2)])
+        raise UnreadableFile("it breaks off")
+
+    path = tmp_path / "o.parquet"
+    write_observations([batch([number(1)])], path)
+    with pytest.raises(UnreadableFile, match="breaks off"):
+        write_observations(breaking(), path)
+    assert plain(read_observations(tmp_path)) == [number(1)]
+    assert [p.name for p in tmp_path.iterdir()] == ["o.parquet"]
+
+
+def test_a_reader_that_loses_records_is_refused(tmp_path: Path) -> None:
+    lost = Batch(observations=table([]), read=3, kept=1, rejected=[])
+    with pytest.raises(ValueError, match="batch 1 read 3 records but kept 1 and rejected 0"):
+        write_observations([batch([]), lost], tmp_path / "o.parquet")
+    other = Batch(observations=pa.table({"a": [1]}), read=0, kept=0)
+    with pytest.raises(ValueError, match="batch 0 is no table of observations"):
+        write_observations([other], tmp_path / "o.parquet")
+
+
+def test_small_batches_make_large_row_groups_with_their_own_words(tmp_path: Path) -> None:
+    n = 1000
+    batches = [batch([number(i * n + j, f"item {i}", j) for j in range(n)]) for i in range(700)]
+    write_observations(batches, tmp_path / "o.parquet")
+    groups = pq.ParquetFile(tmp_path / "o.parquet").metadata
+    assert groups.num_row_groups == 2 and groups.row_group(0).num_rows >= GROUP
+    kept = read_observations(tmp_path, items=["item 699"])
+    assert plain(kept) == [number(699 * n + j, "item 699", j) for j in range(n)]
+
+
+def test_order_is_time_then_file_then_sequence(tmp_path: Path) -> None:
+    write_observations(
+        [batch([number(5, "b", 1), number(5, "b", 0), number(1, "b", 9)])], tmp_path / "2.parquet"
+    )
+    write_observations([batch([number(5, "a", 3), number(7, "a", 1)])], tmp_path / "1.parquet")
+    assert [(r[0], r[1], r[4]) for r in plain(read_observations(tmp_path))] == [
+        (1, "b", 9),
+        (5, "a", 3),
+        (5, "b", 0),
+        (5, "b", 1),
+        (7, "a", 1),
+    ]
+
+
+def test_filters(tmp_path: Path) -> None:
+    at = 1_558_349_177 * 10**9
+    records = [number(at + i, "ab"[i % 2], i) for i in range(10)]
+    write_observations([batch(records)], tmp_path / "o.parquet")
+    start, end = np.datetime64(at + 2, "ns"), np.datetime64(at + 6, "ns")
+    assert plain(read_observations(tmp_path, start=start, end=end)) == records[2:6]
+    assert plain(read_observations(tmp_path, ["a"], start, end)) == records[2:6:2]
+    assert plain(read_observations(tmp_path, [])) == []
+    assert plain(read_observations(tmp_path, ["c"])) == []
+    second = datetime(2019, 5, 20, 10, 46, 17, tzinfo=UTC)
+    east = second.astimezone(timezone(timedelta(hours=5)))
+    for moment in (
+        second,
+        second.replace(tzinfo=None),
+        east,
+        "2019-05-20T10:46:17",
+        "2019-05-20T12:46:17+02:00",
+    ):
+        assert plain(read_observations(tmp_path, start=moment)) == records
+        assert plain(read_observations(tmp_path, end=moment)) == []
+
+
+def test_documents_that_overlap_count_once(tmp_path: Path) -> None:
+    one = [number(1, "a", 10, 7), number(2, "a", 11, 7, "X"), number(2, "a", 11, 7, "Y")]
+    two = [number(2, "a", 11, 7, "X"), number(2, "a", 11, 8, "X"), number(3, "a", 12, 7)]
+    write_observations([batch(one)], tmp_path / "1.parquet")
+    write_observations([batch(two)], tmp_path / "2.parquet")
+    assert sorted(plain(read_observations(tmp_path))) == sorted({*one, *two})
+
+
+def test_records_of_logs_are_never_taken_for_doubles(tmp_path: Path) -> None:
+    for name in "12":
+        write_observations(
+            [batch([number(1, "a", 1), number(1, "a", 1)])], tmp_path / f"{name}.parquet"
+        )
+    assert len(read_observations(tmp_path)) == 4
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.lists(
+            st.builds(
+                number, st.integers(0, 5), st.sampled_from("ab"), st.integers(0, 3),
+                st.sampled_from([None, 1, 2]), st.sampled_from([None, "X"]),
+            ),
+            max_size=12,
+        ),
+        min_size=1,
+        max_size=3,
+    ),
+    st.sampled_from([None, ["a"], ["a", "b"]]),
+    st.integers(0, 6),
+)  # fmt: skip
+def test_reading_equals_the_definition(
+    tmp_path_factory: pytest.TempPathFactory,
+    files: list[list[Record]],
+    items: list[str] | None,
+    start: int,
+) -> None:
+    folder = tmp_path_factory.mktemp("o")
+    expected, seen = [], set()
+    for i, records in enumerate(files):
+        write_observations([batch(records)], folder / f"{i}.parquet")
+        expected += [(r[0], i, r[4], r) for r in records]
+    kept = []
+    for *_, r in sorted(expected, key=lambda e: e[:3]):
+        same = (r[6], r[4], r[1], r[5])
+        if r[0] < start or (items and r[1] not in items) or (r[6] is not None and same in seen):
+            continue
+        seen.add(same)
+        kept.append(r)
+    at = np.datetime64(start, "ns")
+    assert plain(read_observations(folder, items, at)) == kept
+
+
+def test_no_files_no_rows(tmp_path: Path) -> None:
+    assert read_observations(tmp_path).equals(OBSERVATIONS.empty_table())
+
+
+def test_rejected(tmp_path: Path) -> None:
+    path = tmp_path / "rejected.parquet"
+    whole = Rejection(line=None, reason="the file is empty")
+    said = {"b.txt": [Rejection(line=7, reason="no time", excerpt="x|y"), whole], "a.txt": []}
+    assert write_rejected(said, path) == 2
+    kept = pq.read_table(path)
+    assert kept.schema.equals(REJECTED)
+    assert kept.to_pylist() == [
+        {"file": "b.txt", "line": 7, "reason": "no time", "excerpt": "x|y"},
+        {"file": "b.txt", "line": None, "reason": "the file is empty", "excerpt": ""},
+    ]
+    assert write_rejected({}, path) == 0
