@@ -1,0 +1,1 @@
+"""Records -> parameters, each with how well the records determine it."""

@@ -1,0 +1,168 @@
+"""The forest on what the spindle's network leaves over, split by day."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.identification.days import gains
+from pipeline.signals.windows import Stretch
+from pipeline.thermal.network import Floats, SpindleThermalParameters
+from pipeline.twin.residual import ResidualForest, features, smoothed_inputs
+from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
+
+if TYPE_CHECKING:
+    from sklearn.ensemble import RandomForestRegressor
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForestSettings:
+    """How the forest is trained (Twin2026: 300 trees, depth 14, leaf 5).
+
+    Parameters
+    ----------
+    trees, depth, leaf : int
+        Size of the forest.
+    folds : int
+        Groups of days that are left out in turn, at most one group a day.
+    window_s : float
+        Length of the windows that start from a measured temperature [s].
+    every_s : float
+        A window starts this often [s].
+    sample_s : float
+        Time between the samples taken of a window [s].
+    seed : int
+        Of the forest.
+    """
+
+    trees: int = 300
+    depth: int = 14
+    leaf: int = 5
+    folds: int = 10
+    window_s: float = 3600.0
+    every_s: float = 600.0
+    sample_s: float = 60.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("trees", "depth", "leaf", "folds", "window_s", "every_s", "sample_s"):
+            if not getattr(self, name) > 0:
+                raise ValueError(
+                    f"residual_forest.{name} = {getattr(self, name)} must be positive"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Examples:
+    """Training examples: ``x`` (N, features), ``error`` (N,) measured - network [K], ``day`` (N,)."""
+
+    x: Floats
+    error: Floats
+    day: np.ndarray
+
+
+def examples(
+    pieces: Sequence[Stretch],
+    records: SpindleRecords,
+    network: SpindleThermalParameters,
+    settings: ForestSettings,
+) -> Examples:
+    """Windows of every stretch, each started from a measured temperature."""
+    x, error, day = [], [], []
+    for piece in pieces:
+        inputs = smoothed_inputs(piece.frame, piece.step, [*records.sources, *records.extra])
+        nodes = free_run(piece, records, network)
+        body = nodes[1] if len(nodes) == 2 else None
+        measured = piece.frame[TARGET].to_numpy(float)
+        length = int(settings.window_s / piece.step)
+        take = int(max(settings.sample_s / piece.step, 1))
+        for start in range(0, len(measured), int(max(settings.every_s / piece.step, 1))):
+            if np.isnan(measured[start]):
+                continue
+            physics = from_measured(piece, start, length, records, network, body)[take::take]
+            rows = np.arange(start, min(start + length, len(measured)))[take::take]
+            found = features(
+                inputs.iloc[rows],
+                physics,
+                measured[start],
+                (rows - start) * piece.step,
+                records.sources,
+                records.extra,
+            )
+            known = np.isfinite(measured[rows])
+            x.append(found[known])
+            error.append((measured[rows] - physics)[known])
+            day.append(np.full(int(known.sum()), piece.day))
+    if not x:
+        raise ValueError("no window starts from a measured temperature: record a working day")
+    return Examples(x=np.concatenate(x), error=np.concatenate(error), day=np.concatenate(day))
+
+
+def _forest(settings: ForestSettings) -> "RandomForestRegressor":
+    from sklearn.ensemble import RandomForestRegressor
+
+    return RandomForestRegressor(
+        n_estimators=settings.trees,
+        max_depth=settings.depth,
+        min_samples_leaf=settings.leaf,
+        max_features=1 / 3,
+        random_state=settings.seed,
+        n_jobs=-1,
+    )
+
+
+def _days_left_out(
+    data: Examples, days: Sequence[str], settings: ForestSettings
+) -> tuple[Floats, Floats]:
+    """Mean squared error [K^2] of each day with a forest that did not see it, and without one."""
+    if len(days) < 2:
+        return np.array([]), np.array([])
+    groups = np.array_split(np.array(days), min(settings.folds, len(days)))
+    left = np.empty(len(data.error))
+    for group in groups:
+        judged = np.isin(data.day, group)
+        forest = _forest(settings).fit(data.x[~judged], data.error[~judged])
+        left[judged] = data.error[judged] - forest.predict(data.x[judged])
+    with_forest = [np.mean(left[data.day == day] ** 2) for day in days]
+    without = [np.mean(data.error[data.day == day] ** 2) for day in days]
+    return np.array(with_forest), np.array(without)
+
+
+def train_residual_forest(
+    data: Examples, records: SpindleRecords, settings: ForestSettings
+) -> tuple[ResidualForest, dict[str, object]]:
+    """Train on all days; say from days left out whether the forest helps.
+
+    It is used only when it lowers the squared error of days left out, significantly over the days
+    (:func:`gains`).
+
+    Returns
+    -------
+    model : ResidualForest
+        Fitted on all examples.
+    about : dict
+        ``used``, ``why``, RMSE [K] of days left out with and without the forest, examples, days.
+    """
+    days = sorted(set(data.day))
+    with_forest, without = _days_left_out(data, days, settings)
+    used = gains(without, with_forest)
+    model = ResidualForest(
+        forest=_forest(settings).fit(data.x, data.error),
+        sources=tuple(records.sources),
+        extra=tuple(records.extra),
+    )
+    if len(days) < 2:
+        why = f"only {len(days)} day to learn from: nothing says whether it would hold on another"
+    elif used:
+        why = "it lowers the error of days left out, significantly at 5 %"
+    else:
+        why = "it does not lower the error of days left out significantly at 5 %"
+    return model, {
+        "used": used,
+        "why": why,
+        "days": [str(d) for d in days],
+        "examples": len(data.error),
+        "rmse_days_left_out_K": round(float(np.sqrt(np.mean(with_forest))), 4) if days[1:] else None,
+        "rmse_without_K": round(float(np.sqrt(np.mean(without))), 4) if days[1:] else None,
+    }

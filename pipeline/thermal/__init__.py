@@ -1,0 +1,1 @@
+"""How the machine heats: the network of its spindle."""

@@ -1,0 +1,204 @@
+"""Spindle temperature from speed and load: a thermal network of one or two nodes.
+
+One node is the measured winding (or housing) itself,
+
+    dT/dt = sum_i a_i h_i(t) - (T - T_amb) / (R C),        a_i = k_i / C,
+
+with the heat sources ``h``: bearing friction n^(5/3), load times speed, copper loss tau^2,
+windage n^2, and the magnetising current of a motor that holds its position at standstill
+(``spindle_position_control``).  Two nodes add a body (housing, cartridge) that exchanges heat with
+the first and loses its own to the ambient.  Only k_i/C and 1/(RC) can be had from temperatures, so
+only these are parameters.
+
+Bearing law: Palmgren's viscous torque M0 ~ (nu n)^(2/3), hence power ~ n^(5/3) at constant
+viscosity (Harris, Kotzalas: Essential Concepts of Bearing Technology, 5th ed., ch. 10).  The step
+is exact for sources that are constant over it.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+SOURCES: dict[str, str] = {
+    "bearing_friction": "K/s/(rad/s)^(5/3)",
+    "load_speed": "K/s/(rad/s)",
+    "copper": "K/s",
+    "windage": "K/s/(rad/s)^2",
+    "position_hold": "K/s",
+}
+"""Heat sources and the unit of their coefficients k_i / C; the load tau is a share of the rating."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleThermalParameters:
+    """The network of one spindle.
+
+    Parameters
+    ----------
+    heating : dict of str to float
+        Coefficient a_i = k_i / C of each source in :data:`SOURCES`; absent ones are zero.
+    cooling_rate : float
+        1 / (R C) of the measured node to the ambient (one node) [1/s].
+    ambient : float
+        Ambient temperature when none is measured [degC].
+    ambient_offset : float
+        What the spindle's own surround (oil, headstock) is above a measured ambient [K].
+    coupling_rate : float
+        Heat exchange of the measured node with the body, over its C [1/s]; 0 for one node.
+    capacity_ratio : float
+        C of the measured node over C of the body [1].
+    body_cooling_rate : float
+        1 / (R C) of the body to the ambient [1/s].
+    """
+
+    heating: dict[str, float] = field(default_factory=dict)
+    cooling_rate: float
+    ambient: float = 20.0
+    ambient_offset: float = 0.0
+    coupling_rate: float = 0.0
+    capacity_ratio: float = 0.0
+    body_cooling_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        unknown = set(self.heating) - set(SOURCES)
+        if unknown:
+            raise ValueError(f"heating names {sorted(unknown)}, known sources are {list(SOURCES)}")
+        for name in ("cooling_rate", "coupling_rate", "capacity_ratio", "body_cooling_rate"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} = {value} 1/s must be finite and at least 0")
+        for name, value in self.heating.items():
+            if not np.isfinite(value):
+                raise ValueError(f"heating[{name}] = {value} must be finite")
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes, 1 or 2."""
+        return 2 if self.coupling_rate > 0 else 1
+
+    @property
+    def rates(self) -> Floats:
+        """State matrix of the network, shape (nodes, nodes) [1/s]."""
+        if self.nodes == 1:
+            return np.array([[-self.cooling_rate]])
+        k, r = self.coupling_rate, self.coupling_rate * self.capacity_ratio
+        return np.array([[-k - self.cooling_rate, k], [r, -r - self.body_cooling_rate]])
+
+
+def heat_sources(speed: ArrayLike, load: ArrayLike, hold: ArrayLike) -> Floats:
+    """Sources h_i, shape (..., len(SOURCES)).
+
+    Parameters
+    ----------
+    speed : array_like, shape (...)
+        Spindle speed [rad/s]; its sign does not matter.
+    load : array_like, shape (...)
+        Load over rated load [1].
+    hold : array_like, shape (...)
+        1 while the position loop holds the spindle, else 0.
+
+    Examples
+    --------
+    >>> heat_sources(100.0, 0.5, 0.0).round(2).tolist()
+    [2154.43, 50.0, 0.25, 10000.0, 0.0]
+    """
+    n, tau = np.abs(np.asarray(speed, float)), np.abs(np.asarray(load, float))
+    return np.stack(
+        np.broadcast_arrays(n ** (5 / 3), tau * n, tau**2, n**2, np.asarray(hold, float)), axis=-1
+    )
+
+
+def _first_order(rate: float, source: Floats, start: ArrayLike, dt: float) -> Floats:
+    """Response of dz/dt = rate z + source from ``start``, exact for a source held over each step.
+
+    The last axis is time; the value at a sample is the one at the beginning of its step.
+    """
+    from scipy.signal import lfilter
+
+    decay = np.exp(rate * dt)
+    gain = dt if rate == 0 else np.expm1(rate * dt) / rate
+    state = np.asarray(start, float)[..., np.newaxis] * np.ones(source.shape[:-1] + (1,))
+    shifted = np.concatenate([np.zeros_like(source[..., :1]), source[..., :-1]], axis=-1)
+    response, _ = lfilter([gain], [1.0, -decay], shifted, axis=-1, zi=state)
+    return response
+
+
+def temperatures(
+    sources: Floats,
+    start: ArrayLike,
+    parameters: SpindleThermalParameters,
+    dt: float,
+    *,
+    ambient: ArrayLike | None = None,
+    body_start: ArrayLike | None = None,
+) -> Floats:
+    """Node temperatures [degC], shape (nodes, ..., T).
+
+    Parameters
+    ----------
+    sources : ndarray, shape (..., T, len(SOURCES))
+        From :func:`heat_sources`, held over each step.
+    start : array_like, shape (...)
+        Measured temperature at the first sample [degC].
+    parameters : SpindleThermalParameters
+        The network.
+    dt : float
+        Step [s].
+    ambient : array_like, shape (..., T), optional
+        Measured ambient [degC], to which ``parameters.ambient_offset`` is added;
+        ``parameters.ambient`` when there is none.
+    body_start : array_like, shape (...), optional
+        The body's temperature at the first sample; the quasi-steady one for ``start`` by default.
+
+    Raises
+    ------
+    ValueError
+        When ``dt`` is not positive.
+    """
+    if not dt > 0:
+        raise ValueError(f"dt = {dt} s must be positive")
+    coefficients = np.array([parameters.heating.get(name, 0.0) for name in SOURCES])
+    heat = sources @ coefficients
+    surround = np.broadcast_to(
+        parameters.ambient
+        if ambient is None
+        else np.asarray(ambient, float) + parameters.ambient_offset,
+        heat.shape,
+    )
+    first = np.broadcast_to(np.asarray(start, float), heat.shape[:-1])
+    if parameters.nodes == 1:
+        driven = heat + parameters.cooling_rate * surround
+        return _first_order(-parameters.cooling_rate, driven, first, dt)[np.newaxis]
+    body = quasi_steady_body(first, surround[..., 0], parameters) if body_start is None else body_start
+    eigenvalues, vectors = np.linalg.eig(parameters.rates)
+    inverse = np.linalg.inv(vectors)
+    inputs = np.stack(
+        [heat + parameters.cooling_rate * surround, parameters.body_cooling_rate * surround]
+    )
+    starts = np.stack([first, np.broadcast_to(np.asarray(body, float), first.shape)])
+    modes = np.stack(
+        [
+            _first_order(
+                rate,
+                np.tensordot(inverse[m], inputs, axes=1),
+                np.tensordot(inverse[m], starts, axes=1),
+                dt,
+            )
+            for m, rate in enumerate(eigenvalues.real)
+        ]
+    )
+    return np.tensordot(vectors.real, modes, axes=1)
+
+
+def quasi_steady_body(
+    start: ArrayLike, ambient: ArrayLike, parameters: SpindleThermalParameters
+) -> Floats:
+    """Body temperature in balance with a measured node that stayed at ``start`` [degC]."""
+    r = parameters.coupling_rate * parameters.capacity_ratio
+    loss = parameters.body_cooling_rate
+    if r + loss == 0:
+        return np.asarray(start, float)
+    return (r * np.asarray(start, float) + loss * np.asarray(ambient, float)) / (r + loss)

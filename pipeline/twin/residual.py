@@ -1,0 +1,161 @@
+"""What a forest adds to the spindle's network: its features, its file, its prediction.
+
+The forest predicts measured minus modelled temperature from what is known when it serves: the
+network's own answer, the temperature it was started from and how long ago, the heat sources
+smoothed over several time constants, and extra signals named by the machine.  A feature that the
+records do not have is refused; one that is unknown at some moment stays unknown (the forest's trees
+have a branch for it), it is never filled with zeros.
+"""
+
+import io
+import json
+import re
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pipeline.thermal.network import Floats
+
+if TYPE_CHECKING:
+    from sklearn.ensemble import RandomForestRegressor
+
+SMOOTHING_S = (120.0, 600.0, 3600.0)
+"""Time constants [s] over which sources and extra signals are smoothed."""
+
+TRUSTED = ["sklearn.tree._tree.Tree"]
+"""The one type in a forest's file that skops does not trust by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualForest:
+    """A trained forest with the features it wants.
+
+    Parameters
+    ----------
+    forest : RandomForestRegressor
+        Fitted on the features in the order of :func:`feature_names`.
+    sources, extra : tuple of str
+        Heat sources and further signals that it looks at.
+    """
+
+    forest: "RandomForestRegressor"
+    sources: tuple[str, ...]
+    extra: tuple[str, ...]
+
+    def correction(self, inputs: pd.DataFrame, physics: Floats, start: float, at: Floats) -> Floats:
+        """Temperature to add to the network's [K], shape (T,); see :func:`features`."""
+        x = features(inputs, physics, start, at, self.sources, self.extra)
+        return np.asarray(self.forest.predict(x))
+
+
+def feature_names(sources: Sequence[str], extra: Sequence[str]) -> list[str]:
+    """Names of the features, in order."""
+    smoothed = [f"{s}_over_{tau:g}_s" for s in (*sources, *extra) for tau in SMOOTHING_S]
+    return ["physics", "start_temperature", "horizon_s", *smoothed]
+
+
+def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> pd.DataFrame:
+    """Exponential means of ``names`` over each time constant, from the past only.
+
+    Raises
+    ------
+    ValueError
+        When a signal is no column of ``frame``.
+    """
+    missing = [name for name in names if name not in frame.columns]
+    if missing:
+        raise ValueError(
+            f"the forest needs {missing[0]}, which the records do not have; "
+            "record it, or train again without it (spindle.extra in the machine's file)"
+        )
+    return pd.DataFrame(
+        {
+            f"{name}_over_{tau:g}_s": frame[name].ewm(alpha=-np.expm1(-step / tau)).mean()
+            for name in names
+            for tau in SMOOTHING_S
+        }
+    )
+
+
+def features(
+    inputs: pd.DataFrame,
+    physics: Floats,
+    start: float,
+    at: Floats,
+    sources: Sequence[str],
+    extra: Sequence[str],
+) -> Floats:
+    """Feature matrix, shape (T, features).
+
+    Parameters
+    ----------
+    inputs : DataFrame
+        Rows of :func:`smoothed_inputs` at the T steps.
+    physics : ndarray, shape (T,)
+        The network's temperature [degC].
+    start : float
+        Measured temperature the network was started from [degC].
+    at : ndarray, shape (T,)
+        Time since then [s].
+    """
+    names = feature_names(sources, extra)
+    columns = [physics, np.full(len(physics), start), at]
+    return np.column_stack([*columns, inputs[names[3:]].to_numpy(float)])
+
+
+def save_forest(model: ResidualForest, folder: Path, about: dict[str, object]) -> None:
+    """Write ``forest.skops`` and ``features.json``; the same forest gives the same bytes."""
+    import skops.io
+
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "forest.skops").write_bytes(_canonical(skops.io.dumps(model.forest)))
+    meta = {"sources": model.sources, "extra": model.extra, "smoothing_s": SMOOTHING_S, **about}
+    (folder / "features.json").write_text(json.dumps(meta, indent=2, sort_keys=True) + "\n")
+
+
+def load_forest(folder: Path) -> ResidualForest | None:
+    """The forest in ``folder``, None when training found that it does not help.
+
+    Raises
+    ------
+    ValueError
+        When the folder is not what :func:`save_forest` writes.
+    """
+    import skops.io
+
+    about = json.loads((folder / "features.json").read_text())
+    if not about.get("used", True):
+        return None
+    if tuple(about["smoothing_s"]) != SMOOTHING_S:
+        raise ValueError(
+            f"{folder}/features.json: smoothed over {about['smoothing_s']} s, this version smooths "
+            f"over {list(SMOOTHING_S)} s; train the forest again"
+        )
+    forest = skops.io.load(folder / "forest.skops", trusted=TRUSTED)
+    return ResidualForest(
+        forest=forest, sources=tuple(about["sources"]), extra=tuple(about["extra"])
+    )
+
+
+def _canonical(archive: bytes) -> bytes:
+    """A skops archive without the addresses and times that differ from run to run."""
+    source = zipfile.ZipFile(io.BytesIO(archive))
+    schema = source.read("schema.json").decode()
+    places: dict[str, str] = {}
+    for number in re.findall(r'"(?:__id__": |file": ")(\d+)', schema):
+        places.setdefault(number, str(len(places) + 1))
+
+    def renamed(text: str) -> str:
+        return re.sub(r"\d{9,}", lambda m: places.get(m[0], m[0]), text)
+
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target:
+        for name in sorted(source.namelist(), key=lambda n: (n == "schema.json", len(renamed(n)), renamed(n))):
+            data = renamed(schema).encode() if name == "schema.json" else source.read(name)
+            target.writestr(zipfile.ZipInfo(renamed(name), (1980, 1, 1, 0, 0, 0)), data)
+    return out.getvalue()
