@@ -1,0 +1,1 @@
+"""The golden week: what a model must show before it may serve."""
