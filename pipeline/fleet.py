@@ -1,0 +1,46 @@
+"""The fleet that is built: which machines, and which of them record what."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet:
+    """A fleet, as in ``conf/fleet/``.
+
+    Parameters
+    ----------
+    name : str
+        Of the fleet.
+    machines : tuple of str
+        Every machine.
+    simulated : tuple of str
+        Those whose records the simulated shop floor writes.
+    spindles : tuple of str
+        Those that record speed, load and temperature of their spindle.
+    """
+
+    name: str
+    machines: tuple[str, ...]
+    simulated: tuple[str, ...] = ()
+    spindles: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for part in ("simulated", "spindles"):
+            strangers = set(getattr(self, part)) - set(self.machines)
+            if strangers:
+                raise ValueError(
+                    f"fleet.{part} names {sorted(strangers)}, which fleet.machines does not: add it there"
+                )
+
+
+MISSING = {
+    "spindles": (
+        "a thermal model of the spindle",
+        "its speed, load and temperature over a working week",
+    ),
+}
+
+
+def missing(fleet: Fleet, machine: str) -> list[tuple[str, str]]:
+    """What cannot be built for ``machine``, each with what to record for it."""
+    return [MISSING[part] for part in MISSING if machine not in getattr(fleet, part)]

@@ -1,0 +1,65 @@
+"""The only file that opens params.yaml: one section, typed, unknown keys refused."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cattrs
+import yaml
+from cattrs import transform_error
+
+T = TypeVar("T")
+
+PARAMS = Path("params.yaml")
+
+
+class ParametersError(ValueError):
+    """A section of params.yaml that is missing or not what its stage asks for."""
+
+
+def read_params(path: Path = PARAMS) -> dict[str, Any]:
+    """All of params.yaml.
+
+    Raises
+    ------
+    ParametersError
+        When the file is missing or is no YAML mapping.
+    """
+    if not path.exists():
+        raise ParametersError(f"{path} does not exist: run `dvc repro compose` to write it from conf/")
+    try:
+        values = yaml.safe_load(path.read_text())
+    except yaml.YAMLError as error:
+        raise ParametersError(f"{path} is no YAML: {error}") from error
+    if not isinstance(values, dict):
+        raise ParametersError(f"{path} holds {type(values).__name__}, a mapping is needed")
+    return values
+
+
+def section_path(values: dict[str, Any], name: str, item: str | None) -> str:
+    """Key path of the section ``name``: ``machine.<item>.<name>`` where the machine has one."""
+    machine = values.get("machine", {}).get(item, {}) if item else {}
+    return f"machine.{item}.{name}" if name in machine else name
+
+
+def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
+    """The section at the key path ``path`` as ``wanted``.
+
+    Raises
+    ------
+    ParametersError
+        When the section is missing, has unknown or missing keys or values out of range; the
+        message names the keys with their paths.
+    """
+    found: Any = values
+    for key in path.split("."):
+        if not isinstance(found, dict) or key not in found:
+            raise ParametersError(
+                f"params.yaml has no section {path}: add it in conf/ and run `dvc repro compose`"
+            )
+        found = found[key]
+    converter = cattrs.Converter(forbid_extra_keys=True)
+    try:
+        return converter.structure(found, wanted)
+    except (cattrs.BaseValidationError, ValueError, TypeError) as error:
+        reasons = "; ".join(transform_error(error, path=path))
+        raise ParametersError(f"params.yaml, {reasons}") from error

@@ -1,0 +1,1 @@
+"""One function a DVC stage; its signature is its contract with dvc.yaml."""

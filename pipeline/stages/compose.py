@@ -1,0 +1,42 @@
+"""Stage: write params.yaml from conf/."""
+
+import os
+from pathlib import Path
+
+HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
+
+
+def compose(conf: Path, params: Path) -> None:
+    """Compose ``conf`` and every machine of its fleet into ``params``.
+
+    Under ``dvc exp run -S`` the file was written by DVC already and is kept.
+    """
+    if os.environ.get("DVC_EXP_NAME") and params.exists():
+        return
+    text = HEADER + composed(conf)
+    if not params.exists() or params.read_text() != text:
+        params.write_text(text)
+
+
+def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
+    """The composition of ``conf`` as YAML.
+
+    Raises
+    ------
+    ValueError
+        When a group, a machine's file or a value in ``conf`` does not fit; the message names it.
+    """
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    try:
+        with initialize_config_dir(str(conf.resolve()), version_base=None):
+            fleet = hydra_compose("config", overrides=list(overrides)).fleet
+            machines = [f"+machine@machine.{name}={name}" for name in fleet.machines]
+            config = hydra_compose("config", overrides=[*overrides, *machines])
+        return OmegaConf.to_yaml(config, resolve=True)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ValueError(f"{conf} does not compose: {' '.join(str(error).split())}") from error

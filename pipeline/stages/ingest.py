@@ -1,0 +1,14 @@
+"""Stage: read a machine's raw files that changed into Parquet."""
+
+from pathlib import Path
+
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.signals.ingest import ingest as read_records
+from pipeline.signals.records import RecordSource
+
+
+def ingest(
+    raw: Path, signals: Path, *, identity: MachineIdentity, records: tuple[RecordSource, ...]
+) -> None:
+    """Read ``raw`` into ``signals``."""
+    read_records(raw, signals, records, identity)
