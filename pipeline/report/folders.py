@@ -1,0 +1,83 @@
+"""Where the report finds what it reads: the folders of a machine and the state of the project."""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+"""What a machine may be called: its name becomes a file name and a link."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineFolders:
+    """One machine as the report sees it.
+
+    Parameters
+    ----------
+    name : str
+        The machine's name in the fleet; names its page, ``<name>.html``.
+    signals, clean, models : Path
+        Folders ``data/signals/<machine>``, ``data/clean/<machine>``, ``data/models/<machine>``;
+        each may be absent or hold a part of its files only.
+    golden : Path
+        File ``data/golden/<machine>.json``; may be absent.
+    truth : Path or None
+        JSON of what a simulated machine really is; None for recorded machines.
+    description : str
+        What machine it is, in a sentence.
+    origin : {"simulated", "recorded"}
+        Where the records come from; simulated results are labelled wherever they stand.
+    credit : str
+        Whose recording it is; shown wherever results on it are shown.
+    missing : tuple of (str, str)
+        What the machine has no records of, and what to record.
+    """
+
+    name: str
+    signals: Path
+    clean: Path
+    models: Path
+    golden: Path
+    origin: Literal["simulated", "recorded"]
+    truth: Path | None = None
+    description: str = ""
+    credit: str = ""
+    missing: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not NAME.fullmatch(self.name) or self.name == "index":
+            raise ValueError(
+                f"machine name {self.name!r} cannot name a page; "
+                "use letters, digits, '_', '-', '.' and not 'index'"
+            )
+        if self.origin not in ("simulated", "recorded"):
+            raise ValueError(
+                f"origin of machine {self.name} is {self.origin!r}; say 'simulated' or 'recorded'"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetInfo:
+    """What the report says about the project as a whole.
+
+    Parameters
+    ----------
+    name : str
+        Name of the fleet.
+    git_commit, params_sha256 : str or None
+        State of the code and of params.yaml that the results come from; None when not known.
+    budget : str
+        Name of the budget that the stages ran under.
+    notes : tuple of str
+        What that budget cut short, or anything else that every reader must know.
+    versions : dict of str to str
+        Versions of the libraries that the numbers depend on.
+    """
+
+    name: str = "fleet"
+    git_commit: str | None = None
+    params_sha256: str | None = None
+    budget: str = "default"
+    notes: tuple[str, ...] = ()
+    versions: dict[str, str] = field(default_factory=dict)

@@ -1,0 +1,150 @@
+"""Numbers, times and units as a person reads them: sensible digits, always a unit, UTC."""
+
+import math
+from datetime import UTC, date, datetime
+from typing import Any
+
+NOT_KNOWN = "not known"
+NARROW = "\u202f"  # narrow no-break space: between thousands, and before a unit
+TOGETHER = "\u00a0"  # no-break space
+WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+
+UNITS = {
+    "CELSIUS": "°C", "PERCENT": "%", "REVOLUTION/MINUTE": "rev/min", "MILLIMETER": "mm",
+    "MILLIMETER/SECOND": "mm/s", "DEGREE": "°", "DEGREE/SECOND": "°/s", "SECOND": "s",
+}  # fmt: skip
+"""How MTConnect's unit names are written for people."""
+
+
+def real(value: Any) -> float | None:
+    """``value`` as a finite float, None for anything else (a boolean is not a number)."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """``value`` with ``digits`` significant digits; integers below 1e15 whole.
+
+    >>> number(0.0123456), number(8.4e-6), number(-2.5)
+    ('0.0123', '8.40 × 10⁻⁶', '−2.50')
+    """
+    x = real(value)
+    if x is None:
+        return NOT_KNOWN
+    if x == 0:
+        return "0"
+    if isinstance(value, int):
+        text = f"{value:,}"
+    elif not 1e-4 <= abs(x) < 1e6:
+        mantissa, exponent = f"{x:.{digits - 1}e}".split("e")
+        text = f"{mantissa} × 10{_superscript(int(exponent))}"
+    else:
+        decimals = max(0, digits - 1 - math.floor(math.log10(abs(x))))
+        text = f"{x:,.{decimals}f}"
+    return text.replace(",", NARROW).replace("-", "−")
+
+
+def _superscript(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def fixed(value: Any, decimals: int) -> str:
+    """``value`` with a fixed number of decimals, for columns that are compared."""
+    x = real(value)
+    return NOT_KNOWN if x is None else f"{x:,.{decimals}f}".replace(",", NARROW).replace("-", "−")
+
+
+def unit_words(unit: str | None) -> str:
+    """A unit as people write it; unknown ones as they are."""
+    return UNITS.get(unit or "", unit or "")
+
+
+def quantity(value: Any, unit: str, digits: int = 3) -> str:
+    """Number and unit; only "not known" when there is no number."""
+    text = number(value, digits)
+    unit = unit_words(unit)
+    return text if text == NOT_KNOWN or not unit else f"{text}{NARROW}{unit}"
+
+
+def percent(part: float | None, whole: float | None) -> str:
+    """Share of ``part`` in ``whole`` in percent; "not known" of an empty whole."""
+    if part is None or not whole:
+        return NOT_KNOWN
+    share = 100 * part / whole
+    if 0 < share < 0.01:
+        return f"< 0.01{NARROW}%"
+    if part == 0 or part == whole or share >= 10:
+        return f"{share:.0f}{NARROW}%" if share < 99.5 or part == whole else f"> 99{NARROW}%"
+    return f"{number(share, 2)}{NARROW}%"
+
+
+def hours(seconds: Any) -> str:
+    """Seconds as hours with one decimal, without the unit (it stands in the table's head)."""
+    x = real(seconds)
+    return NOT_KNOWN if x is None else fixed(x / 3600, 1)
+
+
+def duration(seconds: Any) -> str:
+    """Seconds as people say them: ``42 s``, ``12 min 05 s``, ``3 h 20 min``, ``2.5 days``."""
+    x = real(seconds)
+    if x is None:
+        return NOT_KNOWN
+    if round(x, 1) < 60:
+        return f"{number(round(x, 1), 3)}{NARROW}s"
+    whole = round(x)
+    if whole < 3600:
+        return f"{whole // 60}{NARROW}min {whole % 60:02d}{NARROW}s"
+    if whole < 48 * 3600:
+        return f"{whole // 3600}{NARROW}h {whole % 3600 // 60:02d}{NARROW}min"
+    return f"{whole / 86400:.1f}{NARROW}days"
+
+
+def instant(value: Any) -> datetime | None:
+    """ISO text, nanoseconds since 1970 or a datetime, in UTC; None for anything else."""
+    if isinstance(value, bool) or value is None:
+        return None
+    try:
+        if isinstance(value, int):
+            return datetime.fromtimestamp(value / 1e9, UTC)
+        when = value if isinstance(value, datetime) else datetime.fromisoformat(str(value).strip())
+    except (ValueError, OverflowError, OSError):
+        return None
+    return when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
+
+
+def moment(value: Any) -> str:
+    """Date and time to the minute, UTC."""
+    when = instant(value)
+    if when is None:
+        return NOT_KNOWN
+    return f"{day_words(when.date().isoformat(), year=True)}, {when:%H:%M}{TOGETHER}UTC"
+
+
+def day_words(day: str, *, year: bool = False) -> str:
+    """``2016-10-12`` as ``Wed 12 Oct``, with the year when asked; other text as it is."""
+    try:
+        d = date.fromisoformat(day)
+    except ValueError:
+        return day
+    words = [
+        WEEKDAYS[d.weekday()],
+        str(d.day),
+        MONTHS[d.month - 1],
+        *([str(d.year)] if year else []),
+    ]
+    return TOGETHER.join(words)
+
+
+def day_list(days: list[str], most: int = 4) -> str:
+    """Days in words, at most ``most`` of them by name."""
+    names = [day_words(d) for d in days[:most]]
+    if len(days) > most:
+        names.append(f"{len(days) - most} more")
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def counted(count: int, one: str, many: str | None = None) -> str:
+    """A count with its noun: ``1 file``, ``2 files``."""
+    return f"{number(count)} {one if count == 1 else many or one + 's'}"

@@ -1,0 +1,126 @@
+"""Reading the files of a machine while remembering which file, with which hash, gave what.
+
+Nothing here raises for a file that is absent or broken: a report on part of the data is still a
+report.  What is absent or broken is remembered, so that the pages can say so.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """One file that a figure stands on: its path as shown, its SHA-256, what it was made from."""
+
+    path: str
+    sha256: str
+    made_from: str = ""
+
+
+@dataclass
+class Shelf:
+    """The files of one machine: reads them once, keeps their hashes.
+
+    Parameters
+    ----------
+    used : dict of str to Source
+        Every file read so far, by the path as shown.
+    broken : dict of str to str
+        Files that exist and could not be read, and why.
+    """
+
+    used: dict[str, Source] = field(default_factory=dict)
+    broken: dict[str, str] = field(default_factory=dict)
+
+    def document(self, path: Path, made_from: str = "") -> dict[str, Any] | None:
+        """A JSON object, or None when the file is absent or is not one."""
+        content = self._content(path, made_from)
+        if content is None:
+            return None
+        try:
+            found = json.loads(content)
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            self.broken[shown(path)] = f"not JSON: {error}"
+            return None
+        if not isinstance(found, dict):
+            self.broken[shown(path)] = f"holds a {type(found).__name__}, not an object with keys"
+            return None
+        return found
+
+    def table(
+        self, path: Path, columns: tuple[str, ...], made_from: str = "", *, all_of: bool = True
+    ) -> pa.Table | None:
+        """Those ``columns`` of a Parquet file; None when it is absent, broken or lacks one.
+
+        With ``all_of=False`` columns that the file does not have are left out.
+        """
+        content = self._content(path, made_from)
+        if content is None:
+            return None
+        try:
+            file = pq.ParquetFile(pa.BufferReader(content))
+            there = [c for c in columns if c in file.schema_arrow.names]
+            lacking = [c for c in columns if c not in there]
+            if lacking and all_of:
+                self.broken[shown(path)] = f"has no column {', '.join(lacking)}"
+                return None
+            return file.read(columns=there)
+        except (pa.ArrowException, OSError) as error:
+            self.broken[shown(path)] = f"not Parquet: {error}"
+            return None
+
+    def source(self, path: Path) -> Source | None:
+        """What is remembered of a file that was read."""
+        return self.used.get(shown(path))
+
+    def _content(self, path: Path, made_from: str) -> bytes | None:
+        if not path.is_file():
+            return None
+        content = path.read_bytes()
+        sha256 = hashlib.sha256(content).hexdigest()
+        self.used[shown(path)] = Source(path=shown(path), sha256=sha256, made_from=made_from)
+        return content
+
+
+def shown(path: Path) -> str:
+    """A path as the report shows it: relative to the project, else its last three parts."""
+    if path.is_absolute() and path.is_relative_to(Path.cwd()):
+        path = path.relative_to(Path.cwd())
+    return "/".join(path.parts[-3:]) if path.is_absolute() else path.as_posix()
+
+
+def dig(document: Any, *keys: str) -> Any:
+    """What stands under nested ``keys``; None as soon as one is absent."""
+    for key in keys:
+        if not isinstance(document, dict):
+            return None
+        document = document.get(key)
+    return document
+
+
+def rows_of(document: Any, *keys: str) -> list[dict[str, Any]]:
+    """The list of objects under nested ``keys``; empty when there is none."""
+    found = dig(document, *keys)
+    return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
+
+
+def objects_of(document: Any, *keys: str) -> dict[str, dict[str, Any]]:
+    """The objects by name under nested ``keys``; empty when there are none."""
+    found = dig(document, *keys)
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): value for name, value in found.items() if isinstance(value, dict)}
+
+
+def words_of(document: Any, *keys: str) -> list[str]:
+    """The list of words under nested ``keys``; a single word is a list of one."""
+    found = dig(document, *keys)
+    if isinstance(found, str):
+        return [found]
+    return [str(word) for word in found] if isinstance(found, list) else []

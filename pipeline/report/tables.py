@@ -1,0 +1,100 @@
+"""Tables as the pages show them: heads, units, cells in words, and where they come from."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline.report.numbers import number
+from pipeline.report.sources import Shelf, Source
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """Head of a column: its name, its unit, whether it holds numbers."""
+
+    name: str
+    unit: str = ""
+    numeric: bool = False
+    group: str = ""
+
+    @property
+    def label(self) -> str:
+        """Name, group and unit in one line, for narrow screens."""
+        name = f"{self.group}: {self.name}" if self.group else self.name
+        return f"{name}, {self.unit}" if self.unit else name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """A cell whose ``status`` is a word and a shape, or that is machine text (``code``)."""
+
+    text: str
+    status: str = ""
+    code: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """One table; the first cell of each row names it.
+
+    ``folded`` tables open on demand and say in ``caption`` how much they hold.
+    """
+
+    caption: str
+    heads: list[Head]
+    rows: list[list[Cell]]
+    sources: list[Source] = field(default_factory=list)
+    folded: bool = False
+    note: str = ""
+
+    @property
+    def groups(self) -> list[tuple[str, int]]:
+        """Heads over several columns: name and how many columns; empty without any."""
+        if not any(h.group for h in self.heads):
+            return []
+        found: list[tuple[str, int]] = []
+        for head in self.heads:
+            if found and head.group and found[-1][0] == head.group:
+                found[-1] = (head.group, found[-1][1] + 1)
+            else:
+                found.append((head.group, 1))
+        return found
+
+
+def cells(*values: str | Cell) -> list[Cell]:
+    """A row of cells from words."""
+    return [v if isinstance(v, Cell) else Cell(text=v) for v in values]
+
+
+def names(*words: str) -> list[Head]:
+    """Heads of columns of words."""
+    return [Head(name=w) for w in words]
+
+
+def numbers(*heads: tuple[str, str], group: str = "") -> list[Head]:
+    """Heads of columns of numbers: (name, unit)."""
+    return [Head(name=name, unit=unit, numeric=True, group=group) for name, unit in heads]
+
+
+MOST_ROWS = 200  # of a folded table; the whole is in the file named below it
+MANY = 3  # files of one folder that are named one by one below a figure
+
+
+def sources(shelf: Shelf, *paths: Path) -> list[Source]:
+    """What a figure stands on; more than three files of one folder are named together."""
+    found = [s for p in paths if (s := shelf.source(p)) is not None]
+    folders: dict[str, list[Source]] = {}
+    for source in found:
+        folders.setdefault(source.path.rpartition("/")[0], []).append(source)
+    return [s for folder, group in folders.items() for s in _together(folder, group)]
+
+
+def _together(folder: str, group: list[Source]) -> list[Source]:
+    if len(group) <= MANY:
+        return group
+    path = f"{folder}/ ({len(group)} files)"
+    return [Source(path=path, sha256="", made_from=group[0].made_from)]
+
+
+def left_out(count: int, shown: int) -> str:
+    """What a caption adds when a table shows less than there is."""
+    return f" ({shown} of {number(count)} shown)" if count > shown else ""

@@ -1,0 +1,238 @@
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_reader import outline, words
+from report_folders import FLEET, empty_machine, machine, write_signals, write_table
+
+from pipeline.report.pages import FleetInfo, write_report
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory) -> Path:
+    root = tmp_path_factory.mktemp("report")
+    fleet = [
+        machine(root, "mill01", description="15 kW mill-turn"),
+        machine(root, "lathe", "recorded", passed=False, credit="Records: Test Works, CC0",
+                missing=(("forces", "10 min with a dynamometer"),)),
+        empty_machine(root, "new_mill", "recorded"),
+    ]  # fmt: skip
+    write_report(fleet, FLEET, None, root / "out")
+    return root / "out"
+
+
+def test_two_runs_give_the_same_bytes(tmp_path):
+    fleet = [machine(tmp_path, "mill01")]
+    for name in ("a", "b"):
+        write_report(fleet, FLEET, None, tmp_path / name)
+    for page in ("index.html", "mill01.html", "report.json"):
+        assert (tmp_path / "a" / page).read_bytes() == (tmp_path / "b" / page).read_bytes()
+
+
+def test_every_simulated_figure_and_table_is_labelled(report):
+    text = (report / "mill01.html").read_text()
+    captions = re.findall(r"<(figcaption|caption|summary)>(.*?)</\1>", text, flags=re.S)
+    results = [c for _, c in captions]
+    assert len(results) > 10
+    assert all('class="label simulated"' in c for c in results)
+    assert '<span class="label simulated">' in text.split("<h1>")[0]
+
+
+def test_recorded_results_carry_their_credit_and_no_simulated_label(report):
+    text = (report / "lathe.html").read_text()
+    assert "label simulated" not in text
+    sources = re.findall(r'<p class="source">(Source.*?)</p>', text, flags=re.S)
+    assert len(sources) > 5
+    assert all("Records: Test Works, CC0" in s for s in sources)
+
+
+def test_every_figure_says_in_words_what_it_shows(report):
+    figures = [a for t, a in outline(report / "mill01.html").tags if a.get("role") == "img"]
+    assert len(figures) == 4
+    assert all(len(a["aria-label"]) > 40 for a in figures)
+    golden = figures[-1]["aria-label"]
+    assert "MAE 0.90 K" in golden and "passed" in golden
+
+
+def test_every_head_has_a_scope_and_every_page_its_landmarks(report):
+    for page in ("index.html", "mill01.html"):
+        tags = outline(report / page).tags
+        assert all("scope" in a for t, a in tags if t == "th")
+        assert {"header", "main", "footer"} <= {t for t, _ in tags}
+        assert next(a for t, a in tags if t == "html")["lang"] == "en"
+
+
+def test_nothing_is_loaded_and_no_script_runs(report):
+    for page in report.glob("*.html"):
+        tags = outline(page).tags
+        assert not [t for t, _ in tags if t in ("script", "img", "iframe", "object", "base")]
+        links = [a.get("href", "") for t, a in tags if t in ("a", "link")]
+        assert all(h.startswith(("#", "data:,")) or h.endswith(".html") for h in links)
+        assert "url(" not in page.read_text() and "@import" not in page.read_text()
+        assert "default-src 'none'" in page.read_text()
+
+
+def test_a_failed_model_says_so_and_what_to_do(report):
+    text = words(report / "lathe.html")
+    assert "Failed" in text
+    assert "it failed on 2 of 2 days, worst on Thu 7 Mar" in text
+    assert "2.80 K (limit 2.0 K; 2.70 K over all days)" in text
+    assert "Do not act on this model’s temperatures" in text
+    assert "MAE over one hour is above 2.0 K" in text
+
+
+def test_what_is_missing_stands_with_what_to_record(report):
+    text = words(report / "lathe.html")
+    assert "forces" in text and "10 min with a dynamometer" in text
+
+
+def test_a_machine_without_any_file_has_a_page_that_says_so(report):
+    text = words(report / "new_mill.html")
+    assert "No verdict" in text
+    assert "Nothing has been read of this machine yet" in text
+    for part in ("manifest.json", "spindle_thermal.json", "validation.json"):
+        assert re.search(rf"Not known: there is no \S*{part}", text)
+
+
+FILES = (
+    "signals/m/rejected.parquet", "clean/m/state", "clean/m/cycles.parquet",
+    "clean/m/segments.parquet", "clean/m/audit.parquet", "clean/m/gaps.parquet",
+    "models/m/spindle_thermal.json", "models/m/validation.json", "models/m/predictions.parquet",
+    "golden/m.json", "truth/m.json", "signals/m/manifest.json",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def complete(tmp_path_factory) -> Path:
+    root = tmp_path_factory.mktemp("complete")
+    machine(root, "m", days=3)
+    return root
+
+
+@pytest.mark.parametrize("lost", FILES)
+def test_any_single_missing_file_is_named_or_leaves_the_rest_whole(complete, tmp_path, lost):
+    shutil.copytree(complete, tmp_path / "root")
+    path = tmp_path / "root" / lost
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    folders = empty_machine(tmp_path / "root", "m", truth=tmp_path / "root" / "truth" / "m.json")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = words(tmp_path / "out" / "m.html")
+    rest = "Time ACTIVE" if "state" in lost else "3 days with records"
+    assert rest in text
+    assert f"made from {path.name}" not in text
+
+
+@pytest.mark.parametrize("broken", [f for f in FILES if f != "clean/m/state"])
+def test_a_broken_file_is_named_with_the_reason(complete, tmp_path, broken):
+    shutil.copytree(complete, tmp_path / "root")
+    (tmp_path / "root" / broken).write_bytes(b"\x00not what it says")
+    folders = empty_machine(tmp_path / "root", "m", truth=tmp_path / "root" / "truth" / "m.json")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = words(tmp_path / "out" / "m.html")
+    assert re.search(rf"{re.escape(Path(broken).name)} was left out: not (JSON|Parquet)", text)
+
+
+ODD = {
+    "parameters": {"a": 1},
+    "windows": {"days": [7, {}]},
+    "verdict": "passed",
+    "week": {"from": 3},
+    "fit": [],
+    "reasons": "one",
+    "found_from": {},
+    "files": {"x": 4},
+}
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", '{"parameters": [], "week": 3}', json.dumps(ODD)])
+def test_documents_of_another_shape_never_stop_the_report(complete, tmp_path, content):
+    shutil.copytree(complete, tmp_path / "root")
+    for name in FILES:
+        if name.endswith(".json"):
+            (tmp_path / "root" / name).write_text(content)
+    folders = empty_machine(tmp_path / "root", "m", truth=tmp_path / "root" / "truth" / "m.json")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    assert "What the machine did" in words(tmp_path / "out" / "m.html")
+
+
+HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)>"
+
+
+def test_text_from_records_stays_text(tmp_path):
+    folders = machine(tmp_path, "mill01", program=HOSTILE, state=HOSTILE, description=HOSTILE,
+                      credit=HOSTILE, missing=((HOSTILE, HOSTILE),))  # fmt: skip
+    write_table(folders.signals / "rejected.parquet", {
+        "file": [HOSTILE], "line": [1], "reason": [HOSTILE], "excerpt": [HOSTILE],
+    })  # fmt: skip
+    write_report([folders], FleetInfo(name=HOSTILE, notes=(HOSTILE,)), None, tmp_path / "out")
+    for page in (tmp_path / "out").glob("*.html"):
+        tags = [t for t, _ in outline(page).tags]
+        assert "script" not in tags and "img" not in tags
+        assert "alert(1)" in words(page)
+
+
+def test_a_name_that_is_no_file_name_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"'\.\./x' cannot name a page"):
+        empty_machine(tmp_path, "../x")
+
+
+def test_two_machines_of_one_name_are_refused(tmp_path):
+    twice = [empty_machine(tmp_path, "m"), empty_machine(tmp_path, "m")]
+    with pytest.raises(ValueError, match="m stands twice"):
+        write_report(twice, FLEET, None, tmp_path / "out")
+
+
+def test_key_figures_agree_with_the_files_they_come_from(report):
+    figures = json.loads((report / "report.json").read_text())["machines"]["mill01"]
+    assert figures["records"] == 4 * 60_000
+    assert figures["rejected"] == 4 * 3
+    assert figures["cycles"] == 12
+    assert figures["days"] == 4
+    assert figures["parameters"]["windage"]["value"] is None
+
+
+def test_a_figure_stays_small(report):
+    text = (report / "mill01.html").read_text()
+    figures = re.findall(r"<figure>.*?</figure>", text, flags=re.S)
+    assert len(figures) == 4
+    assert max(len(f) for f in figures) < 60_000  # bytes of SVG, so that a page loads on a phone
+
+
+def test_reasons_that_differ_in_what_they_quote_are_one(report):
+    assert "‘…’ is no time" in words(report / "mill01.html")
+    assert "2024-03-05T24:61' is" not in words(report / "mill01.html")
+
+
+def test_what_stands_in_no_manifest_entry_is_not_known_not_zero(tmp_path):
+    folders = empty_machine(tmp_path, "m")
+    write_signals(folders, ["2024-03-04"])
+    path = folders.signals / "manifest.json"
+    path.write_text('{"files": {"a.txt": {"reason": "it is a picture"}}}')
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = words(tmp_path / "out" / "m.html")
+    assert "1 file could not be read at all: a.txt" in text
+    assert "a.txt – not known not known not known" in text
+
+
+def luminance(colour: str) -> float:
+    parts = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])  # WCAG 2.2, relative luminance
+
+
+def contrast(a: str, b: str) -> float:
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_text_has_aa_contrast_in_both_themes(report):
+    light, dark = re.findall(r":root \{(.*?)\}", (report / "index.html").read_text(), flags=re.S)
+    for theme in (light, dark):
+        colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", theme))
+        for name in ("ink", "soft", "accent", "free", "good", "bad", "warn"):
+            for ground in ("paper", "wash"):
+                ratio = contrast(colours[name], colours[ground])
+                assert ratio >= 4.5, f"{name} on {ground}: {ratio:.2f}"
