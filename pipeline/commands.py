@@ -151,6 +151,7 @@ def use_fleet(name: str) -> Fleet:
     chosen = cattrs.Converter(forbid_extra_keys=True).structure(
         yaml.safe_load((folder / f"{name}.yaml").read_text()), Fleet
     )
+    (DATA / "truth").mkdir(parents=True, exist_ok=True)  # empty where nothing is simulated
     link = folder / "active.yaml"
     if not (link.is_symlink() and os.readlink(link) == f"{name}.yaml"):
         link.unlink(missing_ok=True)
@@ -244,10 +245,15 @@ def fleet_status() -> list[dict[str, str]]:
 
 def write_report(out: Path) -> Path:
     """Write the pages from what stands in data/; the path of the first."""
-    from pipeline.report.fleet_report import write_fleet_report
+    from pipeline.stages.report import report
 
     values = read_params()
-    fleet = structure(values, "fleet", Fleet)
     folders = [DATA / name for name in ("signals", "clean", "models", "golden", "truth")]
-    write_fleet_report(fleet, *folders, out, str(values["budget"]))
+    report(
+        *folders,
+        out,
+        fleet=structure(values, "fleet", Fleet),
+        budget=structure(values, "budget", str),
+        machine=structure(values, "machine", dict[str, Any]),
+    )
     return out / "index.html"

@@ -1,0 +1,138 @@
+"""dvc.yaml against the signatures of the stages, the rooms they reach, and params.yaml."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pipeline.parameters import read_params, section_path, structure
+from pipeline.stages.__main__ import load_stage, split_signature
+from tests.test_architecture import imported
+
+ROOT = Path(__file__).parents[2]
+DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+FLEETS = sorted(p.stem for p in (ROOT / "conf/fleet").glob("*.yaml") if p.stem != "active")
+
+
+def definition(name: str) -> dict[str, Any]:
+    stage: dict[str, Any] = DVC[name]
+    return stage.get("do", stage)
+
+
+def paths(entries: list[Any]) -> set[str]:
+    """Paths of deps or outs; an entry with options is a mapping of one key."""
+    return {next(iter(e)) if isinstance(e, dict) else e for e in entries}
+
+
+def reached(module: str) -> set[str]:
+    """Files of ours that a module imports, directly or not."""
+    seen: set[str] = set()
+    todo = [module]
+    while todo:
+        name = todo.pop()
+        file = ROOT / (name.replace(".", "/") + ".py")
+        if not file.exists():
+            file = ROOT / name.replace(".", "/") / "__init__.py"
+        if name in seen or not file.exists():
+            continue
+        seen.add(name)
+        todo += [n for n in imported(file) if n.startswith("pipeline.")]
+    return {n.replace(".", "/") for n in seen}
+
+
+@pytest.mark.parametrize("name", DVC)
+def test_the_command_gives_the_stage_its_paths(name: str) -> None:
+    stage = definition(name)
+    wanted, _ = split_signature(load_stage(name))
+    words = shlex.split(stage["cmd"])
+    assert words[:3] == ["python", "-m", "pipeline.stages"]
+    assert words[3] == (f"{name}@${{item}}" if "foreach" in DVC[name] else name)
+    given = words[4:]
+    assert len(given) == len(wanted), f"{name} takes {wanted}"
+    known = paths(stage["deps"]) | paths(stage["outs"]) | paths(stage.get("metrics", []))
+    for path in given:
+        parents = {p.as_posix() for p in Path(path).parents} | {path}
+        inside = any(k == path or k.startswith(path + "/") for k in known)
+        assert parents & known or inside, f"{name}: {path} is neither a dep nor an out"
+
+
+@pytest.mark.parametrize("name", DVC)
+def test_the_stage_declares_its_sections(name: str) -> None:
+    stage = definition(name)
+    _, sections = split_signature(load_stage(name))
+    values = read_params(ROOT / "params.yaml")
+    each = "foreach" in DVC[name]
+    some = values["fleet"]["machines"][0] if each else None
+    found = {section_path(values, s, some) for s in sections}
+    if some:
+        found = {f.replace(f"machine.{some}.", "machine.${item}.") for f in found}
+    assert set(stage.get("params", [])) == found or name == "shop"
+
+
+@pytest.mark.parametrize("name", DVC)
+def test_the_rooms_that_a_stage_reaches_are_among_its_deps(name: str) -> None:
+    deps = paths(definition(name)["deps"])
+    for module in reached(f"pipeline.stages.{name}"):
+        if module == "pipeline/stages/__init__" or module == "pipeline":
+            continue
+        inside = any(
+            module == d.removesuffix(".py") or module.startswith(d + "/") for d in deps
+        )
+        assert inside, f"{name} reaches {module}, which is not among its deps"
+
+
+@pytest.mark.parametrize("fleet", FLEETS)
+def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -> None:
+    from pipeline.stages.compose import composed
+
+    values = yaml.safe_load(composed(ROOT / "conf", (f"fleet={fleet}",)))
+    lists = {"${machines}": "machines", "${simulated}": "simulated", "${spindles}": "spindles"}
+    used = {"fleet", "machine", "budget"}
+    for name in DVC:
+        _, sections = split_signature(load_stage(name))
+        each = DVC[name].get("foreach")
+        for item in values["fleet"][lists[each]] if each else [None]:
+            for section, wanted in sections.items():
+                path = section_path(values, section, item)
+                structure(values, path, wanted)
+                used.add(path)
+    sections_there = {k for k in values if k != "machine"}
+    sections_there |= {f"machine.{m}.{s}" for m in values["machine"] for s in values["machine"][m]}
+    assert sections_there <= used, f"no stage reads {sorted(sections_there - used)}"
+
+
+def test_params_yaml_is_the_composition_of_conf() -> None:
+    from pipeline.stages.compose import HEADER, composed
+
+    assert (ROOT / "params.yaml").read_text() == HEADER + composed(ROOT / "conf")
+
+
+def test_the_lock_is_what_is_installed() -> None:
+    from importlib.metadata import PackageNotFoundError, version
+
+    lines = (ROOT / "requirements.lock").read_text().splitlines()
+    pins = dict(line.split("==") for line in lines if "==" in line and not line.startswith("#"))
+    assert len(pins) > 50
+    for name, pinned in pins.items():
+        try:
+            found = version(name)
+        except PackageNotFoundError:
+            continue  # a pin of an extra that is not installed
+        assert found.partition("+")[0] == pinned, f"{name} {found} is installed, locked is {pinned}"
+
+
+def test_the_lock_has_every_dependency() -> None:
+    import re
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *sum(project["optional-dependencies"].values(), [])]
+    locked = {
+        line.partition("==")[0].lower().replace("_", "-")
+        for line in (ROOT / "requirements.lock").read_text().splitlines()
+    }
+    for requirement in wanted:
+        name = re.split(r"[\[<>=; ]", requirement)[0].lower().replace("_", "-")
+        assert name in locked, f"{name} is not in requirements.lock"
