@@ -65,6 +65,8 @@ def run(name: str, *paths: str) -> None:
         section: structure(values, section_path(values, section, item or None), wanted_type)
         for section, wanted_type in sections.items()
     }
+    for path in paths:  # DVC removes outs before a stage, with the folder when it held no more
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
     stage(*map(Path, paths), **loaded)
 
 

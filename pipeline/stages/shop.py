@@ -8,5 +8,4 @@ from pipeline.shop.simulate import simulate
 
 def shop(raw: Path, truth: Path, *, shop: ShopParameters) -> None:
     """Write the records into ``raw`` and what is true of them into ``truth``."""
-    truth.parent.mkdir(parents=True, exist_ok=True)
     simulate(raw, truth, shop)

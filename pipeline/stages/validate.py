@@ -30,5 +30,4 @@ def validate(
     )
     judged.write_text(json.dumps(document, indent=2) + "\n")
     frame.to_parquet(predictions, compression="zstd")
-    metrics.parent.mkdir(parents=True, exist_ok=True)
     metrics.write_text(json.dumps(flat_metrics(document), indent=2, sort_keys=True) + "\n")
