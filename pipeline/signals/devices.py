@@ -229,7 +229,7 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
         from pipeline.signals.devices_json import model_of_json
 
-        return chosen(model_of_json(whole.bytes()), device)
+        return chosen(model_of_json(whole.everything()), device)
     reader = _Reader(whole)
     end = reader.parse_fragment()
     if not reader.devices:

@@ -38,9 +38,9 @@ def devices_of(tree: Any) -> Iterator[Node]:
     root = part(tree, "MTConnectDevices") or tree
     group = part(root, "Devices")
     if group is not None:
-        yield from bodies(group)
+        yield from bodies(group, "Device", "Agent")
     elif part(root, "Device") is not None:
-        yield from bodies({"Device": part(root, "Device")})
+        yield from bodies(root, "Device")
     elif part(root, "DataItems") is not None or part(root, "Components") is not None:
         yield root
 
@@ -50,7 +50,7 @@ def items_of(device: Node, label: str | None) -> Iterator[DataItem]:
     waiting: list[tuple[str, Node]] = [("Device", device)]
     while waiting:
         tag, node = waiting.pop()
-        for item in bodies(part(node, "DataItems")):
+        for item in bodies(part(node, "DataItems"), "DataItem"):
             said = plain(item)
             if said.get("id"):
                 yield data_item(

@@ -9,11 +9,22 @@ import pyarrow as pa
 
 from pipeline.signals import mtconnect_parse as parsing
 from pipeline.signals import mtconnect_scan as scanning
+from pipeline.signals import mtconnect_tags as tagging
 from pipeline.signals.columns import KINDS, OBSERVATIONS
-from pipeline.signals.mtconnect_elements import Document, device_name
+from pipeline.signals.mtconnect_arrays import encoded, merged, numbers
+from pipeline.signals.mtconnect_elements import Document
 from pipeline.signals.mtconnect_rows import RECORDS, Rows
+from pipeline.signals.mtconnect_streams import device_name
 from pipeline.signals.mtconnect_text import attributes_of, local
-from pipeline.signals.mtconnect_words import AXES, LEVELS, Malformed, Shape, json_of, number_of, shape_of
+from pipeline.signals.mtconnect_words import (
+    AXES,
+    LEVELS,
+    MalformedError,
+    Shape,
+    json_of,
+    number_of,
+    shape_of,
+)
 from pipeline.signals.records import Batch
 
 Ints = npt.NDArray[np.int64]
@@ -76,13 +87,15 @@ class Assembly:
         self._text_slots = np.empty(_TEXT_SLOTS, np.int32)
         self._slow = np.empty(RECORDS, np.int64)
         self._hard = np.empty((RECORDS, 3), np.int64)
+        self._counts, self._date = np.zeros(4, np.int64), np.zeros(2, np.int64)
+        self._three = np.empty(3)
         self.forget()
 
     def forget(self) -> None:
         """Start anew with the table of shapes."""
         self._shapes: list[Shape] = []
-        self._manners = np.zeros(scanning.SHAPES, np.int64)
-        self._codes = np.full((scanning.SHAPES, 5), -1, np.int32)
+        self._manners = np.zeros(tagging.SHAPES, np.int64)
+        self._codes = np.full((tagging.SHAPES, 5), -1, np.int32)
         self._items: dict[str, int] = {}
         self._keys: dict[str, int] = {axis: i for i, axis in enumerate(AXES)}
 
@@ -92,7 +105,13 @@ class Assembly:
         return len(self._shapes)
 
     def begin(
-        self, prologue: bytes, tag: bytes, said: dict[str, str], instance: int | None, first: int, place: int
+        self,
+        prologue: bytes,
+        tag: bytes,
+        said: dict[str, str],
+        instance: int | None,
+        first: int,
+        place: int,
     ) -> Run:
         """A device stream begins; ``first`` elements wait already."""
         device = self._devices.setdefault(tag, len(self._devices))
@@ -114,16 +133,20 @@ class Assembly:
         for s in range(self.known, n_shapes):
             self._learn(s, shapes[s])
         self._text_slots.fill(-1)
-        n_rows, n_texts, n_slow, n_hard = parsing.values(
+        self._date[0] = -1
+        parsing.values(
             self.buffer, self.elements, n, self._manners, self._rows, self._numbers,
-            self._sequences, self._texts, self._text_slots, self._slow, self._hard,
+            self._sequences, self._texts, self._text_slots, self._slow, self._hard, self._counts,
+            self._date, self._three,
         )  # fmt: skip
+        n_rows, n_texts, n_slow, n_hard = self._counts.tolist()
         slow = sorted(self._slow[:n_slow].tolist() + self._hard_numbers(n_hard))
         careful, places, broken = self._careful(slow)
         n = slow[broken] if broken is not None else n
         for first, at, reason in self.notes:
             if first <= n:
-                careful.reject(self._document.content.line(at), reason, self._document.content.excerpt(at))
+                content = self._document.content
+                careful.reject(content.line(at), reason, content.excerpt(at))
         careful.rejected.sort(key=lambda rejection: rejection.line or 0)
         table = self._table(n_rows, n_texts, n, careful, places)
         read = n + sum(first <= n for first, _, _ in self.notes)
@@ -146,7 +169,7 @@ class Assembly:
     # Shapes -------------------------------------------------------------------------------------
 
     def _learn(self, s: int, row: Ints) -> None:
-        device, section = divmod(int(row[scanning.S_CONTEXT]), 4)
+        device, section = divmod(int(row[tagging.S_CONTEXT]), 4)
         self._codes[s, SECTION] = section
         shape = self._shape(row, self._names[device], _SECTIONS[section])
         self._shapes.append(shape)
@@ -160,18 +183,19 @@ class Assembly:
 
     def _shape(self, row: Ints, device: str, section: str) -> Shape:
         """The shape as the careful way sees it; one that it refuses is left to it."""
-        start, length = int(row[scanning.S_START]), int(row[scanning.S_END])
+        start, length = int(row[tagging.S_START]), int(row[tagging.S_END])
         tag = self._document.content.mapped[start : start + length]
-        name = tag[1 : 1 + int(row[scanning.S_NAME])]
-        closed = tag if row[scanning.S_FLAGS] & scanning.F_EMPTY else tag + b"</" + name + b">"
+        name = tag[1 : 1 + int(row[tagging.S_NAME])]
+        closed = tag if row[tagging.S_FLAGS] & tagging.F_EMPTY else tag + b"</" + name + b">"
         found = attributes_of(closed)
         if found is None:
             return _REFUSED
         said = found[name.decode()]
         del said["timestamp"], said["sequence"]
         try:
-            return shape_of(section, local(name.decode()), said, device, self._document.asked.naming)
-        except Malformed:
+            naming = self._document.asked.naming
+            return shape_of(section, local(name.decode()), said, device, naming)
+        except MalformedError:
             return _REFUSED
 
     # Elements that are read carefully -----------------------------------------------------------
@@ -206,9 +230,12 @@ class Assembly:
 
     # Rows ---------------------------------------------------------------------------------------
 
-    def _table(self, n_rows: int, n_texts: int, n: int, careful: Rows, places: list[int]) -> pa.Table:
+    def _table(
+        self, n_rows: int, n_texts: int, n: int, careful: Rows, places: list[int]
+    ) -> pa.Table:
+        """Rows of the elements before the one numbered ``n``, with those read carefully between."""
         rows = self._rows[:n_rows]
-        keep = slice(None)
+        keep: slice | Ints = slice(None)
         if n_rows and int(rows[:, parsing.R_ELEMENT].max()) >= n:
             keep = np.flatnonzero(rows[:, parsing.R_ELEMENT] < n)
         rows = rows[keep]
@@ -216,23 +243,25 @@ class Assembly:
         shape = self.elements[element, scanning.E_SHAPE]
         columns = [
             pa.array(rows[:, parsing.R_TIME].copy()).view(OBSERVATIONS.field("time").type),
-            _encoded(self._codes[shape, ITEM], list(self._items)),
-            _numbers(self._numbers[:n_rows][keep].copy()),
+            encoded(self._codes[shape, ITEM], list(self._items)),
+            numbers(self._numbers[:n_rows][keep].copy()),
             *self._text_and_attributes(rows, shape, n_texts),
             pa.array(self._sequences[:n_rows][keep].copy()),
-            _encoded(self._codes[shape, KIND], list(KINDS)),
+            encoded(self._codes[shape, KIND], list(KINDS)),
             self._key(rows, shape),
             self._instance(element),
         ]
         columns.insert(7, columns.pop(4))
         table = pa.table(columns, schema=OBSERVATIONS)
-        return _merged(table, element, careful.table(), places) if places else table
+        return merged(table, element, careful.table(), places) if places else table
 
     def _key(self, rows: Ints, shape: Ints) -> pa.Array:
         axis = rows[:, parsing.R_AXIS]
-        return _encoded(np.where(axis >= 0, axis, self._codes[shape, KEY]), list(self._keys))
+        return encoded(np.where(axis >= 0, axis, self._codes[shape, KEY]), list(self._keys))
 
-    def _text_and_attributes(self, rows: Ints, shape: Ints, n_texts: int) -> tuple[pa.Array, pa.Array]:
+    def _text_and_attributes(
+        self, rows: Ints, shape: Ints, n_texts: int
+    ) -> tuple[pa.Array, pa.Array]:
         mapped = self._document.content.mapped
         texts = [mapped[a : a + n].decode() for a, n in self._texts[:n_texts].tolist()]
         level, said = self._codes[shape, LEVEL], rows[:, parsing.R_TEXT]
@@ -250,7 +279,7 @@ class Assembly:
             s, t = divmod(pair, RECORDS)
             attributes.append(json_of({**self._shapes[s].rest, "message": texts[t]}))
         taken = pa.array(attributes, pa.string()).take(pa.array(which))
-        return _encoded(code, _LEVELS + texts), taken
+        return encoded(code, _LEVELS + texts), taken
 
     def _instance(self, element: Ints) -> pa.Array:
         first = np.array([run.first for run in self.runs], np.int64)
@@ -259,21 +288,3 @@ class Assembly:
         run = np.searchsorted(first, element, "right") - 1
         mask = missing[run] if missing.any() else None
         return pa.array(known[run], mask=mask)
-
-
-def _encoded(code: npt.NDArray[np.integer], words: list[str]) -> pa.DictionaryArray:
-    """Words by their number; null where it is negative."""
-    code = code.astype(np.int32, copy=False)
-    absent = code < 0
-    indices = pa.array(code, mask=absent) if absent.any() else pa.array(code)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(words, pa.string()))
-
-
-def _numbers(values: npt.NDArray[np.float64]) -> pa.Array:
-    return pa.array(values, mask=np.isnan(values))
-
-
-def _merged(table: pa.Table, element: Ints, careful: pa.Table, places: list[int]) -> pa.Table:
-    """Both tables in the order of the elements; rows of one element keep theirs."""
-    order = np.argsort(np.concatenate([element, np.array(places, np.int64)]), kind="stable")
-    return pa.concat_tables([table, careful]).unify_dictionaries().combine_chunks().take(order)

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.signals.devices_json import devices_of, items_of
-from pipeline.signals.mtconnect_elements import Asked, device_name, foreign_reason, instance_of
-from pipeline.signals.mtconnect_rows import RECORDS, Entry, Rows, gathered
+from pipeline.signals.mtconnect_elements import instance_of
+from pipeline.signals.mtconnect_rows import RECORDS, Rows, gathered
+from pipeline.signals.mtconnect_streams import Asked, device_name, foreign_reason
 from pipeline.signals.mtconnect_text import content
 from pipeline.signals.mtconnect_tree import Node, bodies, named, part, pascal, plain, word
+from pipeline.signals.mtconnect_values import Entry
 from pipeline.signals.mtconnect_words import (
     BLANK,
     SECTIONS,
-    Malformed,
+    MalformedError,
     Naming,
     Shape,
     json_of,
@@ -46,7 +48,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
     UnreadableFile
         When it is no JSON, or nothing of MTConnect.
     """
-    trees, broken = _trees(content(path).bytes())
+    trees, broken = _trees(content(path).everything())
     model = device_model(source, root)
     names = {device_name(plain(d)) for tree in trees for d in _device_streams(tree)}
     several = source.device is None and (len(names) > 1 or bool(model and model.several))
@@ -80,7 +82,9 @@ def _trees(text: bytes) -> tuple[list[Any], list[tuple[int, str, str]]]:
     return trees, broken
 
 
-def _batches(reader: "_Reader", trees: list[Any], broken: list[tuple[int, str, str]]) -> Iterator[Batch]:
+def _batches(
+    reader: "_Reader", trees: list[Any], broken: list[tuple[int, str, str]]
+) -> Iterator[Batch]:
     known = False
     for tree in trees:
         for document in tree if isinstance(tree, list) else [tree]:
@@ -98,9 +102,8 @@ def _batches(reader: "_Reader", trees: list[Any], broken: list[tuple[int, str, s
 
 def _device_streams(tree: Any) -> Iterator[Node]:
     root = part(tree, "MTConnectStreams") or tree
-    for body in bodies(part(root, "Streams")):
-        # {"Streams": [{"DeviceStream": {...}}]} and {"Streams": {"DeviceStream": [...]}}
-        yield body
+    # {"Streams": [{"DeviceStream": {...}}]} and {"Streams": {"DeviceStream": [...]}}
+    yield from bodies(part(root, "Streams"), "DeviceStream")
 
 
 class _Reader:
@@ -178,7 +181,8 @@ class _Reader:
         if not self._asked.wants(said):
             self._reject(foreign_reason(device), said)
             return
-        for component in bodies(part(stream, "ComponentStreams", "ComponentStream")):
+        components = part(stream, "ComponentStreams", "ComponentStream")
+        for component in bodies(components, "ComponentStream"):
             for key, section in SECTIONS.items():
                 for tag, body in named(part(component, key)):
                     self._observation(section, tag, body, device)
@@ -187,7 +191,7 @@ class _Reader:
     def _observation(self, section: str, tag: str, body: Any, device: str) -> None:
         try:
             if not isinstance(body, dict):
-                raise Malformed("the observation is no JSON object")
+                raise MalformedError("the observation is no JSON object")
             said = {k: v for k, v in body.items() if k not in _VALUES and v is not None}
             timestamp, sequence = said.pop("timestamp", None), said.pop("sequence", None)
             tag = tag.rpartition(":")[2] or _tag(section, said, body)
@@ -201,7 +205,7 @@ class _Reader:
                 _value(body),
             )
             self._place += 1
-        except Malformed as malformed:
+        except MalformedError as malformed:
             self._reject(str(malformed), body)
 
     # Assets and errors --------------------------------------------------------------------------
@@ -209,10 +213,10 @@ class _Reader:
     def _asset(self, tag: str, asset: Any) -> None:
         try:
             if not isinstance(asset, dict) or not part(asset, "assetId"):
-                raise Malformed("the asset has no assetId")
+                raise MalformedError("the asset has no assetId")
             timestamp = word(part(asset, "timestamp")) or self._created
             if not timestamp:
-                raise Malformed("the asset has no timestamp and its document no creationTime")
+                raise MalformedError("the asset has no timestamp and its document no creationTime")
             shape = Shape(
                 data_item=self._asked.naming.label(word(part(asset, "deviceUuid")), None, "asset"),
                 kind="ASSET",
@@ -224,7 +228,7 @@ class _Reader:
             time = nanoseconds(timestamp)
             self.rows.add(shape, time, self._place + 1, self._instance, kind)
             self._place += 1
-        except Malformed as malformed:
+        except MalformedError as malformed:
             self._reject(str(malformed), asset)
 
     def _errors(self, root: Node) -> None:
@@ -261,14 +265,14 @@ def _value(body: Node) -> Any:
         return [_entry(k, v) for k, v in value.items()]
     if isinstance(value, list):
         if any(isinstance(v, (dict, list)) for v in value):
-            raise Malformed("the observation's value is a list of more than numbers")
+            raise MalformedError("the observation's value is a list of more than numbers")
         return " ".join(word(v) for v in value)
     return word(value).strip(BLANK)
 
 
 def _net_entry(entry: Any) -> Entry:
     if not isinstance(entry, dict):
-        raise Malformed("an entry of the data set is no JSON object")
+        raise MalformedError("an entry of the data set is no JSON object")
     key = word(entry.get("key"))
     cells = entry.get("cells")
     if isinstance(cells, list) and all(isinstance(c, dict) for c in cells):
@@ -288,5 +292,5 @@ def _entry(key: str, value: Any) -> Entry:
 
 def _text(value: Any) -> str:
     if isinstance(value, (dict, list)):
-        raise Malformed("an entry of the data set is no plain value")
+        raise MalformedError("an entry of the data set is no plain value")
     return word(value).strip(BLANK)

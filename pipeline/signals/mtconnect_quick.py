@@ -11,15 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.signals import mtconnect_scan as scanning
+from pipeline.signals import mtconnect_tags as tagging
 from pipeline.signals.mtconnect_assemble import Assembly, Run
-from pipeline.signals.mtconnect_elements import (
-    Document,
-    device_name,
-    foreign_reason,
-    instance_of,
-    stray_reason,
-)
+from pipeline.signals.mtconnect_elements import Document, instance_of, stray_reason
 from pipeline.signals.mtconnect_rows import RECORDS
+from pipeline.signals.mtconnect_streams import device_name, foreign_reason
 from pipeline.signals.mtconnect_text import BEGIN, attributes_of
 from pipeline.signals.records import Batch
 
@@ -57,6 +53,7 @@ class Quick:
         self.buffer = np.frombuffer(self.content.mapped, np.uint8)
         self.state = np.zeros(scanning.STATE_SIZE, np.int64)
         self.tags = np.empty((4096, 3), np.int64)
+        self.scratch = np.zeros((3, scanning.SCRATCH), np.int64)
         self.elements = np.empty((RECORDS, scanning.ELEMENT_COLUMNS), np.int64)
         self.assembly = Assembly(document, self.buffer, self.elements)
         self._sound: dict[bytes, dict[str, str] | None] = {}
@@ -65,10 +62,10 @@ class Quick:
         self._reset()
 
     def _reset(self) -> None:
-        self.shapes = np.empty((scanning.SHAPES, scanning.SHAPE_COLUMNS), np.int64)
-        self.slots = np.full(scanning.SLOTS, -1, np.int32)
-        self.guesses = np.full(scanning.GUESSES, -1, np.int32)
-        self.state[scanning.N_SHAPES] = 0
+        self.shapes = np.empty((tagging.SHAPES, tagging.SHAPE_COLUMNS), np.int64)
+        self.slots = np.full(tagging.SLOTS, -1, np.int32)
+        self.guesses = np.full(tagging.GUESSES, -1, np.int32)
+        self.state[tagging.N_SHAPES] = 0
         self.state[scanning.BEFORE] = -1
         self.assembly.forget()
 
@@ -123,16 +120,15 @@ class Quick:
                 )
                 resume = yield from self._stream(run, at, wanted)
                 if resume is not None:
-                    return resume if wanted else Resume(begin, prologue[0])
+                    earlier = resume.at is not None and resume.at < begin
+                    return resume if wanted or earlier else Resume(begin, prologue[0])
                 at = self._after
             if not wanted:
                 self._note(begin, foreign_reason(device_name(said)))
         self._after = end.end()
         return None
 
-    def _stream(
-        self, run: Run, at: int, wanted: bool
-    ) -> Generator[Batch, None, Resume | None]:
+    def _stream(self, run: Run, at: int, wanted: bool) -> Generator[Batch, None, Resume | None]:
         """Scan one device stream, dropping what is not wanted; ``_after`` is where it ended."""
         state = self.state
         state[scanning.LEVEL] = 3
@@ -143,8 +139,10 @@ class Quick:
             stop, end = self._window(at)
             if stop < at:
                 return Resume(at, self._context(run))
-            at, how = scanning.scan(self.buffer, at, stop, end, run.device, state, self.shapes,
-                                    self.slots, self.guesses, self.elements, self.tags)  # fmt: skip
+            at, how = scanning.scan(
+                self.buffer, at, stop, end, run.device, state, self.shapes, self.slots,
+                self.guesses, self.elements, self.tags, *self.scratch,
+            )  # fmt: skip
             unsound = self._unsound_component()
             if unsound is not None:
                 at, state[scanning.N_ELEMENTS] = unsound
@@ -175,19 +173,19 @@ class Quick:
         return (size if self._checked == size else self._checked - MARGIN), self._checked
 
     def _flush(self, run: Run | None = None) -> Generator[Batch, None, Resume | None]:
-        """Hand over what was found; where the careful way has to go on if one was not well formed."""
+        """Hand over what was found; where to go on carefully if one was not well formed."""
         n = self._n()
-        new = int(self.state[scanning.N_SHAPES]) - self.assembly.known
+        new = int(self.state[tagging.N_SHAPES]) - self.assembly.known
         self._worn = new > MANY_SHAPES * max(n, 1000)
-        batch, broken = self.assembly.batch(n, self.shapes, int(self.state[scanning.N_SHAPES]))
+        batch, broken = self.assembly.batch(n, self.shapes, int(self.state[tagging.N_SHAPES]))
         self.state[scanning.N_ELEMENTS] = 0
         if batch.read:
             yield batch
+        self.assembly.restart(None if broken else run, self._place)
         if broken is not None:
             of, at, section, place = broken
             self.document.place = place
             return Resume(at, self._opened(of, 5, section))
-        self.assembly.restart(run, self._place)
         return None
 
     def _context(self, run: Run) -> bytes:
@@ -200,7 +198,7 @@ class Quick:
         return run.prologue + run.tag + component + (_SECTIONS[section] if level > 4 else b"")
 
     def _unsound_component(self) -> tuple[int, int] | None:
-        """The first component stream passed whose tag is not well formed, and the elements before."""
+        """The first component stream whose tag is not well formed, and the elements before it."""
         for begin, end, n in self.tags[: self.state[scanning.N_TAGS]].tolist():
             if self._sound_tag(self.content.mapped[begin:end]) is None:
                 return begin, n

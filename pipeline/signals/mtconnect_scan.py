@@ -1,501 +1,240 @@
 """Compiled scanning of MTConnectStreams as agents write them.
 
-:func:`scan` finds the observations between the tags of a device stream, :func:`values` reads their
-times, sequences and numbers.  Neither decides anything that the careful way would decide otherwise:
-an element in any other form is left to it, either alone (``SLOW``) or with all that follows.
-
-An observation is told by its *shape*: its tag without the values of ``timestamp`` and ``sequence``.
-Shapes repeat, mostly in the same order, so a tag is first compared with the shape that followed
-the one before when it was last seen; only what does not fit is taken apart.
+:func:`scan` finds the observations between the tags of a device stream.  It decides nothing that
+the careful way would decide otherwise: an element in any other form is left to it, either alone or
+with all that follows.
 """
 
-import numba as nb
-import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
+from typing import Any
 
-SHAPES = 1 << 16
-SLOTS = 1 << 18
-GUESSES = 1 << 12
+import numpy as np
+
+from pipeline.signals.mtconnect_bytes import compiled, element_end, is_at, is_space, same
+from pipeline.signals.mtconnect_tags import (
+    ALONE,
+    F_EMPTY,
+    F_SEQUENCE_FIRST,
+    N_SHAPES,
+    ODD_TAG,
+    S_CONTEXT,
+    S_FLAGS,
+    S_NAME,
+    S_NEXT,
+    SHAPE_COLUMNS,
+    TOO_MANY,
+    fits,
+    shape_at,
+    tag_end,
+)
+
 SLOW = -1
 """In place of a shape: -1, -2 or -3 for an element of Samples, Events or Condition left alone."""
 
-# How `scan` ended.
 DEVICE_END, ODD, FULL, STOPPED = 0, 1, 2, 3
+"""How :func:`scan` ended."""
 
-# Columns of the table of shapes.
-S_START, S_CUT1, S_LEN1, S_CUT2, S_LEN2, S_END, S_NAME, S_FLAGS, S_NEXT, S_CONTEXT = range(10)
-SHAPE_COLUMNS = 10
-F_EMPTY, F_SEQUENCE_FIRST = 1, 2
-
-# Columns of the table of elements.
 E_START, E_SHAPE, E_TIME, E_SEQUENCE, E_TEXT, E_END, E_CLOSE = range(7)
 ELEMENT_COLUMNS = 7
+"""Columns of the table of elements; ``E_END`` is the end of the text, ``E_CLOSE`` of all."""
 
-# State that is carried from call to call.
-LEVEL, SECTION, BEFORE, N_SHAPES, N_ELEMENTS, N_TAGS = range(6)
-STATE_SIZE = 6
+LEVEL, SECTION, BEFORE, N_ELEMENTS, N_TAGS = range(N_SHAPES + 1, N_SHAPES + 6)
+STATE_SIZE = N_SHAPES + 6
+"""Places in the state that is carried from call to call."""
 
-_TAGS = tuple(
-    np.frombuffer(t, np.uint8).copy()
-    for t in (
-        b"<ComponentStream ",
-        b"</ComponentStream>",
-        b"</DeviceStream>",
-        b"<Samples>",
-        b"<Events>",
-        b"<Condition>",
-        b"</Samples>",
-        b"</Events>",
-        b"</Condition>",
-    )
+SCRATCH = SHAPE_COLUMNS
+"""Numbers in each of the three arrays that the scanner writes to between two steps."""
+
+_STREAM, _STREAM_END, _DEVICE_END = (
+    np.frombuffer(tag, np.uint8).copy()
+    for tag in (b"<ComponentStream ", b"</ComponentStream>", b"</DeviceStream>")
 )
-_T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8 = _TAGS
-_DEVICE = np.frombuffer(b"DeviceStream ", np.uint8).copy()
-# How far the search may go on when this byte stands where the last of `_DEVICE` would.
-_SKIP = np.full(256, _DEVICE.size, np.int64)
-_SKIP[_DEVICE] = _DEVICE.size - 1 - np.arange(_DEVICE.size)
-
-_TIMESTAMP = np.frombuffer(b"timestamp", np.uint8).copy()
-_SEQUENCE = np.frombuffer(b"sequence", np.uint8).copy()
-
-_jit = nb.njit(cache=True, nogil=True)
+_SAMPLES, _EVENTS, _CONDITION = (
+    np.frombuffer(tag, np.uint8).copy() for tag in (b"<Samples>", b"<Events>", b"<Condition>")
+)
+_SAMPLES_END, _EVENTS_END, _CONDITION_END = (
+    np.frombuffer(tag, np.uint8).copy() for tag in (b"</Samples>", b"</Events>", b"</Condition>")
+)
 
 
-@intrinsic
-def load8(typing_context, buf, at):
-    """Eight bytes of ``buf`` from ``at`` on as one number; they must lie within it."""
-
-    def generate(context, builder, signature, args):
-        array = context.make_array(signature.args[0])(context, builder, args[0])
-        pointer = builder.gep(array.data, [args[1]])
-        wide = builder.bitcast(pointer, ir.IntType(64).as_pointer())
-        word = builder.load(wide)
-        word.align = 1
-        return word
-
-    return types.uint64(buf, types.int64), generate
-
-
-@_jit
-def _is(buf, at, end, word):
-    n = word.size
-    if at + n > end:
-        return False
-    for i in range(n):
-        if buf[at + i] != word[i]:
-            return False
-    return True
+@compiled
+def _section_begin(buf: Any, at: Any, end: Any, state: Any) -> Any:
+    """A section, or the end of the component stream, begins at ``at``; the place after it or -1."""
+    if is_at(buf, at, end, _SAMPLES):
+        state[SECTION], state[LEVEL] = 0, 5
+        return at + _SAMPLES.size
+    if is_at(buf, at, end, _EVENTS):
+        state[SECTION], state[LEVEL] = 1, 5
+        return at + _EVENTS.size
+    if is_at(buf, at, end, _CONDITION):
+        state[SECTION], state[LEVEL] = 2, 5
+        return at + _CONDITION.size
+    if is_at(buf, at, end, _STREAM_END):
+        state[LEVEL] = 3
+        return at + _STREAM_END.size
+    return -1
 
 
-@_jit
-def _same(buf, a, b, n):
-    i = 0
-    while i + 8 <= n:
-        if load8(buf, a + i) != load8(buf, b + i):
-            return False
-        i += 8
-    while i < n:
-        if buf[a + i] != buf[b + i]:
-            return False
+@compiled
+def _section_end(buf: Any, at: Any, end: Any, state: Any) -> Any:
+    """The section ends at ``at``: the place after its tag, -1 when that is another tag."""
+    section = state[SECTION]
+    state[LEVEL] = 4
+    if section == 0 and is_at(buf, at, end, _SAMPLES_END):
+        return at + _SAMPLES_END.size
+    if section == 1 and is_at(buf, at, end, _EVENTS_END):
+        return at + _EVENTS_END.size
+    if section == 2 and is_at(buf, at, end, _CONDITION_END):
+        return at + _CONDITION_END.size
+    state[LEVEL] = 5
+    return -1
+
+
+@compiled
+def _component(buf: Any, at: Any, end: Any, state: Any, tags: Any, cuts: Any, found: Any) -> Any:
+    """A component stream begins at ``at``: the place after its tag, -1 when it is another tag."""
+    if not is_at(buf, at, end, _STREAM):
+        return -1
+    after = tag_end(buf, at, end, cuts, found)
+    if after < 0:
+        return -1
+    n = state[N_TAGS]
+    tags[n, 0], tags[n, 1], tags[n, 2] = at, after, state[N_ELEMENTS]
+    state[N_TAGS] = n + 1
+    if not cuts[S_FLAGS] & F_EMPTY:
+        state[LEVEL] = 4
+    return after
+
+
+@compiled
+def _text_end(buf: Any, at: Any, end: Any, name_at: Any, name: Any, found: Any) -> Any:
+    """The place after the end tag of the element whose text begins at ``at``, -1 for none.
+
+    ``found`` gets the end of the text and whether it is all that is in the element, in plain form.
+    """
+    i = at
+    plain = 1
+    while i < end and buf[i] != 60:
+        c = buf[i]
+        if c < 32 or c == 38 or c == 62:
+            plain = 0
         i += 1
-    return True
+    found[0], found[1] = i, plain
+    close = i + name + 3
+    if close > end:
+        return -1
+    if buf[i + 1] == 47 and buf[close - 1] == 62 and same(buf, i + 2, name_at, name):
+        return close
+    found[1] = 0
+    return element_end(buf, i, end, name_at, name)
 
 
-@_jit
-def _space(c):
-    return c == 32 or c == 10 or c == 13 or c == 9
-
-
-@_jit
-def _name_char(c):
-    return (
-        97 <= c <= 122 or 65 <= c <= 90 or 48 <= c <= 57 or c == 95 or c == 58 or c == 45 or c == 46
+@compiled
+def _observation(
+    buf: Any, at: Any, end: Any, s: Any, state: Any, shapes: Any, elements: Any, cuts: Any,
+    where: Any, found: Any,
+) -> Any:  # fmt: skip
+    """Note the element of shape ``s``; the place after it, -1 when it ends in another form."""
+    name, flags = (
+        (shapes[s, S_NAME], shapes[s, S_FLAGS]) if s >= 0 else (cuts[S_NAME], cuts[S_FLAGS])
     )
-
-
-@_jit
-def _value_end(buf, at, end):
-    """The quote that ends an attribute's value, -1 if something odd comes before."""
-    while at < end:
-        c = buf[at]
-        if c == 34:
-            return at
-        if c < 32 or c == 60:
+    text = where[2]
+    close = found[0] = text
+    found[1] = 1
+    if not flags & F_EMPTY:
+        close = _text_end(buf, text, end, at + 1, name, found)
+        if close < 0:
             return -1
-        at += 1
-    return -1
+    e = state[N_ELEMENTS]
+    elements[e, E_START] = at
+    elements[e, E_SHAPE] = s if found[1] and s >= 0 else SLOW - state[SECTION]
+    first = 1 if flags & F_SEQUENCE_FIRST else 0
+    elements[e, E_TIME] = where[first]
+    elements[e, E_SEQUENCE] = where[1 - first]
+    elements[e, E_TEXT] = text
+    elements[e, E_END] = found[0]
+    elements[e, E_CLOSE] = close
+    state[N_ELEMENTS] = e + 1
+    return close
 
 
-@_jit
-def _tag(buf, at, end, cuts):
-    """Take a start tag apart; ``cuts`` gets where its values lie.
-
-    Returns the place after ``>``, or -1 when the tag is not as agents write it.
-    """
-    i = at + 1
-    while i < end and _name_char(buf[i]):
-        i += 1
-    cuts[S_NAME] = i - at - 1
-    if i == at + 1:
-        return -1
-    first = buf[at + 1]
-    if not (97 <= first <= 122 or 65 <= first <= 90 or first == 95):
-        return -1
-    time_at = -1
-    time_end = -1
-    sequence_at = -1
-    sequence_end = -1
-    flags = 0
-    while i < end:
-        if buf[i] == 62:
-            i += 1
-            break
-        if buf[i] == 47:
-            if i + 1 >= end or buf[i + 1] != 62:
-                return -1
-            flags |= F_EMPTY
-            i += 2
-            break
-        if buf[i] != 32:
-            return -1
-        i += 1
-        name = i
-        while i < end and _name_char(buf[i]):
-            i += 1
-        if i == name:
-            # A blank before the end of the tag.
-            if i < end and (buf[i] == 47 or buf[i] == 62):
-                continue
-            return -1
-        if i + 1 >= end or buf[i] != 61 or buf[i + 1] != 34:
-            return -1
-        length = i - name
-        value = i + 2
-        i = _value_end(buf, value, end)
-        if i < 0:
-            return -1
-        if length == 9 and _is(buf, name, end, _TIMESTAMP):
-            if time_at >= 0:
-                return -1
-            time_at, time_end = value, i
-        elif length == 8 and _is(buf, name, end, _SEQUENCE):
-            if sequence_at >= 0:
-                return -1
-            sequence_at, sequence_end = value, i
-        i += 1
-    else:
-        return -1
-    if time_at < 0 or sequence_at < 0:
-        # Left alone to the careful way.
-        cuts[S_CUT1] = -1
-        cuts[S_FLAGS] = flags
-        cuts[S_END] = i - at
-        return i
-    cuts[S_START] = at
-    if sequence_at < time_at:
-        flags |= F_SEQUENCE_FIRST
-        time_at, sequence_at = sequence_at, time_at
-        time_end, sequence_end = sequence_end, time_end
-    cuts[S_CUT1] = time_at - at
-    cuts[S_LEN1] = time_end - time_at
-    cuts[S_CUT2] = sequence_at - at
-    cuts[S_LEN2] = sequence_end - sequence_at
-    cuts[S_END] = i - at
-    cuts[S_FLAGS] = flags
-    return i
+@compiled
+def full(state: Any, elements: Any) -> Any:
+    """Whether no other element has room."""
+    return state[N_ELEMENTS] >= elements.shape[0]
 
 
-@_jit
-def _fits(buf, at, end, shapes, s, where):
-    """Whether the tag at ``at`` has shape ``s``; ``where`` gets its two values and its end."""
-    start = shapes[s, S_START]
-    n = shapes[s, S_CUT1]
-    if at + shapes[s, S_END] + 64 > end:
-        return False
-    if not _same(buf, at, start, n):
-        return False
-    first = at + n
-    i = _value_end(buf, first, end)
-    if i < 0:
-        return False
-    rest = shapes[s, S_CUT1] + shapes[s, S_LEN1]
-    n = shapes[s, S_CUT2] - rest
-    if i + n + 64 > end or not _same(buf, i, start + rest, n):
-        return False
-    second = i + n
-    i = _value_end(buf, second, end)
-    if i < 0:
-        return False
-    rest = shapes[s, S_CUT2] + shapes[s, S_LEN2]
-    n = shapes[s, S_END] - rest
-    if i + n > end or not _same(buf, i, start + rest, n):
-        return False
-    where[0] = first
-    where[1] = second
-    where[2] = i + n
-    return True
-
-
-@_jit
-def _hash(buf, at, cuts, context):
-    h = np.uint64(14695981039346656037) ^ np.uint64(context)
-    p = np.uint64(1099511628211)
-    a = cuts[S_CUT1]
-    b = a + cuts[S_LEN1]
-    c = cuts[S_CUT2]
-    d = c + cuts[S_LEN2]
-    for i in range(0, a):
-        h = (h ^ np.uint64(buf[at + i])) * p
-    for i in range(b, c):
-        h = (h ^ np.uint64(buf[at + i])) * p
-    for i in range(d, cuts[S_END]):
-        h = (h ^ np.uint64(buf[at + i])) * p
-    return h
-
-
-@_jit
-def _lookup(buf, at, end, shapes, slots, state, cuts, context, where):
-    """The shape of a tag that was taken apart, a new one if need be; -1 when there are too many."""
-    slot = np.int64(_hash(buf, at, cuts, context) & np.uint64(SLOTS - 1))
-    while slots[slot] >= 0:
-        s = slots[slot]
-        if shapes[s, S_CONTEXT] == context and _fits(buf, at, end, shapes, s, where):
-            return s
-        slot = (slot + 1) & (SLOTS - 1)
-    s = state[N_SHAPES]
-    if s >= SHAPES:
-        return -1
-    slots[slot] = s
-    state[N_SHAPES] = s + 1
-    for k in range(SHAPE_COLUMNS):
-        shapes[s, k] = cuts[k]
-    shapes[s, S_NEXT] = s
-    shapes[s, S_CONTEXT] = context
-    where[0] = at + cuts[S_CUT1]
-    where[1] = at + cuts[S_CUT2]
-    where[2] = at + cuts[S_END]
+@compiled
+def _next_shape(
+    buf: Any, at: Any, end: Any, shapes: Any, slots: Any, guesses: Any, state: Any, cuts: Any,
+    context: Any, where: Any, found: Any,
+) -> Any:  # fmt: skip
+    """As :func:`shape_at`, trying first the shape that followed the one before."""
+    before = state[BEFORE]
+    s = shapes[before, S_NEXT] if before >= 0 else ALONE
+    if s < 0 or shapes[s, S_CONTEXT] != context or not fits(buf, at, end, shapes, s, where):
+        s = shape_at(buf, at, end, shapes, slots, guesses, state, cuts, context, where, found)
+        if before >= 0 and s >= 0:
+            shapes[before, S_NEXT] = s
+    if s >= 0:
+        state[BEFORE] = s
     return s
 
 
-@_jit
-def _guess(buf, at, end, context):
-    """A slot for the tag at ``at`` by its name and its first attribute, mostly the item's id."""
-    i = at + 8
-    stop = min(end, at + 200)
-    while i < stop and buf[i] != 34:
-        i += 1
-    i += 1
-    while i < stop and buf[i] != 34:
-        i += 1
-    if i >= stop:
-        return 0
-    h = (load8(buf, at + 1) ^ np.uint64(context + (i - at) * 64)) * np.uint64(0x9E3779B97F4A7C15)
-    h = (h ^ load8(buf, i - 8) ^ (h >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
-    return np.int64(h >> np.uint64(52))
-
-
-@_jit
-def _shape(buf, at, end, shapes, slots, guesses, state, cuts, context, where):
-    """The shape of the tag at ``at``, which begins as one of its kind did when last seen, or not.
-
-    -1 for a tag to leave alone, -2 for one not as agents write it, -3 when there are too many.
-    """
-    slot = _guess(buf, at, end, context)
-    s = guesses[slot]
-    if s >= 0 and shapes[s, S_CONTEXT] == context and _fits(buf, at, end, shapes, s, where):
-        return s
-    i = _tag(buf, at, end, cuts)
-    if i < 0:
-        return -2
-    if cuts[S_CUT1] < 0:
-        where[2] = i
-        return -1
-    s = _lookup(buf, at, end, shapes, slots, state, cuts, context, where)
-    if s < 0:
-        return -3
-    guesses[slot] = s
-    return s
-
-
-@_jit
-def _element_end(buf, at, end, name, length):
-    """The place after ``</name>``; -1 where it is not found or a comment, CDATA, ... comes before."""
-    while at + length + 3 <= end:
-        if buf[at] == 60:
-            c = buf[at + 1]
-            if c == 33 or c == 63:
-                return -1
-            if c == 47 and _same(buf, at + 2, name, length):
-                after = buf[at + 2 + length]
-                if after == 62:
-                    return at + length + 3
-                if not _name_char(after):
-                    return -1
-        at += 1
-    return -1
-
-
-@_jit
-def scan(buf, at, stop, end, device, state, shapes, slots, guesses, elements, tags):
+@compiled
+def scan(
+    buf: Any, at: Any, stop: Any, end: Any, device: Any, state: Any, shapes: Any, slots: Any,
+    guesses: Any, elements: Any, tags: Any, cuts: Any, where: Any, found: Any,
+) -> Any:  # fmt: skip
     """Find observations from ``at`` on until the device stream ends, ``stop`` is passed, or else.
 
     Parameters
     ----------
     buf : uint8[n]
         The file.
+    at, stop, end : int
+        Where to begin, from where on to begin no other element, and where to look no further.
     device : int
         Number of the device; shapes of two devices are never the same.
-    state : int64[6]
+    state : int64[STATE_SIZE]
         Level of nesting (3 device stream, 4 component stream, 5 section) and counts.
+    shapes, slots, guesses : int arrays
+        The shapes known so far, and two ways to find them.
+    elements : int64[:, ELEMENT_COLUMNS]
+        Gets what is found.
     tags : int64[:, 3]
         Gets begin and end of the tags of component streams, and the elements before each.
+    cuts, where, found : int64[SCRATCH]
+        Scratch.
 
     Returns
     -------
     tuple of int
         Where it ended, and how: ``DEVICE_END``, ``ODD``, ``FULL`` or ``STOPPED``.
     """
-    cuts = np.zeros(SHAPE_COLUMNS, np.int64)
-    where = np.zeros(3, np.int64)
-    before = state[BEFORE]
-    room = elements.shape[0]
     while True:
-        while at < end and _space(buf[at]):
+        while at < end and is_space(buf[at]):
             at += 1
-        if at >= stop and at < end:
-            state[BEFORE] = before
+        if stop <= at < end or state[N_TAGS] >= tags.shape[0] or full(state, elements):
             return at, STOPPED
         if at + 2 >= end or buf[at] != 60:
             return at, ODD
         level = state[LEVEL]
         if level == 5 and buf[at + 1] != 47:
-            if state[N_ELEMENTS] >= room:
-                state[BEFORE] = before
-                return at, STOPPED
             context = device * 4 + state[SECTION]
-            s = shapes[before, S_NEXT] if before >= 0 else -1
-            if s < 0 or shapes[s, S_CONTEXT] != context or not _fits(
-                buf, at, end, shapes, s, where
-            ):
-                s = _shape(buf, at, end, shapes, slots, guesses, state, cuts, context, where)
-                if s == -2:
-                    return at, ODD
-                if s == -3:
-                    state[BEFORE] = -1
-                    return at, FULL
-                if s == -1:
-                    s = SLOW - state[SECTION]
-                elif before >= 0:
-                    shapes[before, S_NEXT] = s
-            e = state[N_ELEMENTS]
-            text = where[2]
-            i = text
-            if s >= 0:
-                name = shapes[s, S_NAME]
-                empty = shapes[s, S_FLAGS] & F_EMPTY
-                before = s
-            else:
-                name = cuts[S_NAME]
-                empty = cuts[S_FLAGS] & F_EMPTY
-            if not empty:
-                plain = True
-                while i < end and buf[i] != 60:
-                    c = buf[i]
-                    if c < 32 or c == 38 or c == 62:
-                        plain = False
-                    i += 1
-                if i + name + 3 > end:
-                    return at, ODD
-                close = i + name + 3
-                if not (
-                    buf[i + 1] == 47
-                    and buf[close - 1] == 62
-                    and _same(buf, i + 2, at + 1, name)
-                ):
-                    plain = False
-                    close = _element_end(buf, i, end, at + 1, name)
-                    if close < 0:
-                        return at, ODD
-                if not plain:
-                    s = SLOW - state[SECTION]
-            else:
-                close = i
-            elements[e, E_START] = at
-            elements[e, E_SHAPE] = s
-            if s >= 0 and shapes[s, S_FLAGS] & F_SEQUENCE_FIRST:
-                elements[e, E_SEQUENCE] = where[0]
-                elements[e, E_TIME] = where[1]
-            else:
-                elements[e, E_TIME] = where[0]
-                elements[e, E_SEQUENCE] = where[1]
-            elements[e, E_TEXT] = text
-            elements[e, E_END] = i
-            elements[e, E_CLOSE] = close
-            state[N_ELEMENTS] = e + 1
-            at = close
+            s = _next_shape(
+                buf, at, end, shapes, slots, guesses, state, cuts, context, where, found
+            )
+            if s == TOO_MANY or s == ODD_TAG:  # noqa: SIM109 - a tuple costs time here
+                return at, (FULL if s == TOO_MANY else ODD)
+            after = _observation(buf, at, end, s, state, shapes, elements, cuts, where, found)
         elif level == 5:
-            section = state[SECTION]
-            if section == 0 and _is(buf, at, end, _T6):
-                at += _T6.size
-            elif section == 1 and _is(buf, at, end, _T7):
-                at += _T7.size
-            elif section == 2 and _is(buf, at, end, _T8):
-                at += _T8.size
-            else:
-                return at, ODD
-            state[LEVEL] = 4
+            after = _section_end(buf, at, end, state)
         elif level == 4:
-            if _is(buf, at, end, _T3):
-                state[SECTION] = 0
-                state[LEVEL] = 5
-                at += _T3.size
-            elif _is(buf, at, end, _T4):
-                state[SECTION] = 1
-                state[LEVEL] = 5
-                at += _T4.size
-            elif _is(buf, at, end, _T5):
-                state[SECTION] = 2
-                state[LEVEL] = 5
-                at += _T5.size
-            elif _is(buf, at, end, _T1):
-                state[LEVEL] = 3
-                at += _T1.size
-            else:
-                return at, ODD
-        elif _is(buf, at, end, _T0):
-            if state[N_TAGS] >= tags.shape[0]:
-                state[BEFORE] = before
-                return at, STOPPED
-            i = _tag(buf, at, end, cuts)
-            if i < 0:
-                return at, ODD
-            tags[state[N_TAGS], 0] = at
-            tags[state[N_TAGS], 1] = i
-            tags[state[N_TAGS], 2] = state[N_ELEMENTS]
-            state[N_TAGS] += 1
-            if not cuts[S_FLAGS] & F_EMPTY:
-                state[LEVEL] = 4
-            at = i
-        elif _is(buf, at, end, _T2):
-            state[BEFORE] = before
-            return at + _T2.size, DEVICE_END
+            after = _section_begin(buf, at, end, state)
+        elif is_at(buf, at, end, _DEVICE_END):
+            return at + _DEVICE_END.size, DEVICE_END
         else:
+            after = _component(buf, at, end, state, tags, cuts, found)
+        if after < 0:
             return at, ODD
-
-
-@_jit
-def find_tag(buf, at, end):
-    """The next place of ``DeviceStream `` from ``at`` on, -1 when there is none."""
-    n = _DEVICE.size
-    i = at + n - 1
-    while i < end:
-        c = buf[i]
-        skip = _SKIP[c]
-        if skip == 0:
-            if _is(buf, i - n + 1, end, _DEVICE):
-                return i - n + 1
-            skip = 1
-        i += skip
-    return -1
+        at = after

@@ -22,9 +22,7 @@ FRAGMENT = b"<fragment>"
 """Read first where elements stand side by side without a root."""
 
 _NO_END = expat.ErrorString(expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS])
-BEGIN = re.compile(
-    rb"<\?xml\s|<!DOCTYPE|<(?:[\w.-]+:)?MTConnect(?:Streams|Devices|Assets|Error)\b"
-)
+BEGIN = re.compile(rb"<\?xml\s|<!DOCTYPE|<(?:[\w.-]+:)?MTConnect(?:Streams|Devices|Assets|Error)\b")
 """How a document begins."""
 
 _DECLARED = re.compile(rb"""^\s*<\?xml[^>]{0,200}?\bencoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
@@ -42,7 +40,7 @@ class Content:
         self.size = len(mapped)
         self._counted = (0, 1)
 
-    def bytes(self) -> bytes:
+    def everything(self) -> bytes:
         """All of it."""
         return self.mapped[self.start :]
 
@@ -104,7 +102,8 @@ def _encoding(head: bytes) -> str:
         known = codecs.lookup(name).name
         b"".decode(known)  # refuses codecs that are no text encodings
     except LookupError:
-        raise UnreadableFile(f"the document declares the encoding {name!r}, which is unknown") from None
+        reason = f"the document declares the encoding {name!r}, which is unknown"
+        raise UnreadableFile(reason) from None
     # A declaration in single bytes cannot be UTF-16 whatever it says.
     return "utf-8" if known.startswith("utf-16") or known.startswith("utf-32") else known
 

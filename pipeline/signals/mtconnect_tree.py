@@ -50,9 +50,14 @@ def _is_wrapped(group: Node) -> bool:
     )
 
 
-def bodies(node: Any) -> Iterator[Node]:
-    """Only the objects of :func:`named`."""
-    return (body for _, body in named(node) if isinstance(body, dict))
+def bodies(node: Any, *names: str) -> Iterator[Node]:
+    """The objects among the members of ``node`` that are elements called so, in any form."""
+    for group in node if isinstance(node, list) else [node]:
+        inside = [part(group, name) for name in names]
+        found = [body for body in inside if body is not None] or [group]
+        for body in found:
+            members = body if isinstance(body, list) else [body]
+            yield from (member for member in members if isinstance(member, dict))
 
 
 def pascal(kind: str) -> str:

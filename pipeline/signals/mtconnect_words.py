@@ -16,7 +16,8 @@ from pipeline.signals.devices import DataItem, DeviceModel
 BLANK = " \t\r\n"
 """White space of XML."""
 
-SECTIONS = {"Samples": "SAMPLE", "Events": "EVENT", "Condition": "CONDITION", "Conditions": "CONDITION"}
+SECTIONS = {"Samples": "SAMPLE", "Events": "EVENT", "Condition": "CONDITION",
+            "Conditions": "CONDITION"}  # fmt: skip
 LEVELS = {"normal": "NORMAL", "warning": "WARNING", "fault": "FAULT", "unavailable": None}
 AXES = ("X", "Y", "Z")
 FIRST_YEAR, LAST_YEAR = 1678, 2261
@@ -35,7 +36,7 @@ _EPOCH = date(1970, 1, 1).toordinal()
 Manner = Literal["number", "value", "text", "condition", "series", "set"]
 
 
-class Malformed(ValueError):
+class MalformedError(ValueError):
     """A record that says something that cannot be; the message is the reason to reject it."""
 
 
@@ -91,16 +92,18 @@ def shape_of(section: str, tag: str, said: dict[str, Any], device: str, naming: 
         Its attributes.
     device : str
         The device whose stream it stands in.
+    naming : Naming
+        How items are named.
 
     Raises
     ------
-    Malformed
+    MalformedError
         When it names no item, or a condition no level.
     """
     item_id = _word(said.get("dataItemId") or said.get("itemId")) or None
     name = _word(said.get("name")) or item_id
     if not name:
-        raise Malformed("the observation has neither dataItemId nor name")
+        raise MalformedError("the observation has neither dataItemId nor name")
     item = naming.item(item_id)
     rest = {k: v for k, v in said.items() if k not in _OWN and not k.startswith("xmlns")}
     kind, manner = _kind(section, tag, item)
@@ -108,7 +111,8 @@ def shape_of(section: str, tag: str, said: dict[str, Any], device: str, naming: 
     key = None
     if kind == "CONDITION":
         if tag.lower() not in LEVELS:
-            raise Malformed(f"the condition's level {tag[:60]!r} is none of Normal, Warning, Fault, Unavailable")
+            known = "Normal, Warning, Fault, Unavailable"
+            raise MalformedError(f"the condition's level {tag[:60]!r} is none of {known}")
         level = LEVELS[tag.lower()]
     if kind in ("CONDITION", "MESSAGE") or tag == "Alarm":
         own = "conditionId" if rest.get("conditionId") else "nativeCode"
@@ -159,7 +163,7 @@ def json_of(said: dict[str, Any]) -> str | None:
 
     Raises
     ------
-    Malformed
+    MalformedError
         When they are nested so deeply that nobody could have meant it.
     """
     if not said:
@@ -167,7 +171,7 @@ def json_of(said: dict[str, Any]) -> str | None:
     try:
         return json.dumps(said, ensure_ascii=False, separators=(",", ":"), sort_keys=True)
     except RecursionError:
-        raise Malformed("what it says is nested too deeply") from None
+        raise MalformedError("what it says is nested too deeply") from None
 
 
 def positive(value: Any) -> float:
@@ -175,17 +179,17 @@ def positive(value: Any) -> float:
 
     Raises
     ------
-    Malformed
+    MalformedError
         When it is no positive number.
     """
     number = number_of(str(value))
     if number is None or number <= 0:
-        raise Malformed(f"the sample rate {str(value)[:60]!r} is no positive number of HERTZ")
+        raise MalformedError(f"the sample rate {str(value)[:60]!r} is no positive number of HERTZ")
     return number
 
 
 def number_of(text: str) -> float | None:
-    """The finite decimal number that ``text`` is; None when it is none (``nan``, ``1_0``, ``""``)."""
+    """The finite decimal number that ``text`` is; None for ``nan``, ``1_0``, ``""``, ..."""
     if not _NUMBER.fullmatch(text):
         return None
     value = float(text)
@@ -197,12 +201,12 @@ def sequence_of(text: str) -> int:
 
     Raises
     ------
-    Malformed
+    MalformedError
         When ``text`` is none.
     """
     if _digits(text) and len(text) <= 20 and (n := int(text)) <= LAST_SEQUENCE:
         return n
-    raise Malformed(f"the sequence {text[:60]!r} is no unsigned 64-bit number")
+    raise MalformedError(f"the sequence {text[:60]!r} is no unsigned 64-bit number")
 
 
 def nanoseconds(text: str) -> int:
@@ -212,7 +216,7 @@ def nanoseconds(text: str) -> int:
 
     Raises
     ------
-    Malformed
+    MalformedError
         When ``text`` is no such time, or one outside the years 1678 to 2261.
     """
     fraction = text[20:-1]
@@ -220,7 +224,7 @@ def nanoseconds(text: str) -> int:
         return _seconds(text[:19]) * 1_000_000_000 + int(fraction) * _SCALE[len(fraction)]
     found = _ISO.fullmatch(text)
     if not found:
-        raise Malformed(f"the timestamp {text[:60]!r} is no ISO 8601 time")
+        raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time")
     seconds, fraction, sign, hours, minutes = found.groups()
     away = (int(hours) * 60 + int(minutes or 0)) * 60 if sign else 0
     since = _seconds(seconds) - (away if sign == "+" else -away)
@@ -238,8 +242,8 @@ def _seconds(text: str) -> int:
         hour, minute, second = int(text[11:13]), int(text[14:16]), int(text[17:19])
         days = date(year, month, day).toordinal() - _EPOCH
     except ValueError:
-        raise Malformed(f"the timestamp {text!r} is no ISO 8601 time") from None
+        raise MalformedError(f"the timestamp {text!r} is no ISO 8601 time") from None
     within = hour < 24 and minute < 60 and second <= 60 and FIRST_YEAR <= year <= LAST_YEAR
     if not within or not _ISO.fullmatch(text):
-        raise Malformed(f"the timestamp {text!r} is no ISO 8601 time of the years 1678 to 2261")
+        raise MalformedError(f"the timestamp {text!r} is no ISO 8601 time of 1678 to 2261")
     return days * 86400 + hour * 3600 + minute * 60 + second

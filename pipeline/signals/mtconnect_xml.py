@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.signals.devices import DeviceModel, read_devices
-from pipeline.signals.mtconnect_elements import Asked, Document
-from pipeline.signals.mtconnect_rows import RECORDS, gathered
+from pipeline.signals.mtconnect_elements import Document
+from pipeline.signals.mtconnect_rows import gathered
+from pipeline.signals.mtconnect_streams import Asked
 from pipeline.signals.mtconnect_text import BEGIN, FRAGMENT, Content, content, quoted
 from pipeline.signals.mtconnect_words import Naming
 from pipeline.signals.records import Batch, RecordSource, UnreadableFile
@@ -82,7 +83,8 @@ def device_model(source: RecordSource, root: Path) -> DeviceModel | None:
     try:
         return read_devices(root / source.devices, source.device)
     except UnreadableFile as error:
-        raise UnreadableFile(f"its device document {source.devices} cannot be read: {error}") from None
+        reason = f"its device document {source.devices} cannot be read: {error}"
+        raise UnreadableFile(reason) from None
 
 
 def _several_devices(whole: Content) -> bool:
@@ -102,20 +104,21 @@ def _device_tags(whole: Content) -> Iterator[int]:
         return
     import numpy as np
 
-    from pipeline.signals.mtconnect_scan import find_tag
+    from pipeline.signals.mtconnect_bytes import device_tag
 
     buffer = np.frombuffer(whole.mapped, np.uint8)
-    at = find_tag(buffer, 0, whole.size)
+    at = device_tag(buffer, 0, whole.size)
     while at >= 0:
         yield at
-        at = find_tag(buffer, at + 1, whole.size)
+        at = device_tag(buffer, at + 1, whole.size)
 
 
 def documents(whole: Content, asked: Asked, *, quick: bool) -> Iterator[Batch]:
     """Batches of one document after the other; ``quick`` lets the compiled way try first."""
     document = Document(whole, asked)
     way = _quick_way(document) if quick else None
-    at, begin = whole.start, _first(whole)
+    at: int = whole.start
+    begin: int | None = _first(whole)
     known = False
     while begin is not None:
         document.stray(at, begin)
@@ -167,14 +170,14 @@ def next_document(whole: Content, at: int) -> int | None:
 
 def _is_fragment(whole: Content, begin: int) -> bool:
     root = _ROOT.match(whole.mapped[begin : begin + 4096])
-    return bool(root) and root[1].rpartition(b":")[2] in (b"Device", b"DataItem")
+    return root is not None and root[1].rpartition(b":")[2] in (b"Device", b"DataItem")
 
 
 def _careful(document: Document, begin: int, context: bytes) -> Iterator[Batch]:
     document.begin()
     for _ in document.steps(begin, context):
-        if document.rows.read >= RECORDS:
-            yield document.handed_over()
+        # Rows are objects here: few at a time, or the garbage collector walks them again and again.
+        yield document.handed_over()
     end = document.finished
     document.cut(document.without_root(end) if context == FRAGMENT else end)
     yield document.handed_over()

@@ -2,6 +2,7 @@
 
 import os
 import random
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -86,5 +87,6 @@ def test_observations_a_second(
     )
     assert rows == count == pq.read_metadata(out).num_rows
     rate = count / benchmark.stats.stats.min
-    print(f"\n{'quick' if quick else 'careful'}: {rate / 1e6:.2f} million observations a second")
+    way = "quick" if quick else "careful"
+    sys.stdout.write(f"\n{way}: {rate / 1e6:.2f} million observations a second\n")
     benchmark.extra_info["observations_a_second"] = rate

@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.signals.columns import OBSERVATIONS
+from pipeline.signals.mtconnect_elements import Document
+from pipeline.signals.mtconnect_quick import Quick
 from pipeline.signals.mtconnect_text import content
 from pipeline.signals.mtconnect_xml import asked_of, documents, read
 from pipeline.signals.records import RecordSource, Rejection, UnreadableFile
@@ -27,7 +29,9 @@ FIRST = 8
 """Line of the first observation that `_streams` writes."""
 
 
-def _streams(body: str, device: str = "mill", root: str = "MTConnectStreams", extra: str = "") -> str:
+def _streams(
+    body: str, device: str = "mill", root: str = "MTConnectStreams", extra: str = ""
+) -> str:
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<{root} xmlns="urn:mtconnect.org:x:1.7">\n'
         '<Header creationTime="2024-03-04T10:00:00Z" instanceId="18446744073709551615"/>\n'
@@ -219,7 +223,8 @@ def test_messages_keep_their_code_and_stay_text(tmp_path: Path) -> None:
     body = _section(
         "Events",
         f'<Message dataItemId="m" {STAMP} sequence="1" nativeCode="77">12</Message>',
-        f'<AssetChanged dataItemId="ac" {STAMP} sequence="2" assetType="CuttingTool">T1</AssetChanged>',
+        f'<AssetChanged dataItemId="ac" {STAMP} sequence="2" assetType="CuttingTool">T1'
+        "</AssetChanged>",
     )
     rows, _, _ = _both(_streams(body), tmp_path)
     assert [(r["kind"], r["key"], r["text"]) for r in rows] == [
@@ -344,7 +349,8 @@ def test_broken_xml_ends_a_document_at_its_line(tmp_path: Path, broken: str) -> 
 
 @pytest.mark.parametrize("root", ["MTConnectStreams", "m:MTConnectStreams"])
 def test_elements_outside_the_sections_are_rejected(tmp_path: Path, root: str) -> None:
-    rows, read_, rejected = _both(_streams(_sample() + _section("Samples", _sample()), root=root), tmp_path)
+    text = _streams(_sample() + _section("Samples", _sample()), root=root)
+    rows, read_, rejected = _both(text, tmp_path)
     assert (len(rows), read_) == (1, 2)
     assert "<Position> stands outside" in rejected[0].reason
 
@@ -380,7 +386,10 @@ def test_a_device_document_gives_names_and_representations(tmp_path: Path) -> No
 
 
 def test_assets_keep_their_xml(tmp_path: Path) -> None:
-    asset = '<CuttingTool assetId="T1" timestamp="2024-03-04T10:00:00.5Z"><x:Note>a &lt; b</x:Note></CuttingTool>'
+    asset = (
+        '<CuttingTool assetId="T1" timestamp="2024-03-04T10:00:00.5Z">'
+        "<x:Note>a &lt; b</x:Note></CuttingTool>"
+    )
     text = (
         '<MTConnectAssets><Header creationTime="2024-03-04T10:00:00Z" instanceId="3"/><Assets>'
         f'{asset}<File assetId="F1"/><File/></Assets></MTConnectAssets>'
@@ -475,7 +484,9 @@ def test_more_records_than_fit_a_batch(tmp_path: Path, shapes: str) -> None:
 TEMPLATE = _streams(
     _section("Samples", _sample("1 2 3"), _sample("-4.25", more=' subType="ACTUAL"'))
     + _section("Events", f'<Block dataItemId="b" {STAMP} sequence="3">G1 X2</Block>')
-    + _section("Condition", f'<Fault dataItemId="c" {STAMP} sequence="4" nativeCode="1">hot</Fault>')
+    + _section(
+        "Condition", f'<Fault dataItemId="c" {STAMP} sequence="4" nativeCode="1">hot</Fault>'
+    )
     + _section(
         "Events",
         f'<VDataSet dataItemId="v" {STAMP} sequence="5"><Entry key="a">1</Entry></VDataSet>',
@@ -497,7 +508,7 @@ def mutated(draw: Callable[..., Any]) -> bytes:
     return text[: draw(st.none() | st.integers(0, len(text)))]
 
 
-@settings(max_examples=5000, deadline=None,
+@settings(max_examples=300, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(text=st.binary(max_size=200) | mutated())
 def test_any_bytes_are_read_alike_or_refused_alike(tmp_path: Path, text: bytes) -> None:
@@ -517,6 +528,26 @@ def test_any_bytes_are_read_alike_or_refused_alike(tmp_path: Path, text: bytes) 
         assert refused[0] == refused[1]
 
 
+def _left_to_the_careful_way(path: Path) -> int | None:
+    """Where the quick way stopped, None when it came to the end."""
+    whole = content(path)
+    way = Quick(Document(whole, asked_of(whole, SOURCE, path.parent))).run(whole.start)
+    while True:
+        try:
+            next(way)
+        except StopIteration as end:
+            return end.value.at
+
+
+def test_what_agents_write_never_leaves_the_quick_way(tmp_path: Path) -> None:
+    path = tmp_path / "streams.xml"
+    path.write_bytes(TEMPLATE * 3)
+    assert _left_to_the_careful_way(path) is None
+    path.write_bytes(TEMPLATE + TEMPLATE.replace(b'"b"', b"'b'"))
+    stopped = _left_to_the_careful_way(path)
+    assert stopped == len(TEMPLATE) + TEMPLATE.index(b"<Block")
+
+
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 needs_recordings = pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS names no folder")
 
@@ -525,6 +556,7 @@ needs_recordings = pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS na
 @pytest.mark.parametrize("name", ["qdr_input001.xml", "qdr_input100.xml"])
 def test_both_ways_read_nist_documents_alike(tmp_path: Path, name: str) -> None:
     path = Path(RECORDINGS or "") / "nist_mazak01" / "xml_streams" / name
+    assert _left_to_the_careful_way(path) is None
     rows, read_, rejected = _both(path.read_bytes(), tmp_path)
     assert (read_, rejected) == (path.read_text().count(" sequence="), [])
     assert {r["kind"] for r in rows} == {"SAMPLE", "EVENT", "CONDITION"}
