@@ -29,7 +29,8 @@ class Fleet:
             strangers = set(getattr(self, part)) - set(self.machines)
             if strangers:
                 raise ValueError(
-                    f"fleet.{part} names {sorted(strangers)}, which fleet.machines does not: add it there"
+                    f"fleet.{part} names {sorted(strangers)}, which fleet.machines does not: "
+                    "add it there"
                 )
 
 

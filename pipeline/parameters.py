@@ -1,11 +1,20 @@
-"""The only file that opens params.yaml: one section, typed, unknown keys refused."""
+"""The only file that opens params.yaml: one section, typed, unknown keys refused.
 
+What a value is not is never made of it: no word becomes a truth value or a list of letters, no
+fraction a whole number.
+"""
+
+from collections.abc import Callable
+from dataclasses import is_dataclass
+from datetime import date
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin
 
 import cattrs
 import yaml
 from cattrs import transform_error
+from cattrs.v import format_exception
 
 T = TypeVar("T")
 
@@ -25,7 +34,9 @@ def read_params(path: Path = PARAMS) -> dict[str, Any]:
         When the file is missing or is no YAML mapping.
     """
     if not path.exists():
-        raise ParametersError(f"{path} does not exist: run `dvc repro compose` to write it from conf/")
+        raise ParametersError(
+            f"{path} does not exist: run `dvc repro compose` to write it from conf/"
+        )
     try:
         values = yaml.safe_load(path.read_text())
     except yaml.YAMLError as error:
@@ -36,8 +47,20 @@ def read_params(path: Path = PARAMS) -> dict[str, Any]:
 
 
 def section_path(values: dict[str, Any], name: str, item: str | None) -> str:
-    """Key path of the section ``name``: ``machine.<item>.<name>`` where the machine has one."""
-    machine = values.get("machine", {}).get(item, {}) if item else {}
+    """Key path of the section ``name``: ``machine.<item>.<name>`` where the machine has one.
+
+    Raises
+    ------
+    ParametersError
+        When there is no machine called ``item``.
+    """
+    machines = values.get("machine") or {}
+    if item and item not in machines:
+        raise ParametersError(
+            f"params.yaml has no section machine.{item}, known machines are {sorted(machines)}: "
+            "name it in conf/fleet/ and run `dvc repro compose`"
+        )
+    machine = (machines[item] or {}) if item else {}
     return f"machine.{item}.{name}" if name in machine else name
 
 
@@ -57,9 +80,75 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
                 f"params.yaml has no section {path}: add it in conf/ and run `dvc repro compose`"
             )
         found = found[key]
-    converter = cattrs.Converter(forbid_extra_keys=True)
+    if is_dataclass(wanted) and not isinstance(found, dict):
+        raise ParametersError(f"params.yaml, {path} is {found!r}, a mapping of keys is needed")
     try:
-        return converter.structure(found, wanted)
+        return _converter().structure(found, wanted)
     except (cattrs.BaseValidationError, ValueError, TypeError) as error:
-        reasons = "; ".join(transform_error(error, path=path))
+        reasons = "; ".join(transform_error(error, path=path, format_exception=_reason))
         raise ParametersError(f"params.yaml, {reasons}") from error
+
+
+def _reason(error: BaseException, wanted: type | None) -> str:
+    """What is wrong with a value; the words of the class that refused it where it said some."""
+    if type(error) in (ValueError, TypeError):
+        return str(error)
+    return format_exception(error, wanted)
+
+
+def _truth(value: Any, _: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{value!r} is neither true nor false")
+    return value
+
+
+def _whole(value: Any, _: Any) -> int:
+    whole = isinstance(value, int | float) and float(value).is_integer()
+    if isinstance(value, bool) or not whole:
+        raise ValueError(f"{value!r} is no whole number")
+    return int(value)
+
+
+def _number(value: Any, _: Any) -> float:
+    # YAML 1.1 reads 1e-3, without a dot, as a word
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{value!r} is no number")
+    try:
+        return float(value)
+    except ValueError as error:
+        raise ValueError(f"{value!r} is no number") from error
+
+
+def _word(value: Any, _: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, str | int | float | date):
+        raise ValueError(f"{value!r} is no word")
+    return str(value)
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    converter = cattrs.Converter(forbid_extra_keys=True)
+    hooks: dict[type, Callable[[Any, Any], Any]] = {
+        bool: _truth, int: _whole, float: _number, str: _word
+    }  # fmt: skip
+    for scalar, hook in hooks.items():
+        converter.register_structure_hook(scalar, hook)
+    plain: set[Any] = set()
+
+    def is_list(wanted: Any) -> bool:
+        return get_origin(wanted) in (tuple, list) and wanted not in plain
+
+    def listed(wanted: Any, converter: cattrs.Converter) -> Callable[[Any, Any], Any]:
+        plain.add(wanted)
+        of_list = converter.get_structure_hook(wanted, cache_result=False)
+        plain.remove(wanted)
+
+        def hook(value: Any, _: Any) -> Any:
+            if not isinstance(value, list | tuple):
+                raise ValueError(f"{value!r} is no list")
+            return of_list(value, wanted)
+
+        return hook
+
+    converter.register_structure_hook_factory(is_list, listed)
+    return converter

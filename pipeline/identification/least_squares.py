@@ -17,7 +17,7 @@ class Certainty:
     covariance : ndarray, shape (D, D)
         Of the parameters, robust against residuals that hang together within a block.
     half_width : ndarray, shape (D,)
-        Half of the 95 % interval.
+        Half of the 95 % interval; infinite when there are no more blocks than parameters.
     condition : float
         Condition number of the Jacobian with columns scaled to length one.
     correlation : ndarray, shape (D, D)
@@ -60,6 +60,9 @@ def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) ->
     order = np.argsort(blocks, kind="stable")
     starts = np.flatnonzero(np.diff(blocks[order], prepend=blocks[order][0] - 1))
     sums = np.add.reduceat(scores[order], starts, axis=0)
+    # B blocks span at most B - 1 directions at an optimum: without more than D of them the middle
+    # of the sandwich knows nothing of some direction, and would call it certain
+    enough = n_blocks > n
     freedom = max(n_blocks - n, 1)
     covariance = inverse @ (sums.T @ sums) @ inverse * (n_blocks / freedom)
     covariance /= np.outer(scale, scale)
@@ -67,7 +70,7 @@ def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) ->
     safe = np.where(deviation > 0, deviation, 1.0)
     return Certainty(
         covariance=covariance,
-        half_width=student.ppf(0.975, freedom) * deviation,
+        half_width=student.ppf(0.975, freedom) * deviation if enough else np.full(n, np.inf),
         condition=condition,
         correlation=covariance / np.outer(safe, safe),
     )

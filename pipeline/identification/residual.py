@@ -48,14 +48,20 @@ class ForestSettings:
     def __post_init__(self) -> None:
         for name in ("trees", "depth", "leaf", "folds", "window_s", "every_s", "sample_s"):
             if not getattr(self, name) > 0:
-                raise ValueError(
-                    f"residual_forest.{name} = {getattr(self, name)} must be positive"
-                )
+                raise ValueError(f"residual_forest.{name} = {getattr(self, name)} must be positive")
+        if self.folds < 2:
+            raise ValueError(
+                f"residual_forest.folds = {self.folds} must be at least 2: "
+                "a forest is judged on days that it did not learn from"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Examples:
-    """Training examples: ``x`` (N, features), ``error`` (N,) measured - network [K], ``day`` (N,)."""
+    """Training examples.
+
+    ``x`` (N, features), ``error`` (N,) measured minus network [K], ``day`` (N,).
+    """
 
     x: Floats
     error: Floats
@@ -75,9 +81,9 @@ def examples(
         nodes = free_run(piece, records, network)
         body = nodes[1] if len(nodes) == 2 else None
         measured = piece.frame[TARGET].to_numpy(float)
-        length = int(settings.window_s / piece.step)
-        take = int(max(settings.sample_s / piece.step, 1))
-        for start in range(0, len(measured), int(max(settings.every_s / piece.step, 1))):
+        length = max(round(settings.window_s / piece.step), 1)
+        take = max(round(settings.sample_s / piece.step), 1)
+        for start in range(0, len(measured), max(round(settings.every_s / piece.step), 1)):
             if np.isnan(measured[start]):
                 continue
             physics = from_measured(piece, start, length, records, network, body)[take::take]
@@ -86,7 +92,7 @@ def examples(
                 inputs.iloc[rows],
                 physics,
                 measured[start],
-                (rows - start) * piece.step,
+                (rows - start).astype(float) * piece.step,
                 records.sources,
                 records.extra,
             )
@@ -94,15 +100,20 @@ def examples(
             x.append(found[known])
             error.append((measured[rows] - physics)[known])
             day.append(np.full(int(known.sum()), piece.day))
-    if not x:
+    if not sum(map(len, error)):
         raise ValueError("no window starts from a measured temperature: record a working day")
     return Examples(x=np.concatenate(x), error=np.concatenate(error), day=np.concatenate(day))
 
 
-def _forest(settings: ForestSettings) -> "RandomForestRegressor":
+def _forest(x: Floats, error: Floats, settings: ForestSettings) -> "RandomForestRegressor":
+    """A forest fitted by all cores that predicts on one.
+
+    Threads that predict add the trees up in the order in which they happen to finish, so that the
+    last bits of a prediction would differ from run to run.
+    """
     from sklearn.ensemble import RandomForestRegressor
 
-    return RandomForestRegressor(
+    forest = RandomForestRegressor(
         n_estimators=settings.trees,
         max_depth=settings.depth,
         min_samples_leaf=settings.leaf,
@@ -110,6 +121,7 @@ def _forest(settings: ForestSettings) -> "RandomForestRegressor":
         random_state=settings.seed,
         n_jobs=-1,
     )
+    return forest.fit(x, error).set_params(n_jobs=1)
 
 
 def _days_left_out(
@@ -122,7 +134,7 @@ def _days_left_out(
     left = np.empty(len(data.error))
     for group in groups:
         judged = np.isin(data.day, group)
-        forest = _forest(settings).fit(data.x[~judged], data.error[~judged])
+        forest = _forest(data.x[~judged], data.error[~judged], settings)
         left[judged] = data.error[judged] - forest.predict(data.x[judged])
     with_forest = [np.mean(left[data.day == day] ** 2) for day in days]
     without = [np.mean(data.error[data.day == day] ** 2) for day in days]
@@ -148,7 +160,7 @@ def train_residual_forest(
     with_forest, without = _days_left_out(data, days, settings)
     used = gains(without, with_forest)
     model = ResidualForest(
-        forest=_forest(settings).fit(data.x, data.error),
+        forest=_forest(data.x, data.error, settings),
         sources=tuple(records.sources),
         extra=tuple(records.extra),
     )
@@ -163,6 +175,11 @@ def train_residual_forest(
         "why": why,
         "days": [str(d) for d in days],
         "examples": len(data.error),
-        "rmse_days_left_out_K": round(float(np.sqrt(np.mean(with_forest))), 4) if days[1:] else None,
-        "rmse_without_K": round(float(np.sqrt(np.mean(without))), 4) if days[1:] else None,
+        "rmse_days_left_out_K": _rmse(with_forest),
+        "rmse_without_K": _rmse(without),
     }
+
+
+def _rmse(by_day: Floats) -> float | None:
+    """Root of the mean over days [K]; None when no day was left out."""
+    return round(float(np.sqrt(np.mean(by_day))), 4) if len(by_day) else None

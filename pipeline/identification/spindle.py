@@ -14,48 +14,29 @@ import numpy as np
 
 from pipeline.identification.days import gains
 from pipeline.identification.least_squares import Certainty, Floats, certainty
+from pipeline.identification.spindle_problem import (
+    AMBIENT_BOUNDS,
+    OFFSET_BOUNDS,
+    RATE_BOUNDS,
+    RATIO_BOUNDS,
+    Problem,
+    SpindleFitSettings,
+)
 from pipeline.signals.windows import Stretch
-from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
-from pipeline.twin.spindle import TARGET, SpindleRecords, ambient_of, free_run, from_measured, heat_of
+from pipeline.thermal.network import SOURCES, SpindleThermalParameters
+from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
+from pipeline.twin.spindle_model import window_starts
 
-
-@dataclass(frozen=True, kw_only=True)
-class SpindleFitSettings:
-    """How the network is fitted.
-
-    Parameters
-    ----------
-    step_s : float
-        Step of the simulation [s].
-    bridge_s : float
-        Unknown inputs are held this long [s]; a longer gap ends a stretch.
-    shortest_s : float
-        Stretches and working days shorter than this are not used [s].
-    window_s : float
-        Length of the windows that days left out are judged on, and of the blocks within which
-        residuals hang together [s].
-    outlier_K : float
-        Residuals beyond this count less (soft L1).
-    nodes : tuple of int
-        Numbers of nodes to try.
-    time_constants_s : tuple of float
-        Time constants from which the fit starts; the best end is kept.
-    """
-
-    step_s: float = 10.0
-    bridge_s: float = 600.0
-    shortest_s: float = 3600.0
-    window_s: float = 3600.0
-    outlier_K: float = 1.0
-    nodes: tuple[int, ...] = (1, 2)
-    time_constants_s: tuple[float, ...] = (300.0, 1500.0, 7200.0)
-
-    def __post_init__(self) -> None:
-        for name in ("step_s", "shortest_s", "window_s", "outlier_K"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"spindle_fit.{name} = {getattr(self, name)} must be positive")
-        if not self.nodes or set(self.nodes) - {1, 2}:
-            raise ValueError(f"spindle_fit.nodes = {self.nodes} must be 1, 2 or both")
+__all__ = [
+    "SpindleFit",
+    "SpindleFitSettings",
+    "days_left_out",
+    "fit_network",
+    "identify_spindle_network",
+    "is_determined",
+    "solve",
+    "window_errors",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +44,8 @@ class SpindleFit:
     """The network found, and how sure it is.
 
     ``names``, ``values`` and ``half_width`` are in the order of the fit, in the units of
-    :class:`SpindleThermalParameters`; rates carry the interval of their logarithm in
-    ``log_half_width``.  ``left_out`` says for each source why it is not determined.
+    the fit: the logarithm of rates and of the capacity ratio, a source's heating [K/s] at its root
+    mean square over the records.  ``left_out`` says for each source why it is not determined.
     """
 
     parameters: SpindleThermalParameters
@@ -77,96 +58,12 @@ class SpindleFit:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-RATE_BOUNDS = (1 / (7 * 86400), 1 / 20)  # [1/s]: a week to 20 s covers any spindle's time constants
-RATIO_BOUNDS = (1e-3, 10.0)  # [1] of the measured node's capacity to the body's
-AMBIENT_BOUNDS = (-20.0, 60.0)  # [degC]
-OFFSET_BOUNDS = (-20.0, 30.0)  # [K]
-HEATING_BOUND = 1.0  # [K/s] at a source's root mean square: no motor heats faster
+def excited(pieces: Sequence[Stretch], sources: Sequence[str]) -> list[str]:
+    """Those of ``sources`` that are ever above 0 in ``pieces``."""
+    return [name for name in sources if any((p.frame[name] > 0).any() for p in pieces)]
 
 
-class _Problem:
-    """One least-squares problem: which sources, how many nodes, over which stretches."""
-
-    def __init__(
-        self,
-        pieces: Sequence[Stretch],
-        records: SpindleRecords,
-        settings: SpindleFitSettings,
-        sources: Sequence[str],
-        nodes: int,
-    ) -> None:
-        self.pieces, self.records, self.settings = pieces, records, settings
-        self.sources, self.nodes = list(sources), nodes
-        heat = np.concatenate([heat_of(p.frame) for p in pieces])
-        rms = np.sqrt(np.mean(heat**2, axis=0))
-        self.scale = {name: float(rms[list(SOURCES).index(name)]) for name in self.sources}
-        self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
-        self.surround = "ambient_offset" if records.ambient else "ambient"
-        shares = [] if nodes == 1 else ["capacity_ratio"]
-        self.names = [*self.rates, *shares, self.surround, *self.sources]
-        block = 0
-        blocks, masks = [], []
-        for piece in pieces:
-            n = len(piece.frame)
-            blocks.append(block + np.arange(n) * piece.step // settings.window_s)
-            block = int(blocks[-1][-1]) + 1
-            masks.append(piece.frame[TARGET].notna().to_numpy())
-        self.measured = [p.frame[TARGET].to_numpy(float) for p in pieces]
-        self.heat = [heat_of(p.frame) for p in pieces]
-        self.surrounds = [ambient_of(p.frame, records) for p in pieces]
-        self.masks = masks
-        self.blocks = np.concatenate([b[m] for b, m in zip(blocks, masks, strict=True)]).astype(int)
-
-    def bounds(self) -> tuple[Floats, Floats]:
-        low, high = [], []
-        for name in self.names:
-            if name in self.rates:
-                a, b = np.log(RATE_BOUNDS)
-            elif name == "capacity_ratio":
-                a, b = np.log(RATIO_BOUNDS)
-            elif name == self.surround:
-                a, b = OFFSET_BOUNDS if self.records.ambient else AMBIENT_BOUNDS
-            else:
-                a, b = 0.0, HEATING_BOUND
-            low.append(a)
-            high.append(b)
-        return np.array(low), np.array(high)
-
-    def start(self, time_constant: float) -> Floats:
-        first = float(np.median([t[m].min() for t, m in zip(self.measured, self.masks, strict=True)]))
-        guess = {
-            "cooling_rate": -np.log(time_constant),
-            "coupling_rate": -np.log(time_constant),
-            "body_cooling_rate": -np.log(8 * time_constant),
-            "capacity_ratio": np.log(0.2),
-            "ambient": np.clip(first, *AMBIENT_BOUNDS),
-            "ambient_offset": 0.0,
-        }
-        low, high = self.bounds()
-        x = np.array([guess.get(name, 2.0 / time_constant) for name in self.names])
-        return np.clip(x, low + 1e-9, high - 1e-9)
-
-    def parameters(self, x: Floats) -> SpindleThermalParameters:
-        value = dict(zip(self.names, x, strict=True))
-        logs = [*self.rates, "capacity_ratio"]
-        plain = {k: float(np.exp(v) if k in logs else v) for k, v in value.items()}
-        heating = {s: plain.pop(s) / self.scale[s] for s in self.sources}
-        plain.setdefault("cooling_rate", 0.0)
-        return SpindleThermalParameters(heating=heating, **plain)
-
-    def residuals(self, x: Floats) -> Floats:
-        parameters = self.parameters(x)
-        return np.concatenate(
-            [
-                (temperatures(h, t[0], parameters, p.step, ambient=a)[0] - t)[m]
-                for p, h, a, t, m in zip(
-                    self.pieces, self.heat, self.surrounds, self.measured, self.masks, strict=True
-                )
-            ]
-        )
-
-
-def _solve(problem: _Problem, starts: Sequence[Floats]) -> SpindleFit:
+def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
     """Best end of several starts, with its certainty."""
     from scipy.optimize import approx_fprime, least_squares
 
@@ -184,14 +81,15 @@ def _solve(problem: _Problem, starts: Sequence[Floats]) -> SpindleFit:
     ]
     best = min(ends, key=lambda end: end.cost)
     r = problem.residuals(best.x)
-    # soft L1 scales residual and Jacobian by rho'(z)^(1/2) = (1 + z)^(-1/4)
-    weight = (1 + (r / settings.outlier_K) ** 2) ** -0.25
-    jacobian = approx_fprime(best.x, problem.residuals, 1e-6)
+    # An M-estimator's sandwich (Huber 1964): scores J' psi with psi = r (1 + z)^(-1/2) for soft
+    # L1, curvature J' diag(psi') J with psi' = (1 + z)^(-3/2); split so that both come out.
+    z = (r / settings.outlier_K) ** 2
+    jacobian = approx_fprime(best.x, problem.residuals, 1e-6) * ((1 + z) ** -0.75)[:, None]
     return SpindleFit(
         parameters=problem.parameters(best.x),
         names=tuple(problem.names),
         values=best.x,
-        sure=certainty(jacobian * weight[:, None], r * weight, problem.blocks),
+        sure=certainty(jacobian, r * (1 + z) ** 0.25, problem.blocks),
         cost=float(best.cost),
         rmse_K=float(np.sqrt(np.mean(r**2))),
         evaluations=sum(end.nfev for end in ends) * (len(problem.names) + 1),
@@ -215,25 +113,21 @@ def fit_network(
             "or name other training days in the machine's spindle section"
         )
     left_out: dict[str, str] = {}
-    share = np.concatenate([heat_of(p.frame) for p in pieces])
-    share = (share > 0).mean(axis=0)
-    sources = []
+    sources = excited(pieces, records.sources)
     for name in records.sources:
-        if share[list(SOURCES).index(name)] == 0:
+        if name not in sources:
             left_out[name] = "the records never excite it"
-        else:
-            sources.append(name)
     while True:
-        problem = _Problem(pieces, records, settings, sources, nodes)
-        fit = _solve(problem, [problem.start(t) for t in settings.time_constants_s])
+        problem = Problem(pieces, records, settings, sources, nodes)
+        fit = solve(problem, [problem.start(t) for t in settings.time_constants_s])
         weakest, ratio = _weakest(fit, sources)
         if weakest is None or ratio > 1:
             return replace(fit, left_out=left_out)
         i = fit.names.index(weakest)
-        scale = fit.parameters.heating[weakest] / fit.values[i] if fit.values[i] else 0.0
-        width = fit.sure.half_width[i] * scale
+        width = fit.sure.half_width[i] / problem.scale[weakest]
         left_out[weakest] = (
-            f"its 95 % interval {fit.values[i] * scale:.2g} ± {width:.2g} {SOURCES[weakest]} holds 0"
+            f"its 95 % interval {fit.parameters.heating[weakest]:.2g} ± {width:.2g} "
+            f"{SOURCES[weakest]} holds 0"
         )
         sources.remove(weakest)
 
@@ -245,7 +139,8 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
         i = fit.names.index(name)
         width = fit.sure.half_width[i]
         at_bound = fit.values[i] < 1e-9
-        ratios[name] = 0.0 if at_bound or not np.isfinite(width) else fit.values[i] / max(width, 1e-300)
+        unknown = at_bound or not np.isfinite(width)
+        ratios[name] = 0.0 if unknown else fit.values[i] / max(width, 1e-300)
     if not ratios:
         return None, np.inf
     weakest = min(ratios, key=lambda name: ratios[name])
@@ -261,17 +156,16 @@ def window_errors(
     """Errors [K] over windows that start from a measured temperature, shape (samples,)."""
     errors = []
     for piece in pieces:
-        length = int(settings.window_s / piece.step)
+        length = max(round(settings.window_s / piece.step), 1)
         nodes = free_run(piece, records, parameters)
         body = nodes[1] if len(nodes) == 2 else None
         measured = piece.frame[TARGET].to_numpy(float)
-        for start in range(0, len(measured), length):
-            if np.isnan(measured[start]):
-                continue
+        for start in window_starts(measured, length):
             found = from_measured(piece, start, length, records, parameters, body)
             errors.append(found - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])
-    return joined[np.isfinite(joined)]
+    known: Floats = joined[np.isfinite(joined)]
+    return known
 
 
 def days_left_out(
@@ -282,8 +176,9 @@ def days_left_out(
 ) -> Floats:
     """Mean squared error [K^2] over windows of each day under a network fitted on the others.
 
-    The sources and the start are those of ``whole``, the fit on all days.  Shape (days,), empty
-    when there is one day only.
+    The sources and the start are those of ``whole``, the fit on all days; a source that only the
+    day left out excites is not known to the others and stays 0.  Shape (days,), empty when there is
+    one day only.
     """
     days = sorted({p.day for p in pieces})
     if len(days) < 2:
@@ -291,10 +186,9 @@ def days_left_out(
     errors = []
     for day in days:
         others = [p for p in pieces if p.day != day]
-        problem = _Problem(
-            others, records, settings, list(whole.parameters.heating), whole.parameters.nodes
-        )
-        fit = _solve(problem, [np.clip(whole.values, *problem.bounds())])
+        sources = excited(others, list(whole.parameters.heating))
+        problem = Problem(others, records, settings, sources, whole.parameters.nodes)
+        fit = solve(problem, [problem.position(whole.parameters)])
         judged = [p for p in pieces if p.day == day]
         errors.append(window_errors(judged, records, settings, fit.parameters))
     return np.array([np.mean(e**2) for e in errors if len(e)])
@@ -336,6 +230,7 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     if name in SOURCES:
         return True
     if name in ("ambient", "ambient_offset"):
-        return bool(width < 5.0)
+        low, high = AMBIENT_BOUNDS if name == "ambient" else OFFSET_BOUNDS
+        return bool(width < 5.0 and low + 1e-3 < value < high - 1e-3)
     low, high = np.log(RATIO_BOUNDS if name == "capacity_ratio" else RATE_BOUNDS)
     return bool(width < np.log(3) and low + 1e-3 < value < high - 1e-3)

@@ -1,8 +1,8 @@
 """What is stored of an identified spindle: numbers, intervals, and what they were found from."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from pipeline.twin.spindle_model import network_document
 HOW = "bounded least squares (soft L1) on free runs over the training days"
 
 REMEDY = {
-    "bearing_friction": "record the spindle turning without load at several speeds, 20 minutes each",
+    "bearing_friction": "record the spindle turning free at several speeds, 20 minutes each",
     "load_speed": "record cuts at several loads and speeds of some minutes each",
     "copper": "record heavy cuts of some minutes, or the motor's current",
     "windage": "record the spindle near its highest speed, 20 minutes",
@@ -68,7 +68,7 @@ def spindle_document(
             "nodes": fit.parameters.nodes,
             "rmse_K": round(fit.rmse_K, 4),
             "rmse_days_left_out_K": {str(n): round(s, 4) for n, s in scores.items()},
-            "condition": round(fit.sure.condition, 3),
+            "condition": round(fit.sure.condition, 3) if np.isfinite(fit.sure.condition) else None,
             "correlation": {
                 "names": list(fit.names),
                 "values": np.round(fit.sure.correlation, 3).tolist(),
@@ -79,7 +79,7 @@ def spindle_document(
         },
         "training_days": sorted({p.day for p in pieces}),
         "found_from": [
-            {"file": f"{f.parent.name}/{f.name}", "sha256": hashlib.sha256(f.read_bytes()).hexdigest()}
+            {"file": f"{f.parent.name}/{f.name}", "sha256": sha256(f.read_bytes()).hexdigest()}
             for f in files
         ],
     }
@@ -99,12 +99,15 @@ def _found(fit: SpindleFit) -> dict[str, Any]:
             low, high, value = (value - width) * scale, (value + width) * scale, value * scale
         else:
             low, high = value - width, value + width
-        entry = {"unit": SOURCES.get(name, units.get(name, "1/s")), "how": HOW}
+        entry: dict[str, Any] = {"unit": SOURCES.get(name, units.get(name, "1/s")), "how": HOW}
         if is_determined(fit, name):
             interval = [float(f"{low:.4g}"), float(f"{high:.4g}")]
             entry |= {"value": float(f"{value:.5g}"), "interval_95": interval, "determined": True}
         else:
-            why = f"at a bound or with a 95 % interval wider than the model bears, {low:.2g} to {high:.2g}"
+            why = (
+                "at a bound or with a 95 % interval wider than the model bears, "
+                f"{low:.2g} to {high:.2g}"
+            )
             entry |= {"value": None, "interval_95": None, "determined": False, "how": why}
         found[name] = entry
     return found

@@ -74,7 +74,7 @@ def _total(rows: list[Any] | None, place: int) -> int | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """The report that this one is compared with: its key figures by machine, or why there is none."""
+    """What this report is compared with: key figures by machine, or why there are none."""
 
     machines: dict[str, Any] | None
     why_not: str = ""

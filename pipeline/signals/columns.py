@@ -142,8 +142,9 @@ def column(name: str) -> Column:
     if name not in COLUMNS:
         import difflib
 
-        near = ", ".join(difflib.get_close_matches(name, COLUMNS)) or "see pipeline/signals/columns.py"
-        raise ValueError(f"signal {name!r} is not in the table of signals; did you mean {near}?")
+        near = ", ".join(difflib.get_close_matches(name, COLUMNS))
+        hint = f"did you mean {near}?" if near else "they are listed in pipeline/signals/columns.py"
+        raise ValueError(f"signal {name!r} is not in the table of signals; {hint}")
     return COLUMNS[name]
 
 
@@ -187,4 +188,4 @@ REJECTED = pa.schema(
         pa.field("excerpt", pa.string()),
     ]
 )
-"""What could not be read: file, line (or record, null for the whole file), reason, its beginning."""
+"""What could not be read: file, line (null for the whole file), reason, its beginning."""

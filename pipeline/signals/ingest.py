@@ -5,33 +5,47 @@ parameters it was read with.  Only what changed is read again; what vanished is 
 is the one that a build from nothing gives.
 """
 
-import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.signals.columns import REJECTED
+from pipeline.signals.manifest import (
+    Entry,
+    parquet_name,
+    read_manifest,
+    read_rejections,
+    tidy,
+    whole,
+    write_data_items,
+    write_manifest,
+    write_runs,
+)
+from pipeline.signals.raw_files import RawFile, raw_files
 from pipeline.signals.records import RecordSource, Rejection, Trace, UnreadableFile
+from pipeline.signals.store import write_observations, write_rejected
 
 READERS = {
-    "shdr": "shdr",
-    "mtconnect_xml": "mtconnect_xml",
-    "mtconnect_json": "mtconnect_json",
-    "csv": "csv_table",
-    "parquet": "parquet_table",
-    "matlab": "matlab",
-    "hdf5": "hdf5",
-    "tdms": "tdms",
+    "shdr": "shdr.log",
+    "mtconnect_xml": "mtconnect.xml_document",
+    "mtconnect_json": "mtconnect.json_document",
+    "csv": "tables.csv_table",
+    "parquet": "tables.parquet_table",
+    "matlab": "tables.matlab",
+    "hdf5": "tables.hdf5",
+    "tdms": "tables.tdms",
 }
 """Module of each format; those of tables return one Trace, the others batches of observations."""
 
 OBSERVING = {"shdr", "mtconnect_xml", "mtconnect_json"}
+
+NOT_NAMED = "no source in the machine's file in conf/machine/ names it"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +81,7 @@ class MachineIdentity:
 class Outcome:
     """What became of one raw file: its entry in the manifest, and its rejections."""
 
-    entry: dict[str, Any]
+    entry: Entry
     rejected: list[Rejection]
 
 
@@ -108,32 +122,34 @@ def ingest(
     Raises
     ------
     ValueError
-        When ``raw`` does not exist.
+        When ``raw`` does not exist or a source is not laid out as its files are.
     """
     if not raw.is_dir():
         raise ValueError(f"{raw} does not exist: put the machine's files there")
     out.mkdir(parents=True, exist_ok=True)
-    before = _manifest(out)
-    rejections = _rejections(out)
-    entries: dict[str, dict[str, Any]] = {}
-    kept = 0
-    for name, path, source in _claimed(raw, sources):
-        known = before.get(name)
-        identity_now = _fingerprint(path, source, raw)
-        if known and known["made_from"] == identity_now and _complete(known, out):
-            entries[name] = known
-            kept += 1
-            continue
-        progress(name)
-        outcome = _read(name, path, source, raw, out)
-        entries[name] = {**outcome.entry, "sha256": identity_now["sha256"], "made_from": identity_now}
-        rejections[name] = outcome.rejected
-    _tidy(out, entries)
-    _write_rejections({n: r for n, r in rejections.items() if n in entries}, out)
-    _write_runs(entries, out)
-    _write_data_items(raw, sources, out)
-    manifest = {"machine": asdict(identity), "files": dict(sorted(entries.items()))}
-    (out / "manifest.json").write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
+    before, rejections = read_manifest(out), read_rejections(out)
+    files = list(raw_files(raw, sources))
+    entries = {
+        f.name: before[f.name]
+        for f in files
+        if _is_current(before.get(f.name), f, rejections.get(f.name, []), out)
+    }
+    head = {"machine": asdict(identity), "devices": write_data_items(raw, sources, out)}
+    # An ingest that is cut short leaves no entry of a file whose Parquet it had begun to replace.
+    write_manifest(out, {**head, "files": entries})
+    kept = len(entries)
+    for file in files:
+        if file.name not in entries:
+            progress(file.name)
+            outcome = _read(file, raw, out)
+            entries[file.name] = {
+                **outcome.entry, "sha256": file.made_from["sha256"], "made_from": file.made_from,
+            }  # fmt: skip
+            rejections[file.name] = outcome.rejected
+    tidy(out, entries)
+    write_rejected({n: rejections.get(n, []) for n in sorted(entries)}, out / "rejected.parquet")
+    write_runs(out, entries)
+    write_manifest(out, {**head, "files": entries})
     return Ingested(
         files_read=len(entries) - kept,
         files_kept=kept,
@@ -143,72 +159,34 @@ def ingest(
     )
 
 
-def _claimed(
-    raw: Path, sources: Sequence[RecordSource]
-) -> Iterator[tuple[str, Path, RecordSource | None]]:
-    """Every raw file in order of its name with the first source that names it.
-
-    Devices documents are read as such; hidden files are not records.
-    """
-    claims: dict[str, RecordSource] = {}
-    for source in sources:
-        for path in sorted(raw.glob(source.files)):
-            claims.setdefault(path.relative_to(raw).as_posix(), source)
-    devices = {s.devices for s in sources if s.devices}
-    for path in sorted(p for p in raw.rglob("*") if p.is_file()):
-        name = path.relative_to(raw).as_posix()
-        if not (name in devices or any(part.startswith(".") for part in Path(name).parts)):
-            yield name, path, claims.get(name)
+def _is_current(known: Entry | None, file: RawFile, rejections: list[Rejection], out: Path) -> bool:
+    """Whether what stands in ``out`` is what reading the file would give."""
+    if known is None or known.get("made_from") != file.made_from:
+        return False
+    written = known["output"] is None or (out / known["output"]).exists()
+    return written and known["rejected"] == len(rejections)
 
 
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _code() -> str:
-    """Hash of the code that reads: every module of this folder, not of those below."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
-
-
-def _fingerprint(path: Path, source: RecordSource | None, raw: Path) -> dict[str, str]:
-    """Hashes of all that a file's result depends on."""
-    parameters = json.dumps(asdict(source) if source else None, sort_keys=True)
-    devices = raw / source.devices if source and source.devices else None
-    return {
-        "sha256": _sha256(path),
-        "code": _code(),
-        "parameters": hashlib.sha256(parameters.encode()).hexdigest(),
-        "devices": _sha256(devices) if devices and devices.exists() else "",
-    }
-
-
-def _complete(entry: dict[str, Any], out: Path) -> bool:
-    return entry["output"] is None or (out / entry["output"]).exists()
-
-
-def _read(name: str, path: Path, source: RecordSource | None, raw: Path, out: Path) -> Outcome:
+def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
     """Read one file into its Parquet; a file that cannot be read is a rejected file."""
+    source = file.source
+    if file.broken:
+        return _unreadable(file.broken, source.format if source else None)
     if source is None:
-        return _unreadable("no source in the machine's file in conf/machine/ names it", None)
+        return _unreadable(NOT_NAMED, None)
     reader = import_module(f"pipeline.signals.{READERS[source.format]}")
-    target = name.replace("/", "__") + ".parquet"
+    target = parquet_name(file.name)
     try:
         if source.format in OBSERVING:
-            return _observations(reader.read(path, source, raw), out, target, source.format)
-        return _trace(reader.read(path, source, raw), out, target, source.format)
+            return _observations(reader.read(file.path, source, raw), out, target, source.format)
+        return _trace(reader.read(file.path, source, raw), out, target, source.format)
     except UnreadableFile as error:
-        (out / "observations" / target).unlink(missing_ok=True)
         return _unreadable(str(error), source.format)
+    except ValueError as error:
+        raise ValueError(f"{file.name}: {error}") from error
 
 
 def _observations(batches: Any, out: Path, target: str, form: str) -> Outcome:
-    from pipeline.signals.store import write_observations
-
-    (out / "observations").mkdir(exist_ok=True)
     written = write_observations(batches, out / "observations" / target)
     entry = {
         "format": form,
@@ -220,106 +198,41 @@ def _observations(batches: Any, out: Path, target: str, form: str) -> Outcome:
         "last": written.last,
         "output": f"observations/{target}",
         "reason": None,
+        "notes": {},
     }
     return Outcome(entry=entry, rejected=written.rejections)
 
 
 def _trace(trace: Trace, out: Path, target: str, form: str) -> Outcome:
     (out / "traces").mkdir(exist_ok=True)
-    pq.write_table(trace.table, out / "traces" / target, compression="zstd")
-    first = last = None
-    if "time" in trace.table.column_names and trace.table.num_rows:
-        import pyarrow.compute as pc
-
-        ends = pc.min_max(trace.table["time"]).as_py()
-        first, last = ends["min"], ends["max"]
+    table = trace.table
+    whole(out / "traces" / target, lambda part: pq.write_table(table, part, compression="zstd"))
+    first, last = _ends(table)
     entry = {
         "format": form,
         "read": trace.read,
         "kept": trace.kept,
         "rejected": len(trace.rejected),
-        "rows": trace.table.num_rows,
-        "first": _iso(first),
-        "last": _iso(last),
+        "rows": table.num_rows,
+        "first": first,
+        "last": last,
         "output": f"traces/{target}",
         "reason": None,
+        "notes": json.loads((table.schema.metadata or {}).get(b"notes", b"{}")),
     }
     return Outcome(entry=entry, rejected=trace.rejected)
 
 
+def _ends(table: pa.Table) -> tuple[str | None, str | None]:
+    """Earliest and latest time (ISO 8601, UTC); None where times only count from the start."""
+    if "time" not in table.column_names or not table.num_rows:
+        return None, None
+    time = table["time"].cast(pa.int64()).to_numpy()
+    first, last = (f"{np.datetime64(int(ns), 'ns')}Z" for ns in (time.min(), time.max()))
+    return first, last
+
+
 def _unreadable(reason: str, form: str | None) -> Outcome:
-    entry = {"format": form, "read": 1, "kept": 0, "rejected": 1, "rows": 0}
+    entry: Entry = {"format": form, "read": 1, "kept": 0, "rejected": 1, "rows": 0, "notes": {}}
     missing = {"first": None, "last": None, "output": None, "reason": reason}
-    return Outcome(
-        entry={**entry, **missing}, rejected=[Rejection(line=None, reason=reason)]
-    )
-
-
-def _iso(time: Any) -> str | None:
-    return None if time is None else time.isoformat()
-
-
-def _manifest(out: Path) -> dict[str, dict[str, Any]]:
-    path = out / "manifest.json"
-    if not path.exists():
-        return {}
-    files: dict[str, dict[str, Any]] = json.loads(path.read_text())["files"]
-    return files
-
-
-def _rejections(out: Path) -> dict[str, list[Rejection]]:
-    path = out / "rejected.parquet"
-    found: dict[str, list[Rejection]] = {}
-    if path.exists():
-        for row in pq.read_table(path).to_pylist():
-            rejection = Rejection(line=row["line"], reason=row["reason"], excerpt=row["excerpt"] or "")
-            found.setdefault(row["file"], []).append(rejection)
-    return found
-
-
-def _write_rejections(rejections: dict[str, list[Rejection]], out: Path) -> None:
-    rows = [
-        {"file": name, "line": r.line, "reason": r.reason, "excerpt": r.excerpt}
-        for name, found in sorted(rejections.items())
-        for r in found
-    ]
-    pq.write_table(pa.Table.from_pylist(rows, REJECTED), out / "rejected.parquet", compression="zstd")
-
-
-def _write_runs(entries: dict[str, dict[str, Any]], out: Path) -> None:
-    """One row a recording that was read."""
-    schema = pa.schema(
-        [("recording", pa.string()), ("file", pa.string()), ("format", pa.string()),
-         ("start", pa.string()), ("end", pa.string()), ("rows", pa.int64())]
-    )  # fmt: skip
-    rows = [
-        {"recording": Path(name).stem, "file": name, "format": e["format"], "start": e["first"],
-         "end": e["last"], "rows": e["rows"]}
-        for name, e in sorted(entries.items())
-        if e["output"] is not None
-    ]  # fmt: skip
-    pq.write_table(pa.Table.from_pylist(rows, schema), out / "runs.parquet", compression="zstd")
-
-
-def _write_data_items(raw: Path, sources: Sequence[RecordSource], out: Path) -> None:
-    """Data items of every Devices document that a source names."""
-    from pipeline.signals.devices import data_items_table, read_devices
-
-    tables = []
-    for devices, device in sorted({(s.devices, s.device) for s in sources if s.devices}):
-        if (raw / devices).exists():
-            tables.append(data_items_table(read_devices(raw / devices, device)))
-    target = out / "data_items.parquet"
-    if tables:
-        pq.write_table(pa.concat_tables(tables), target, compression="zstd")
-    else:
-        target.unlink(missing_ok=True)
-
-
-def _tidy(out: Path, entries: dict[str, dict[str, Any]]) -> None:
-    """Remove the Parquet of raw files that are gone."""
-    wanted = {e["output"] for e in entries.values()}
-    for folder in ("observations", "traces"):
-        for path in (out / folder).glob("*.parquet"):
-            if f"{folder}/{path.name}" not in wanted:
-                path.unlink()
+    return Outcome(entry={**entry, **missing}, rejected=[Rejection(line=None, reason=reason)])

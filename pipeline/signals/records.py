@@ -7,13 +7,15 @@ from typing import Literal, Protocol
 
 import pyarrow as pa
 
-Format = Literal["shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms"]
+Format = Literal[
+    "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms"
+]
 
 EXCERPT = 200
 """Characters of a rejected record that are kept."""
 
 
-class UnreadableFile(ValueError):
+class UnreadableFile(ValueError):  # noqa: N818 - a state of the file, not a fault of ours
     """A whole file that cannot be read; the message says why in one sentence, without the path."""
 
 
@@ -56,7 +58,7 @@ class Trace:
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnSource:
-    """Where a signal is found in a table: the file's own column name and the unit it is in there."""
+    """Where a signal is found in a table: the file's own name of the column, and its unit there."""
 
     column: str
     unit: str | None = None
@@ -87,8 +89,8 @@ class TableLayout:
         (``"%m/%d/%Y %H:%M:%S:%f"``; ``%f`` down to nanoseconds).
     time_unit : str
         ``"iso"`` for date and time in words, else a unit of time since the start (``"s"``,
-        ``"ms"``, ``"us"``, ``"ns"``, ``"min"``, ``"h"``) or since 1970 (``"unix_s"``, ``"unix_ms"``,
-        ``"unix_us"``, ``"unix_ns"``).  Columns of type timestamp need none.
+        ``"ms"``, ``"us"``, ``"ns"``, ``"min"``, ``"h"``) or since 1970 (``"unix_s"``,
+        ``"unix_ms"``, ``"unix_us"``, ``"unix_ns"``).  Columns of type timestamp need none.
     time_zone : str
         Zone of ISO times that name none.
     start : str or None
@@ -161,10 +163,12 @@ class RecordSource:
 class ObservationReader(Protocol):
     """``read`` of the modules for logs and documents."""
 
-    def __call__(self, path: Path, source: RecordSource, root: Path) -> Iterator[Batch]: ...
+    def __call__(self, path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
+        """Read ``path``; ``root`` is the machine's raw folder."""
 
 
 class TraceReader(Protocol):
     """``read`` of the modules for tables."""
 
-    def __call__(self, path: Path, source: RecordSource, root: Path) -> Trace: ...
+    def __call__(self, path: Path, source: RecordSource, root: Path) -> Trace:
+        """Read ``path``; ``root`` is the machine's raw folder."""

@@ -46,7 +46,9 @@ def read_state(clean: Path, day: str) -> pd.DataFrame:
     """
     path = clean / "state" / f"{day}.parquet"
     if not path.exists():
-        raise ValueError(f"no state table of {day} in {clean}: run the stage clean for this machine")
+        raise ValueError(
+            f"no state table of {day} in {clean}: run the stage clean for this machine"
+        )
     return pd.read_parquet(path).set_index("time")
 
 
@@ -69,15 +71,15 @@ def stretches(
     Raises
     ------
     ValueError
-        When an input or the target is no column of ``frame``; the message names it.
+        When an input or the target is no column of numbers in ``frame``; the message names it.
     """
-    missing = [name for name in (*inputs, target) if name not in frame.columns]
+    numbers = frame.select_dtypes("number")
+    missing = [name for name in (*inputs, target) if name not in numbers.columns]
     if missing:
         raise ValueError(
-            f"{missing[0]} is no column of the state table of {day}; "
+            f"{missing[0]} is no column of numbers in the state table of {day}; "
             "map it to a data item in conf/machine/ or leave it out of the model's inputs"
         )
-    numbers = frame.select_dtypes("number")
     steps = numbers.resample(pd.Timedelta(seconds=step)).mean()
     known = steps[list(inputs)].notna().all(axis=1).to_numpy()
     limit = len(steps) if np.isinf(bridge_s) else int(bridge_s / step)

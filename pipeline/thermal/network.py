@@ -29,7 +29,7 @@ SOURCES: dict[str, str] = {
     "windage": "K/s/(rad/s)^2",
     "position_hold": "K/s",
 }
-"""Heat sources and the unit of their coefficients k_i / C; the load tau is a share of the rating."""
+"""Heat sources and the unit of their coefficients k_i / C; the load tau is a share of rating."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,9 +49,15 @@ class SpindleThermalParameters:
     coupling_rate : float
         Heat exchange of the measured node with the body, over its C [1/s]; 0 for one node.
     capacity_ratio : float
-        C of the measured node over C of the body [1].
+        C of the measured node over C of the body [1]; positive with two nodes.
     body_cooling_rate : float
         1 / (R C) of the body to the ambient [1/s].
+
+    Raises
+    ------
+    ValueError
+        When a source is not known, a rate or coefficient is negative or not finite, or a second
+        node has no capacity ratio.
     """
 
     heating: dict[str, float] = field(default_factory=dict)
@@ -69,10 +75,21 @@ class SpindleThermalParameters:
         for name in ("cooling_rate", "coupling_rate", "capacity_ratio", "body_cooling_rate"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} = {value} 1/s must be finite and at least 0")
+                unit = "" if name == "capacity_ratio" else " 1/s"
+                raise ValueError(f"{name} = {value}{unit} must be finite and at least 0")
+        for name in ("ambient", "ambient_offset"):
+            if not np.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} = {getattr(self, name)} must be finite")
         for name, value in self.heating.items():
-            if not np.isfinite(value):
-                raise ValueError(f"heating[{name}] = {value} must be finite")
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(
+                    f"heating[{name}] = {value} {SOURCES[name]} must be finite and at least 0"
+                )
+        if self.coupling_rate > 0 and self.capacity_ratio == 0:
+            raise ValueError(
+                "capacity_ratio = 0 with two nodes must be positive: for a body that never warms, "
+                "take one node"
+            )
 
     @property
     def nodes(self) -> int:
@@ -126,6 +143,17 @@ def _first_order(rate: float, source: Floats, start: ArrayLike, dt: float) -> Fl
     return response
 
 
+def _modes(parameters: SpindleThermalParameters) -> tuple[Floats, Floats, Floats]:
+    """Eigenvalues [1/s] of a network of two nodes, its modes and their inverse.
+
+    Scaled by the root of the capacities the state matrix is symmetric, so that the modes are real
+    and orthogonal however different the two nodes are.
+    """
+    scale = np.array([1.0, np.sqrt(parameters.capacity_ratio)])
+    eigenvalues, vectors = np.linalg.eigh(parameters.rates / np.outer(scale, 1 / scale))
+    return eigenvalues, scale[:, None] * vectors, vectors.T / scale
+
+
 def temperatures(
     sources: Floats,
     start: ArrayLike,
@@ -157,8 +185,16 @@ def temperatures(
     ------
     ValueError
         When ``dt`` is not positive.
+
+    Examples
+    --------
+    Without heat a spindle 10 K above the ambient has 10/e K left after one time constant:
+
+    >>> p = SpindleThermalParameters(cooling_rate=1 / 600, ambient=20.0)
+    >>> temperatures(np.zeros((61, len(SOURCES))), 30.0, p, 10.0)[0, -1].round(3).item()
+    23.679
     """
-    if not dt > 0:
+    if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt = {dt} s must be positive")
     coefficients = np.array([parameters.heating.get(name, 0.0) for name in SOURCES])
     heat = sources @ coefficients
@@ -172,13 +208,13 @@ def temperatures(
     if parameters.nodes == 1:
         driven = heat + parameters.cooling_rate * surround
         return _first_order(-parameters.cooling_rate, driven, first, dt)[np.newaxis]
-    body = quasi_steady_body(first, surround[..., 0], parameters) if body_start is None else body_start
-    eigenvalues, vectors = np.linalg.eig(parameters.rates)
-    inverse = np.linalg.inv(vectors)
+    if body_start is None:
+        body_start = quasi_steady_body(first, surround[..., 0], parameters)
+    eigenvalues, vectors, inverse = _modes(parameters)
     inputs = np.stack(
         [heat + parameters.cooling_rate * surround, parameters.body_cooling_rate * surround]
     )
-    starts = np.stack([first, np.broadcast_to(np.asarray(body, float), first.shape)])
+    starts = np.stack([first, np.broadcast_to(np.asarray(body_start, float), first.shape)])
     modes = np.stack(
         [
             _first_order(
@@ -187,10 +223,10 @@ def temperatures(
                 np.tensordot(inverse[m], starts, axes=1),
                 dt,
             )
-            for m, rate in enumerate(eigenvalues.real)
+            for m, rate in enumerate(eigenvalues)
         ]
     )
-    return np.tensordot(vectors.real, modes, axes=1)
+    return np.tensordot(vectors, modes, axes=1)
 
 
 def quasi_steady_body(

@@ -62,6 +62,8 @@ def feature_names(sources: Sequence[str], extra: Sequence[str]) -> list[str]:
 def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> pd.DataFrame:
     """Exponential means of ``names`` over each time constant, from the past only.
 
+    Where a signal is unknown its means are nan; after a gap they go on from what was before it.
+
     Raises
     ------
     ValueError
@@ -75,7 +77,11 @@ def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> p
         )
     return pd.DataFrame(
         {
-            f"{name}_over_{tau:g}_s": frame[name].ewm(alpha=-np.expm1(-step / tau)).mean()
+            # pandas carries the last mean into a gap, as if the signal had been known there
+            f"{name}_over_{tau:g}_s": frame[name]
+            .ewm(alpha=-np.expm1(-step / tau))
+            .mean()
+            .where(frame[name].notna())
             for name in names
             for tau in SMOOTHING_S
         }
@@ -102,6 +108,8 @@ def features(
         Measured temperature the network was started from [degC].
     at : ndarray, shape (T,)
         Time since then [s].
+    sources, extra : sequence of str
+        Heat sources and further signals, as in :func:`feature_names`.
     """
     names = feature_names(sources, extra)
     columns = [physics, np.full(len(physics), start), at]
@@ -155,7 +163,8 @@ def _canonical(archive: bytes) -> bytes:
 
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target:
-        for name in sorted(source.namelist(), key=lambda n: (n == "schema.json", len(renamed(n)), renamed(n))):
-            data = renamed(schema).encode() if name == "schema.json" else source.read(name)
-            target.writestr(zipfile.ZipInfo(renamed(name), (1980, 1, 1, 0, 0, 0)), data)
+        members = {renamed(name): source.read(name) for name in source.namelist()}
+        members["schema.json"] = renamed(schema).encode()
+        for name in sorted(members, key=lambda n: (n == "schema.json", len(n), n)):
+            target.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), members[name])
     return out.getvalue()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,20 @@ class SpindleRecords:
     training_from: str
     training_to: str
 
+    def __post_init__(self) -> None:
+        for name in ("training_from", "training_to"):
+            try:
+                proper = date.fromisoformat(getattr(self, name)).isoformat() == getattr(self, name)
+            except ValueError:
+                proper = False
+            if not proper:
+                raise ValueError(f"spindle.{name} = {getattr(self, name)!r} is no day YYYY-MM-DD")
+        if self.training_to < self.training_from:
+            raise ValueError(
+                f"spindle.training_to = {self.training_to} is before "
+                f"training_from = {self.training_from}: exchange them"
+            )
+
     @property
     def sources(self) -> list[str]:
         """Heat sources that this machine's records can excite."""
@@ -73,7 +88,8 @@ def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
     if missing:
         raise ValueError(
             f"the state table has no column {missing[0]}; "
-            "map it to a data item in conf/machine/, or say in its spindle section that it is not recorded"
+            "map it to a data item in conf/machine/, or say in its spindle section that it is "
+            "not recorded"
         )
 
     def si(name: str) -> Floats:
@@ -90,7 +106,13 @@ def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
 
 
 def spindle_stretches(
-    clean: Path, day: str, records: SpindleRecords, *, step: float, bridge_s: float, shortest_s: float
+    clean: Path,
+    day: str,
+    records: SpindleRecords,
+    *,
+    step: float,
+    bridge_s: float,
+    shortest_s: float,
 ) -> Iterator[Stretch]:
     """The stretches of one day, ready for the network."""
     inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
@@ -116,11 +138,14 @@ def stretch_of(
     Raises
     ------
     ValueError
-        When a column is missing or no input is known anywhere.
+        When the table is empty, a column is missing, an input is unknown in the first step, or the
+        temperature to start from is not a number.
     """
-    given = state.assign(**{TARGET: np.nan})
-    given.iloc[0, given.columns.get_loc(TARGET)] = start_temperature
-    given.iloc[-1, given.columns.get_loc(TARGET)] = start_temperature
+    if state.empty:
+        raise ValueError("the state table has no row: give the time that is to be predicted")
+    if not np.isfinite(start_temperature):
+        raise ValueError(f"start temperature {start_temperature} degC is no number: measure it")
+    given = state.assign(**{TARGET: float(start_temperature)})
     inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     found = list(
         stretches(
@@ -139,8 +164,12 @@ def stretch_of(
             "nothing can be predicted without them"
         )
     frame = found[0].frame
-    frame = frame.assign(**{TARGET: np.full(len(frame), start_temperature)})
-    return Stretch(day=found[0].day, frame=frame, step=step, bridged=found[0].bridged)
+    if frame.index[0] > state.index[0]:
+        raise ValueError(
+            f"{', '.join(records.signals)} are not all known before {frame.index[0]}, the start "
+            f"temperature is of {state.index[0]}: start where they are known"
+        )
+    return found[0]
 
 
 def heat_of(frame: pd.DataFrame) -> Floats:

@@ -1,4 +1,4 @@
-"""One spindle's model as it is stored, and what it predicts: network plus, when it helps, forest."""
+"""One spindle's model as it is stored, and what it predicts: network and, if it helps, forest."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -26,39 +26,44 @@ class SpindleModel:
     def free_run(self, stretch: Stretch) -> tuple[Floats, Floats]:
         """Temperature of network alone and of the whole model, each (T,), from the first sample."""
         physics = free_run(stretch, self.records, self.network)[0]
-        return physics, self._corrected(stretch, physics, 0)
+        return physics, self._corrected(stretch, self._inputs(stretch), physics, 0)
 
     def windows(self, stretch: Stretch, window_s: float) -> tuple[Floats, Floats, Floats]:
         """Network alone, whole model, and persistence, each (T,), window by window.
 
-        Every window starts from the temperature measured at its beginning; a window that begins
-        without one is nan.
+        Every window starts from a measured temperature; where there is none, the window begins at
+        the next one and what lies between is nan.
         """
         measured = stretch.frame[TARGET].to_numpy(float)
-        length = int(window_s / stretch.step)
+        length = max(round(window_s / stretch.step), 1)
         nodes = free_run(stretch, self.records, self.network)
         body = nodes[1] if len(nodes) == 2 else None
+        inputs = self._inputs(stretch)
         physics, model, persistence = (np.full(len(measured), np.nan) for _ in range(3))
-        for start in range(0, len(measured), length):
-            if np.isnan(measured[start]):
-                continue
+        for start in window_starts(measured, length):
             window = slice(start, start + length)
             physics[window] = from_measured(
                 stretch, start, length, self.records, self.network, body
             )
-            model[window] = self._corrected(stretch, physics[window], start)
+            model[window] = self._corrected(stretch, inputs, physics[window], start)
             persistence[window] = measured[start]
         return physics, model, persistence
 
-    def _corrected(self, stretch: Stretch, physics: Floats, start: int) -> Floats:
+    def _inputs(self, stretch: Stretch) -> pd.DataFrame:
+        """What the forest looks at over a stretch; no columns when there is no forest."""
+        names = [*self.forest.sources, *self.forest.extra] if self.forest else []
+        return smoothed_inputs(stretch.frame, stretch.step, names)
+
+    def _corrected(
+        self, stretch: Stretch, inputs: pd.DataFrame, physics: Floats, start: int
+    ) -> Floats:
         if self.forest is None:
             return physics
-        forest = self.forest
-        inputs = smoothed_inputs(stretch.frame, stretch.step, [*forest.sources, *forest.extra])
-        rows = np.arange(start, start + len(physics))
+        rows = inputs.iloc[start : start + len(physics)]
         first = float(stretch.frame[TARGET].iloc[start])
-        at = (rows - start) * stretch.step
-        return physics + forest.correction(inputs.iloc[rows], physics, first, at)
+        at = np.arange(len(physics), dtype=float) * stretch.step
+        correction: Floats = self.forest.correction(rows, physics, first, at)
+        return physics + correction
 
     def predict(self, state: pd.DataFrame, start_temperature: float) -> pd.DataFrame:
         """Temperatures from a state table and one measured temperature at its beginning.
@@ -79,13 +84,29 @@ class SpindleModel:
         Raises
         ------
         ValueError
-            When a column is missing, or an input is unknown in the first rows.
+            When a column is missing, or an input is unknown in the first step.
         """
         stretch = stretch_of(state, start_temperature, self.records, step=self.step_s)
         physics, model = self.free_run(stretch)
         return pd.DataFrame(
             {"spindle_temperature": model, "physics": physics}, index=stretch.frame.index
         )
+
+
+def window_starts(measured: Floats, length: int) -> list[int]:
+    """Steps at which windows of ``length`` steps start: one after the other, each measured.
+
+    Examples
+    --------
+    >>> window_starts(np.array([20.0, 21.0, np.nan, 22.0, 22.0]), 2)
+    [0, 3]
+    """
+    starts, free = [], 0
+    for step in np.flatnonzero(np.isfinite(measured)).tolist():
+        if step >= free:
+            starts.append(step)
+            free = step + length
+    return starts
 
 
 def network_from(document: dict[str, object]) -> SpindleThermalParameters:

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from datetime import date
 from pathlib import Path
 
 import cattrs
@@ -23,6 +24,18 @@ class Week:
 
     first: str
     last: str
+
+    def __post_init__(self) -> None:
+        for name in ("first", "last"):
+            day = getattr(self, name)
+            try:
+                proper = date.fromisoformat(day).isoformat() == day
+            except ValueError:
+                proper = False
+            if not proper:
+                raise ValueError(f"the week's {name} day {day!r} is no day YYYY-MM-DD")
+        if self.last < self.first:
+            raise ValueError(f"the week ends {self.last}, before it begins {self.first}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +113,11 @@ def write_golden(golden: GoldenWeek, path: Path) -> None:
 
 
 def changes(golden: GoldenWeek, manifest: dict[str, dict[str, object]]) -> Sequence[str]:
-    """One sentence for each file of the golden week that is no longer what was frozen."""
+    """One sentence for each file of the golden week that is no longer what was frozen.
+
+    A file that reaches into the week and was not frozen changes the week as much as one that is
+    not what it was.
+    """
     found = []
     for frozen in golden.files:
         entry = manifest.get(frozen.file)
@@ -111,4 +128,10 @@ def changes(golden: GoldenWeek, manifest: dict[str, dict[str, object]]) -> Seque
                 f"{frozen.file} of the golden week has sha256 {str(entry['sha256'])[:12]}, "
                 f"frozen was {frozen.sha256[:12]}"
             )
+    known = {frozen.file for frozen in golden.files}
+    found += [
+        f"{name} reaches into the golden week and was not frozen with it"
+        for name, entry in sorted(manifest.items())
+        if name not in known and entry.get("last") and _reaches(entry, golden.week)
+    ]
     return found

@@ -50,8 +50,7 @@ def predictions(
     """Measured and predicted temperatures of each working day, one row a step.
 
     Columns: ``time``, ``day``, ``measured``, ``model_window``, ``physics_window``,
-    ``persistence_window``, ``model_free``, ``physics_free``, ``day_mean`` [CELSIUS] and ``bridged``
-    (whether an input was unknown and held in the free run).
+    ``persistence_window``, ``model_free``, ``physics_free`` and ``day_mean`` [CELSIUS].
     """
     frames = [f for day in days if (f := _day(model, clean, day, limits)) is not None]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
@@ -95,7 +94,8 @@ def _day(model: SpindleModel, clean: Path, day: str, limits: SpindleLimits) -> p
 def _scores(frame: pd.DataFrame, kind: str, step: float, window_s: float) -> dict[str, Any]:
     """Errors of every predictor where all of them and the measurement are known."""
     start = "measured" if kind == "free" else "persistence_window"
-    judged = frame[frame["measured"].notna() & frame[f"model_{kind}"].notna() & frame[start].notna()]
+    known = frame["measured"].notna() & frame[f"model_{kind}"].notna() & frame[start].notna()
+    judged = frame[known]
     measured = judged["measured"].to_numpy(float)
     if kind == "free":
         first = judged.groupby("day")["measured"].transform("first")

@@ -24,7 +24,7 @@ def verdict(
     """Predictions over the golden week, and the content of ``validation.json``.
 
     A model is not judged when no week was frozen, and fails when the week's files are no longer
-    those that were frozen or a training day lies in it.
+    those that were frozen, are another machine's, or a training day lies in it.
     """
     head: dict[str, Any] = {
         "machine": identity.name,
@@ -36,7 +36,7 @@ def verdict(
     try:
         frozen = read_golden(golden)
     except ValueError as error:
-        nothing = {"days": [], "all": None}
+        nothing: dict[str, Any] = {"days": [], "all": None}
         empty = {"golden": None, "windows": {**nothing, "length_s": limits.window_s}}
         reason = {"free_run": nothing, "verdict": "not judged", "reasons": [str(error)]}
         return pd.DataFrame(), {**head, **empty, **reason}
@@ -46,6 +46,8 @@ def verdict(
     frame = predictions(model, clean, days, limits)
     document = {**head, **judge(frame, model.step_s, limits)}
     broken = list(changes(frozen, manifest))
+    if frozen.machine != identity.name:
+        broken.append(f"the golden week is one of {frozen.machine}, not of {identity.name}")
     if week.first <= model.records.training_to and model.records.training_from <= week.last:
         broken.append(
             f"the golden week {week.first} to {week.last} overlaps the training days "

@@ -15,7 +15,7 @@ CONVERT = """
 import resource, sys, time
 from pathlib import Path
 from pipeline.signals.records import RecordSource
-from pipeline.signals.shdr import read
+from pipeline.signals.shdr.log import read
 from pipeline.signals.store import write_observations
 log, out = Path(sys.argv[1]), Path(sys.argv[2])
 source = RecordSource(format="shdr", files="*.txt")

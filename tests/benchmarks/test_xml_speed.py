@@ -10,8 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.signals.mtconnect_text import content
-from pipeline.signals.mtconnect_xml import asked_of, documents
+from pipeline.signals.mtconnect.text import content
+from pipeline.signals.mtconnect.xml_document import asked_of, documents
 from pipeline.signals.records import RecordSource
 from pipeline.signals.store import write_observations
 

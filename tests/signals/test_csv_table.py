@@ -13,8 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.signals.csv_form import Lines, form_of
-from pipeline.signals.csv_table import read, rows_by_arrow, rows_by_record
 from pipeline.signals.records import (
     ColumnSource,
     RecordSource,
@@ -22,6 +20,8 @@ from pipeline.signals.records import (
     Trace,
     UnreadableFile,
 )
+from pipeline.signals.tables.csv_form import Lines, form_of
+from pipeline.signals.tables.csv_table import read, rows_by_arrow, rows_by_record
 
 FORCES = {"force_x": ColumnSource(column="Fx", unit="N")}
 

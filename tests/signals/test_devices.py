@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.signals.devices import data_items_table, read_devices
+from pipeline.signals.mtconnect.devices import data_items_table, read_devices
 from pipeline.signals.records import UnreadableFile
 
 ITEMS = """

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.signals import mtconnect_json, mtconnect_xml
 from pipeline.signals.columns import OBSERVATIONS
+from pipeline.signals.mtconnect import json_document as mtconnect_json
+from pipeline.signals.mtconnect import xml_document as mtconnect_xml
 from pipeline.signals.records import RecordSource, Rejection, UnreadableFile
 
 SOURCE = RecordSource(format="mtconnect_json", files="*.json")

@@ -12,10 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.signals.columns import OBSERVATIONS
-from pipeline.signals.mtconnect_elements import Document
-from pipeline.signals.mtconnect_quick import Quick
-from pipeline.signals.mtconnect_text import content
-from pipeline.signals.mtconnect_xml import asked_of, documents, read
+from pipeline.signals.mtconnect.elements import Document
+from pipeline.signals.mtconnect.quick import Quick
+from pipeline.signals.mtconnect.text import content
+from pipeline.signals.mtconnect.xml_document import asked_of, documents, read
 from pipeline.signals.records import RecordSource, Rejection, UnreadableFile
 
 SOURCE = RecordSource(format="mtconnect_xml", files="*.xml")

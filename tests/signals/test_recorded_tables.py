@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.signals import csv_table, matlab, parquet_table
 from pipeline.signals.records import ColumnSource, RecordSource, TableLayout, Trace
+from pipeline.signals.tables import csv_table, matlab, parquet_table
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline.signals import hdf5, mat5, matlab, tdms
 from pipeline.signals.records import (
     ColumnSource,
     RecordSource,
@@ -21,6 +20,7 @@ from pipeline.signals.records import (
     Trace,
     UnreadableFile,
 )
+from pipeline.signals.tables import hdf5, mat5, matlab, tdms
 
 T = np.arange(50) / 1000
 F = np.arange(50) * 0.5

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from shdr_log import NATIVE, NS, SOURCE, TIME, UNITS, Log, said
 
-from pipeline.signals.shdr import read_fast, read_plain
-from pipeline.signals.shdr_fields import entries_of, fields_of
+from pipeline.signals.shdr.fields import entries_of, fields_of
+from pipeline.signals.shdr.log import read_fast, read_plain
 
 
 @pytest.fixture(params=[read_plain, read_fast], ids=["plain", "fast"])

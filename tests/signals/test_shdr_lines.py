@@ -8,9 +8,9 @@ import pytest
 from shdr_log import NS, SOURCE, TIME, Log, rows_of, said
 
 from pipeline.signals.records import UnreadableFile
-from pipeline.signals.shdr import read, read_fast, read_plain
-from pipeline.signals.shdr_fields import iso_ns
-from pipeline.signals.shdr_source import LONGEST
+from pipeline.signals.shdr.fields import iso_ns
+from pipeline.signals.shdr.log import read, read_fast, read_plain
+from pipeline.signals.shdr.source import LONGEST
 
 
 @pytest.fixture(params=[read_plain, read_fast], ids=["plain", "fast"])

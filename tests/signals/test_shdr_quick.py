@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from shdr_log import DEVICES, NAMES, NATIVE, SOURCE, TIME, UNITS, outcome, rows_of
 
 from pipeline.signals.records import RecordSource
-from pipeline.signals.shdr import read_fast, read_plain
+from pipeline.signals.shdr.log import read_fast, read_plain
 
 
 @settings(

@@ -10,8 +10,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.signals import csv_table, parquet_table
-from pipeline.signals.channels import known_signal
 from pipeline.signals.columns import COLUMNS
 from pipeline.signals.records import (
     ColumnSource,
@@ -21,7 +19,9 @@ from pipeline.signals.records import (
     Trace,
     UnreadableFile,
 )
-from pipeline.signals.tables import RawTable, assemble
+from pipeline.signals.tables import csv_table, parquet_table
+from pipeline.signals.tables.channels import known_signal
+from pipeline.signals.tables.table import RawTable, assemble
 
 
 def layout(columns: Mapping[str, tuple[str, str | None]], **options: Any) -> TableLayout:

@@ -77,9 +77,7 @@ def test_the_rooms_that_a_stage_reaches_are_among_its_deps(name: str) -> None:
     for module in reached(f"pipeline.stages.{name}"):
         if module == "pipeline/stages/__init__" or module == "pipeline":
             continue
-        inside = any(
-            module == d.removesuffix(".py") or module.startswith(d + "/") for d in deps
-        )
+        inside = any(module == d.removesuffix(".py") or module.startswith(d + "/") for d in deps)
         assert inside, f"{name} reaches {module}, which is not among its deps"
 
 
@@ -128,7 +126,8 @@ def test_the_lock_has_every_dependency() -> None:
     import tomllib
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *sum(project["optional-dependencies"].values(), [])]
+    extras = project["optional-dependencies"].values()
+    wanted = project["dependencies"] + [name for extra in extras for name in extra]
     locked = {
         line.partition("==")[0].lower().replace("_", "-")
         for line in (ROOT / "requirements.lock").read_text().splitlines()

@@ -4,8 +4,9 @@ Feed hold and interruption belong to a cycle.  A short loss of data inside is br
 program goes on; its seconds are in none of the cycle's times.
 """
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
@@ -133,7 +134,11 @@ def _table(rows: list[dict[str, object]]) -> pd.DataFrame:
     for name in ("start", "end"):
         at = pd.to_datetime(table[name].astype("int64"), unit="ns", utc=True)
         table[name] = at.astype("datetime64[ns, UTC]")
-    words = {"program": object, "part": object}
-    numbers = dict.fromkeys((*TIMES.values(), "idle_s"), float)
-    kinds = {"cycle": "int64", **words, **numbers, "tool_changes": "int64", "complete": bool}
+    words = ("program", "part")
+    numbers = (*TIMES.values(), "idle_s")
+    kinds: dict[Hashable, Any] = {"cycle": "int64", "tool_changes": "int64", "complete": bool}
+    for name in words:
+        kinds[name] = object
+    for name in numbers:
+        kinds[name] = float
     return table.astype(kinds)

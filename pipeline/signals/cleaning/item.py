@@ -134,7 +134,7 @@ def _brought_over(past: list[tuple[Any, ...]], text: bool) -> Series:
 
 
 def _words(part: pd.DataFrame) -> np.ndarray:
-    text = part["text"].astype(object).to_numpy(dtype=object, na_value=None).copy()
+    text = np.array([None if pd.isna(word) else word for word in part["text"]], dtype=object)
     number = part["number"].to_numpy(dtype=float)
     for i in np.flatnonzero(~np.isnan(number)):
         if text[i] is None:

@@ -4,9 +4,9 @@ A motor that holds a position carries current while it stands: it heats although
 A machine that reports its rotary mode says so.  Of the others, two things tell it: the angle of the
 C axis changes, or driven tools turn in the other spindle, while this one's speed is zero (engaged);
 and the spindle turns under speed control (released).  Between the two the state stays, also over
-pauses and over short stretches without data.  What the log then cannot tell: a spindle that is held
-at angle zero and neither moves nor is milled, a brake that takes over, a release without a turn, and
-whether a machine that was switched off engages again.
+pauses and over short stretches without data.  What the log then cannot tell: a spindle that is
+held at angle zero and neither moves nor is milled, a brake that takes over, a release without a
+turn, and whether a machine that was switched off engages again.
 """
 
 import numpy as np

@@ -51,7 +51,7 @@ def segments(
     """
     if state.empty:
         return _table(np.array([], dtype=np.int64), np.array([], dtype=np.int64), [])
-    time = state["time"].astype("datetime64[ns, UTC]").astype("int64").to_numpy()
+    time: Ints = np.array(state["time"].astype("datetime64[ns, UTC]").astype("int64"), np.int64)
     period = round(settings.period_s * NS)
     stretch = np.cumsum(np.r_[0, np.diff(time) > settings.off_after_s * NS])
     turning, loaded = _spindles(state, settings)

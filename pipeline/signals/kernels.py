@@ -1,0 +1,33 @@
+"""Compiled loops of the readers, kept from run to run."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import config, njit
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that allocates nothing.
+
+    Its references to arrays need not be counted (counting them for each value took half of the
+    time).  Numba keeps what it compiled as long as the function's own file does not change; what it
+    calls in other files counts too, so that the place of what is kept is named by a hash of all
+    files of its folder.
+    """
+    folder = Path(function.__code__.co_filename).parent
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder / "__pycache__" / _sources(folder))
+    try:
+        kept: Callable[..., Any] = njit(cache=True, nogil=True, _nrt=False)(function)
+    finally:
+        config.CACHE_DIR = before
+    return kept
+
+
+def _sources(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(folder.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,1 @@
+"""MTConnect documents: device models, XML and JSON."""

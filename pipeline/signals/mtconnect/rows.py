@@ -1,0 +1,158 @@
+"""From observations, as documents state them, to rows of the long table."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pyarrow as pa
+
+from pipeline.signals.columns import OBSERVATIONS
+from pipeline.signals.mtconnect.values import values_of
+from pipeline.signals.mtconnect.waiting import Waiting
+from pipeline.signals.mtconnect.words import (
+    MalformedError,
+    Shape,
+    json_of,
+    nanoseconds,
+    sequence_of,
+)
+from pipeline.signals.records import EXCERPT, Batch, Rejection
+
+RECORDS = 200_000
+"""Records after which a batch is handed over."""
+
+
+Row = tuple[int, float | None, str | None, int, str | None, str | None, int | None, Shape]
+"""Time, number, text, sequence, key, attributes, instance, shape."""
+
+
+def _table(rows: list[Row]) -> pa.Table:
+    time, number, text, sequence, key, attributes, instance, shapes = (
+        zip(*rows, strict=True) if rows else ((),) * 8
+    )
+    columns = {
+        "time": time,
+        "data_item": [shape.data_item for shape in shapes],
+        "number": number,
+        "text": text,
+        "sequence": sequence,
+        "kind": [shape.kind for shape in shapes],
+        "key": key,
+        "attributes": attributes,
+        "instance": instance,
+    }
+    return pa.table([_column(f, columns[f.name]) for f in OBSERVATIONS], schema=OBSERVATIONS)
+
+
+@dataclass
+class Rows:
+    """Rows that grow, and the count of what was read, kept and rejected."""
+
+    rows: list[Row] = field(default_factory=list)
+    tables: list[pa.Table] = field(default_factory=list)  # what stood before them
+    read: int = 0
+    rejected: list[Rejection] = field(default_factory=list)
+
+    def table(self) -> pa.Table:
+        """The rows so far as a table."""
+        return pa.concat_tables([*self.tables, _table(self.rows)])
+
+    def reject(self, line: int | None, reason: str, excerpt: str = "") -> None:
+        """Count one record as read and not kept."""
+        self.read += 1
+        self.rejected.append(Rejection(line=line, reason=reason, excerpt=excerpt[:EXCERPT]))
+
+    def add(self, shape: Shape, time: int, sequence: int, instance: int | None, value: Any) -> None:
+        """Keep one record: all its rows.
+
+        ``time`` is in nanoseconds since 1970, ``value`` the text of the observation or a list of
+        the entries inside it.
+
+        Raises
+        ------
+        MalformedError
+            When the value does not fit the shape; no row is added then.
+        """
+        for at, (key, number, text, removed) in values_of(shape, time, value):
+            attributes = shape.attributes
+            if removed:
+                attributes = json_of({**shape.rest, "removed": True})
+            elif shape.manner == "condition" and value:
+                attributes = json_of({**shape.rest, "message": value})
+            self.rows.append((at, number, text, sequence, key, attributes, instance, shape))
+        self.read += 1
+
+    def record(
+        self,
+        shape: Shape,
+        timestamp: str | None,
+        sequence: str | None,
+        instance: int | None,
+        place: int,
+        value: Any,
+    ) -> None:
+        """Keep one record whose time and sequence are still text.
+
+        Raises
+        ------
+        MalformedError
+            When it has no time, or one of its parts says something that cannot be.
+        """
+        if timestamp is None:
+            raise MalformedError("the observation has no timestamp")
+        number = place if sequence is None else sequence_of(sequence)
+        time = nanoseconds(timestamp)
+        self.add(shape, time, number, instance, value)
+
+    def samples(self, waiting: Waiting, instance: int | None) -> bool:
+        """Keep plain samples together, if each of them is one; else none of them.
+
+        Many at once are read in a tenth of the time that one by one takes.
+        """
+        table = waiting.table(instance)
+        if table is None:
+            return False
+        self.tables += [_table(self.rows), table]
+        self.rows = []
+        self.read += len(waiting)
+        return True
+
+    def batch(self) -> Batch:
+        """What was read so far, as a batch."""
+        kept = self.read - len(self.rejected)
+        return Batch(observations=self.table(), read=self.read, kept=kept, rejected=self.rejected)
+
+
+def _column(of: pa.Field, values: Sequence[Any]) -> pa.Array:
+    if pa.types.is_dictionary(of.type):
+        return pa.array(values, pa.string()).dictionary_encode()
+    return pa.array(values, of.type)
+
+
+def gathered(batches: Iterator[Batch]) -> Iterator[Batch]:
+    """The same records in batches of about :data:`RECORDS`, however small they came.
+
+    ``line`` of no rejection changes; the order stays.
+    """
+    waiting: list[Batch] = []
+    count = 0
+    for batch in batches:
+        waiting.append(batch)
+        count += batch.read
+        if count >= RECORDS:
+            yield _joined(waiting)
+            waiting, count = [], 0
+    if waiting:
+        yield _joined(waiting)
+
+
+def _joined(batches: list[Batch]) -> Batch:
+    if len(batches) == 1:
+        return batches[0]
+    return replace(
+        batches[0],
+        observations=pa.concat_tables([b.observations for b in batches]),
+        read=sum(b.read for b in batches),
+        kept=sum(b.kept for b in batches),
+        rejected=[r for b in batches for r in b.rejected],
+    )

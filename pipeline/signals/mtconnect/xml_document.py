@@ -1,0 +1,194 @@
+"""Reader of MTConnect XML: Streams, Devices, Assets and Error documents, one or many in a file.
+
+Documents may follow each other directly or as parts of a multipart stream, in any version and
+namespace.  What an agent writes goes the quick way, all else element by element; both give the
+same rows.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.signals.mtconnect.devices import DeviceModel, read_devices
+from pipeline.signals.mtconnect.elements import Document
+from pipeline.signals.mtconnect.rows import gathered
+from pipeline.signals.mtconnect.streams import Asked
+from pipeline.signals.mtconnect.text import BEGIN, FRAGMENT, Content, content, quoted
+from pipeline.signals.mtconnect.words import Naming
+from pipeline.signals.records import Batch, RecordSource, UnreadableFile
+
+if TYPE_CHECKING:
+    from pipeline.signals.mtconnect.quick import Quick
+
+QUICK_FROM = 1 << 20
+"""Bytes from which a file is worth starting the compiled way."""
+
+FIRST_WITHIN = 1 << 16
+"""Bytes within which a file's first document must begin."""
+
+_ROOT = re.compile(rb"\s*(?:<!--.*?-->\s*)*<([\w:.-]+)", re.S)
+_DEVICE = re.compile(rb"DeviceStream ")
+_NAME = re.compile(rb"""\b(name|uuid)\s*=\s*["']([^"'<]*)""")
+
+
+def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
+    """What the documents in the file at ``path`` say, in batches of about 200 000 records.
+
+    A record is an observation, an asset, a data item of a device document, an error that the agent
+    answered, or a stretch that cannot be read.  Times of a time series are spread backwards from
+    its timestamp, which is that of its last sample.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    source : RecordSource
+        ``devices`` and ``device`` are used.
+    root : Path
+        Folder that ``source.devices`` is relative to.
+
+    Raises
+    ------
+    UnreadableFile
+        When it is no MTConnect document, or one with a document type declaration.
+    """
+    whole = content(path)
+    asked = asked_of(whole, source, root)
+    return gathered(documents(whole, asked, quick=whole.size >= QUICK_FROM))
+
+
+def asked_of(whole: Content, source: RecordSource, root: Path) -> Asked:
+    """What ``source`` asks of the file."""
+    model = device_model(source, root)
+    if source.device is not None:
+        names = {source.device}
+        for device in model.devices if model else ():
+            names |= {w for w in (device.name, device.uuid) if w}
+        return Asked(naming=Naming(model=model, several=False), device=frozenset(names))
+    several = (model is not None and model.several) or _several_devices(whole)
+    return Asked(naming=Naming(model=model, several=several), device=None)
+
+
+def device_model(source: RecordSource, root: Path) -> DeviceModel | None:
+    """The device model that ``source`` names, None when it names none.
+
+    Raises
+    ------
+    UnreadableFile
+        When that document cannot be read.
+    """
+    if source.devices is None:
+        return None
+    try:
+        return read_devices(root / source.devices, source.device)
+    except UnreadableFile as error:
+        reason = f"its device document {source.devices} cannot be read: {error}"
+        raise UnreadableFile(reason) from None
+
+
+def _several_devices(whole: Content) -> bool:
+    """Whether the streams in a file are of more than one device."""
+    seen: set[bytes] = set()
+    for at in _device_tags(whole):
+        said = dict(_NAME.findall(whole.mapped[at : at + 1024].split(b">", 1)[0]))
+        seen.add(said.get(b"name") or said.get(b"uuid") or b"?")
+        if len(seen) > 1:
+            return True
+    return False
+
+
+def _device_tags(whole: Content) -> Iterator[int]:
+    if whole.size < QUICK_FROM:
+        yield from (found.start() for found in _DEVICE.finditer(whole.mapped))
+        return
+    import numpy as np
+
+    from pipeline.signals.mtconnect.bytes import device_tag
+
+    buffer = np.frombuffer(whole.mapped, np.uint8)
+    at = device_tag(buffer, 0, whole.size)
+    while at >= 0:
+        yield at
+        at = device_tag(buffer, at + 1, whole.size)
+
+
+def documents(whole: Content, asked: Asked, *, quick: bool) -> Iterator[Batch]:
+    """Batches of one document after the other; ``quick`` lets the compiled way try first."""
+    document = Document(whole, asked)
+    way = _quick_way(document) if quick else None
+    at: int = whole.start
+    begin: int | None = _first(whole)
+    known = False
+    while begin is not None:
+        document.stray(at, begin)
+        context = FRAGMENT if not known and _is_fragment(whole, begin) else b""
+        if way and not context:
+            yield document.handed_over()
+            resume = yield from way.run(begin)
+            known = known or resume.at != begin
+            if resume.at is None:
+                at = whole.size
+                break
+            begin, context = resume.at, resume.context
+        yield from _careful(document, begin, context)
+        if not document.known:
+            _refuse(document, begin, known)
+        known = True
+        at = document.finished.at if context else max(document.finished.at, begin + 1)
+        begin = next_document(whole, at)
+        if document.finished.reason and context != FRAGMENT:
+            at = begin or whole.size  # what lies between is lost with the document
+    document.stray(at, whole.size)
+    yield document.handed_over()
+
+
+def _quick_way(document: Document) -> "Quick":
+    # Compiled code is slow to load: only for files that are worth it.
+    from pipeline.signals.mtconnect.quick import Quick
+
+    return Quick(document)
+
+
+def _first(whole: Content) -> int:
+    head = whole.head(FIRST_WITHIN)
+    skipped = len(head) - len(head.lstrip())
+    if head[skipped : skipped + 1] == b"<":
+        return whole.start + skipped
+    found = BEGIN.search(head)
+    if not found:
+        begins = head[skipped : skipped + 40].decode("utf-8", "replace")
+        raise UnreadableFile(f"the file is no XML document: it begins with {begins!r}")
+    return whole.start + found.start()
+
+
+def next_document(whole: Content, at: int) -> int | None:
+    """Where the next document begins."""
+    found = BEGIN.search(whole.mapped, at)
+    return found.start() if found else None
+
+
+def _is_fragment(whole: Content, begin: int) -> bool:
+    root = _ROOT.match(whole.mapped[begin : begin + 4096])
+    return root is not None and root[1].rpartition(b":")[2] in (b"Device", b"DataItem")
+
+
+def _careful(document: Document, begin: int, context: bytes) -> Iterator[Batch]:
+    document.begin()
+    for _ in document.steps(begin, context):
+        # Rows are objects here: few at a time, or the garbage collector walks them again and again.
+        yield document.handed_over()
+    end = document.finished
+    document.cut(document.without_root(end) if context == FRAGMENT else end)
+    yield document.handed_over()
+
+
+def _refuse(document: Document, begin: int, known: bool) -> None:
+    """Reject a document that is none of MTConnect; the whole file when it is the first."""
+    end = document.finished
+    reason = f"the XML document is {quoted(document.root)}, which is not of MTConnect"
+    if known and not end.reason:
+        document.reject(begin, reason)
+    elif not known:
+        broken = f"the file is no XML document: {end.reason}"
+        raise UnreadableFile(broken if end.reason and not document.root else reason)

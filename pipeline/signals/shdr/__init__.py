@@ -1,0 +1,1 @@
+"""MTConnect logs as agents and adapters write them (SHDR)."""

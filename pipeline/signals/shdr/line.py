@@ -1,0 +1,170 @@
+"""One line of an SHDR log, read in plain Python: the meaning that the quick path has to equal.
+
+What a record may look like stands in :mod:`pipeline.signals.shdr.shapes`.  Bytes that are not UTF-8
+are read as Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes around a
+line are left out and counted (``nulBytes``); within a line they make it unreadable.
+"""
+
+from typing import NamedTuple
+
+from pipeline.signals.records import EXCERPT, Rejection
+from pipeline.signals.shdr.fields import fields_of, iso_ns, json_of, milliseconds_ns, number_of
+from pipeline.signals.shdr.items import Items
+from pipeline.signals.shdr.shapes import SHAPES, Form, RefusedError, anything, asset
+from pipeline.signals.shdr.source import LONGEST, TOO_LONG, Stretch
+
+ASSET = "asset"
+"""Item under which assets stand."""
+EARLIEST = -(2**63) + 1
+MOST_FIELDS = 6
+"""Fields that a record of a data item looks at: five of a condition, and whether more follow."""
+
+
+class Row(NamedTuple):
+    """One row of observations; ``said`` is JSON."""
+
+    time: int
+    item: str
+    number: float | None
+    text: str | None
+    sequence: int
+    kind: str
+    key: str | None
+    said: str | None
+
+
+class Read(NamedTuple):
+    """What one line gave."""
+
+    rows: list[Row]
+    records: int
+    rejected: list[Rejection]
+
+
+class LineReader:
+    """Reads the lines of one log in their order.
+
+    ``previous`` is the time of the last line that had one [ns since 1970], ``formed`` tells whether
+    any line so far had the form of a log.
+    """
+
+    def __init__(self, items: Items) -> None:
+        self.items = items
+        self.previous: int | None = None
+        self.formed = False
+
+    def line(self, number: int, raw: bytes, sequence: int, body: bytes | None = None) -> Read:
+        """Read line ``number`` of the file, whose first record is its record ``sequence``.
+
+        ``raw`` is the line without its end, ``body`` the rest of a block.
+        """
+        if len(raw) > LONGEST:
+            return refused(number, TOO_LONG, raw)
+        bare = raw.strip(b" \t\r\0")
+        nul_bytes = raw.count(b"\0")
+        if not bare:
+            return refused(number, "the line is NUL bytes", b"") if nul_bytes else Read([], 0, [])
+        if b"\0" in bare:
+            return refused(number, "NUL bytes stand in the middle of the line", raw)
+        said: dict[str, object] = {"nulBytes": nul_bytes or None}
+        text = decoded(bare, said)
+        text = text.removeprefix("\ufeff")
+        if text.startswith("*"):
+            return Read([], 1, [])
+        stamp, *fields = fields_of(text)
+        time, reason = self._time(stamp, said)
+        if time is None or not fields or fields == [""]:
+            reason = reason if time is None else "no item follows the time"
+            return refused(number, reason, bare)
+        self.previous, self.formed = time, True
+        if body is not None:
+            fields[-1] = decoded(body.rstrip().rpartition(b"\n")[0].strip(), said)
+        return self._records(number, time, fields, said, sequence)
+
+    def _time(self, stamp: str, said: dict[str, object]) -> tuple[int | None, str]:
+        """Time of a line [ns] or why it has none; what is odd about it is added to ``said``."""
+        stamp, at, duration = stamp.partition("@")
+        if at:
+            said["duration"] = number_of(duration)
+            if said["duration"] is None:
+                return None, f"the duration {duration[:40]!r} is no number"
+        if not stamp:
+            said["time"] = "of the line before"
+            return self.previous, "the line has no time and none stands before it"
+        time = iso_ns(stamp)
+        if time is None:
+            time = milliseconds_ns(stamp)
+            said["time"] = "milliseconds"
+        return time, f"{stamp[:40]!r} is no time from 1678 to 2261"
+
+    def _records(
+        self, line: int, time: int, fields: list[str], said: dict[str, object], sequence: int
+    ) -> Read:
+        rows: list[Row] = []
+        rejected: list[Rejection] = []
+        at = records = 0
+        # A lone empty field at the end is a pipe too many.
+        while at < len(fields) - (at > 0 and not fields[-1]):
+            key = fields[at]
+            rest = fields[at + 1 : None if key.startswith("@") else at + 1 + MOST_FIELDS]
+            try:
+                name, form = self._record(key, rest, alone=at == 0)
+                used = form.used
+                if time - form.values[0].before < EARLIEST:
+                    raise RefusedError("the time series begins before 1678", used)
+            except RefusedError as why:
+                used = why.used
+                excerpt = "|".join((key, *rest[:used]))[:EXCERPT]
+                rejected.append(Rejection(line=line, reason=str(why), excerpt=excerpt))
+            else:
+                place = sequence + records
+                rows += _rows(form, time, name, place, said)
+            at += 1 + used
+            records += 1
+        return Read(rows, records, rejected)
+
+    def _record(self, key: str, rest: list[str], *, alone: bool) -> tuple[str, Form]:
+        if not key:
+            raise RefusedError("a value stands without an item's name", min(1, len(rest)))
+        if key.startswith("@"):
+            return ASSET, asset(key, rest)
+        if not rest:
+            raise RefusedError(f"item {key[:40]!r} has no value", 0)
+        plan = self.items.plan(key)
+        if plan.shape != "any":
+            return plan.name, SHAPES[plan.shape](plan, rest)
+        return plan.name, anything(rest, alone=alone)
+
+
+def _rows(form: Form, time: int, name: str, place: int, said: dict[str, object]) -> list[Row]:
+    rows = []
+    last: dict[str, object] | None = None
+    words: str | None = None
+    for v in form.values:
+        if v.said is not last:  # the thousands of values of a series share one
+            last, words = v.said, json_of(said | v.said)
+        rows.append(Row(time - v.before, name, v.number, v.text, place, form.kind, v.key, words))
+    return rows
+
+
+def decoded(raw: bytes, said: dict[str, object]) -> str:
+    """Text of UTF-8, else of Latin-1, which is added to what is said of the rows."""
+    try:
+        return raw.decode()
+    except UnicodeDecodeError:
+        said["encoding"] = "latin-1"
+        return raw.decode("latin-1")
+
+
+def read_stretch(reader: LineReader, stretch: Stretch, sequence: int) -> Read:
+    """Read one line, one block, or what was refused before."""
+    if stretch.kind == "refused":
+        return refused(stretch.line, stretch.reason, stretch.data)
+    body = stretch.body if stretch.kind == "block" else None
+    return reader.line(stretch.line, stretch.data.removesuffix(b"\n"), sequence, body)
+
+
+def refused(line: int, reason: str, raw: bytes) -> Read:
+    """A line that is rejected as one record."""
+    excerpt = raw[: 4 * EXCERPT].decode("utf-8", "replace")[:EXCERPT]
+    return Read([], 1, [Rejection(line=line, reason=reason, excerpt=excerpt)])

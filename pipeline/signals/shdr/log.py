@@ -1,0 +1,133 @@
+"""Logs of MTConnect agents and adapters (SHDR): ``time|item|value``, streamed in little memory.
+
+A record is one ``item|value`` pair, condition, message, asset or adapter command; ``sequence`` is
+its place in the file from 1.  Commands (``* key: value``) are kept without rows.
+
+- Times: ISO 8601 to the nanosecond, UTC where they name no zone; ``time@duration`` gives
+  ``duration`` in ``attributes``.  A number is milliseconds of the adapter's own counter and is kept
+  as time since 1970 with ``{"time": "milliseconds"}``; an empty time is that of the line before,
+  with ``{"time": "of the line before"}``.  Old times at the beginning are kept as they are.
+- Values: UNAVAILABLE is null in both columns; an item that the Devices document declares a SAMPLE
+  must be a number; events are numbers where they look so unless their type is a name (PROGRAM);
+  without a document see :mod:`pipeline.signals.shdr.shapes`.
+- Conditions: ``text`` is the level in capitals, ``key`` the conditionId or else the code,
+  ``attributes`` has severity, qualifier, message (and nativeCode) where they are not empty.
+- Assets: item ``asset``, ``key`` the id, ``text`` the type, ``attributes`` has the document as
+  ``xml``; removed ones are unavailable.
+- Time series: ``key`` is the place from 1; the record's time is that of the last value.
+- Data sets: a row for each entry (``row/column`` for tables), removed entries unavailable.
+- Bytes: gzip and UTF-16 are unpacked; bytes that are not UTF-8 are read as Latin-1 and the rows say
+  so; lines and blocks are at most 4 MiB.
+
+Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, versions 1.x to 2.x).
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from pipeline.signals.records import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.shdr.items import Items
+from pipeline.signals.shdr.line import LineReader, Row, read_stretch
+from pipeline.signals.shdr.rows import Codes, rows_of
+from pipeline.signals.shdr.source import CHUNK, LogBytes, Stretch, stretches
+
+SMALL = 1 << 17
+"""Bytes below which the scanner is not worth its start."""
+
+PATIENCE = 100_000
+"""Records that may be rejected before the first that has the form of a log."""
+
+
+def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
+    """Read a log.
+
+    Parameters
+    ----------
+    path : Path
+        The log, plain or gzip.
+    source : RecordSource
+        ``devices``, ``device`` and ``values`` tell what its items are; see there.
+    root : Path
+        Folder that ``source.devices`` is relative to.
+
+    Yields
+    ------
+    Batch
+        About a quarter of a million records, in the order of the file.
+
+    Raises
+    ------
+    UnreadableFile
+        When the file is empty, or no line of it has the form of a log.
+    """
+    if path.stat().st_size < SMALL:
+        yield from read_plain(path, source, root)
+    else:
+        yield from read_fast(path, source, root)
+
+
+def read_fast(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
+    """Read a log with the byte scanner; arguments as :func:`read`."""
+    from pipeline.signals.shdr.fast import Scanner
+
+    scanner = Scanner(Items(source, root))
+    yield from _judged(scanner.batches(stretches(LogBytes(path, chunk))), scanner.reader)
+
+
+def read_plain(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
+    """Read a log line by line in plain Python, the reference; arguments as :func:`read`."""
+    reader = LineReader(Items(source, root))
+    yield from _judged(_plain_batches(LogBytes(path, chunk), reader), reader)
+
+
+def _plain_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
+    records = 0
+    for stretch in stretches(source):
+        rows: list[Row] = []
+        rejected: list[Rejection] = []
+        before = records
+        for part in _single_lines(stretch):
+            result = read_stretch(reader, part, records + 1)
+            rows += result.rows
+            rejected += result.rejected
+            records += result.records
+        n = records - before
+        table = rows_of(rows, Codes(), Codes()).table()
+        yield Batch(observations=table, read=n, kept=n - len(rejected), rejected=rejected)
+
+
+def _single_lines(stretch: Stretch) -> Iterator[Stretch]:
+    if stretch.kind != "lines":
+        yield stretch
+        return
+    for number, raw in enumerate(stretch.data.removesuffix(b"\n").split(b"\n"), stretch.line):
+        yield Stretch("lines", raw, number)
+
+
+def _judged(batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]:
+    """Pass batches on as soon as the file is known to be a log."""
+    held: list[Batch] = []
+    for batch in (b for b in batches if b.read):
+        held.append(batch)
+        waiting = not reader.formed
+        if waiting and sum(len(b.rejected) for b in held) > PATIENCE:
+            raise _no_log(held)
+        if not waiting:
+            yield from held
+            held = []
+    if not held:
+        if not reader.formed:
+            raise UnreadableFile("the file holds no record")
+        return
+    if any(b.rejected for b in held):
+        raise _no_log(held)
+    yield from held  # adapter commands only
+
+
+def _no_log(held: list[Batch]) -> UnreadableFile:
+    first = next(b.rejected[0] for b in held if b.rejected)
+    read = sum(b.read for b in held)
+    return UnreadableFile(
+        f"none of the first {read} lines has the form of a log (time|item|value): "
+        f"{first.reason} in line {first.line}"
+    )

@@ -1,0 +1,1 @@
+"""Recordings as tables: text, Parquet, MATLAB, HDF5, TDMS."""

@@ -1,0 +1,285 @@
+"""What all readers of tables share: from raw columns to a trace in the units of ``COLUMNS``.
+
+A row whose time or number cannot be read is rejected with its line; a row whose clock runs
+backwards is kept in its place.  What else must not be lost stands as JSON under ``notes`` in the
+metadata of the trace's schema: where the clock ran backwards, columns of the file that the layout
+does not name, constants beside the channels.
+"""
+
+import difflib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from pipeline.signals.records import (
+    EXCERPT,
+    RecordSource,
+    Rejection,
+    TableLayout,
+    Trace,
+    UnreadableFile,
+)
+from pipeline.signals.tables import clock
+from pipeline.signals.tables.cells import Cells, numbers, plain, words
+from pipeline.signals.tables.channels import Channel, check_time_unit, named_channels, rest_channels
+
+LISTED = 100
+"""Lines of one kind that the notes name; the count is always the whole one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawTable:
+    """A table as found in a file.
+
+    Parameters
+    ----------
+    columns : dict of str to pyarrow array, shape (T,)
+        Raw name -> cells, for the columns that :func:`wanted` asked for.
+    lines : ndarray of int64, shape (T,)
+        Line of the file, or number of the record, of each row; from 1.
+    units : dict of str to str
+        Raw name -> unit that the file itself states.
+    rejected : list of Rejection
+        Rows that did not become cells.
+    left_out : list of str
+        Columns of the file that were not asked for.
+    notes : dict
+        What else the file says (constants beside the channels).
+    rate, start : float or None, str or None
+        Sampling rate [Hz] and first instant that the file itself states.
+    excerpt : callable
+        Beginning of the row with a number (from 0) in ``lines``.
+    """
+
+    columns: dict[str, Cells]
+    lines: NDArray[np.int64]
+    units: dict[str, str] = field(default_factory=dict)
+    rejected: list[Rejection] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
+    rate: float | None = None
+    start: str | None = None
+    excerpt: Callable[[int], str] | None = None
+
+
+def layout_of(source: RecordSource) -> TableLayout:
+    """The source's layout, checked.
+
+    Raises
+    ------
+    ValueError
+        When the layout contradicts itself; the message names the field and what to write.
+    """
+    layout = source.table
+    if layout is None:
+        raise ValueError(f"records {source.files!r} ({source.format}) need a table layout: add one")
+    if layout.time_unit not in clock.TIME_UNITS:
+        allowed = ", ".join(clock.TIME_UNITS)
+        raise ValueError(f"time_unit {layout.time_unit!r} is not one of {allowed}: correct it")
+    if layout.rate is not None and not 0 < layout.rate < np.inf:
+        raise ValueError(f"rate {layout.rate} Hz of the table's layout is not above 0: correct it")
+    if not layout.columns and not layout.rest:
+        raise ValueError("the table's layout names no columns: add some, or rest = true")
+    for name in ("time", "t"):
+        if name in layout.columns:
+            raise ValueError(f"{name!r} is the name of the time column, not of a signal: rename it")
+    for name in layout.text:
+        if name not in layout.columns:
+            raise ValueError(f"text names {name!r}, which is no signal of the layout: correct it")
+    if layout.start is not None:
+        clock.start_of(layout)
+    return layout
+
+
+def wanted(layout: TableLayout, available: Sequence[str]) -> list[str]:
+    """Raw names to read, in the file's order.
+
+    Parameters
+    ----------
+    layout : TableLayout
+        What it asks for.
+    available : sequence of str
+        Raw names that the file has.
+
+    Raises
+    ------
+    UnreadableFile
+        When a column is missing; the message names it and the nearest ones that are there.
+    """
+    asked = asked_for(layout)
+    have = set(available)
+    missing = [name for name in asked if name not in have]
+    if missing:
+        raise missing_columns(missing, available)
+    return [name for name in available if layout.rest or name in set(asked)]
+
+
+def asked_for(layout: TableLayout) -> list[str]:
+    """Raw names that the layout itself names."""
+    asked = [layout.time, layout.date, *(source.column for source in layout.columns.values())]
+    return list(dict.fromkeys(name for name in asked if name is not None))
+
+
+def missing_columns(missing: Sequence[str], available: Iterable[str]) -> UnreadableFile:
+    """The error for columns that a file lacks."""
+    pool = list(available)
+    folded = {name.casefold(): name for name in pool}
+    near: set[str] = set()
+    for name in missing:
+        close = difflib.get_close_matches(name.casefold(), folded, n=2, cutoff=0.4)
+        near.update(folded[word] for word in close)
+    which = ", ".join(repr(name) for name in missing)
+    there = ", ".join(repr(n) for n in [n for n in pool if n in near] or pool[:8]) or "none"
+    plural = "s" if len(missing) > 1 else ""
+    return UnreadableFile(
+        f"column{plural} {which} missing; the file has {there}: correct the names in the layout"
+    )
+
+
+def assemble(raw: RawTable, layout: TableLayout) -> Trace:
+    """The trace of a raw table.
+
+    Parameters
+    ----------
+    raw : RawTable
+        What the reader found.
+    layout : TableLayout
+        What it means.
+
+    Returns
+    -------
+    Trace
+        ``time`` [ns UTC] or ``t`` [s] first, then the signals in the layout's order, then the
+        rest; ``read == kept + len(rejected)``.
+
+    Raises
+    ------
+    UnreadableFile
+        When no row at all can be read, or a unit of the file is not known.
+    ValueError
+        When the layout itself is wrong.
+    """
+    layout = replace(layout, rate=layout.rate or raw.rate, start=layout.start or raw.start)
+    reasons: dict[int, str] = {}
+    time_field, time = _time(raw, layout, reasons)
+    fields, arrays = [time_field], [time]
+    channels = named_channels(layout, raw.units)
+    for channel in channels:
+        fields.append(channel.field)
+        arrays.append(_values(channel, raw, layout, reasons))
+    taken = {channel.name for channel in channels} | {"time", "t", layout.time, layout.date}
+    for channel in rest_channels(layout, raw.columns, raw.units, taken):
+        channel, values = _rest(channel, raw, layout)
+        fields.append(channel.field)
+        arrays.append(values)
+    keep = np.ones(len(raw.lines), bool)
+    keep[list(reasons)] = False
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields)).filter(pa.array(keep))
+    rejected = _rejections(raw, reasons)
+    if rejected and not table.num_rows:
+        first = rejected[0]
+        raise UnreadableFile(
+            f"no row of {len(rejected)} can be read, the first at line {first.line}: {first.reason}"
+        )
+    notes = raw.notes | _notes(table.column(0), raw.lines[keep], raw.left_out)
+    table = table.replace_schema_metadata({"notes": json.dumps(notes, sort_keys=True)})
+    kept = table.num_rows
+    return Trace(table=table, read=kept + len(rejected), kept=kept, rejected=rejected)
+
+
+def _time(raw: RawTable, layout: TableLayout, reasons: dict[int, str]) -> tuple[pa.Field, pa.Array]:
+    """Field and values of ``time`` or ``t``; adds to ``reasons`` by row."""
+    instant = pa.field("time", pa.timestamp("ns", tz="UTC"), metadata={"unit": ""})
+    elapsed = pa.field("t", pa.float64(), metadata={"unit": "SECOND"})
+    if layout.time is None:
+        if layout.rate is None:
+            raise ValueError("the table's layout gives neither time nor rate: add one of them")
+        earlier = np.sort([r.line for r in raw.rejected if r.line is not None]).astype(np.int64)
+        # A rejected row took its sampling period too: those after it keep their time.
+        place = np.arange(len(raw.lines)) + np.searchsorted(earlier, raw.lines)
+        if layout.start is None:
+            return elapsed, pa.array(place / layout.rate, pa.float64())
+        time = clock.regular(place, layout.rate, clock.start_of(layout))
+        return instant, pa.array(time).cast(instant.type)
+    check_time_unit(layout, raw.units)
+    cells = plain(raw.columns[layout.time])
+    if layout.date is not None:
+        cells = pc.binary_join_element_wise(words(raw.columns[layout.date]), words(cells), " ")
+    counts = layout.time_unit in clock.NANOSECONDS and layout.start is None
+    if counts and not pa.types.is_timestamp(cells.type):
+        values, bad = clock.seconds(cells, layout)
+        kind = elapsed
+    else:
+        time, bad = clock.instants(cells, layout)
+        values, kind = pa.array(time).cast(instant.type), instant
+    _note_bad(reasons, bad, cells, f"time {layout.time!r} holds {{}}: no {_expected(layout)}")
+    return kind, values
+
+
+def _expected(layout: TableLayout) -> str:
+    """What a time cell should have been, for people."""
+    if layout.time_unit == "iso":
+        return f"instant of {layout.time_zone} time" + (
+            f" as {layout.time_format!r}" if layout.time_format else ""
+        )
+    return f"time in {layout.time_unit!r}"
+
+
+def _values(
+    channel: Channel, raw: RawTable, layout: TableLayout, reasons: dict[int, str]
+) -> pa.Array:
+    """A signal in its own unit; adds to ``reasons`` by row."""
+    cells = plain(raw.columns[channel.raw])
+    if channel.text:
+        return words(cells)
+    values, bad = numbers(cells, layout.decimal)
+    _note_bad(reasons, bad, cells, f"column {channel.raw!r} holds {{}}: no finite number")
+    return channel.converted(values)
+
+
+def _rest(channel: Channel, raw: RawTable, layout: TableLayout) -> tuple[Channel, pa.Array]:
+    """A column that the layout does not name: numbers if all are, else words as they stand."""
+    cells = plain(raw.columns[channel.raw])
+    if not (pa.types.is_temporal(cells.type) or pa.types.is_nested(cells.type)):
+        values, bad = numbers(cells, layout.decimal)
+        if not bad.any() or not pa.types.is_string(cells.type):
+            return channel, channel.converted(values)
+    return replace(channel, text=True, unit=""), words(cells)
+
+
+def _note_bad(
+    reasons: dict[int, str], bad: NDArray[np.bool_], cells: pa.Array, sentence: str
+) -> None:
+    for row in np.flatnonzero(bad):
+        value = cells[int(row)].as_py()
+        shown = "nothing" if value is None or value == "" else repr(value)[:EXCERPT]
+        reasons.setdefault(int(row), sentence.replace("{}", shown))
+
+
+def _rejections(raw: RawTable, reasons: dict[int, str]) -> list[Rejection]:
+    """All rejected rows of the file, in its order."""
+    ours = [
+        Rejection(
+            line=int(raw.lines[row]),
+            reason=reason,
+            excerpt=raw.excerpt(row)[:EXCERPT] if raw.excerpt else "",
+        )
+        for row, reason in reasons.items()
+    ]
+    return sorted(raw.rejected + ours, key=lambda rejection: rejection.line or 0)
+
+
+def _notes(time: pa.ChunkedArray, lines: NDArray[np.int64], left_out: list[str]) -> dict[str, Any]:
+    """What must not be lost and has no row of its own."""
+    notes: dict[str, Any] = {"columns_left_out": left_out} if left_out else {}
+    kind = pa.int64() if pa.types.is_timestamp(time.type) else time.type
+    back = lines[1:][np.diff(time.cast(kind).to_numpy()) < 0]
+    if len(back):
+        notes["clock_backwards"] = {"count": len(back), "lines": back[:LISTED].tolist()}
+    return notes

@@ -1,0 +1,218 @@
+"""Identification recovers the network that made the records, and says no more than they do."""
+
+import numpy as np
+import pytest
+
+from pipeline.identification.spindle import (
+    SpindleFitSettings,
+    days_left_out,
+    fit_network,
+    identify_spindle_network,
+    is_determined,
+    solve,
+    window_errors,
+)
+from pipeline.identification.spindle_problem import Problem
+from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources
+from pipeline.twin.spindle import SpindleRecords
+from tests.identification.spindle_days import ONE, RECORDS, TWO, day_of, days_of
+
+QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,))
+HELD = SpindleRecords(training_from="2026-01-05", training_to="2026-01-30", position_control=True)
+DIRT = {"noise_K": 0.3, "whole_degrees": True, "gap": True}
+
+
+def test_clean_records_give_the_network_back() -> None:
+    """No noise: only the optimiser's tolerance and the finite differences are left."""
+    fit = fit_network(days_of(ONE, 1, 3), RECORDS, QUICK, 1)
+    assert fit.parameters.cooling_rate == pytest.approx(ONE.cooling_rate, rel=1e-4)
+    assert fit.parameters.ambient == pytest.approx(ONE.ambient, abs=1e-3)
+    for name in ONE.heating:
+        assert fit.parameters.heating[name] == pytest.approx(ONE.heating[name], rel=1e-2)
+
+
+def test_whole_degrees_noise_and_gaps_leave_a_few_percent() -> None:
+    """Ten days: the standard error of a coefficient is about 1 %, so 5 % is five of them."""
+    pieces = days_of(ONE, 2, 10, **DIRT)
+    problem = Problem(pieces, RECORDS, QUICK, list(ONE.heating), 1)
+    fit = solve(problem, [problem.start(1500.0)])
+    assert fit.parameters.cooling_rate == pytest.approx(ONE.cooling_rate, rel=0.05)
+    assert fit.parameters.ambient == pytest.approx(ONE.ambient, abs=0.5)
+    for name, value in ONE.heating.items():
+        assert fit.parameters.heating[name] == pytest.approx(value, rel=0.05)
+
+
+def test_a_measured_ambient_gives_its_offset() -> None:
+    truth = SpindleThermalParameters(heating=ONE.heating, cooling_rate=1 / 900, ambient_offset=2.5)
+    ambient = 18 + 4 * np.sin(np.arange(360) / 60)
+    records = SpindleRecords(training_from="2026-01-05", training_to="2026-01-30", ambient=True)
+    days = days_of(truth, 3, 6, ambient=ambient, **DIRT)
+    fit = fit_network(days, records, QUICK, 1)
+    assert "ambient" not in fit.names
+    assert fit.parameters.ambient_offset == pytest.approx(2.5, abs=0.4)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "seeds", "days"),
+    [(1, 100, 4), pytest.param(2, 50, 6, marks=pytest.mark.slow)],
+)
+def test_the_95_percent_interval_holds_the_truth(nodes: int, seeds: int, days: int) -> None:
+    """At least 85 of 100: 95 of 100 less more than four standard deviations of the count.
+
+    The noise is correlated and as large as soft L1's bend, so that an interval for independent
+    samples, or one that takes soft L1 for squares, is too narrow by half.
+    """
+    truth, sources = (ONE, TWO)[nodes - 1], ["bearing_friction", "copper"]
+    held = np.zeros(len(Problem([day_of(truth, 0)], RECORDS, QUICK, sources, nodes).names))
+    for seed in range(seeds):
+        pieces = days_of(truth, seed, days, noise_K=1.5, whole_degrees=True, gap=True)
+        problem = Problem(pieces, RECORDS, QUICK, sources, nodes)
+        fit = solve(problem, [problem.start(1500.0)])
+        held += np.abs(fit.values - problem.position(truth)) <= fit.sure.half_width
+    wanted = 0.85 if nodes == 1 else 0.78  # blocks of an hour are short against a body's hours
+    assert (held >= wanted * seeds).all(), dict(zip(problem.names, held, strict=True))
+
+
+def test_a_source_that_is_never_excited_is_said_to_be_so() -> None:
+    days = days_of(ONE, 4, 4, excited=("speed",), **DIRT)
+    fit = fit_network(days, HELD, QUICK, 1)
+    for name in ("load_speed", "copper", "position_hold"):
+        assert fit.left_out[name] == "the records never excite it"
+    assert "bearing_friction" in fit.parameters.heating
+
+
+def test_a_source_that_is_held_is_found() -> None:
+    truth = SpindleThermalParameters(
+        heating={**ONE.heating, "position_hold": 0.02}, cooling_rate=1 / 900, ambient=24.0
+    )
+    days = days_of(truth, 5, 8, excited=("speed", "load", "hold"), **DIRT)
+    fit = fit_network(days, HELD, QUICK, 1)
+    assert fit.parameters.heating["position_hold"] == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_source_that_heats_nothing_gets_no_number() -> None:
+    """Of two absent sources each is kept by chance in 1 of 40: 5 or more of 20 is 1 in 1000."""
+    wrong = 0
+    for seed in range(20):
+        fit = fit_network(days_of(ONE, seed, 4, **DIRT), RECORDS, QUICK, 1)
+        assert set(fit.parameters.heating) >= set(ONE.heating)
+        wrong += set(fit.parameters.heating) != set(ONE.heating)
+        for name, why in fit.left_out.items():
+            assert "holds 0" in why
+            assert SOURCES[name] in why
+    assert wrong <= 4
+
+
+def test_of_two_collinear_sources_one_is_left_out() -> None:
+    """At one speed n^(5/3) and n^2 are the same signal: together they would have any number."""
+    truth = SpindleThermalParameters(
+        heating={"bearing_friction": 6e-7, "windage": 5e-8}, cooling_rate=1 / 900, ambient=24.0
+    )
+    pieces = []
+    for piece in days_of(ONE, 9, 6, excited=("speed",), **DIRT):
+        on = (piece.frame["windage"] > 0).to_numpy(float)
+        heat = heat_sources(500.0 * on, 0.0 * on, 0.0 * on)
+        frame = piece.frame.assign(**{s: heat[:, i] for i, s in enumerate(SOURCES)})
+        frame["spindle_temperature"] = _simulated(heat, truth, piece.step)
+        pieces.append(type(piece)(day=piece.day, frame=frame, step=piece.step, bridged=0))
+    fit = fit_network(pieces, RECORDS, QUICK, 1)
+    kept = set(fit.parameters.heating) & {"bearing_friction", "windage"}
+    assert len(kept) == 1
+    assert {"bearing_friction", "windage"} - kept <= set(fit.left_out)
+    # what is left carries the heat of both
+    power = {"bearing_friction": 500 ** (5 / 3), "windage": 500.0**2}
+    given = sum(truth.heating[s] * power[s] for s in power)
+    found = sum(fit.parameters.heating[s] * power[s] for s in kept)
+    assert found == pytest.approx(given, rel=0.05)
+
+
+def _simulated(heat: np.ndarray, truth: SpindleThermalParameters, step: float) -> np.ndarray:
+    from pipeline.thermal.network import temperatures
+
+    return np.round(temperatures(heat, truth.ambient, truth, step)[0])
+
+
+def test_two_nodes_are_chosen_when_days_left_out_show_them() -> None:
+    days = days_of(TWO, 10, 7, noise_K=0.2)
+    fit, scores = identify_spindle_network(days, RECORDS, QUICK)
+    assert fit.parameters.nodes == 2
+    assert scores[2] < scores[1]
+    assert fit.parameters.coupling_rate == pytest.approx(TWO.coupling_rate, rel=0.15)
+    assert fit.parameters.body_cooling_rate == pytest.approx(TWO.body_cooling_rate, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", [11, 13])
+def test_one_node_is_kept_when_there_is_one(seed: int) -> None:
+    fit, scores = identify_spindle_network(days_of(ONE, seed, 6, **DIRT), RECORDS, QUICK)
+    assert fit.parameters.nodes == 1
+    assert set(scores) == {1, 2}
+
+
+def test_two_days_are_too_few_to_ask_for_a_second_node() -> None:
+    fit, _ = identify_spindle_network(days_of(TWO, 13, 2, noise_K=0.2), RECORDS, QUICK)
+    assert fit.parameters.nodes == 1
+
+
+def test_a_source_of_one_day_only_does_not_break_the_days_left_out() -> None:
+    """Without that day the others never excite it, so it is not known to them."""
+    truth = SpindleThermalParameters(
+        heating={**ONE.heating, "position_hold": 0.05}, cooling_rate=1 / 900, ambient=24.0
+    )
+    days = days_of(truth, 14, 3, noise_K=0.1)
+    days.append(day_of(truth, 14, number=3, noise_K=0.1, excited=("speed", "load", "hold")))
+    whole = fit_network(days, HELD, QUICK, 1)
+    assert "position_hold" in whole.parameters.heating
+    errors = days_left_out(days, HELD, QUICK, whole)
+    assert errors.shape == (4,)
+    assert errors[3] > 10 * errors[:3].max()
+
+
+def test_fewer_blocks_than_parameters_determine_nothing() -> None:
+    """Two hours are two blocks; at an optimum their scores cancel and would look like certainty."""
+    fit = fit_network([day_of(ONE, 15, hours=2.0, **DIRT)], RECORDS, QUICK, 1)
+    assert fit.parameters.heating == {}
+    assert not any(is_determined(fit, name) for name in fit.names)
+
+
+def test_no_stretch_is_said_with_its_remedy() -> None:
+    with pytest.raises(ValueError, match=r"2026-01-05 to 2026-01-30.*record a working day"):
+        fit_network([], RECORDS, QUICK, 1)
+
+
+def test_window_errors_start_from_a_measured_temperature() -> None:
+    """A window begins at the first measured step after the one before has ended."""
+    piece = day_of(ONE, 16, hours=3.0)
+    piece.frame.iloc[60:63, piece.frame.columns.get_loc("spindle_temperature")] = np.nan
+    wrong = SpindleThermalParameters(heating={}, cooling_rate=1 / 900, ambient=24.0)
+    errors = window_errors([piece], RECORDS, QUICK, wrong)
+    assert len(errors) == 180 - 3
+    starts = [0, 60, 120]  # of the steps with a temperature: 0, 63, 123 in the stretch
+    np.testing.assert_array_equal(errors[starts], 0.0)
+    right = window_errors([piece], RECORDS, QUICK, ONE)
+    np.testing.assert_allclose(right, 0.0, atol=1e-9)
+
+
+def test_position_and_parameters_are_inverse() -> None:
+    pieces = days_of(TWO, 17, 2)
+    problem = Problem(pieces, RECORDS, QUICK, ["bearing_friction", "copper"], 2)
+    back = problem.parameters(problem.position(TWO))
+    for name in ("coupling_rate", "capacity_ratio", "body_cooling_rate", "ambient"):
+        assert getattr(back, name) == pytest.approx(getattr(TWO, name), rel=1e-7)
+    assert back.heating == pytest.approx(TWO.heating, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"step_s": 0.0}, "step_s = 0.0"),
+        ({"window_s": float("nan")}, "window_s = nan"),
+        ({"bridge_s": -1.0}, "bridge_s = -1.0"),
+        ({"nodes": ()}, "nodes"),
+        ({"nodes": (1, 3)}, r"nodes = \(1, 3\)"),
+        ({"time_constants_s": ()}, "time_constants_s"),
+        ({"time_constants_s": (300.0, 0.0)}, "time_constants_s"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(wrong: dict[str, object], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        SpindleFitSettings(**wrong)  # type: ignore[arg-type]

@@ -1,0 +1,102 @@
+"""The runner of stages: what is asked wrongly is one sentence and exit status 2."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.stages.__main__ import load_stage, run, split_signature
+
+ROOT = Path(__file__).parents[2]
+
+
+def params(folder: Path, *, own: dict[str, object] | None = None, **cleaning: object) -> None:
+    """params.yaml of one machine with the sections of the stage clean."""
+    machine = {"mapping": {"signals": {}}, **({"cleaning": own} if own else {})}
+    values = {"cleaning": cleaning, "machine": {"mill": machine}}
+    (folder / "params.yaml").write_text(yaml.safe_dump(values))
+
+
+def called(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pipeline.stages", *words],
+        cwd=folder,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_bad_input_is_one_sentence_and_exit_status_2(tmp_path: Path) -> None:
+    params(tmp_path, periodd_s=2.0)
+    found = called(tmp_path, "clean@mill", "signals", "clean")
+    assert found.returncode == 2
+    assert found.stderr.count("\n") == 1
+    assert found.stderr.startswith("clean@mill: params.yaml, ")
+    assert "periodd_s" in found.stderr
+    assert "@ cleaning" in found.stderr
+
+
+def test_no_stage_is_a_usage_and_exit_status_2(tmp_path: Path) -> None:
+    found = called(tmp_path)
+    assert found.returncode == 2
+    assert found.stderr == "usage: python -m pipeline.stages NAME[@MACHINE] PATH...\n"
+
+
+@pytest.mark.parametrize("name", ["cleen", "__main__", "", "../cli", "clean.py"])
+def test_a_stage_that_is_not_there_is_refused_with_those_that_are(name: str) -> None:
+    with pytest.raises(ValueError, match=r"there is no stage .*clean, compose, identify_spindle"):
+        load_stage(name)
+
+
+@pytest.mark.parametrize("paths", [(), ("a",), ("a", "b", "c")])
+def test_the_number_of_paths_is_the_stages(paths: tuple[str, ...]) -> None:
+    with pytest.raises(
+        ValueError, match=rf"clean takes 2 paths \(signals, clean\), {len(paths)} given"
+    ):
+        run("clean@mill", *paths)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_missing_and_unknown_keys_are_named_with_their_paths(here: Path) -> None:
+    params(here, period_s=0.5)
+    values = yaml.safe_load((here / "params.yaml").read_text())
+    del values["machine"]["mill"]["mapping"]
+    (here / "params.yaml").write_text(yaml.safe_dump(values))
+    with pytest.raises(ValueError, match="no section mapping"):
+        run("clean@mill", "signals", "clean")
+    values["machine"]["mill"]["mapping"] = {"signals": {}, "sygnals": {}}
+    (here / "params.yaml").write_text(yaml.safe_dump(values))
+    with pytest.raises(ValueError, match=r"sygnals.*@ machine\.mill\.mapping"):
+        run("clean@mill", "signals", "clean")
+
+
+def test_a_machine_that_is_not_in_the_fleet_is_named(here: Path) -> None:
+    params(here)
+    with pytest.raises(ValueError, match=r"no section machine\.mil, known machines are \['mill'\]"):
+        run("clean@mil", "signals", "clean")
+
+
+def test_the_machines_section_is_preferred_to_the_one_of_all(here: Path) -> None:
+    """The machine's own is wrong, that of all is right: the error names the machine's."""
+    params(here, own={"period_s": "slow"}, period_s=1.0)
+    with pytest.raises(ValueError, match=r"'slow' is no .* @ machine\.mill\.cleaning\.period_s"):
+        run("clean@mill", "signals", "clean")
+
+
+def test_a_stage_gets_paths_and_sections(here: Path) -> None:
+    """compose has no section, so it needs no params.yaml: it writes one."""
+    assert not (here / "params.yaml").exists()
+    run("compose", str(ROOT / "conf"), str(here / "params.yaml"))
+    assert "fleet" in yaml.safe_load((here / "params.yaml").read_text())
+    paths, sections = split_signature(load_stage("clean"))
+    assert paths == ["signals", "clean"]
+    assert [t.__name__ for t in sections.values()] == ["CleanMachine", "CleanSettings"]
