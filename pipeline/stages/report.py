@@ -1,6 +1,5 @@
 """Stage: write the report of the fleet."""
 
-import hashlib
 import json
 from importlib.metadata import version
 from pathlib import Path
@@ -30,28 +29,27 @@ def report(
     *,
     fleet: Fleet,
     budget: str,
-    machine: dict[str, Any],
 ) -> None:
     """Read what the stages before wrote, write the pages."""
-    machines = [
-        MachineFolders(
-            name=name,
-            signals=signals / name,
-            clean=clean / name,
-            models=models / name,
-            golden=golden / f"{name}.json",
-            origin=machine[name]["identity"]["origin"],
-            truth=truth / f"{name}.json" if name in fleet.simulated else None,
-            description=machine[name]["identity"]["description"],
-            credit=machine[name]["identity"]["credit"],
-            missing=tuple(missing(fleet, name)),
+    machines = []
+    for name in fleet.machines:
+        identity = _identity(signals / name / "manifest.json")
+        machines.append(
+            MachineFolders(
+                name=name,
+                signals=signals / name,
+                clean=clean / name,
+                models=models / name,
+                golden=golden / f"{name}.json",
+                origin=identity["origin"],
+                truth=truth / f"{name}.json" if name in fleet.simulated else None,
+                description=identity["description"],
+                credit=identity["credit"],
+                missing=tuple(missing(fleet, name)),
+            )
         )
-        for name in fleet.machines
-    ]
-    parameters = json.dumps(machine, sort_keys=True).encode()
     info = FleetInfo(
         name=fleet.name,
-        params_sha256=hashlib.sha256(parameters).hexdigest(),
         budget=budget,
         notes=(BUDGETS[budget],) if BUDGETS.get(budget) else (),
         versions={name: version(name) for name in LIBRARIES},
@@ -59,3 +57,11 @@ def report(
     for page in reports.glob("*.html"):
         page.unlink()
     write_report(machines, info, reports, reports)
+
+
+def _identity(manifest: Path) -> dict[str, Any]:
+    """Who a machine is, as its ingest wrote it down."""
+    if not manifest.exists():
+        raise ValueError(f"{manifest} does not exist: run `dvc repro` to read the records first")
+    identity: dict[str, Any] = json.loads(manifest.read_text())["machine"]
+    return identity
