@@ -2,18 +2,17 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 from pipeline.fleet import Fleet
 from pipeline.registry import register as register_bundle
 
 
-def register(
-    models: Path, registered: Path, *, fleet: Fleet, machine: dict[str, dict[str, Any]]
-) -> None:
+def register(models: Path, registered: Path, *, fleet: Fleet) -> None:
     """Register ``models/<machine>`` of every machine with a spindle; write what is registered."""
     found = {}
     for name in fleet.spindles:
-        version = register_bundle(name, models / name, machine[name])
+        document = json.loads((models / name / "spindle_thermal.json").read_text())
+        made_with = {key: document[key] for key in ("records", "network", "training_days")}
+        version = register_bundle(name, models / name, made_with)
         found[name] = {"bundle_sha256": version.bundle, "verdict": version.verdict}
     registered.write_text(json.dumps(found, indent=2, sort_keys=True) + "\n")
