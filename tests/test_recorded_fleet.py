@@ -1,0 +1,110 @@
+"""The main job on the recordings of a real machine: judged, reported, and built again by parts."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.commands import collect, use_fleet
+from pipeline.stages.__main__ import run
+from tests.browser import foreign, look, needs_browser, requests
+from tests.small_project import ROOT, inside
+
+RECORDINGS = os.environ.get("KERF_RECORDINGS")
+pytestmark = pytest.mark.skipif(
+    not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
+)
+MODEL = "data/models/mazak01"
+
+
+def build(project: Path) -> None:
+    """Every stage of the recorded fleet, in the order of dvc.yaml."""
+    with inside(project):
+        run("ingest@mazak01", "data/raw/mazak01", "data/signals/mazak01")
+        run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
+        found = (f"{MODEL}/spindle_thermal.json", f"{MODEL}/residual")
+        run("identify_spindle@mazak01", "data/clean/mazak01", found[0])
+        run("train_residual@mazak01", "data/clean/mazak01", *found)
+        run("validate@mazak01", "data/signals/mazak01/manifest.json", "data/clean/mazak01",
+            *found, "data/golden", f"{MODEL}/validation.json", f"{MODEL}/predictions.parquet",
+            "data/metrics/mazak01.json")  # fmt: skip
+        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth")),
+            "reports")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("recorded")
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    shutil.copytree(ROOT / "data/golden", folder / "data/golden")
+    with inside(folder):
+        fleet = use_fleet("recorded")
+        assert dict((m, files) for m, _, files in collect(fleet, Path(RECORDINGS or ""))) == {
+            "mazak01": 15
+        }
+        run("compose", "conf", "params.yaml")
+    build(folder)
+    return folder
+
+
+def test_nothing_is_lost_or_rejected(project):
+    files = json.loads((project / "data/signals/mazak01/manifest.json").read_text())["files"]
+    assert len(files) == 14
+    for name, entry in files.items():
+        lines = (project / "data/raw/mazak01" / name).read_bytes().count(b"\n")
+        assert entry["read"] == entry["kept"] + entry["rejected"] == lines, name
+        assert entry["rejected"] == 0, name
+
+
+def test_every_golden_day_is_within_the_limits_and_better_than_persistence(project):
+    verdict = json.loads((project / MODEL / "validation.json").read_text())
+    assert verdict["verdict"] == "passed", verdict["reasons"]
+    days = verdict["windows"]["days"]
+    assert [d["day"] for d in days] == ["2019-05-20", "2019-05-21", "2019-05-22", "2019-05-23"]
+    for day in days:
+        assert day["model"]["mae_K"] < 2.0
+        assert day["model"]["rmse_K"] < 3.0
+        assert day["model"]["rmse_K"] < day["persistence"]["rmse_K"]
+
+
+def test_the_forest_that_does_not_help_is_not_used(project):
+    about = json.loads((project / MODEL / "residual/features.json").read_text())
+    helps = about["rmse_days_left_out_K"] < about["rmse_without_K"]
+    assert not about["used"] or helps
+
+
+@needs_browser
+def test_the_report_opens_without_an_error_or_a_request(project, browser):
+    page = project / "reports/mazak01.html"
+    look(browser, page, 1280, "light")
+    assert foreign(requests(browser)) == []
+    assert browser.get_log("browser") == []
+    assert "mazak01" in browser.find_element("tag name", "h1").text
+    assert "public domain" in browser.find_element("tag name", "body").text
+
+
+def test_one_new_day_is_read_alone_and_gives_what_a_build_from_nothing_gives(project, tmp_path):
+    raw = "data/raw/mazak01/week_2019-05-20/Mazak01-20190522-20190523.txt"
+    grown, whole = tmp_path / "grown", project
+    for part in ("conf", "data/golden", "data/raw"):
+        shutil.copytree(whole / part, grown / part, symlinks=True)
+    shutil.copy(whole / "params.yaml", grown)
+    (grown / raw).unlink()
+    with inside(grown):
+        run("ingest@mazak01", "data/raw/mazak01", "data/signals/mazak01")
+        run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
+        shutil.copy(whole / raw, raw)
+        before = {p: p.stat().st_mtime_ns for p in Path("data/signals").rglob("*.txt.parquet")}
+        run("ingest@mazak01", "data/raw/mazak01", "data/signals/mazak01")
+        run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
+        now = {p: p.stat().st_mtime_ns for p in Path("data/signals").rglob("*.txt.parquet")}
+    read = [p.name for p, at in now.items() if before.get(p) != at]
+    assert read == ["week_2019-05-20__Mazak01-20190522-20190523.txt.parquet"]
+    for folder in ("data/signals/mazak01", "data/clean/mazak01"):
+        files = sorted(p.relative_to(whole) for p in (whole / folder).rglob("*.parquet"))
+        assert files == sorted(p.relative_to(grown) for p in (grown / folder).rglob("*.parquet"))
+        for file in files:
+            assert pq.read_table(whole / file).equals(pq.read_table(grown / file)), file
