@@ -22,7 +22,7 @@ test: $(TESTS)
 	ruff check .
 	ruff format --check .
 	mypy
-	pytest
+	pytest -n auto
 
 benchmark: $(TESTS)
 	pytest tests/benchmarks --benchmark-only -s
