@@ -1,6 +1,7 @@
 """``kerf …``: what a person does by hand."""
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -27,6 +28,24 @@ def _one_sentence() -> Iterator[None]:
         raise typer.Exit(2) from error
 
 
+@contextmanager
+def _progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A bar on standard error when a person looks, nothing in a log."""
+    if not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+
+        def advance(name: str) -> None:
+            bar.update(task, advance=1, description=f"{what} {name}")
+
+        yield advance
+
+
 @app.command()
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
@@ -34,22 +53,22 @@ def ingest(
     out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
 ) -> None:
     """Read FILES into Parquet; say how many records were read, kept and rejected."""
-    from pipeline.commands import ingest_files, progress
+    from pipeline.commands import ingest_files
 
-    with _one_sentence():
-        with progress("reading", len(files)) as advance:
-            results = ingest_files(files, machine, out, advance)
-        width = max(len(str(r.path)) for r in results)
-        typer.echo(f"{'file':<{width}}  {'read':>10}  {'kept':>10}  {'rejected':>10}")
-        for r in results:
-            typer.echo(f"{r.path!s:<{width}}  {r.read:>10}  {r.kept:>10}  {r.rejected:>10}")
-        rejected = sum(r.rejected for r in results)
-        if rejected:
-            typer.echo(f"{rejected} rejected, each with its reason in {out / 'rejected.parquet'}")
-    unreadable = [r for r in results if r.reason]
-    for r in unreadable:
-        typer.echo(f"kerf: {r.path}: {r.reason}", err=True)
-    if unreadable:
+    with _one_sentence(), _progress("reading", len(files)) as advance:
+        results = ingest_files(files, machine, out, advance)
+    names = [typer.format_filename(r.path) for r in results]
+    width = max(map(len, names))
+    typer.echo(f"{'file':<{width}}  {'read':>10}  {'kept':>10}  {'rejected':>10}")
+    for name, r in zip(names, results, strict=True):
+        typer.echo(f"{name:<{width}}  {r.read:>10}  {r.kept:>10}  {r.rejected:>10}")
+    rejected = sum(r.rejected for r in results)
+    if rejected:
+        typer.echo(f"{rejected} rejected, each with its reason in {out / 'rejected.parquet'}")
+    for name, r in zip(names, results, strict=True):
+        for said in filter(None, (r.reason, r.note)):
+            typer.echo(f"kerf: {name}: {said}", err=True)
+    if any(r.reason for r in results):
         raise typer.Exit(2)
 
 
@@ -82,7 +101,10 @@ def report(
 def fleet(
     name: Annotated[str, typer.Argument(help="As in conf/fleet/.")],
     recordings: Annotated[
-        Path | None, typer.Option(help="Folder to collect the fleet's recordings from.")
+        Path | None,
+        typer.Option(
+            help="Folder to collect the fleet's recordings from.", envvar="KERF_RECORDINGS"
+        ),
     ] = None,
 ) -> None:
     """Make NAME the fleet that `dvc repro` builds, and collect its recordings."""

@@ -2,24 +2,23 @@
 
 import glob
 import json
-import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from fnmatch import fnmatch
+from datetime import date
 from pathlib import Path
 from shutil import copy2
 from typing import Any
 
-import cattrs
+import yaml
 
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.manifest import sha256_of
+from pipeline.signals.raw_files import shown
 from pipeline.signals.records import RecordSource
-from pipeline.signals.sniff import sniff
+from pipeline.signals.sniff import source_of
 from pipeline.validation.golden import GoldenWeek, Week, freeze, write_golden
 
 CONF = Path("conf")
@@ -28,31 +27,14 @@ DATA = Path("data")
 
 @dataclass(frozen=True, kw_only=True)
 class FileResult:
-    """What became of one file; ``reason`` when none of it could be read."""
+    """What became of one file; ``reason`` when none of it could be read, ``note`` for the rest."""
 
     path: Path
     read: int
     kept: int
     rejected: int
     reason: str | None
-
-
-@contextmanager
-def progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A bar on standard error when a person looks, nothing in a log."""
-    if not sys.stderr.isatty():
-        yield lambda name: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-
-        def advance(name: str) -> None:
-            bar.update(task, advance=1, description=f"{what} {name}")
-
-        yield advance
+    note: str | None = None
 
 
 def machine_parameters(machine: str) -> dict[str, Any]:
@@ -69,69 +51,95 @@ def machine_parameters(machine: str) -> dict[str, Any]:
             f"conf/machine/{machine}.yaml does not exist; known machines: {known}. "
             "Run kerf in the project's folder, or write that file"
         )
-    import yaml
+    return _composed(f"fleet.machines=['{machine}']")
 
+
+def _composed(override: str) -> dict[str, Any]:
     from pipeline.stages.compose import composed
 
-    values: dict[str, Any] = yaml.safe_load(composed(CONF, (f"fleet.machines=[{machine}]",)))
+    try:
+        values: dict[str, Any] = yaml.safe_load(composed(CONF, (override,)))
+    except yaml.YAMLError as error:
+        raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
     return values
 
 
 def ingest_files(
     files: Sequence[Path], machine: str, out: Path, advance: Callable[[str], None]
 ) -> list[FileResult]:
-    """Read ``files`` as records of ``machine`` into ``out``.
+    """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else.
 
-    A file is read as the machine's file in ``conf/machine/`` says for files of such a name, else as
-    what its first bytes say.
+    See :func:`pipeline.signals.sniff.source_of` for how a file is read.
 
     Raises
     ------
     ValueError
-        When a file does not exist or the machine is not known.
+        When a file does not exist, the machine is not known, or ``out`` is a folder that
+        `dvc repro` writes.
     """
-    absent = [p for p in files if not p.is_file()]
-    if absent:
-        raise ValueError(f"{absent[0]} is no file: name the records to read")
+    for path in files:
+        if not path.is_file():
+            state = "is no file" if path.exists() else "does not exist"
+            raise ValueError(f"{path} {state}: name the records to read, each one")
+    if out.resolve().is_relative_to((DATA / "signals").resolve()):
+        raise ValueError(f"{out} is written by `dvc repro`: name another folder with --out")
     values = machine_parameters(machine)
     sources = structure(values, f"machine.{machine}.records", tuple[RecordSource, ...])
     identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
+    places = _places(files)
     with tempfile.TemporaryDirectory() as scratch:
         raw = Path(scratch)
-        chosen = []
-        for number, path in enumerate(files):
-            place = f"{number:0{len(str(len(files)))}d}/{path.name}" if len(files) > 1 else path.name
+        chosen: dict[str, RecordSource] = {}
+        for place, path in places.items():
             (raw / place).parent.mkdir(exist_ok=True)
             (raw / place).symlink_to(path.resolve())
-            chosen.append(replace(source_of(path, sources), files=glob.escape(place)))
-        for devices in {s.devices for s in chosen if s.devices}:
-            known = DATA / "raw" / machine / devices
-            if known.exists():
-                (raw / devices).parent.mkdir(parents=True, exist_ok=True)
-                (raw / devices).symlink_to(known.resolve())
-        given = [s if (raw / (s.devices or ".")).exists() else replace(s, devices=None) for s in chosen]
-        ingest(raw, out, given, identity, progress=advance)
+            source = source_of(path, sources)
+            if source is not None:
+                chosen[place] = replace(source, files=glob.escape(place))
+        notes = _bring_devices(chosen, DATA / "raw" / machine, raw)
+        ingest(raw, out, list(chosen.values()), identity, progress=advance)
     entries = json.loads((out / "manifest.json").read_text())["files"]
     return [
         FileResult(
             path=path,
-            **{key: entries[glob_name(source.files)][key] for key in ("read", "kept", "rejected", "reason")},
+            read=entries[place]["read"],
+            kept=entries[place]["kept"],
+            rejected=entries[place]["rejected"],
+            reason=entries[place]["reason"],
+            note=notes.get(place),
         )
-        for path, source in zip(files, chosen, strict=True)
+        for place, path in places.items()
     ]
 
 
-def glob_name(pattern: str) -> str:
-    """The file name behind a pattern that :func:`glob.escape` made."""
-    return pattern.replace("[*]", "*").replace("[?]", "?").replace("[[]", "[")
+def _places(files: Sequence[Path]) -> dict[str, Path]:
+    """A name for each file, its own where no two are called the same."""
+    names = [shown(path.name).lstrip(".") or "records" for path in files]
+    if len(set(names)) < len(names):
+        width = len(str(len(names)))
+        names = [f"{number:0{width}d}/{name}" for number, name in enumerate(names, 1)]
+    return dict(zip(names, files, strict=True))
 
 
-def source_of(path: Path, sources: Sequence[RecordSource]) -> RecordSource:
-    """How to read ``path``: as a source of the machine that fits its format and name."""
-    form = sniff(path)
-    alike = [s for s in sources if s.format == form]
-    named = [s for s in alike if fnmatch(path.name, s.files.rpartition("/")[2])]
-    return (named or alike or [RecordSource(format=form, files=path.name)])[0]
+def _bring_devices(chosen: dict[str, RecordSource], known: Path, raw: Path) -> dict[str, str]:
+    """Put the Devices documents of ``known`` beside the records, where they are no records.
+
+    Sources whose document is not there do without; the note that says so, by place.
+    """
+    notes = {}
+    for place, source in chosen.items():
+        if source.devices is None:
+            continue
+        document, hidden = known / source.devices, f".devices/{source.devices}"
+        if not document.exists():
+            chosen[place] = replace(source, devices=None)
+            notes[place] = f"{document} does not exist: kinds and units are not known"
+            continue
+        (raw / hidden).parent.mkdir(parents=True, exist_ok=True)
+        if not (raw / hidden).exists():
+            (raw / hidden).symlink_to(document.resolve())
+        chosen[place] = replace(source, devices=hidden)
+    return notes
 
 
 def use_fleet(name: str) -> Fleet:
@@ -143,17 +151,20 @@ def use_fleet(name: str) -> Fleet:
         When there is no such fleet.
     """
     folder = CONF / "fleet"
-    if name == "active" or not (folder / f"{name}.yaml").exists():
-        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml") if p.stem != "active"))
-        raise ValueError(f"{folder}/{name}.yaml does not exist; known fleets: {known or 'none'}")
-    import yaml
-
-    chosen = cattrs.Converter(forbid_extra_keys=True).structure(
-        yaml.safe_load((folder / f"{name}.yaml").read_text()), Fleet
-    )
+    known = sorted(p.stem for p in folder.glob("*.yaml") if p.stem != "active")
+    if name not in known:
+        there = ", ".join(known) or "none"
+        raise ValueError(f"{folder}/{name}.yaml does not exist; known fleets: {there}")
+    try:
+        written = yaml.safe_load((folder / f"{name}.yaml").read_text())
+        chosen = structure({"fleet": written}, "fleet", Fleet)
+    except (yaml.YAMLError, ValueError) as error:
+        said = " ".join(str(error).split()).removeprefix("params.yaml, ")
+        raise ValueError(f"{folder}/{name}.yaml is no fleet: {said}") from error
+    _composed(f"fleet={name}")  # refuses machines that are not known
     (DATA / "truth").mkdir(parents=True, exist_ok=True)  # empty where nothing is simulated
     link = folder / "active.yaml"
-    if not (link.is_symlink() and os.readlink(link) == f"{name}.yaml"):
+    if not (link.is_symlink() and link.readlink() == Path(f"{name}.yaml")):
         link.unlink(missing_ok=True)
         link.symlink_to(f"{name}.yaml")
     return chosen
@@ -165,7 +176,7 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
     Raises
     ------
     ValueError
-        When a folder is missing.
+        When a folder or a Devices document is missing, or no record is there.
     """
     for machine in fleet.machines:
         values = machine_parameters(machine)
@@ -178,18 +189,30 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
                 f"{source} does not exist: name the folder that holds {identity.recordings} "
                 "with --recordings (make: RECORDINGS=…)"
             )
-        records = structure(values, f"machine.{machine}.records", tuple[RecordSource, ...])
-        wanted = {p for s in records for p in source.glob(s.files) if p.is_file()}
-        wanted |= {source / s.devices for s in records if s.devices}
+        sources = structure(values, f"machine.{machine}.records", tuple[RecordSource, ...])
+        wanted = _wanted(source, sources)
         new = 0
-        for path in sorted(wanted):
+        for path in wanted:
             target = DATA / "raw" / machine / path.relative_to(source)
-            if not target.exists() or target.read_bytes() != path.read_bytes():
+            if not (target.exists() and sha256_of(target) == sha256_of(path)):
                 target.parent.mkdir(parents=True, exist_ok=True)
                 copy2(path, target)
                 target.chmod(0o644)
                 new += 1
         yield machine, new, len(wanted)
+
+
+def _wanted(folder: Path, sources: Sequence[RecordSource]) -> list[Path]:
+    """Records and Devices documents in ``folder`` that ``sources`` name."""
+    found = {p for s in sources for p in folder.glob(s.files) if p.is_file()}
+    if not found:
+        names = ", ".join(s.files for s in sources)
+        raise ValueError(f"{folder} holds no file that the machine's sources name ({names})")
+    devices = {folder / s.devices for s in sources if s.devices}
+    for path in devices:
+        if not path.is_file():
+            raise ValueError(f"{path} does not exist: put the agent's Devices document there")
+    return sorted(found | devices)
 
 
 def freeze_golden(machine: str, first: str, last: str) -> GoldenWeek:
@@ -200,17 +223,24 @@ def freeze_golden(machine: str, first: str, last: str) -> GoldenWeek:
     ValueError
         When a day is no date, the machine's records were not ingested, or none is in the week.
     """
-    from datetime import date
-
-    days = [date.fromisoformat(day).isoformat() for day in (first, last)]
+    machine_parameters(machine)  # refuses one that is not known
+    days = [_day(day) for day in (first, last)]
+    if days[0] > days[1]:
+        raise ValueError(f"--first {first} lies after --last {last}: name the earlier day first")
     manifest = DATA / "signals" / machine / "manifest.json"
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
-    frozen = freeze(
-        machine, Week(first=days[0], last=days[1]), json.loads(manifest.read_text())["files"]
-    )
+    files = _document(manifest)["files"]
+    frozen = freeze(machine, Week(first=days[0], last=days[1]), files)
     write_golden(frozen, DATA / "golden" / f"{machine}.json")
     return frozen
+
+
+def _day(text: str) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError as error:
+        raise ValueError(f"{text!r} is no day: write it as YYYY-MM-DD") from error
 
 
 def fleet_status() -> list[dict[str, str]]:
@@ -223,7 +253,7 @@ def fleet_status() -> list[dict[str, str]]:
     for machine in fleet.machines:
         identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
         judged = DATA / "models" / machine / "validation.json"
-        document = json.loads(judged.read_text()) if judged.exists() else None
+        document = _document(judged) if judged.exists() else None
         scores = (document or {}).get("windows", {}).get("all")
         known = {alias: v for v in versions(machine) for alias in v.aliases}
         rows.append(
@@ -243,17 +273,27 @@ def fleet_status() -> list[dict[str, str]]:
     return rows
 
 
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads(path.read_text())
+    except ValueError as error:
+        raise ValueError(f"{path} is no JSON ({error}): run `dvc repro` to write it") from error
+    return found
+
+
 def write_report(out: Path) -> Path:
     """Write the pages from what stands in data/; the path of the first."""
     from pipeline.stages.report import report
 
     values = read_params()
-    folders = [DATA / name for name in ("signals", "clean", "models", "golden", "truth")]
     report(
-        *folders,
+        DATA / "signals",
+        DATA / "clean",
+        DATA / "models",
+        DATA / "golden",
+        DATA / "truth",
         out,
         fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str),
-        machine=structure(values, "machine", dict[str, Any]),
     )
     return out / "index.html"

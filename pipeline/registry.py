@@ -8,6 +8,7 @@ bundle a machine, once for each content.  The default store is a sqlite file bes
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -59,23 +60,54 @@ def bundle_hash(folder: Path) -> str:
 
 
 def _client(root: Path) -> "MlflowClient":
-    """A client of the project's store; made on first use."""
+    """A client of the project's store.
+
+    Raises
+    ------
+    ValueError
+        When the store cannot be opened.
+    """
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
     import logging
 
     import mlflow
+    from sqlalchemy.exc import SQLAlchemyError
 
     for noisy in ("mlflow", "alembic"):
         logging.getLogger(noisy).setLevel(logging.ERROR)
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{(root / DATABASE).resolve()}"
+    named = os.environ.get("MLFLOW_TRACKING_URI")
+    uri = named or f"sqlite:///{(root / DATABASE).resolve()}"
     mlflow.set_tracking_uri(uri)
-    client = mlflow.MlflowClient()
-    if client.get_experiment_by_name(EXPERIMENT) is None:
-        served = uri.startswith(("http://", "https://"))
-        place = None if served else (root / ARTIFACTS).resolve().as_uri()
-        client.create_experiment(EXPERIMENT, artifact_location=place)
+    if not named:  # MLflow has put it there, where the next project would take it for a server
+        os.environ.pop("MLFLOW_TRACKING_URI", None)
+    try:
+        client = mlflow.MlflowClient()
+        client.get_experiment_by_name(EXPERIMENT)
+    except (mlflow.MlflowException, SQLAlchemyError) as error:
+        said = (str(error).splitlines() or [""])[0]
+        raise ValueError(f"the registry {uri} cannot be opened: {said}") from error
     return client
+
+
+def _experiment(client: "MlflowClient", root: Path) -> str:
+    """Name of the experiment whose artifacts stand where the project stands now; made if missing.
+
+    MLflow keeps an experiment's place for ever: a project that was moved gets another experiment.
+    """
+    if client.tracking_uri.startswith(("http://", "https://")):
+        name, place = EXPERIMENT, None
+    else:
+        place = (root / ARTIFACTS).resolve().as_uri()
+        first = client.get_experiment_by_name(EXPERIMENT)
+        here = first is None or first.artifact_location == place
+        name = (
+            EXPERIMENT if here else f"{EXPERIMENT} {hashlib.sha256(place.encode()).hexdigest()[:8]}"
+        )
+    if client.get_experiment_by_name(name) is None:
+        client.create_experiment(name, artifact_location=place)
+    return name
 
 
 def exists(root: Path) -> bool:
@@ -106,9 +138,7 @@ def versions(machine: str, root: Path = Path()) -> list[Version]:
     ]
 
 
-def register(
-    machine: str, folder: Path, params: dict[str, Any], root: Path = Path()
-) -> Version:
+def register(machine: str, folder: Path, params: dict[str, Any], root: Path = Path()) -> Version:
     """Register the bundle of ``machine`` unless its content is registered already.
 
     The first bundle that passes the golden week becomes champion, every later one challenger;
@@ -116,31 +146,45 @@ def register(
 
     Parameters
     ----------
+    machine : str
+        Whose it is.
     folder : Path
         ``data/models/<machine>``.
     params : dict
         What it was made with; logged with the run.
+    root : Path
+        The project.
+
+    Raises
+    ------
+    ValueError
+        When the registry cannot be opened.
+    OSError
+        When a part of the bundle is missing.
     """
     client, name, digest = _client(root), model_name(machine), bundle_hash(folder)
     known = versions(machine, root)
-    for version in known:
-        if version.bundle == digest:
-            return version
+    same = [v for v in known if v.bundle == digest]
+    if same and any(v.aliases for v in same):
+        return next(v for v in same if v.aliases)
     document = json.loads((folder / "validation.json").read_text())
-    tags = _provenance(machine, digest, document, params)
-    number = _log(folder, name, f"{machine}-{digest[:8]}", params, document, tags)
-    for tag, value in tags.items():
-        client.set_model_version_tag(name, number, tag, value)
+    if same:  # what stands in the folder is the candidate, be it one of long ago
+        number = str(same[0].version)
+    else:
+        tags = _provenance(machine, digest, document, params, root)
+        number = _log(folder, name, _experiment(client, root), params, document, tags)
+        for tag, value in tags.items():
+            client.set_model_version_tag(name, number, tag, value)
     has_champion = any("champion" in v.aliases for v in known)
     first_champion = document["verdict"] == "passed" and not has_champion
     client.set_registered_model_alias(name, "champion" if first_champion else "challenger", number)
-    return versions(machine, root)[-1]
+    return next(v for v in versions(machine, root) if v.version == int(number))
 
 
 def _log(
     folder: Path,
     name: str,
-    run: str,
+    experiment: str,
     params: dict[str, Any],
     document: dict[str, Any],
     tags: dict[str, str],
@@ -148,7 +192,8 @@ def _log(
     """Log a run with the bundle as a pyfunc; the number of the version that it becomes."""
     import mlflow
 
-    mlflow.set_experiment(EXPERIMENT)
+    mlflow.set_experiment(experiment)
+    run = f"{tags['machine']}-{tags['bundle_sha256'][:8]}"
     with tempfile.TemporaryDirectory() as scratch, mlflow.start_run(run_name=run):
         bundle = Path(scratch) / "bundle"
         bundle.mkdir()
@@ -169,13 +214,11 @@ def _log(
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested parameters as ``a.b.c`` keys."""
+    """Nested parameters as ``a.b.c`` keys, of characters that MLflow takes."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
+        name = prefix + re.sub(r"[^\w.: -]", "_", str(key))
+        flat |= _flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
     return flat
 
 
@@ -190,29 +233,36 @@ def _metrics(document: dict[str, Any]) -> dict[str, float]:
 
 
 def _provenance(
-    machine: str, digest: str, document: dict[str, Any], params: dict[str, Any]
+    machine: str, digest: str, document: dict[str, Any], params: dict[str, Any], root: Path
 ) -> dict[str, str]:
     """Tags that say what a version was made of."""
     golden = document["golden"]
-    lock = Path("dvc.lock")
     return {
         "machine": machine,
         "origin": document["origin"],
         "verdict": document["verdict"],
         "bundle_sha256": digest,
         "golden_sha256": golden["sha256"] if golden else "",
-        "params_sha256": hashlib.sha256(json.dumps(params, sort_keys=True).encode()).hexdigest(),
-        "dvc_lock_sha256": hashlib.sha256(lock.read_bytes()).hexdigest() if lock.exists() else "",
-        "git_commit": git_commit(),
+        "made_with_sha256": hashlib.sha256(json.dumps(params, sort_keys=True).encode()).hexdigest(),
+        "params_sha256": _file_hash(root / "params.yaml"),
+        "dvc_lock_sha256": _file_hash(root / "dvc.lock"),
+        "git_commit": git_commit(root),
     }
 
 
-def git_commit() -> str:
-    """Commit that is checked out, ``""`` outside a repository."""
+def _file_hash(path: Path) -> str:
+    """Hash of a file's bytes, ``""`` when there is none."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+
+
+def git_commit(root: Path = Path()) -> str:
+    """Commit that is checked out, ``""`` outside a repository or without git."""
+    if shutil.which("git") is None:
+        return ""
     answer = subprocess.run(
-        ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
-    return answer.stdout.strip()
+    return answer.stdout.strip() if answer.returncode == 0 else ""
 
 
 def promote(machine: str, root: Path = Path()) -> Version:
@@ -253,20 +303,48 @@ def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predict:
     found = [v for v in versions(machine, root) if alias in v.aliases]
     if not found:
         raise ValueError(f"{machine} has no {alias}: `kerf status` shows what is registered")
-    import mlflow
-
     version = found[0]
-    stored = _client(root).get_model_version_download_uri(model_name(machine), str(version.version))
-    moved = root / ARTIFACTS / stored.rpartition(f"/{ARTIFACTS}/")[2]
-    place = str(moved.resolve()) if moved.exists() else stored
-    bundle = Path(place) / "artifacts" / "bundle"
-    if bundle.exists() and bundle_hash(bundle) != version.bundle:
+    place = _place(version, root)
+    bundle = place / "artifacts" / "bundle"
+    try:
+        now = bundle_hash(bundle)
+    except OSError:  # a part of it is gone
+        now = ""
+    if now != version.bundle:
         raise ValueError(
             f"the bundle of {machine} version {version.version} in {bundle} is no longer the one "
             f"that was registered ({version.bundle[:12]}): run `dvc repro` to register it anew"
         )
+    import mlflow
+
     try:
-        predict: Predict = mlflow.pyfunc.load_model(place).predict
+        predict: Predict = mlflow.pyfunc.load_model(str(place)).predict
     except (OSError, mlflow.MlflowException) as error:
         raise ValueError(f"the bundle of {machine} in {place} cannot be read: {error}") from error
     return predict
+
+
+def _place(version: Version, root: Path) -> Path:
+    """Folder of a version's model, brought here when a server has it.
+
+    Raises
+    ------
+    ValueError
+        When it is nowhere.
+    """
+    import mlflow
+
+    client = _client(root)
+    stored = client.get_model_version_download_uri(
+        model_name(version.machine), str(version.version)
+    )
+    moved = root / ARTIFACTS / stored.rpartition(f"/{ARTIFACTS}/")[2]
+    if moved.is_dir():
+        return moved.resolve()
+    try:
+        return Path(mlflow.artifacts.download_artifacts(artifact_uri=stored))
+    except (OSError, mlflow.MlflowException) as error:
+        raise ValueError(
+            f"the bundle of {version.machine} version {version.version} is neither in {moved} nor "
+            f"in {stored}: bring {ARTIFACTS} along with {DATABASE}"
+        ) from error

@@ -29,9 +29,9 @@ class Spindle(mlflow.pyfunc.PythonModel):
         for name in ("time", TARGET):
             if name not in model_input.columns:
                 raise ValueError(f"the input has no column {name}: give the clean state table")
-        start = float(model_input[TARGET].iloc[0])
+        start = float(model_input[TARGET].iloc[0]) if len(model_input) else float("nan")
         if pd.isna(start):
-            raise ValueError(f"{TARGET} is unknown in the first row: start where it was measured")
+            raise ValueError(f"{TARGET} is not known in the first row: start where it was measured")
         state = model_input.set_index("time")
         return self.model.predict(state, start).reset_index(names="time")
 

@@ -67,9 +67,9 @@ def test_rooms_import_along_the_arrows(path: Path) -> None:
             continue
         target = name.removeprefix("pipeline.")
         allowed = ARROWS[here] | {here}
-        assert "*" in allowed or any(
-            target == a or target.startswith(a + ".") for a in allowed
-        ), f"{here} may not import {name}"
+        assert "*" in allowed or any(target == a or target.startswith(a + ".") for a in allowed), (
+            f"{here} may not import {name}"
+        )
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))

@@ -125,9 +125,10 @@ def fit_network(
             return replace(fit, left_out=left_out)
         i = fit.names.index(weakest)
         width = fit.sure.half_width[i] / problem.scale[weakest]
+        value = max(fit.parameters.heating[weakest], 0.0)
+        shown = 0.0 if value < 1e-3 * width else value  # a value at its bound is 0, not 1e-20
         left_out[weakest] = (
-            f"its 95 % interval {fit.parameters.heating[weakest]:.2g} ± {width:.2g} "
-            f"{SOURCES[weakest]} holds 0"
+            f"its 95 % interval {shown:.2g} ± {width:.2g} {SOURCES[weakest]} holds 0"
         )
         sources.remove(weakest)
 

@@ -33,7 +33,8 @@ def report(
     """Read what the stages before wrote, write the pages."""
     machines = []
     for name in fleet.machines:
-        identity = _identity(signals / name / "manifest.json")
+        origin = "simulated" if name in fleet.simulated else "recorded"
+        identity = _identity(signals / name / "manifest.json", origin)
         machines.append(
             MachineFolders(
                 name=name,
@@ -59,9 +60,9 @@ def report(
     write_report(machines, info, reports, reports)
 
 
-def _identity(manifest: Path) -> dict[str, Any]:
-    """Who a machine is, as its ingest wrote it down."""
+def _identity(manifest: Path, origin: str) -> dict[str, Any]:
+    """Who a machine is, as its ingest wrote it down; before the first, what the fleet knows."""
     if not manifest.exists():
-        raise ValueError(f"{manifest} does not exist: run `dvc repro` to read the records first")
+        return {"origin": origin, "description": "", "credit": ""}
     identity: dict[str, Any] = json.loads(manifest.read_text())["machine"]
     return identity

@@ -82,9 +82,7 @@ def test_observations_a_second(
     small.write_text(HEAD.format(next=0) + TAIL)
     _to_parquet(small, tmp_path / "small.parquet", quick=quick)  # compiles
     out = tmp_path / "out.parquet"
-    rows = benchmark.pedantic(
-        _to_parquet, args=(path, out), kwargs={"quick": quick}, rounds=2 if quick else 1
-    )
+    rows = benchmark.pedantic(_to_parquet, args=(path, out), kwargs={"quick": quick}, rounds=3)
     assert rows == count == pq.read_metadata(out).num_rows
     rate = count / benchmark.stats.stats.min
     way = "quick" if quick else "careful"

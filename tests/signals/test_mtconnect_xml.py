@@ -127,7 +127,7 @@ def test_a_sample(tmp_path: Path) -> None:
 def test_events_are_numbers_when_they_read_as_such(
     tmp_path: Path, text: str, number: float | None, word: str | None
 ) -> None:
-    event = f'<Block dataItemId="b" {STAMP} sequence="1">{text}</Block>'
+    event = f'<Line dataItemId="b" {STAMP} sequence="1">{text}</Line>'
     ((row,), _, rejected) = _both(_streams(_section("Events", event)), tmp_path)
     assert (row["number"], row["text"], rejected) == (number, word, [])
     assert (row["kind"], row["data_item"]) == ("EVENT", "b")

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from pipeline.signals.mtconnect.devices import DataItem, Device, DeviceModel, data_item, device_of
-from pipeline.signals.mtconnect.tree import Node, bodies, named, part, pascal, plain, word
+from pipeline.signals.mtconnect.tree import Node, bodies, named, part, plain, word
+from pipeline.signals.names import element_name
 from pipeline.signals.records import UnreadableFile
 
 
@@ -61,7 +62,7 @@ def items_of(device: Node, label: str | None) -> Iterator[DataItem]:
                     device=label,
                 )
         inside = [
-            (name or pascal(word(part(body, "type"))), body)
+            (name or element_name(word(part(body, "type"))), body)
             for name, body in named(part(node, "Components"))
             if isinstance(body, dict)
         ]

@@ -13,7 +13,7 @@ from pipeline.signals.mtconnect.elements import instance_of
 from pipeline.signals.mtconnect.rows import RECORDS, Rows, gathered
 from pipeline.signals.mtconnect.streams import Asked, device_name, foreign_reason
 from pipeline.signals.mtconnect.text import content
-from pipeline.signals.mtconnect.tree import Node, bodies, named, part, pascal, plain, word
+from pipeline.signals.mtconnect.tree import Node, bodies, named, part, plain, word
 from pipeline.signals.mtconnect.values import Entry
 from pipeline.signals.mtconnect.words import (
     BLANK,
@@ -26,6 +26,7 @@ from pipeline.signals.mtconnect.words import (
     shape_of,
 )
 from pipeline.signals.mtconnect.xml_document import device_model
+from pipeline.signals.names import element_name
 from pipeline.signals.records import EXCERPT, Batch, RecordSource, UnreadableFile
 
 _VALUES = ("value", "result", "samples", "entries")
@@ -245,7 +246,7 @@ def _tag(section: str, said: Node, body: Node) -> str:
     """The element's name that a plain observation would have; its type is no attribute then."""
     if section == "CONDITION":
         return word(said.pop("level", "")).capitalize()
-    tag = pascal(word(said.pop("type", "")))
+    tag = element_name(word(said.pop("type", "")))
     if "samples" in body:
         return f"{tag}TimeSeries"
     entries = body.get("entries")

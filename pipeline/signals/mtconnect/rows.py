@@ -55,6 +55,8 @@ class Rows:
 
     def table(self) -> pa.Table:
         """The rows so far as a table."""
+        if not self.rows and self.tables:
+            return pa.concat_tables(self.tables)
         return pa.concat_tables([*self.tables, _table(self.rows)])
 
     def reject(self, line: int | None, reason: str, excerpt: str = "") -> None:
@@ -112,8 +114,10 @@ class Rows:
         table = waiting.table(instance)
         if table is None:
             return False
-        self.tables += [_table(self.rows), table]
-        self.rows = []
+        if self.rows:
+            self.tables.append(_table(self.rows))
+            self.rows = []
+        self.tables.append(table)
         self.read += len(waiting)
         return True
 

@@ -30,6 +30,10 @@ MANY = 100_000
 """Shapes after which all are forgotten: where each tag differs, knowing them is no gain."""
 
 
+_Last = tuple[tuple[str, str], str, dict[str, str], int]
+"""Context, element and attributes of an item's last sample, and the number of their shape."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Asked:
     """What was asked of a file: how items are named, and which device (None for all)."""
@@ -69,7 +73,9 @@ class Streams(XmlEvents):
         self._foreign: int | None = None  # depth of a device stream that was not asked for
         self._shapes: dict[Any, Shape] = {}
         self._waiting = Waiting()
+        self._flat = self._waiting.flat
         self._codes: dict[Any, int] = {}  # of shapes of samples
+        self._last: dict[str | None, _Last] = {}  # by item
         # The element that is being read:
         self._tag = ""
         self._said: dict[str, str] = {}
@@ -108,13 +114,30 @@ class Streams(XmlEvents):
         said, text = self._said, self._text
         timestamp, sequence = said.pop("timestamp", None), said.pop("sequence", None)
         value = (text[0] if len(text) == 1 else "".join(text)).strip(BLANK)
-        known = (self._context, self._tag, *said, *said.values())
-        code = self._codes.get(known)
+        # Most say what the one before of their item said: that is faster than to look it up.
+        code: int | None
+        last = self._last.get(said.get("dataItemId"))
+        if last and last[2] == said and last[1] == name and last[0] == self._context:
+            code = last[3]
+        else:
+            code = self._code()
         plain = self._entries is None and len(value) <= MODEST and not self._length
         if code is not None and timestamp and sequence and plain:
-            self._waiting.flat += (timestamp, sequence, value, code, self._began)
+            self._flat += (timestamp, sequence, value, code, self._began)
         else:
-            self._observed(known, timestamp, sequence, value)
+            self._observed(timestamp, sequence, value)
+
+    def _known(self) -> tuple[Any, ...]:
+        """What tells apart the shape of the element that is being read."""
+        return self._context, self._tag, *self._said, *self._said.values()
+
+    def _code(self) -> int | None:
+        """The number of a sample's shape; None when it is new or that of no sample."""
+        code = self._codes.get(self._known())
+        if code is not None:
+            item_id = self._said.get("dataItemId")
+            self._last[item_id] = (self._context, self._tag, self._said, code)
+        return code
 
     def handed_over(self) -> Batch:
         """What was read since the last batch."""
@@ -188,13 +211,12 @@ class Streams(XmlEvents):
             self._section, self._observation = "", 0
         self._text.clear()
 
-    def _observed(
-        self, known: Any, timestamp: str | None, sequence: str | None, value: str
-    ) -> None:
+    def _observed(self, timestamp: str | None, sequence: str | None, value: str) -> None:
         if self._waiting.flat:
             self._settle()
         try:
             self._check(value)
+            known = self._known()
             shape = self._shapes.get(known) or self._new_shape(known)
         except MalformedError as malformed:
             self._refuse(self._began, str(malformed))
@@ -233,6 +255,7 @@ class Streams(XmlEvents):
         if len(self._shapes) > MANY:
             self._shapes.clear()
             self._codes.clear()
+            self._last.clear()
             self._waiting.known.clear()
         naming = self.asked.naming
         shape = shape_of(self._section, local(self._tag), self._said, self._device, naming)

@@ -60,11 +60,6 @@ def bodies(node: Any, *names: str) -> Iterator[Node]:
             yield from (member for member in members if isinstance(member, dict))
 
 
-def pascal(kind: str) -> str:
-    """Element name of a type: ``PATH_FEEDRATE`` becomes ``PathFeedrate``, ``x:FOO`` ``Foo``."""
-    return "".join(word.capitalize() for word in kind.rpartition(":")[2].split("_"))
-
-
 def plain(node: Node) -> dict[str, str]:
     """The plain values of an object as an element's attributes would hold them."""
     return {k: word(v) for k, v in node.items() if isinstance(v, (str, int, float))}

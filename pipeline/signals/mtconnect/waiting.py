@@ -34,14 +34,14 @@ class Waiting:
 
     def table(self, instance: int | None) -> pa.Table | None:
         """The samples as rows; None when one of them is not as agents write it."""
-        stamps = self.flat[::5]
-        if not (min(stamps) >= "1678" and max(stamps) < "2262"):
+        stamps, sequences, values = (pa.array(self.flat[i::5], pa.string()) for i in range(3))
+        within = pc.min_max(stamps)
+        if not (within["min"].as_py() >= "1678" and within["max"].as_py() < "2262"):
             return None
-        values = [None if value == "UNAVAILABLE" else value for value in self.flat[2::5]]
-        sequences = pa.array(self.flat[1::5], pa.string())
+        known = pc.not_equal(values, "UNAVAILABLE")
         try:
-            time = pa.array(stamps, pa.string()).cast(TIME)
-            number = pa.array(values, pa.string()).cast(pa.float64())
+            time = stamps.cast(TIME)
+            number = pc.if_else(known, values, None).cast(pa.float64())
             sequence = sequences.cast(pa.uint64())
         except pa.ArrowInvalid:
             return None
@@ -51,17 +51,17 @@ class Waiting:
         n, code = len(time), pa.array(self.flat[3::5], pa.int32())
         columns = {
             "time": time,
-            "data_item": _taken([s.data_item for s in self.known], code).dictionary_encode(),
+            "data_item": _words([s.data_item for s in self.known]).dictionary_encode().take(code),
             "number": number,
             "text": pa.nulls(n, OBSERVATIONS.field("text").type),
             "sequence": sequence,
-            "kind": _taken([s.kind for s in self.known], code).dictionary_encode(),
-            "key": _taken([s.key for s in self.known], code).dictionary_encode(),
-            "attributes": _taken([s.attributes for s in self.known], code),
+            "kind": _words([s.kind for s in self.known]).dictionary_encode().take(code),
+            "key": _words([s.key for s in self.known]).dictionary_encode().take(code),
+            "attributes": _words([s.attributes for s in self.known]).take(code),
             "instance": pa.array([instance], pa.uint64()).take(pa.nulls(n, pa.int8()).fill_null(0)),
         }
         return pa.table([columns[name] for name in OBSERVATIONS.names], schema=OBSERVATIONS)
 
 
-def _taken(words: list[str | None], code: pa.Array) -> pa.Array:
-    return pa.array(words, pa.string()).take(code)
+def _words(words: list[str | None]) -> pa.Array:
+    return pa.array(words, pa.string())

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any, Literal
 
 from pipeline.signals.mtconnect.devices import DataItem, DeviceModel
+from pipeline.signals.names import is_name
 
 BLANK = " \t\r\n"
 """White space of XML."""
@@ -24,6 +25,7 @@ FIRST_YEAR, LAST_YEAR = 1678, 2261
 LAST_SEQUENCE = 2**64 - 1
 
 _SUFFIXES = (("TimeSeries", "TIME_SERIES"), ("DataSet", "DATA_SET"), ("Table", "TABLE"))
+_MESSAGES = ("Message", "MessageDiscrete", "Alarm")
 _SPATIAL_EVENTS = ("Rotation", "Translation")
 _OWN = ("dataItemId", "itemId", "name", "timestamp", "sequence")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -45,8 +47,8 @@ class Shape:
     """What an observation says besides its time, its sequence and its value.
 
     ``manner`` is how its value is read: ``number`` (a sample), ``value`` (an event: a number or a
-    text), ``text`` (a message), ``condition``, ``series`` or ``set`` (also a table).  ``rest`` are
-    the attributes that have no column of their own, ``attributes`` the same as JSON.
+    text), ``text`` (a message, a name), ``condition``, ``series`` or ``set`` (also a table).
+    ``rest`` are the attributes that have no column of their own, ``attributes`` the same as JSON.
     """
 
     data_item: str
@@ -114,7 +116,7 @@ def shape_of(section: str, tag: str, said: dict[str, Any], device: str, naming: 
             known = "Normal, Warning, Fault, Unavailable"
             raise MalformedError(f"the condition's level {tag[:60]!r} is none of {known}")
         level = LEVELS[tag.lower()]
-    if kind in ("CONDITION", "MESSAGE") or tag == "Alarm":
+    if kind in ("CONDITION", "MESSAGE"):
         own = "conditionId" if rest.get("conditionId") else "nativeCode"
         key = _word(rest.pop(own, None)) or None
     rate = said.get("sampleRate")
@@ -145,9 +147,12 @@ def _kind(section: str, tag: str, item: DataItem | None) -> tuple[str, Manner]:
         return representation, "set"
     if section == "UNKNOWN":
         section = (item.category if item else None) or "UNKNOWN"
-    if tag in ("Message", "MessageDiscrete") or (item and item.type == "MESSAGE"):
+    kind = item.type if item else None
+    if tag in _MESSAGES or kind in ("MESSAGE", "ALARM"):
         return "MESSAGE", "text"
-    return section, "number" if section == "SAMPLE" else "value"
+    if section == "SAMPLE":
+        return section, "number"
+    return section, "text" if is_name(tag) or is_name(kind) else "value"
 
 
 def _spatial(tag: str, item: DataItem | None) -> bool:

@@ -3,19 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from pipeline.signals.names import is_name
 from pipeline.signals.records import RecordSource
 
 if TYPE_CHECKING:
     from pipeline.signals.mtconnect.devices import DataItem, DeviceModel
-
-WORDS = frozenset([
-    "ACTIVE_PROGRAM", "BLOCK", "FIXTURE_ASSET_ID", "FIXTURE_ID", "HARDWARE", "LINE_LABEL",
-    "OPERATOR_ID", "PALLET_ID", "PART_GROUP_ID", "PART_ID", "PART_KIND_ID", "PART_NUMBER",
-    "PART_SERIAL_NUMBER", "PART_UNIQUE_ID", "PROCESS_AGGREGATE_ID", "PROCESS_OCCURRENCE_ID",
-    "PROGRAM", "PROGRAM_COMMENT", "PROGRAM_HEADER", "PROGRAM_LOCATION", "SERIAL_NUMBER",
-    "TOOL_ASSET_ID", "TOOL_GROUP", "TOOL_ID", "USER", "WORKHOLDING_ID",
-])  # fmt: skip
-"""Types of events that are names: ``0012`` is the program 0012, not the number 12."""
 
 MOST_CACHED = 1 << 16
 """Names kept; a log of noise has more and does not fill the memory."""
@@ -93,7 +85,7 @@ def _form(item: "DataItem") -> tuple[str, str]:
         return "MESSAGE", item.type.lower()
     if item.type in ("ASSET_CHANGED", "ASSET_REMOVED"):
         return "EVENT", "asset_event"
-    return "EVENT", "word" if item.type in WORDS else "event"
+    return "EVENT", "word" if is_name(item.type) else "event"
 
 
 def _converted(plan: Plan, item: "DataItem") -> Plan:

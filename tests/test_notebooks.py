@@ -1,0 +1,109 @@
+"""The notebooks: one question each, no definitions, no outputs kept, and they run."""
+
+import ast
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import pyarrow.parquet as pq
+import pytest
+from nbclient import NotebookClient
+
+from pipeline.stages.__main__ import run
+from tests.small_project import MACHINE, ROOT, build, change, inside, new_project
+
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+RECORDINGS = os.environ.get("KERF_RECORDINGS")
+WEEK = "01_a_week_of_the_machine.ipynb"
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
+def test_notebooks_are_numbered_and_hold_no_output(path: Path) -> None:
+    assert path.name[:2].isdigit() and path.name[2] == "_"
+    cells = nbformat.read(path, as_version=4).cells
+    assert cells[0].cell_type == "markdown" and cells[0].source.splitlines()[0].endswith("?")
+    for cell in cells:
+        if cell.cell_type == "code":
+            assert cell.outputs == [] and cell.execution_count is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
+def test_notebooks_define_nothing(path: Path) -> None:
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)
+    for cell in nbformat.read(path, as_version=4).cells:
+        if cell.cell_type == "code":
+            found = [n for n in ast.walk(ast.parse(cell.source)) if isinstance(n, kinds)]
+            assert not found, f"{path.name} defines {found[0]}: move it to its room"
+
+
+def executed(project: Path, name: str, asked: str) -> tuple[list[Any], Any]:
+    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell."""
+    folder = project / "notebooks"
+    folder.mkdir(exist_ok=True)
+    shutil.copy(ROOT / "notebooks" / name, folder)
+    notebook = nbformat.read(folder / name, as_version=4)
+    said = nbformat.v4.new_code_cell(f"import json\nprint(json.dumps({asked}))")
+    notebook.cells.append(said)
+    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(folder)}}).execute()
+    outputs = [o for cell in notebook.cells if cell.cell_type == "code" for o in cell.outputs]
+    return outputs, json.loads(outputs[-1].text)
+
+
+def images(outputs: list[Any]) -> int:
+    return sum("image/png" in output.get("data", {}) for output in outputs)
+
+
+SAID = (
+    "[hours.sum(axis=1).tolist(), float(hours.get('ACTIVE', hours.sum(axis=1)).sum()), len(cycles),"
+    " int(table['cycles'].sum()), machine]"
+)
+
+
+def active_hours(clean: Path) -> float:
+    states = [pq.read_table(p, columns=["execution"]) for p in (clean / "state").iterdir()]
+    return sum(t["execution"].to_pylist().count("ACTIVE") for t in states) / 3600
+
+
+def held_against_the_tables(project: Path, machine: str) -> str:
+    """Execute the week's notebook and hold it against the clean tables; what it printed first."""
+    clean = project / "data/clean" / machine
+    outputs, (days, active, cycles, counted, said) = executed(project, WEEK, SAID)
+    assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
+    assert images(outputs) == 3
+    assert said == machine
+    assert days == pytest.approx([24.0] * len(list((clean / "state").iterdir())))
+    assert active == pytest.approx(active_hours(clean))
+    assert cycles == counted == pq.read_table(clean / "cycles.parquet").num_rows > 0
+    return str(outputs[0].text)
+
+
+def test_a_week_of_a_simulated_machine(tmp_path: Path) -> None:
+    project = new_project(tmp_path / "project")
+    build(project, "shop", "ingest", "clean")
+    said = held_against_the_tables(project, MACHINE)
+    assert said.startswith(f"{MACHINE}: ") and ", simulated" in said
+
+
+@pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS names no folder of recordings")
+def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
+    project = new_project(tmp_path / "project")
+    machine, found = "mazak01", Path(str(RECORDINGS)) / "nist_mazak01"
+    day = sorted(found.glob("week_*/*.txt"), key=lambda path: path.stat().st_size)[-1]
+    raw = project / "data/raw" / machine
+    for path in (found / "Devices.xml", day):
+        target = raw / path.relative_to(found)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.symlink_to(path)
+    active = project / "conf/fleet/active.yaml"
+    active.unlink()
+    active.symlink_to("recorded.yaml")
+    with inside(project):
+        run("compose", "conf", "params.yaml")
+        change(project, "fleet", machines=[machine])
+        for stage, folders in (("ingest", ("raw", "signals")), ("clean", ("signals", "clean"))):
+            run(f"{stage}@{machine}", *(f"data/{folder}/{machine}" for folder in folders))
+    said = held_against_the_tables(project, machine)
+    assert ", recorded" in said and "NIST" in said
