@@ -356,3 +356,16 @@ def test_documents_of_other_agents(tmp_path: Path) -> None:
             _read(path.read_bytes() or b" ", tmp_path)
         except UnreadableFile as error:
             assert str(error)
+
+
+def test_a_condition_with_entries_is_rejected(tmp_path):
+    text = (
+        '{"dataItemId":"c1","timestamp":"2024-03-04T10:00:00Z","level":"FAULT",'
+        '"entries":[{"key":"a","value":"1"}]}'
+    )
+    (tmp_path / "one.json").write_text(text)
+    source = RecordSource(format="mtconnect_json", files="*.json")
+    batches = list(mtconnect_json.read(tmp_path / "one.json", source, tmp_path))
+    rejected = [r for b in batches for r in b.rejected]
+    assert sum(b.read for b in batches) == len(rejected) == 1
+    assert "condition has entries" in rejected[0].reason

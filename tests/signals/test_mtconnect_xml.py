@@ -1,5 +1,6 @@
 """MTConnect XML: what each kind of observation becomes, and that both ways read the same."""
 
+import gzip
 import json
 import os
 from collections.abc import Callable
@@ -573,3 +574,33 @@ def test_every_document_of_other_vendors_is_read_or_refused(tmp_path: Path) -> N
         except UnreadableFile as error:
             assert str(error)
     assert records > 1000
+
+
+@pytest.mark.parametrize("encoding", ["rot13", "hex", "base64", "nonsense"])
+def test_an_encoding_that_is_none_is_refused(tmp_path, encoding):
+    path = tmp_path / "one.xml"
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?><MTConnectStreams/>')
+    source = RecordSource(format="mtconnect_xml", files="*.xml")
+    with pytest.raises(UnreadableFile, match=f"encoding '{encoding}'"):
+        list(read(path, source, tmp_path))
+
+
+def test_a_packed_document_is_the_document(tmp_path):
+    text = (
+        '<MTConnectStreams><Header instanceId="1"/><Streams><DeviceStream name="m" uuid="u">'
+        '<ComponentStream component="Path" componentId="p"><Events>'
+        + "".join(
+            f'<Line dataItemId="l" timestamp="2024-03-04T10:00:{n:02d}Z" sequence="{n}">{n}</Line>'
+            for n in range(1, 50)
+        )
+        + "</Events></ComponentStream></DeviceStream></Streams></MTConnectStreams>"
+    )
+    source = RecordSource(format="mtconnect_xml", files="*.xml")
+    plain, packed, cut = (tmp_path / n for n in ("one.xml", "one.xml.gz", "cut.xml.gz"))
+    plain.write_text(text)
+    packed.write_bytes(gzip.compress(text.encode()))
+    cut.write_bytes(packed.read_bytes()[:-60])
+    wanted, found, some = ([*read(p, source, tmp_path)] for p in (plain, packed, cut))
+    assert [b.observations for b in found] == [b.observations for b in wanted]
+    assert 0 < sum(b.kept for b in some) < sum(b.kept for b in wanted)
+    assert sum(len(b.rejected) for b in some) >= 1

@@ -12,12 +12,16 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import IO, NoReturn
 from xml.parsers import expat
 
+from pipeline.signals.packed import MAGIC, gunzip
 from pipeline.signals.records import EXCERPT, UnreadableFile
 
 CHUNK = 1 << 20
+MOST_UNPACKED = 1 << 34
+"""Bytes that a packed document may have; a small file can hold any number of zeros."""
+
 FRAGMENT = b"<fragment>"
 """Read first where elements stand side by side without a root."""
 
@@ -80,14 +84,38 @@ def content(path: Path) -> Content:
     except OSError as error:
         raise UnreadableFile(f"the file cannot be opened: {error.strerror}") from None
     with file:
-        head = file.read(1024)
-        if not head:
-            raise UnreadableFile("the file is empty")
-        encoding = _encoding(head)
-        if encoding in ("utf-8", "utf-8-sig", "ascii"):
-            skip = 3 if encoding == "utf-8-sig" else 0
-            return Content(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), skip)
-    return _transcoded(path, encoding)
+        packed = file.read(2) == MAGIC
+        file.seek(0)
+        if not packed:
+            return _decoded(file)
+        with tempfile.TemporaryFile() as unpacked:
+            _unpack(file, unpacked)
+            unpacked.seek(0)
+            return _decoded(unpacked)
+
+
+def _unpack(packed: IO[bytes], out: IO[bytes]) -> None:
+    """Unpack gzip; what stands before a cut is the file, and ends as a cut document does."""
+    reasons: list[str] = []
+    for part in gunzip(iter(lambda: packed.read(CHUNK), b""), CHUNK, reasons.append):
+        out.write(part)
+        if out.tell() > MOST_UNPACKED:
+            raise UnreadableFile(f"unpacked it has over {MOST_UNPACKED} bytes: unpack it by hand")
+    if reasons and not out.tell():
+        raise UnreadableFile(reasons[0])
+
+
+def _decoded(file: IO[bytes]) -> Content:
+    head = file.read(1024)
+    if not head:
+        raise UnreadableFile("the file is empty")
+    encoding = _encoding(head)
+    if encoding in ("utf-8", "utf-8-sig", "ascii"):
+        file.flush()
+        skip = 3 if encoding == "utf-8-sig" else 0
+        return Content(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), skip)
+    file.seek(0)
+    return _transcoded(file, encoding)
 
 
 def _encoding(head: bytes) -> str:
@@ -100,17 +128,17 @@ def _encoding(head: bytes) -> str:
     name = declared[1].decode("ascii")
     try:
         known = codecs.lookup(name).name
-        b"".decode(known)  # refuses codecs that are no text encodings
-    except LookupError:
+        b" ".decode(known)  # refuses codecs that are no text encodings
+    except (LookupError, UnicodeError):
         reason = f"the document declares the encoding {name!r}, which is unknown"
         raise UnreadableFile(reason) from None
     # A declaration in single bytes cannot be UTF-16 whatever it says.
     return "utf-8" if known.startswith("utf-16") or known.startswith("utf-32") else known
 
 
-def _transcoded(path: Path, encoding: str) -> Content:
+def _transcoded(file: IO[bytes], encoding: str) -> Content:
     decoder = codecs.getincrementaldecoder(encoding)()
-    with path.open("rb") as file, tempfile.TemporaryFile() as out:
+    with tempfile.TemporaryFile() as out:
         try:
             while part := file.read(CHUNK):
                 out.write(decoder.decode(part).encode())

@@ -33,6 +33,8 @@ def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
         When its value does not fit its shape.
     """
     if shape.manner == "condition":
+        if isinstance(value, list):
+            raise MalformedError("the condition has entries, a condition has a text")
         return [(time, (shape.key, None, shape.level, False))]
     if value == "UNAVAILABLE":
         return [(time, (shape.key, None, None, False))]

@@ -7,13 +7,14 @@ size is read in little memory.
 
 import codecs
 import re
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+
+from pipeline.signals.packed import MAGIC, gunzip
 
 CHUNK = 8 << 20
 """Bytes read at a time."""
@@ -72,33 +73,16 @@ class LogBytes:
 
     def _unpacked(self) -> Iterator[bytes]:
         with self.path.open("rb") as file:
-            packed = file.read(2) == b"\x1f\x8b"
+            packed = file.read(2) == MAGIC
             file.seek(0)
             if packed:
-                yield from _gathered(self._gunzip(iter(lambda: file.read(PACKED), b"")), self.chunk)
+                raw = iter(lambda: file.read(PACKED), b"")
+                yield from _gathered(gunzip(raw, self.chunk, self._damaged), self.chunk)
             else:
                 yield from iter(lambda: file.read(self.chunk), b"")
 
-    def _gunzip(self, raw: Iterator[bytes]) -> Iterator[bytes]:
-        unpack, inside = zlib.decompressobj(31), False
-        for packed in raw:
-            while packed := packed if inside else packed.lstrip(b"\0"):
-                inside = True
-                try:
-                    data = unpack.decompress(packed, self.chunk)
-                except zlib.error as error:
-                    self.damage = f"the gzip stream is damaged from here on ({error})"
-                    return
-                if data:
-                    yield data
-                packed = unpack.unconsumed_tail
-                if unpack.eof:  # another member, or nothing, follows
-                    packed, inside = unpack.unused_data, False
-                    unpack = zlib.decompressobj(31)
-        if inside:
-            yield unpack.flush()
-            if not unpack.eof:
-                self.damage = "the gzip stream is cut off here"
+    def _damaged(self, reason: str) -> None:
+        self.damage = reason
 
 
 def _gathered(pieces: Iterator[bytes], size: int) -> Iterator[bytes]:
