@@ -3,7 +3,8 @@
 A table that breaks its promise is told by one sentence: column, row, value, remedy.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -262,3 +263,26 @@ def _sentence(table_name: str, frame: pd.DataFrame, error: Any) -> str:
         f"{table_name}: column {name!r}, row {rows['index'].iloc[0]}: {shown!r} where "
         f"{wanted} belongs; {remedy}"
     )
+
+
+def check_files(folder: Path, tables: Mapping[str, str]) -> None:
+    """Check tables on disk against their contracts.
+
+    Parameters
+    ----------
+    folder : Path
+        ``data/signals/<machine>`` or ``data/clean/<machine>``.
+    tables : mapping of str to str
+        Name of the table -> pattern of its files in ``folder``.
+
+    Raises
+    ------
+    ValueError
+        With the file, column, row and value that break a contract.
+    """
+    for name, pattern in tables.items():
+        for path in sorted(folder.glob(pattern)):
+            try:
+                check(name, pd.read_parquet(path))
+            except ValueError as error:
+                raise ValueError(f"{path}: {error}") from error

@@ -26,8 +26,8 @@ RUNS = pa.schema(
         ("recording", pa.string()),
         ("file", pa.string()),
         ("format", pa.string()),
-        ("start", pa.string()),
-        ("end", pa.string()),
+        ("start", pa.timestamp("ns", tz="UTC")),
+        ("end", pa.timestamp("ns", tz="UTC")),
         ("rows", pa.int64()),
     ]
 )
@@ -75,7 +75,17 @@ def write_runs(out: Path, entries: dict[str, Entry]) -> None:
         for name, entry in sorted(entries.items())
         if entry["output"] is not None
     ]
-    table = pa.Table.from_pylist(rows, RUNS)
+    columns = {
+        name: pa.array([row[name] for row in rows], pa.string()) for name in ("start", "end")
+    }
+    table = pa.table(
+        {
+            field.name: columns[field.name].cast(field.type)
+            if field.name in columns
+            else pa.array([row[field.name] for row in rows], field.type)
+            for field in RUNS
+        }
+    )
     whole(out / "runs.parquet", lambda part: pq.write_table(table, part, compression="zstd"))
 
 

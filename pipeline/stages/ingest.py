@@ -2,9 +2,17 @@
 
 from pathlib import Path
 
+from pipeline.signals.contracts import check_files
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.signals.ingest import ingest as read_records
 from pipeline.signals.records import RecordSource
+
+TABLES = {
+    "observations": "observations/*.parquet",
+    "traces": "traces/*.parquet",
+    "runs": "runs.parquet",
+    "rejected": "rejected.parquet",
+}
 
 
 def ingest(
@@ -12,3 +20,4 @@ def ingest(
 ) -> None:
     """Read ``raw`` into ``signals``."""
     read_records(raw, signals, records, identity)
+    check_files(signals, TABLES)

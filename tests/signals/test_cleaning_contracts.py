@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from pipeline.signals.contracts import TABLES, check
+from pipeline.signals.contracts import TABLES, check, check_files
 
 TIME = pd.date_range("2024-03-04", periods=3, freq="s", tz="UTC")
 
@@ -50,3 +50,11 @@ def test_a_word_that_is_none_of_the_list():
 def test_an_unknown_table_names_the_known_ones():
     with pytest.raises(ValueError, match=f"'stat' has no contract; name one of {TABLES[0]}"):
         check("stat", state())
+
+
+def test_files_that_break_a_contract_are_named(tmp_path):
+    (tmp_path / "state").mkdir()
+    broken = tmp_path / "state/2026-01-05.parquet"
+    pd.DataFrame({"time": ["monday"], "spindle_speed": [1.0]}).to_parquet(broken)
+    with pytest.raises(ValueError, match=r"2026-01-05\.parquet: state: column 'time'"):
+        check_files(tmp_path, {"state": "state/*.parquet"})
