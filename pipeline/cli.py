@@ -53,7 +53,7 @@ def ingest(
     out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
 ) -> None:
     """Read FILES into Parquet; say how many records were read, kept and rejected."""
-    from pipeline.commands import ingest_files
+    from pipeline.commands.fleet import ingest_files
 
     with _one_sentence(), _progress("reading", len(files)) as advance:
         results = ingest_files(files, machine, out, advance)
@@ -75,7 +75,7 @@ def ingest(
 @app.command()
 def status() -> None:
     """Show the machines of the fleet, their champions and what the golden week said."""
-    from pipeline.commands import fleet_status
+    from pipeline.commands.fleet import fleet_status
 
     with _one_sentence():
         rows = fleet_status()
@@ -90,7 +90,7 @@ def report(
     out: Annotated[Path, typer.Option(help="Folder to write the pages into.")] = Path("reports"),
 ) -> None:
     """Write the report of the fleet from what stands in data/."""
-    from pipeline.commands import write_report
+    from pipeline.commands.fleet import write_report
 
     with _one_sentence():
         index = write_report(out)
@@ -108,7 +108,7 @@ def fleet(
     ] = None,
 ) -> None:
     """Make NAME the fleet that `dvc repro` builds, and collect its recordings."""
-    from pipeline.commands import collect, use_fleet
+    from pipeline.commands.fleet import collect, use_fleet
 
     with _one_sentence():
         chosen = use_fleet(name)
@@ -125,7 +125,7 @@ def golden(
     last: Annotated[str, typer.Option(help="Last UTC day, YYYY-MM-DD.")],
 ) -> None:
     """Freeze a golden week of MACHINE: no model may learn from it, every model is judged on it."""
-    from pipeline.commands import freeze_golden
+    from pipeline.commands.fleet import freeze_golden
 
     with _one_sentence():
         frozen = freeze_golden(machine, first, last)

@@ -17,15 +17,18 @@ class Fleet:
         Those whose records the simulated shop floor writes.
     spindles : tuple of str
         Those that record speed, load and temperature of their spindle.
+    controls : tuple of str
+        Those that log the line of the program that they execute, with the programs.
     """
 
     name: str
     machines: tuple[str, ...]
     simulated: tuple[str, ...] = ()
     spindles: tuple[str, ...] = ()
+    controls: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for part in ("simulated", "spindles"):
+        for part in ("simulated", "spindles", "controls"):
             strangers = set(getattr(self, part)) - set(self.machines)
             if strangers:
                 raise ValueError(
@@ -38,6 +41,10 @@ MISSING = {
     "spindles": (
         "a thermal model of the spindle",
         "its speed, load and temperature over a working week",
+    ),
+    "controls": (
+        "a model of the control",
+        "the line of the program, feed, overrides and tool while programs run, and the programs",
     ),
 }
 

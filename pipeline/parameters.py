@@ -125,6 +125,10 @@ def _word(value: Any, _: Any) -> str:
     return str(value)
 
 
+def _number_or_name(value: Any, _: Any) -> int | str:
+    return value if isinstance(value, int) and not isinstance(value, bool) else str(value)
+
+
 @cache
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
@@ -133,6 +137,7 @@ def _converter() -> cattrs.Converter:
     }  # fmt: skip
     for scalar, hook in hooks.items():
         converter.register_structure_hook(scalar, hook)
+    converter.register_structure_hook(int | str, _number_or_name)
     plain: set[Any] = set()
 
     def is_list(wanted: Any) -> bool:

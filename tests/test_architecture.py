@@ -9,14 +9,17 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pipeline"
 
 ARROWS: dict[str, set[str]] = {
-    "signals": set(),
+    "kernels": set(),
+    "gcode": {"kernels"},
+    "machine": {"gcode.moves", "kernels"},
+    "signals": {"kernels"},
     "thermal": set(),
     "shop": set(),
     "fleet": set(),
     "parameters": set(),
-    "twin": {"signals", "thermal"},
-    "identification": {"signals", "thermal", "twin"},
-    "validation": {"signals", "twin"},
+    "twin": {"signals", "thermal", "gcode", "machine"},
+    "identification": {"signals", "thermal", "twin", "gcode", "machine"},
+    "validation": {"signals", "twin", "identification", "gcode", "machine"},
     "report": {"signals.columns", "fleet"},
     "serving": {"twin"},
     "registry": set(),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.report.control_verdict import worst_error
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import NOT_KNOWN, moment, number, real
 from pipeline.report.sources import dig, objects_of
@@ -27,6 +28,9 @@ KEYS = {
     "cycles": ("Cycles", ""),
     "window_mae_K": ("Error over one hour (MAE)", "K"),
     "free_mae_K": ("Error running free (MAE)", "K"),
+    "times_worst_percent": ("Error of program times, worst judged run", "%"),
+    "runs_judged": ("Runs judged", ""),
+    "programs": ("Part programs", ""),
 }
 """Key figures that are compared: name and unit as shown."""
 
@@ -59,13 +63,24 @@ def key_figures(found: Facts, judged: Verdict) -> dict[str, Any]:
         "cycles": None if cycles is None else len(cycles),
         "window_mae_K": real(dig(v, "windows", "all", "model", "mae_K")),
         "free_mae_K": real(dig(v, "free_run", "all", "model", "mae_K")),
-        "parameters": {
-            name: {"value": real(p.get("value")) if p.get("determined") else None,
-                   "unit": str(p.get("unit") or "")}
-            for name, p in objects_of(found.model.thermal, "parameters").items()
+        "times_worst_percent": worst_error(found.control),
+        "runs_judged": len(found.control.judged) if found.control.validation else None,
+        "programs": len(found.control.programs) or None,
+        "parameters": _parameters(found.model.thermal) | {
+            f"control {name}": p for name, p in _parameters(found.control.control).items()
         },
         "raw": {f.file: f.sha256 for f in found.reading.files or []},
     }  # fmt: skip
+
+
+def _parameters(document: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
+    return {
+        name: {
+            "value": real(p.get("value")) if p.get("determined") else None,
+            "unit": str(p.get("unit") or ""),
+        }
+        for name, p in objects_of(document, "parameters").items()
+    }
 
 
 def _total(rows: list[Any] | None, place: int) -> int | None:

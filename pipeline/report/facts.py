@@ -5,6 +5,7 @@ from datetime import date, datetime
 
 import numpy as np
 
+from pipeline.report.controlled import Controlled, controlled
 from pipeline.report.folders import MachineFolders
 from pipeline.report.modelled import Modelled, modelled, spindle_prefix
 from pipeline.report.reading import Reading, reading
@@ -21,6 +22,7 @@ class Facts:
     reading: Reading
     working: Working
     model: Modelled
+    control: Controlled
 
     @property
     def worked_days(self) -> list[Day]:
@@ -65,6 +67,7 @@ def facts(folders: MachineFolders) -> Facts:
         reading=reading(folders, shelf),
         working=working(folders, shelf, spindle_prefix(model.validation)),
         model=model,
+        control=controlled(folders, shelf),
     )
 
 

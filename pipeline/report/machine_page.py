@@ -4,11 +4,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.report.changes import Change
+from pipeline.report.control_section import control_section, times_section
+from pipeline.report.control_verdict import worst_error
 from pipeline.report.facts import Facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.model_sections import golden_section, thermal_section
-from pipeline.report.numbers import counted, fixed, hours, moment, number, percent
+from pipeline.report.numbers import counted, fixed, hours, moment, number, percent, signed
 from pipeline.report.parts import Section, absent, present
+from pipeline.report.program_section import programs_section
 from pipeline.report.record_tables import (
     cleaning_table,
     files_table,
@@ -46,6 +49,9 @@ def machine_page(
         work_section(found),
         thermal_section(found),
         golden_section(found),
+        control_section(found),
+        times_section(found),
+        programs_section(found),
         _records_section(found),
         _missing_section(found),
         _changes_section(differences, why_none),
@@ -64,11 +70,15 @@ def _key_figures(found: Facts) -> list[tuple[str, str, str]]:
     v, r = found.model.validation, found.reading
     active = sum(d.seconds.get("ACTIVE", 0.0) for d in found.working.days)
     days = found.worked_days
+    times = worst_error(found.control)
     error = dig(v, "windows", "all", "model", "mae_K")
     return [
         ("Error over one hour", _kelvin(error), f"limit {_kelvin(dig(v, 'limits', 'mae_K'))}"),
         ("Error running free", _kelvin(dig(v, "free_run", "all", "model", "mae_K")),
          "golden days, each from its first value"),
+        *([("Predicted program times", f"{signed(times)} %",
+            f"worst of {counted(len(found.control.judged), 'judged run')}, "
+            f"limit ±{fixed(found.control.limit, 0)} %")] if times is not None else []),
         ("Time ACTIVE", f"{hours(active)} h" if found.working.days else "not known",
          f"on {counted(len(days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records) if r.files else "not known",

@@ -117,7 +117,7 @@ def fit_table(found: Facts) -> Table | None:
     for key in ("rmse_days_left_out_K",):
         flat |= {f"{key}, {n} nodes": v for n, v in (dig(fit, key) or {}).items()}
     rows = [cells(Cell(text=key, code=True), _plain(value)) for key, value in sorted(flat.items())]
-    rows += _strongest_correlation(fit)
+    rows += _correlation_row(fit)
     return Table(
         caption="What the fit says about itself",
         heads=names("Figure", "value"),
@@ -127,20 +127,25 @@ def fit_table(found: Facts) -> Table | None:
     )
 
 
-def _strongest_correlation(fit: dict[str, Any]) -> list[list[Cell]]:
-    """The pair of parameters that the records tell apart worst."""
+def strongest_correlation(fit: Any) -> tuple[str, str, float] | None:
+    """The pair of parameters that the records tell apart worst, and their correlation."""
     labels, values = dig(fit, "correlation", "names"), dig(fit, "correlation", "values")
     if not isinstance(labels, list) or not isinstance(values, list):
-        return []
+        return None
     pairs = [
         (abs(r), str(labels[i]), str(labels[j]), r)
-        for i, row in enumerate(values[: len(labels)])
+        for i, row in enumerate(values[: len(labels)]) if isinstance(row, list)
         for j, x in enumerate(row[:i])
         if (r := real(x)) is not None
-    ]
-    if not pairs:
+    ]  # fmt: skip
+    return max(pairs)[1:] if pairs else None
+
+
+def _correlation_row(fit: dict[str, Any]) -> list[list[Cell]]:
+    pair = strongest_correlation(fit)
+    if pair is None:
         return []
-    _, a, b, r = max(pairs)
+    a, b, r = pair
     return [cells("strongest correlation", f"{fixed(r, 2)} between {a} and {b}")]
 
 

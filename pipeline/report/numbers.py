@@ -56,6 +56,19 @@ def fixed(value: Any, decimals: int) -> str:
     return NOT_KNOWN if x is None else f"{x:,.{decimals}f}".replace(",", NARROW).replace("-", "−")
 
 
+def signed(value: Any, decimals: int = 1) -> str:
+    """``value`` with its sign and a fixed number of decimals, for differences and errors.
+
+    >>> signed(2.04), signed(-31.42), signed(-0.04)
+    ('+2.0', '−31.4', '0.0')
+    """
+    x = real(value)
+    if x is None:
+        return NOT_KNOWN
+    x = round(x, decimals) + 0.0  # no minus before a zero
+    return f"+{fixed(x, decimals)}" if x > 0 else fixed(x, decimals)
+
+
 def unit_words(unit: str | None) -> str:
     """A unit as people write it; unknown ones as they are."""
     return UNITS.get(unit or "", unit or "")

@@ -22,10 +22,28 @@ class Figure:
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """Figures that belong together under one legend of (CSS class, words, shape)."""
+    """Figures that belong together under one legend of (CSS class, words, shape).
+
+    ``kind`` is the CSS class of their arrangement: ``one`` below another, ``program`` for a tall
+    one beside others; else as many side by side as fit.  With ``folded`` they open on demand below
+    those words.
+    """
 
     figures: list[Figure]
     legend: list[tuple[str, str, str]] = field(default_factory=list)
+    kind: str = ""
+    folded: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heading:
+    """What the blocks after it are about, with one paragraph on it."""
+
+    heading: str
+    text: str = ""
+
+
+Block = Table | Figures | Heading
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,11 +54,11 @@ class Section:
     title: str
     text: list[str] = field(default_factory=list)
     pairs: list[tuple[str, str]] = field(default_factory=list)
-    blocks: list[Table | Figures] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
     closing: bool = False
 
 
-def present(*blocks: Table | Figures | None) -> list[Table | Figures]:
+def present(*blocks: Block | None) -> list[Block]:
     """Those blocks that there are."""
     return [b for b in blocks if b is not None]
 

@@ -43,6 +43,23 @@ def figure(parts: list[Markup], *, height: float, label: str, kind: str = "") ->
     )
 
 
+def map_plot(parts: list[Markup], *, wide: float, most: float, label: str) -> Markup:
+    """A figure whose height follows from its width, ``wide`` times the height: x and y alike.
+
+    ``most`` is its greatest width [rem], so that a square is not as high as a page.
+    """
+    return tag(
+        "svg",
+        group(parts),
+        class_="plot map",
+        role="img",
+        aria_label=label,
+        style=f"--wide:{wide:.4f};--most:{most:.2f}rem",
+        width="100%",
+        xmlns="http://www.w3.org/2000/svg",
+    )
+
+
 def text(x: float, y: float, words: str, kind: str = "", dx: float = 0) -> Markup:
     """Words at ``x`` percent and ``y`` pixels; ``kind`` holds their CSS classes."""
     return tag("text", words, x=f"{_plain(float(x))}%", y=float(y), dx=dx or None, class_=kind)

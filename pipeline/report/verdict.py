@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from pipeline.report.control_verdict import times_verdict
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import (
     counted,
@@ -59,9 +60,17 @@ def verdict(found: Facts) -> Verdict:
     """The headline of one machine, made from its facts alone."""
     grave, notes = _grave(found), _notes(found)
     status, sentence, todo = _of_model(found)
+    times = times_verdict(found.control)
+    said = [sentence]
+    if times is not None:
+        said.append(times.sentence)
+        if status == "unknown":  # only times can be judged: they come first
+            status, todo, said = times.status, times.todo, said[::-1]
+        elif status == "passed" and times.status == "failed":
+            status, todo = "attention", times.todo
     if status == "passed" and (grave or _mild(found)):
         status = "attention"
-    sentences = [sentence, *grave]
+    sentences = [*said[:1], *grave, *said[1:]]
     if grave and status != "failed":
         todo = _repair(found) or todo
     return Verdict(status=status, sentences=sentences[:2], todo=todo, notes=sentences[2:] + notes)

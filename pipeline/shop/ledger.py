@@ -65,6 +65,7 @@ class Ledger:
     days: list[dict[str, str]] = field(default_factory=list)
     thermocouples: dict[str, Any] = field(default_factory=dict)
     heat: dict[str, float] = field(default_factory=dict)
+    control: dict[str, Any] = field(default_factory=dict)
 
 
 def stamp(start: np.datetime64, seconds: float, digits: int = 3) -> str:
@@ -87,6 +88,7 @@ def write_truth(path: Path, parameters: ShopParameters, ledger: Ledger) -> None:
         "days": ledger.days,
         "cycles": [_cycle(c, start, ledger.unobserved) for c in ledger.cycles],
         "heat": ledger.heat,
+        "control": ledger.control,
         "thermocouples": ledger.thermocouples,
         "log": {
             "counts": {

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from pipeline.shop.control_parameters import ControlParameters
 from pipeline.shop.ranges import Ranged, quantity
 from pipeline.shop.spindle_parameters import SpindleParameters
 
@@ -110,6 +111,7 @@ class ShopParameters(Ranged):
     air: AirParameters = field(default_factory=AirParameters)
     log: LogParameters = field(default_factory=LogParameters)
     logger: LoggerParameters = field(default_factory=LoggerParameters)
+    control: ControlParameters = field(default_factory=ControlParameters)
 
     def __post_init__(self) -> None:
         super().__post_init__()

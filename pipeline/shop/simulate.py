@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.shop.agent_log import Log, write_day
 from pipeline.shop.air import ambient_temperature, of_day
+from pipeline.shop.control_records import write_control
 from pipeline.shop.devices import write_devices
 from pipeline.shop.ledger import Ledger, stamp, write_truth
 from pipeline.shop.measured import lived, new_machine
@@ -22,7 +23,8 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     ----------
     out : Path
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
-        ``thermocouples/<day>.csv``.  Made if it is missing; files of the same names are replaced.
+        ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``.  Made if it is
+        missing; files of the same names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``.
     parameters : ShopParameters
@@ -49,6 +51,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         _enter(ledger, timeline, parameters)
     write_thermocouples(out / "thermocouples", np.concatenate(recorder.felt), parameters, ledger)
     write_devices(out / "Devices.xml", parameters)
+    ledger.control = write_control(out, parameters)
     ledger.heat = {
         "generated_J": round(machine.generated), "to_air_J": round(machine.to_air),
         "to_chiller_J": round(machine.to_chiller),

@@ -174,6 +174,8 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
         return _unreadable(file.broken, source.format if source else None)
     if source is None:
         return _unreadable(NOT_NAMED, None)
+    if source.format == "program":
+        return _program()
     reader = import_module(f"pipeline.signals.{READERS[source.format]}")
     target = parquet_name(file.name)
     try:
@@ -230,6 +232,13 @@ def _ends(table: pa.Table) -> tuple[str | None, str | None]:
     time = table["time"].cast(pa.int64()).to_numpy()
     first, last = (f"{np.datetime64(int(ns), 'ns')}Z" for ns in (time.min(), time.max()))
     return first, last
+
+
+def _program() -> Outcome:
+    """A part program: nothing of it is a signal."""
+    entry: Entry = {"format": "program", "read": 1, "kept": 1, "rejected": 0, "rows": 0}
+    nothing = {"first": None, "last": None, "output": None, "reason": None, "notes": {}}
+    return Outcome(entry={**entry, **nothing}, rejected=[])
 
 
 def _unreadable(reason: str, form: str | None) -> Outcome:

@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import pyarrow as pa
 
 Format = Literal[
-    "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms"
+    "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms", "program"
 ]
 
 EXCERPT = 200
@@ -138,7 +138,7 @@ class RecordSource:
     Parameters
     ----------
     format : str
-        Which reader.
+        Which reader; part programs (``program``) are read where they are used, as they are.
     files : str
         Glob under ``data/raw/<machine>/``.
     devices : str or None

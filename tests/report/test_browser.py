@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from control_folders import with_control
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.pages import write_report
@@ -18,7 +19,9 @@ def pages(tmp_path_factory) -> list[Path]:
     fleet = [
         machine(root, "mill01", days=3),
         machine(root, "hostile", program=HOSTILE, state=HOSTILE, description=HOSTILE, days=3),
-        machine(root, "lathe", "recorded", days=3, passed=False, credit="Records: Test Works"),
+        with_control(
+            machine(root, "lathe", "recorded", days=3, passed=False, credit="Records: Test Works")
+        ),
         empty_machine(root, "new_mill", "recorded", missing=((HOSTILE, HOSTILE),)),
     ]
     write_report(fleet, FLEET, None, root / "out")

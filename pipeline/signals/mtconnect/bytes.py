@@ -1,6 +1,6 @@
 """Compiled looks at bytes: comparing, searching, the ends of names and values.
 
-These functions allocate nothing, as :func:`pipeline.signals.kernels.compiled` asks.
+These functions allocate nothing, as :func:`pipeline.kernels.compiled` asks.
 """
 
 from typing import Any
@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 
 _DEVICE = np.frombuffer(b"DeviceStream ", np.uint8).copy()
 # How far the search may go on when this byte stands where the last of `_DEVICE` would.

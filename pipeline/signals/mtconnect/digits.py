@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 from pipeline.signals.mtconnect.bytes import load8
 
 EXACT, HARD, NONE = 0, 1, 2

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 from pipeline.signals.mtconnect.bytes import is_at
 from pipeline.signals.mtconnect.digits import (
     EXACT,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 from pipeline.signals.mtconnect.bytes import element_end, is_at, is_space, same
 from pipeline.signals.mtconnect.tags import (
     ALONE,

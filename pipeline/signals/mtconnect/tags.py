@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 from pipeline.signals.mtconnect.bytes import is_at, load8, name_char, same, value_end
 
 SHAPES = 1 << 16

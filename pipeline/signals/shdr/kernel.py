@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 from pipeline.signals.shdr.rows import NOTHING, NUMBER, TEXT
 from pipeline.signals.shdr.scan import (
     ANY,

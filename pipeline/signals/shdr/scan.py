@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from pipeline.signals.kernels import compiled
+from pipeline.kernels import compiled
 
 LINES, NEW_KEY, FULL = 0, 1, 2
 """Why :func:`scan` returned: all lines are read, a name is met first, a table is full."""
@@ -29,7 +29,7 @@ LONGEST_KEY = 256
 NONE, EXACT, COPIED, AWAY = 0, 1, 2, 3
 """What :func:`number_at` found: no number, one, one to convert exactly, one out of its range."""
 
-# as pipeline.signals.kernels.compiled, but woven into what calls it
+# as pipeline.kernels.compiled, but woven into what calls it
 inlined = njit(cache=True, nogil=True, _nrt=False, inline="always")
 
 NO_DAY = -(1 << 31)

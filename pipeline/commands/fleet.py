@@ -1,4 +1,4 @@
-"""What stands behind the command ``kerf``: each a thing that a person asks for once."""
+"""The fleet by hand: read records, see its state, freeze a golden week, write the report."""
 
 import glob
 import json

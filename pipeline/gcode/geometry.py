@@ -1,0 +1,130 @@
+"""Arcs in a plane with axes ``(u, v)`` that turn anticlockwise about its normal.
+
+Scalars in, scalars out, without a call that is not the same bits compiled and interpreted, so that
+a compiled loop and the interpreter share these functions.  Source: ISO 6983-1, 7.2; LinuxCNC 2.9
+"G2, G3 Arc Move".
+"""
+
+import math
+
+OK, NO_RADIUS, UNEQUAL_RADII, TOO_FAR, NO_CHORD = range(5)
+"""What can be said of an arc: drawable, radius zero, radii of start and end differ, the radius does
+not reach from start to end, start and end coincide so that R leaves the centre open."""
+
+ZERO_RADIUS = 1e-9
+"""Shorter is no radius [mm]."""
+SAME_DIRECTION = 1e-12
+"""An arc that would sweep less is a full circle [rad]: rounding of coordinates of some metres."""
+SEMICIRCLE = 1e-9
+"""A half chord this much (relative) below the radius counts as a semicircle."""
+HALF_TURN = math.pi / 2
+
+
+def distance(u: float, v: float) -> float:
+    """Length of a vector; not ``hypot``, whose last bit differs from library to library."""
+    return math.sqrt(u * u + v * v)
+
+
+def sweep(
+    u_0: float, v_0: float, u_1: float, v_1: float, u_c: float, v_c: float, turn: int, turns: int
+) -> float:
+    """Angle from start to end about the centre [rad].
+
+    Parameters
+    ----------
+    u_0, v_0, u_1, v_1, u_c, v_c : float
+        Start, end, centre [mm].
+    turn : int
+        1 anticlockwise (G3), -1 clockwise (G2).
+    turns : int
+        Full circles begun: 1 for an arc of up to one circle.
+
+    Returns
+    -------
+    float
+        Positive anticlockwise; a full circle where start and end lie in one direction.
+    """
+    start = math.atan2(v_0 - v_c, u_0 - u_c)
+    end = math.atan2(v_1 - v_c, u_1 - u_c)
+    angle = (end - start) * turn
+    if angle <= SAME_DIRECTION:
+        angle += 2 * math.pi
+    if angle <= SAME_DIRECTION:
+        angle += 2 * math.pi
+    return turn * (angle + 2 * math.pi * (turns - 1))
+
+
+def radii_agree(
+    u_0: float,
+    v_0: float,
+    u_1: float,
+    v_1: float,
+    u_c: float,
+    v_c: float,
+    tolerance: float,
+    relative: float,
+) -> int:
+    """Whether start and end lie on one circle about the centre.
+
+    Parameters
+    ----------
+    u_0, v_0, u_1, v_1, u_c, v_c : float
+        Start, end, centre [mm].
+    tolerance : float
+        Difference of radii that is always taken [mm].
+    relative : float
+        Larger differences are taken up to this part of the radius [1] and 100 ``tolerance``.
+
+    Returns
+    -------
+    int
+        ``OK``, ``NO_RADIUS`` or ``UNEQUAL_RADII``.
+    """
+    r_0 = distance(u_0 - u_c, v_0 - v_c)
+    r_1 = distance(u_1 - u_c, v_1 - v_c)
+    if r_0 < ZERO_RADIUS or r_1 < ZERO_RADIUS:
+        return NO_RADIUS
+    difference = abs(r_0 - r_1)
+    if difference > tolerance and (
+        difference > 100 * tolerance or difference > relative * max(r_0, r_1)
+    ):
+        return UNEQUAL_RADII
+    return OK
+
+
+def centre_of_radius(
+    u_0: float, v_0: float, u_1: float, v_1: float, radius: float, turn: int, tolerance: float
+) -> tuple[int, float, float]:
+    """Centre of an arc given by R.
+
+    Parameters
+    ----------
+    u_0, v_0, u_1, v_1 : float
+        Start and end [mm].
+    radius : float
+        Negative for the arc of more than a semicircle [mm].
+    turn : int
+        1 anticlockwise (G3), -1 clockwise (G2).
+    tolerance : float
+        By which half of the chord may be longer than the radius [mm].
+
+    Returns
+    -------
+    (int, float, float)
+        ``OK``, ``TOO_FAR`` or ``NO_CHORD``, and the centre [mm].
+    """
+    chord_u, chord_v = u_1 - u_0, v_1 - v_0
+    half = distance(chord_u, chord_v) / 2
+    u_m, v_m = (u_0 + u_1) / 2, (v_0 + v_1) / 2
+    if half == 0:
+        return NO_CHORD, u_m, v_m
+    reach = abs(radius)
+    if half - reach > tolerance:
+        return TOO_FAR, u_m, v_m
+    if half >= reach * (1 - SEMICIRCLE):
+        return OK, u_m, v_m
+    height = math.sqrt(reach * reach - half * half)
+    side = turn if radius > 0 else -turn
+    ratio = side * height / (2 * half)
+    # left of the chord for the short anticlockwise arc
+    return OK, u_m - ratio * chord_v, v_m + ratio * chord_u

@@ -1,0 +1,206 @@
+"""The front door: a program and the control's setup to moves."""
+
+from collections.abc import Callable
+
+from pipeline.gcode.block import Block
+from pipeline.gcode.calls import Calls, ErrorAt, Variables
+from pipeline.gcode.execute import block_of, carry_out
+from pipeline.gcode.flow import Flow
+from pipeline.gcode.moves import Kind, Moves
+from pipeline.gcode.named_parameters import LinuxcncParameters
+from pipeline.gcode.plain import plain_state, run_plain
+from pipeline.gcode.program import Program
+from pipeline.gcode.run import Run
+from pipeline.gcode.setup import Setup
+from pipeline.gcode.siemens import SiemensReader
+from pipeline.gcode.siemens_variables import SiemensVariables
+from pipeline.gcode.state import CANCELLED, LINUXCNC
+from pipeline.gcode.statements import Statement
+from pipeline.gcode.statements_parser import parse_statement
+from pipeline.gcode.variables import FanucVariables
+
+REPORT_EVERY = 10_000
+"""Blocks between two calls of ``progress``."""
+PLAIN_AT_ONCE = 100_000
+"""Plain lines between two looks at the limit of blocks."""
+SPARE = 64
+"""Rows that a program may have more than lines before they are moved."""
+
+
+def interpret(
+    program: Program, setup: Setup, progress: Callable[[int], None] | None = None
+) -> Moves:
+    """Follow a program from its first line to its end.
+
+    Parameters
+    ----------
+    program : Program
+        Text.
+    setup : Setup
+        Dialect, offsets, tools.
+    progress : callable, optional
+        Told now and then how many blocks were executed.
+
+    Returns
+    -------
+    Moves
+        In the machine's frame [mm, deg].
+
+    Raises
+    ------
+    GcodeError
+        At the first word that cannot be followed.
+    """
+    return Interpreter(program, setup, progress).moves()
+
+
+VARIABLES: dict[str, Callable[[Run], Variables]] = {
+    "fanuc": FanucVariables,
+    "linuxcnc": LinuxcncParameters,
+    "siemens": SiemensVariables,
+}
+"""Dialect -> where its variables are kept."""
+
+
+class Interpreter:
+    """One walk through a program.
+
+    Parameters
+    ----------
+    program, setup, progress
+        As :func:`interpret` takes them.
+    compiled : bool
+        Whether stretches of plain lines are left to compiled code; the moves are the same.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        setup: Setup,
+        progress: Callable[[int], None] | None = None,
+        *,
+        compiled: bool = True,
+    ) -> None:
+        self.setup, self.progress = setup, progress
+        # the reader of Siemens lines remembers what it read: it has to read them all
+        self.compiled = compiled and setup.dialect != "siemens"
+        self.run = Run(setup, len(program) + SPARE)
+        self.variables: Variables = VARIABLES[setup.dialect](self.run)
+        self.siemens = SiemensReader(program.name, setup.tool_names)
+        self.calls = Calls(self.run, self.variables, self._parse, program)
+        self.flow = Flow(self.calls, self.variables)
+        self.blocks = 0
+        self.reported = 0
+        self.ended = False
+        self.modal_depth = 0
+
+    def moves(self) -> Moves:
+        """Walk to the end."""
+        while not self.ended:
+            self._step()
+        run = self.run
+        run.close_contour()
+        frames = tuple(run.frames)
+        return run.rows.moves(list(self.setup.initial_position), tuple(run.files), frames)
+
+    def _parse(self, program: Program, line: int) -> Statement:
+        if self.setup.dialect == "siemens":
+            return self.siemens.statement(program.line(line))
+        return parse_statement(program.line(line), program.name, self.setup.dialect)
+
+    def _step(self) -> None:
+        """One line, or a stretch of plain ones."""
+        level = self.calls.here
+        line = level.line
+        if line >= level.source.body.stop:
+            self._fell_off()
+            return
+        if self.compiled and plain_state(self.run.state):
+            stop = min(level.source.body.stop, line + PLAIN_AT_ONCE)
+            after = run_plain(level.source.program, line, stop, self.run)
+            if after > line:
+                self._count(after - line, after - 1)
+                level.line = after
+                if self.run.state.motion != self.run.cycle.code:
+                    self.run.cycle.code = CANCELLED
+                return
+        self._count(1, line)
+        level.line = line + 1
+        statement = level.source.statement(line)
+        if statement.skip is None or statement.skip not in self.setup.block_skip:
+            self._execute(statement)
+
+    def _execute(self, statement: Statement) -> None:
+        self.variables.line = statement.line
+        block = None
+        if statement.words:
+            block = block_of(statement, self.run, self.variables, self._file)
+        if statement.assignments:
+            self.flow.assign(statement.assignments, statement.line)
+            self._message_stops(statement.line)
+        if statement.comments and self.run.state.dialect == LINUXCNC:
+            self._comments(statement)
+        if block is not None:
+            self._block(block)
+        if statement.control is not None:
+            self.flow.follow(statement, statement.control)
+
+    @property
+    def _file(self) -> str:
+        return self.calls.here.source.program.name
+
+    def _block(self, block: Block) -> None:
+        run = self.run
+        before, count = run.state.position, run.rows.count
+        carry_out(block, run)
+        jump = block.flow
+        if jump is None:
+            moved = run.rows.count > count and run.state.position is not before
+            if run.modal_call is not None and moved and len(self.calls.levels) == self.modal_depth:
+                self.calls.call(run.modal_call, block.line)
+            elif run.modal_call is not None and self.modal_depth == 0:
+                self.modal_depth = len(self.calls.levels)
+            elif run.modal_call is None:
+                self.modal_depth = 0
+        elif jump.kind == "end":
+            self.ended = True
+        elif jump.kind == "call":
+            self.calls.call(jump, block.line)
+        elif not self.calls.back(jump.number, block.line, jump):
+            run.close_contour()
+            run.stand(Kind.END, block.line)
+            self.ended = True
+
+    def _message_stops(self, line: int) -> None:
+        """#3006 stops the program like M0."""
+        if isinstance(self.variables, FanucVariables) and self.variables.stops:
+            self.variables.stops = 0
+            self.run.stand(Kind.STOP, line)
+
+    def _comments(self, statement: Statement) -> None:
+        """(abort, …) ends the program as an error; what else comments do moves nothing."""
+        for comment in statement.comments:
+            if comment.strip().lower().startswith("abort,"):
+                reason = f"the program ends itself: {comment.strip()[6:].strip()}"
+                raise ErrorAt(self._file, statement.line, 1, f"({comment})")(reason)
+
+    def _fell_off(self) -> None:
+        """Past the last line: the end of a main program, an error in a subprogram."""
+        level = self.calls.here
+        if len(self.calls.levels) > 1:
+            ending = "M99" if level.jump is not None else f"o<{level.label}> endsub"
+            raise ErrorAt(self._file, level.source.body.stop - 1, 1, "end of file")(
+                f"the subprogram does not return: add {ending}"
+            )
+        self.ended = True
+
+    def _count(self, blocks: int, line: int) -> None:
+        self.blocks += blocks
+        if self.blocks > self.setup.block_limit:
+            raise ErrorAt(self._file, line, 1, "block")(
+                f"more than {self.setup.block_limit} blocks were executed: end the loop, or raise "
+                "Setup.block_limit"
+            )
+        if self.progress is not None and self.blocks - self.reported >= REPORT_EVERY:
+            self.reported = self.blocks
+            self.progress(self.blocks)

@@ -1,0 +1,216 @@
+"""Moves: what a program tells the machine to do, one row each, in the machine's frame.
+
+Positions are in millimetre and degree, as programs speak; :data:`METRE` and its like are the
+factors to SI, the only place with them on this side.  A row that does not move (a dwell, an M code)
+repeats the position.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+AXES = "XYZABC"
+METRE = 1e-3
+"""Metres in a millimetre."""
+RADIAN = np.pi / 180
+"""Radians in a degree."""
+METRE_PER_SECOND = 1e-3 / 60
+"""Metres per second in a millimetre/minute."""
+INCH = 25.4
+"""Millimetres in an inch."""
+
+
+class Kind(IntEnum):
+    """What a row does."""
+
+    RAPID = 0
+    FEED = 1
+    ARC = 2  # G2, G3: arc, helix, full circles or spiral
+    DWELL = 3  # G4: ``value`` seconds (``code`` 0) or revolutions of the spindle (``code`` 1)
+    TOOL_CHANGE = 4  # M6: ``tool`` is in the spindle afterwards
+    SPINDLE = 5  # M3, M4, M5, M19, or an S word while it turns
+    STOP = 6  # M0, M1
+    END = 7  # M2, M30
+    M_CODE = 8  # any other M code, ``code`` is its number
+    PROBE = 9  # G38, G31: a feed that may end early
+    THREAD = 10  # G33 and the passes of G76: a feed bound to the spindle's angle
+
+
+class FeedMode(IntEnum):
+    """What F means."""
+
+    PER_MINUTE = 94  # millimetre/minute (of the rotary axes degree/minute)
+    INVERSE_TIME = 93  # 1/minute: the block takes 1/F minutes
+    PER_REVOLUTION = 95  # millimetre/revolution of the spindle
+
+
+class PathMode(IntEnum):
+    """How a block ends."""
+
+    CONTINUOUS = 0  # G64: corners as the control rounds them, within ``tolerance`` if > 0
+    EXACT_STOP = 1  # G61, G9: standing still at the end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """A work coordinate system in force: machine = rotate(program) + translation.
+
+    Parameters
+    ----------
+    name : str
+        ``"G54"``, ``"G54.1 P3"``, with what lies on it (``"G54+G92"``).
+    translation : tuple of 6 floats
+        [mm, deg]; offsets, G52, G92 and tool length together.
+    rotation : float
+        G68 about the axis normal to the plane [deg].
+    """
+
+    name: str = "G54"
+    translation: tuple[float, float, float, float, float, float] = (0, 0, 0, 0, 0, 0)
+    rotation: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moves:
+    """M rows; every array has M as its first axis.
+
+    Parameters
+    ----------
+    origin : (6,) array of float64
+        Where the machine stood before the first row [mm, deg].
+    kind : (M,) array of uint8
+        :class:`Kind`.
+    line : (M,) array of int32
+        Line that the row comes from, counting from 1, in ``files[file]``.
+    file : (M,) array of int16
+        Index into ``files`` (subprograms may lie in other files).
+    end : (M, 6) array of float64
+        X Y Z A B C in the machine's frame [mm, deg], tool length included.
+    centre : (M, 3) array of float64
+        Of arcs, in the machine's frame [mm]; its coordinate along the plane's normal is that of the
+        start.  NaN in other rows.
+    angle : (M,) array of float64
+        Angle an arc sweeps about the normal of its plane, anticlockwise positive, full turns
+        included [rad].  Radius goes linearly with the angle from start to end (a spiral where they
+        differ), and so do the other axes (a helix).  0 in other rows.
+    plane : (M,) array of uint8
+        17 (XY), 18 (ZX) or 19 (YZ).
+    feed : (M,) array of float64
+        As ``feed_mode`` says: [mm/min], [1/min] or [mm/rev].
+    feed_mode : (M,) array of uint8
+        :class:`FeedMode`.
+    speed : (M,) array of float64
+        S: [rev/min], or [m/min] where ``constant_surface_speed``; 0 when the spindle stands.
+    direction : (M,) array of int8
+        Of the spindle: 1 for M3, -1 for M4, 0 when it stands.
+    constant_surface_speed : (M,) array of bool
+        G96.
+    tool : (M,) array of int32
+        In the spindle, after the row; -1 before the first tool change.
+    frame : (M,) array of int32
+        Index into ``frames``.
+    path_mode : (M,) array of uint8
+        :class:`PathMode`.
+    tolerance : (M,) array of float64
+        Of G64 P [mm]; 0 for the control's own.
+    code : (M,) array of int32
+        Of M_CODE: its number; of DWELL: 0 for seconds, 1 for revolutions.
+    value : (M,) array of float64
+        Of DWELL: how long [s] or [rev]; of M_CODE: its P or 0.
+    files : tuple of str
+        The program's file and those of its subprograms.
+    frames : tuple of Frame
+        Work coordinate systems used.
+    """
+
+    origin: npt.NDArray[np.float64]
+    kind: npt.NDArray[np.uint8]
+    line: npt.NDArray[np.int32]
+    file: npt.NDArray[np.int16]
+    end: npt.NDArray[np.float64]
+    centre: npt.NDArray[np.float64]
+    angle: npt.NDArray[np.float64]
+    plane: npt.NDArray[np.uint8]
+    feed: npt.NDArray[np.float64]
+    feed_mode: npt.NDArray[np.uint8]
+    speed: npt.NDArray[np.float64]
+    direction: npt.NDArray[np.int8]
+    constant_surface_speed: npt.NDArray[np.bool_]
+    tool: npt.NDArray[np.int32]
+    frame: npt.NDArray[np.int32]
+    path_mode: npt.NDArray[np.uint8]
+    tolerance: npt.NDArray[np.float64]
+    code: npt.NDArray[np.int32]
+    value: npt.NDArray[np.float64]
+    files: tuple[str, ...]
+    frames: tuple[Frame, ...] = (Frame(),)
+
+    def __post_init__(self) -> None:
+        for name, array in self.columns():
+            if len(array) != len(self.kind):
+                raise ValueError(
+                    f"{name} has {len(array)} rows, kind has {len(self.kind)}: "
+                    "every column of Moves has one row a move"
+                )
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def columns(self) -> Iterator[tuple[str, npt.NDArray[np.generic]]]:
+        """Name and array of each column."""
+        for field in fields(self):
+            if field.name not in ("origin", "files", "frames"):
+                yield field.name, getattr(self, field.name)
+
+    @property
+    def start(self) -> npt.NDArray[np.float64]:
+        """Where each row begins [mm, deg]; shape (M, 6)."""
+        return np.vstack([self.origin, self.end[:-1]]) if len(self) else self.end
+
+    @property
+    def length(self) -> npt.NDArray[np.float64]:
+        """Path of X, Y, Z in each row [mm]; shape (M,).  Of a spiral to 1e-12 of it."""
+        step = self.end[:, :3] - self.start[:, :3]
+        length = np.sqrt((step**2).sum(axis=1))
+        arcs = np.flatnonzero(self.kind == Kind.ARC)
+        if len(arcs):
+            length[arcs] = self._arc_length(arcs, step[arcs])
+        return length
+
+    def _arc_length(
+        self, rows: npt.NDArray[np.intp], step: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        normal = _NORMAL[self.plane[rows]]
+        axial = np.take_along_axis(step, normal[:, None], axis=1)[:, 0]
+        r_0, r_1 = self.radii(rows)
+        # ds² = (r² + r'² + h²) dφ² with r linear in φ: Gauss-Legendre, exact for r constant
+        angle = np.abs(self.angle[rows])
+        slope = np.divide(r_1 - r_0, angle, out=np.zeros_like(angle), where=angle > 0)
+        pitch = np.divide(axial, angle, out=np.zeros_like(angle), where=angle > 0)
+        x, w = np.polynomial.legendre.leggauss(16)
+        r = r_0[:, None] + (r_1 - r_0)[:, None] * (x + 1) / 2
+        speed = np.sqrt(r**2 + slope[:, None] ** 2 + pitch[:, None] ** 2)
+        arc: npt.NDArray[np.float64] = angle * (speed @ w) / 2
+        return arc
+
+    def radii(
+        self, rows: npt.NDArray[np.intp]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Radius at the start and at the end of the arcs ``rows`` [mm]."""
+        first, second = _IN_PLANE[self.plane[rows]].T
+        index = np.arange(len(rows))
+        ends = []
+        for point in (self.start[rows], self.end[rows]):
+            u = point[index, first] - self.centre[rows][index, first]
+            v = point[index, second] - self.centre[rows][index, second]
+            ends.append(np.hypot(u, v))
+        return ends[0], ends[1]
+
+
+_NORMAL = np.zeros(20, dtype=np.intp)
+_NORMAL[[17, 18, 19]] = [2, 1, 0]
+_IN_PLANE = np.zeros((20, 2), dtype=np.intp)
+_IN_PLANE[[17, 18, 19]] = [[0, 1], [2, 0], [1, 2]]

@@ -1,0 +1,251 @@
+"""A part program as a tree that loses nothing: program, lines, words, each with its bytes."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.gcode.characters import BLANKS
+from pipeline.gcode.words import Kind, Tokens, tokens
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A letter and its value, as they stand in a line.
+
+    Parameters
+    ----------
+    letter : str
+        Upper case; ``",R"`` and ``",C"`` with their comma.
+    value : float or None
+        None where the value is an expression.
+    expression : str or None
+        The value as written where it is no number: ``"[#1+2]"``.
+    text : bytes
+        The whole word.
+    line, column : int
+        Where it begins, counting from 1; a column is a byte.
+    start, end : int
+        Its bytes in the program, counting from 0.
+    """
+
+    letter: str
+    value: float | None
+    expression: str | None
+    text: bytes
+    line: int
+    column: int
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Bytes of one kind in a line."""
+
+    kind: Kind
+    text: bytes
+    value: float
+    start: int
+
+
+class Line:
+    """One line of a program; what it holds is looked up when asked for.
+
+    Parameters
+    ----------
+    number : int
+        Counting from 1.
+    start : int
+        Its first byte in the program, counting from 0.
+    text : bytes
+        Without the line end.
+    end : bytes
+        The line end; empty where the last line has none.
+    """
+
+    __slots__ = ("_first", "_last", "_tokens", "end", "number", "start", "text")
+
+    def __init__(self, data: bytes, made: Tokens, number: int) -> None:
+        self.number = number
+        self._tokens = made
+        self._first, self._last = made.first[number - 1 : number + 1].tolist()
+        self.start, stop = int(made.start[self._first]), int(made.start[self._last])
+        ends = made.kind[self._last - 1] == Kind.LINE_END
+        text_end = int(made.start[self._last - 1]) if ends else stop
+        self.text, self.end = data[self.start : text_end], data[text_end:stop]
+
+    @property
+    def pieces(self) -> Iterator[Piece]:
+        """All that the line consists of, its end too, in order."""
+        made, raw = self._tokens, self.text + self.end
+        for index in range(self._first, self._last):
+            begin, end = made.start[index : index + 2].tolist()
+            text = raw[begin - self.start : end - self.start]
+            yield Piece(Kind(made.kind[index]), text, float(made.value[index]), begin)
+
+    @property
+    def words(self) -> tuple[Word, ...]:
+        """Letters with numbers or expressions; what assignments and control hold is not among them.
+
+        Those are in the :class:`~pipeline.gcode.statements.Statement` of the line.
+        """
+        return tuple(
+            self._word(piece) for piece in self.pieces if piece.kind in (Kind.WORD, Kind.VALUED)
+        )
+
+    @property
+    def comments(self) -> tuple[bytes, ...]:
+        """Comments without their signs."""
+        return tuple(
+            piece.text[1:-1] if piece.kind == Kind.COMMENT else piece.text[1:]
+            for piece in self.pieces
+            if piece.kind in (Kind.COMMENT, Kind.REMARK)
+        )
+
+    @property
+    def skip(self) -> int | None:
+        """Level of block skip: 1 for ``/``, 2 for ``/2``; None where the line has none."""
+        at = self._head()
+        skips = at < self._last and self._tokens.kind[at] == Kind.SKIP
+        return int(self._tokens.value[at]) if skips else None
+
+    @property
+    def code_start(self) -> int:
+        """Where the code begins in ``text``: behind blanks, byte order mark and block skip."""
+        at = self._head()
+        skips = at < self._last and self._tokens.kind[at] == Kind.SKIP
+        return int(self._tokens.start[at + skips]) - self.start
+
+    @property
+    def is_percent(self) -> bool:
+        """Whether the line begins with ``%``."""
+        at = self._head()
+        return bool(at < self._last and self._tokens.kind[at] == Kind.PERCENT)
+
+    def _head(self) -> int:
+        return self._first + int(self._tokens.kind[self._first] == Kind.BLANK)
+
+    def _word(self, piece: Piece) -> Word:
+        letters = 2 if piece.text[:1] == b"," else 1
+        letter = piece.text[:letters].decode("ascii").upper()
+        value = piece.text[letters:].strip(BLANKS)
+        number = piece.kind == Kind.WORD
+        return Word(
+            letter=letter,
+            value=piece.value if number else None,
+            expression=None if number else value.decode("latin-1"),
+            text=piece.text,
+            line=self.number,
+            column=piece.start - self.start + 1,
+            start=piece.start,
+            end=piece.start + len(piece.text),
+        )
+
+
+class Program:
+    """Bytes, and what they are.
+
+    Parameters
+    ----------
+    data : bytes
+        As read.
+    name : str
+        For errors: the file's name.
+
+    Raises
+    ------
+    GcodeError
+        If ``data`` has 2 GiB or more.
+    """
+
+    def __init__(self, data: bytes, name: str) -> None:
+        self.data, self.name = data, name
+        self.tokens = tokens(data, name)
+
+    def __len__(self) -> int:
+        """Number of lines."""
+        return len(self.tokens.first) - 1
+
+    @property
+    def lines(self) -> Iterator[Line]:
+        """All lines, in order."""
+        return (self.line(number) for number in range(1, len(self) + 1))
+
+    def line(self, number: int) -> Line:
+        """Line ``number``, counting from 1."""
+        if not 1 <= number <= len(self):
+            raise IndexError(f"{self.name} has lines 1 to {len(self)}, not {number}")
+        return Line(self.data, self.tokens, number)
+
+    def text(self, changes: Mapping[Word, bytes] | None = None) -> bytes:
+        """The program put together from its pieces, with other bytes for some words.
+
+        Parameters
+        ----------
+        changes : mapping of Word to bytes, optional
+            What to write in place of a word of this program; all other bytes stay.
+        """
+        instead = {word.start: text for word, text in (changes or {}).items()}
+        bounds = self.tokens.start.tolist()
+        return b"".join(instead.get(begin, self.data[begin:end]) for begin, end in pairwise(bounds))
+
+    @cached_property
+    def content(self) -> np.ndarray:
+        """Of each line (L,): 0 for numbers and comments only, 1 with expressions, 2 with more."""
+        first = self.tokens.first[:-1]
+        classes = _CONTENT[self.tokens.kind]
+        return np.maximum.reduceat(classes, first) if len(first) else classes
+
+    @property
+    def body(self) -> range:
+        """Numbers of the lines that are executed.
+
+        A line of ``%`` with nothing but comments before it opens the program; the next one closes
+        it.
+        """
+        kind = self.tokens.kind
+        percents = self._line_of(np.flatnonzero(kind == Kind.PERCENT))
+        silent = np.isin(kind, (Kind.BLANK, Kind.COMMENT, Kind.REMARK, Kind.LINE_END))
+        first, last = 1, len(self) + 1
+        if len(percents) and silent[: self.tokens.first[percents[0] - 1]].all():
+            first, percents = int(percents[0]) + 1, percents[1:]
+        if len(percents):
+            last = int(percents[0])
+        return range(first, last)
+
+    def heads(self, letter: str) -> list[tuple[float, int]]:
+        """Number and line of each word ``letter`` that is the first of its line, in order.
+
+        ``heads("N")`` are the targets of GOTO, ``heads("O")`` the programs of the file.
+        """
+        kind = self.tokens.kind
+        data = np.frombuffer(self.data, dtype=np.uint8)
+        capital = data[self.tokens.start[:-1]] & 0xDF
+        found = np.flatnonzero((kind == Kind.WORD) & (capital == ord(letter)))
+        counted = np.concatenate([[0], np.cumsum((kind != Kind.BLANK) & (kind != Kind.SKIP))])
+        lines = self._line_of(found)
+        leads = counted[found] == counted[self.tokens.first[lines - 1]]
+        values = self.tokens.value[found[leads]]
+        return list(zip(values.tolist(), lines[leads].tolist(), strict=True))
+
+    def _line_of(self, token: np.ndarray) -> np.ndarray:
+        return np.searchsorted(self.tokens.first, token, side="right")
+
+
+_CONTENT = np.full(len(Kind), 2, dtype=np.uint8)
+_CONTENT[[Kind.BLANK, Kind.WORD, Kind.COMMENT, Kind.REMARK, Kind.LINE_END]] = 0
+_CONTENT[Kind.VALUED] = 1
+
+
+def parse_program(data: bytes, name: str) -> Program:
+    """The tree of a program's bytes; nothing is too strange for it."""
+    return Program(data, name)
+
+
+def read_program(path: Path) -> Program:
+    """The tree of a file, named after it."""
+    return Program(path.read_bytes(), path.name)

@@ -1,0 +1,108 @@
+"""What a program does not say of the machine it runs on: offsets, tools, choices of the control."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+Vector = tuple[float, float, float, float, float, float]
+"""X Y Z A B C [mm, deg]."""
+ZERO: Vector = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tool:
+    """What a number of the tool table (or of the H and D registers) holds.
+
+    Parameters
+    ----------
+    length : float
+        Of H [mm].
+    diameter : float
+        Of D [mm].
+    """
+
+    length: float = 0.0
+    diameter: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """The control as the operator left it before the program starts.
+
+    Parameters
+    ----------
+    dialect : str
+        ``"fanuc"``, ``"linuxcnc"`` or ``"siemens"``.
+    work_offsets : mapping of str to Vector
+        ``"G54"`` … ``"G59"``, ``"G59.1"`` … (LinuxCNC), ``"G54.1 P1"`` … (Fanuc), ``"EXT"``, which
+        lies under all of them [mm, deg].
+    tools : mapping of int to Tool
+        A number without an entry reads 0 on a Fanuc, as its registers do; LinuxCNC stops there.
+    tool_names : mapping of str to int
+        Numbers of tools that a Siemens program calls by name; names that are not listed get the
+        next free numbers in the order in which they are called.
+    references : mapping of str to Vector
+        Where G28 and G30 go: ``"G28"``, ``"G30"``, ``"G30 P3"``, ``"G30 P4"`` [mm, deg].
+    initial_position : Vector
+        Of the machine before the first block [mm, deg].
+    inch : bool
+        Whether G20 is in force at the start.
+    decimal : str
+        What ``X10`` without a decimal point means on a Fanuc: ``"calculator"`` 10 mm,
+        ``"increment"`` 10 least input increments (0.001 mm, 0.0001 inch).
+    parameters : mapping of (int or str) to float
+        ``#`` variables that have a value at the start, by number or name.
+    folders : tuple of Path
+        Searched for subprograms that are not in the program's own file.
+    block_skip : tuple of int
+        Levels of ``/`` that are switched on (1 is the plain ``/``).
+    block_limit : int
+        Blocks executed before a program counts as endless.
+    arc_tolerance : float
+        Radius at the end of an arc less the one at its start, on a Fanuc [mm].
+    length_moves : bool
+        Whether a Fanuc G43 or G49 without an axis moves by the change of length, as it does unless
+        parameter TOS (5006#6) is set; otherwise the coordinates shift.
+    peck_clearance : float
+        Gap that G83 keeps to the depth reached, and what G73 retracts by [mm].
+    boring_shift : str
+        Axis and sign in which G76 and G87 shift by Q, ``"+X"``, ``"-Y"``, … (parameter 5148).
+    """
+
+    dialect: Literal["fanuc", "linuxcnc", "siemens"] = "fanuc"
+    work_offsets: Mapping[str, Vector] = field(default_factory=dict)
+    tools: Mapping[int, Tool] = field(default_factory=dict)
+    tool_names: Mapping[str, int] = field(default_factory=dict)
+    references: Mapping[str, Vector] = field(default_factory=dict)
+    initial_position: Vector = ZERO
+    inch: bool = False
+    decimal: Literal["calculator", "increment"] = "calculator"
+    parameters: Mapping[int | str, float] = field(default_factory=dict)
+    folders: tuple[Path, ...] = ()
+    block_skip: tuple[int, ...] = ()
+    block_limit: int = 10_000_000
+    arc_tolerance: float = 0.05
+    length_moves: bool = True
+    peck_clearance: float = 0.254
+    boring_shift: str = "-Y"
+
+    def __post_init__(self) -> None:
+        if self.dialect not in ("fanuc", "linuxcnc", "siemens"):
+            raise ValueError(
+                f"dialect is {self.dialect!r}: choose 'fanuc', 'linuxcnc' or 'siemens'"
+            )
+        if self.boring_shift not in BORING_SHIFTS:
+            raise ValueError(
+                f"boring_shift is {self.boring_shift!r}: choose one of {', '.join(BORING_SHIFTS)}"
+            )
+        if self.decimal not in ("calculator", "increment"):
+            raise ValueError(f"decimal is {self.decimal!r}: choose 'calculator' or 'increment'")
+        if self.block_limit < 1:
+            raise ValueError(f"block_limit is {self.block_limit}: give 1 or more blocks")
+        for name in ("arc_tolerance", "peck_clearance"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} is {getattr(self, name)} mm: give 0 or more")
+
+
+BORING_SHIFTS = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")

@@ -1,0 +1,145 @@
+"""Tables of the control: its parameters, the runs and the files that they were found from."""
+
+from typing import Any
+
+from pipeline.report.facts import Facts
+from pipeline.report.numbers import NOT_KNOWN, number, real
+from pipeline.report.sources import dig, objects_of, rows_of
+from pipeline.report.tables import (
+    MOST_ROWS,
+    Cell,
+    Table,
+    cells,
+    left_out,
+    names,
+    numbers,
+    sources,
+)
+
+MEANINGS = {
+    "rapid_speed": "greatest speed in rapids",
+    "cutting_speed": "greatest speed in cutting moves",
+    "rapid_acceleration": "acceleration along the path in rapids",
+    "cutting_acceleration": "acceleration along the path in cutting moves",
+    "arc_acceleration": "acceleration towards the centre of arcs, and of curves made of chords",
+    "corner_jump": "jump of an axis’ speed that a corner may ask for",
+    "jerk": "change of acceleration in time",
+    "tolerance": "how far the path may cut a corner",
+    "rapid_filter": "smoothing time after interpolation, in rapids",
+    "cutting_filter": "smoothing time after interpolation, in cutting moves",
+    "settle_time": "wait until the axes are in position at an exact stop",
+    "tool_change": "time of a tool change",
+    "m_code": "time of an M code",
+    "stop": "time of M0 and M1, without the operator’s",
+    "spindle_acceleration": "how fast the spindle runs up",
+    "spindle_deceleration": "how fast the spindle is stopped",
+    "spindle_base_speed": "speed above which the spindle has constant power",
+    "spindle_delay": "what each start and stop of the spindle takes beside its ramp",
+    "spindle_orientation": "time to orient the spindle",
+}
+"""What the parameters of a control mean, for people."""
+
+
+def meaning(name: str) -> str:
+    """What a parameter means, with the axes and the machine behind its name.
+
+    ``–`` where the name says all that is known.
+
+    >>> meaning("rapid_speed XY@mill02"), meaning("settle_time"), meaning("other Z")
+    ('X, Y: greatest speed in rapids, on mill02', \
+'wait until the axes are in position at an exact stop', '–')
+    """
+    plain, _, unit = name.partition("@")
+    key, _, axes = plain.partition(" ")
+    words = MEANINGS.get(key)
+    if words is None:
+        return "–"
+    head = f"{', '.join(axes)}: " if axes else ""
+    return f"{head}{words}{f', on {unit}' if unit else ''}"
+
+
+def control_parameters_table(found: Facts) -> Table | None:
+    """Parameters of the control with their intervals, or what to record to have them."""
+    parameters = objects_of(found.control.control, "parameters")
+    if not parameters:
+        return None
+    ways = [str(p.get("how") or "") for p in parameters.values() if _known(p)]
+    shared = ways[0] if ways and len(set(ways)) == 1 else ""
+    return Table(
+        caption="Parameters of the control",
+        note=f"Those with a number were found by {shared}." if shared else "",
+        heads=[*names("Parameter", "means"), *numbers(("value", ""), ("95 % interval", "")),
+               *names("unit", "how found, or what to record")],
+        rows=[_parameter_row(name, p, shared) for name, p in parameters.items()],
+        sources=sources(found.shelf, found.folders.models / "control.json"),
+    )  # fmt: skip
+
+
+def _known(p: dict[str, Any]) -> bool:
+    return bool(p.get("determined")) and real(p.get("value")) is not None
+
+
+def _parameter_row(name: str, p: dict[str, Any], shared: str) -> list[Cell]:
+    low, high = real(p.get("low")), real(p.get("high"))
+    known = _known(p)
+    interval = f"{number(low)} to {number(high)}" if None not in (low, high) else NOT_KNOWN
+    how = str(p.get("how") or "")
+    if not known:
+        how = str(p.get("remedy") or how or NOT_KNOWN)
+    return cells(
+        Cell(text=name, code=True),
+        meaning(name),
+        number(real(p.get("value"))) if known else "not determined",
+        interval if known else "–",
+        _unit(p.get("unit")),
+        "–" if known and how == shared else how or "–",
+    )
+
+
+def _unit(unit: Any) -> str:
+    """A unit as people write it: mm/s² where the file says mm/s^2."""
+    return str(unit or "–").replace("^2", "²").replace("^3", "³")
+
+
+def control_runs_table(found: Facts) -> Table | None:
+    """Which runs the parameters were found from, and why others were left out."""
+    control = found.control.control
+    learnt = [
+        cells(Cell(text=str(r.get("run") or NOT_KNOWN), code=True), "learnt from",
+              Cell(text=str(r.get("program") or NOT_KNOWN), code=True))
+        for r in rows_of(control, "runs", "training")
+    ]  # fmt: skip
+    rest = [
+        cells(Cell(text=str(r.get("run") or NOT_KNOWN), code=True), "left out",
+              str(r.get("reason") or "no reason is said"))
+        for r in rows_of(control, "runs", "left_out")
+    ]  # fmt: skip
+    rows = learnt + rest
+    if not rows:
+        return None
+    return Table(
+        caption=f"Runs that the control was found from ({number(len(learnt))}), and those left "
+        f"out ({number(len(rest))}){left_out(len(rows), MOST_ROWS)}",
+        heads=names("Run", "use", "program, or why not"),
+        rows=rows[:MOST_ROWS],
+        sources=sources(found.shelf, found.folders.models / "control.json"),
+        folded=True,
+    )
+
+
+def control_sources_table(found: Facts) -> Table | None:
+    """Files by hash that the control was found from, and what its fit cannot tell apart."""
+    files = dig(found.control.control, "found_from")
+    if not isinstance(files, dict) or not files:
+        return None
+    rows = [
+        cells(Cell(text=str(file), code=True), Cell(text=str(sha256), code=True))
+        for file, sha256 in sorted(files.items())
+    ]
+    return Table(
+        caption=f"Files that the control was found from{left_out(len(rows), MOST_ROWS)}",
+        heads=names("File", "sha256"),
+        rows=rows[:MOST_ROWS],
+        sources=sources(found.shelf, found.folders.models / "control.json"),
+        folded=True,
+    )

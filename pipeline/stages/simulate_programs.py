@@ -1,0 +1,24 @@
+"""Stage: what the control makes of the programs that the report shows."""
+
+from pathlib import Path
+
+from pipeline.gcode.setup import Setup
+from pipeline.identification.control.records import ControlRecords
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.twin.control import read_controls
+from pipeline.twin.program_files import simulate_files
+
+
+def simulate_programs(
+    raw: Path,
+    model: Path,
+    programs: Path,
+    *,
+    identity: MachineIdentity,
+    setup: Setup,
+    control_records: ControlRecords,
+) -> None:
+    """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
+    control = read_controls(model)[control_records.default_unit]
+    files = control_records.shown(raw)
+    simulate_files(files, raw, control, setup, programs, identity.name, identity.origin)

@@ -1,0 +1,202 @@
+"""What a simulated program comes to: by block, tool, type and limit, as it is stored and shown."""
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND, RADIAN, Kind, Moves
+from pipeline.machine.interpolate import Trace, traces
+from pipeline.machine.motion import Binding, Motion
+from pipeline.machine.nck import Plan
+
+Floats = NDArray[np.float64]
+
+_TYPE: dict[int, str] = {
+    Kind.RAPID: "rapid",
+    Kind.FEED: "feed",
+    Kind.THREAD: "feed",
+    Kind.PROBE: "feed",
+    Kind.ARC: "arc",
+    Kind.TOOL_CHANGE: "tool change",
+    Kind.DWELL: "dwell",
+}
+TYPES = ("rapid", "feed", "arc", "tool change", "spindle and M codes", "dwell")
+CUTTING = (Kind.FEED, Kind.ARC, Kind.THREAD)
+
+
+def type_of(kind: NDArray[np.uint8]) -> NDArray[np.str_]:
+    """Type of each row in words, one of :data:`TYPES`."""
+    words = np.full(256, "spindle and M codes", dtype="<U20")
+    for key, word in _TYPE.items():
+        words[key] = word
+    return words[kind]
+
+
+def limit_words(plan: Plan) -> NDArray[np.str_]:
+    """What keeps each row from being faster, in words."""
+    words = np.array([b.name.lower().replace("_", " ") for b in Binding])
+    return words[plan.limit]
+
+
+def block_table(plan: Plan) -> pd.DataFrame:
+    """One row a move: where it ends [mm], what was programmed and reached [mm/min], time [s].
+
+    Returns
+    -------
+    DataFrame
+        Columns ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool
+        speed limit``; ``programmed_feed`` is NaN where no feed holds.
+    """
+    moves = plan.path.moves
+    cutting = np.isin(moves.kind, CUTTING)
+    return pd.DataFrame(
+        {
+            "line": moves.line,
+            "kind": [Kind(k).name.lower() for k in moves.kind],
+            "x": moves.end[:, 0],
+            "y": moves.end[:, 1],
+            "z": moves.end[:, 2],
+            "cx": moves.centre[:, 0],
+            "cy": moves.centre[:, 1],
+            "cz": moves.centre[:, 2],
+            "angle": moves.angle,
+            "plane": moves.plane.astype(np.int32),
+            "programmed_feed": np.where(cutting, programmed_feed(plan), np.nan),
+            "reached_feed": plan.v_peak / METRE_PER_SECOND,
+            "time": plan.time,
+            "length": moves.length,
+            "tool": moves.tool,
+            "speed": moves.speed,
+            "limit": limit_words(plan),
+        }
+    )
+
+
+def programmed_feed(plan: Plan) -> Floats:
+    """Speed along the path that the program asks for [mm/min]; shape (M,)."""
+    path = plan.path
+    per_turn = np.where(path.motion == Motion.PER_TURN, plan.turns, 1.0)
+    speed: Floats = path.factor * plan.feed * per_turn / METRE_PER_SECOND
+    return speed
+
+
+def summary(plan: Plan, name: str) -> dict[str, Any]:
+    """Times of a program: in all, by tool, by type, by limit [s]."""
+    moves, time = plan.path.moves, plan.time
+    kinds, limits = type_of(moves.kind), limit_words(plan)
+    cutting = np.isin(moves.kind, CUTTING)
+    return {
+        "program": name,
+        "total_time_s": round(plan.total, 3),
+        "path_length_mm": round(float(moves.length.sum()), 6),
+        "cutting_time_s": round(float(time[cutting].sum()), 3),
+        "origin_mm": np.round(moves.origin[:3], 6).tolist(),
+        "by_tool": _by_tool(moves, time, cutting),
+        "by_type": {t: _seconds(time[kinds == t]) for t in TYPES if (kinds == t).any()},
+        "by_limit": {
+            str(w): _seconds(plan.motion_time[(limits == w) & cutting])
+            for w in np.unique(limits[cutting])
+        },
+    }
+
+
+def _seconds(times: Floats) -> float:
+    return round(float(times.sum()), 3)
+
+
+def _by_tool(
+    moves: Moves, time: Floats, cutting: NDArray[np.bool_]
+) -> list[dict[str, float | int]]:
+    found: list[dict[str, float | int]] = []
+    for tool in dict.fromkeys(moves.tool.tolist()):
+        rows = moves.tool == tool
+        found.append({
+            "tool": int(tool),
+            "time_s": _seconds(time[rows]),
+            "cutting_s": _seconds(time[rows & cutting]),
+            "rapid_s": _seconds(time[rows & (moves.kind == Kind.RAPID)]),
+            "length_mm": round(float(moves.length[rows].sum()), 3),
+        })  # fmt: skip
+    return found
+
+
+def blocks(plan: Plan) -> list[dict[str, Any]]:
+    """Every move: line, type, time, length, speed reached, what binds it."""
+    moves, limits = plan.path.moves, limit_words(plan)
+    kinds = [Kind(k).name.lower() for k in moves.kind.tolist()]
+    return [
+        {
+            "line": line, "type": kind, "time_s": round(time, 6), "length_mm": round(length, 6),
+            "reached_feed_mm_min": round(peak / METRE_PER_SECOND, 3), "limit": str(limit),
+        }
+        for line, kind, time, length, peak, limit in zip(
+            moves.line.tolist(), kinds, plan.time.tolist(), moves.length.tolist(),
+            plan.v_peak.tolist(), limits, strict=True,
+        )
+    ]  # fmt: skip
+
+
+def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None = None) -> int:
+    """Write time [s], position [mm, deg], row and line at the interpolation period to Parquet.
+
+    ``programmed_x`` and its like are before the filters, ``x`` and its like after them.  Only axes
+    that move have columns.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Told the share that is written.
+
+    Returns
+    -------
+    int
+        Samples.
+
+    Raises
+    ------
+    ValueError
+        When the program has no rows.
+    """
+    moves = plan.path.moves
+    axes = [i for i in range(6) if (moves.end[:, i] != moves.origin[i]).any()] or [0]
+    written = 0
+    chunks = traces(plan)
+    first = next(chunks)
+    with pq.ParquetWriter(path, _trace_schema(axes), compression="zstd") as writer:
+        for chunk in chain([first], chunks):
+            writer.write_table(_trace_table(chunk, axes, moves))
+            written += len(chunk)
+            if progress is not None:
+                progress(float(chunk.time[-1]) / max(plan.total, 1e-12))
+    return written
+
+
+def _trace_schema(axes: Sequence[int]) -> pa.Schema:
+    def position(name: str, axis: int) -> pa.Field:
+        return pa.field(name, pa.float64(), metadata={"unit": "mm" if axis < 3 else "deg"})
+
+    names = [(AXES[i].lower(), i) for i in axes]
+    return pa.schema([
+        pa.field("time", pa.float64(), metadata={"unit": "s"}),
+        pa.field("line", pa.int32()),
+        *[position(name, i) for name, i in names],
+        *[position(f"programmed_{name}", i) for name, i in names],
+    ])  # fmt: skip
+
+
+def _trace_table(chunk: Trace, axes: Sequence[int], moves: Moves) -> pa.Table:
+    unit = [1 / METRE if i < 3 else 1 / RADIAN for i in axes]
+    columns = [
+        chunk.time,
+        moves.line[chunk.row],
+        *[chunk.position[:, i] * u for i, u in zip(axes, unit, strict=True)],
+        *[chunk.programmed[:, i] * u for i, u in zip(axes, unit, strict=True)],
+    ]
+    return pa.table([pa.array(c) for c in columns], schema=_trace_schema(axes))

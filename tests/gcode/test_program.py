@@ -1,0 +1,111 @@
+"""Text to tree to text gives the same bytes, and the tree says where everything stands."""
+
+from pathlib import Path
+
+import pytest
+from gcode_texts import BYTES, MANY, PROGRAM, RECORDINGS, recorded, short
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.gcode.program import parse_program, read_program
+from pipeline.gcode.words import Kind
+
+FILES = recorded("gcode/**/*", "nist_box/programs/*")
+
+
+def assert_lossless(data: bytes) -> None:
+    program = parse_program(data, "test")
+    assert program.text() == data
+    # of bytes, splitlines cuts at \n, \r\n and \r, nowhere else
+    assert [line.text + line.end for line in program.lines] == data.splitlines(keepends=True)
+    for number, line in enumerate(program.lines, start=1):
+        assert line.number == number
+        assert b"".join(piece.text for piece in line.pieces) == line.text + line.end
+        assert line.text.strip(b"\r\n") == line.text
+
+
+@MANY
+@given(st.one_of(BYTES, PROGRAM))
+def test_any_bytes_come_back(data: bytes) -> None:
+    assert_lossless(data)
+
+
+@pytest.mark.skipif(RECORDINGS is None, reason="KERF_RECORDINGS names no folder")
+@pytest.mark.parametrize("path", FILES, ids=short)
+def test_recorded_programs_come_back(path: Path) -> None:
+    assert_lossless(path.read_bytes())
+
+
+@MANY
+@given(PROGRAM, st.data())
+def test_words_are_rewritten_and_nothing_else(data: bytes, draws: st.DataObject) -> None:
+    program = parse_program(data, "test")
+    words = [word for line in program.lines for word in line.words]
+    chosen = draws.draw(st.sets(st.sampled_from(words), max_size=5)) if words else set()
+    text = program.text({word: b"F<%d>" % word.start for word in chosen})
+    expected = bytearray(data)
+    for word in sorted(chosen, key=lambda word: -word.start):
+        assert data[word.start : word.end] == word.text
+        assert word.start == program.line(word.line).start + word.column - 1
+        expected[word.start : word.end] = b"F<%d>" % word.start
+    assert text == bytes(expected)
+
+
+def test_words_of_a_line() -> None:
+    program = parse_program(b"%\r\n/2 N10 G1 x1.50(in)f[#1*2] F#<a>,r2;out\r\n", "test")
+    line = program.line(2)
+    assert [(w.letter, w.value, w.expression, w.text, w.column) for w in line.words] == [
+        ("N", 10.0, None, b"N10", 4),
+        ("G", 1.0, None, b"G1", 8),
+        ("X", 1.5, None, b"x1.50", 11),
+        ("F", None, "[#1*2]", b"f[#1*2]", 20),
+        ("F", None, "#<a>", b"F#<a>", 28),
+        (",R", 2.0, None, b",r2", 33),
+    ]
+    assert line.comments == (b"in", b"out")
+    assert (line.skip, line.code_start, line.end) == (2, 2, b"\r\n")
+    assert program.line(1).is_percent and not line.is_percent
+
+
+def test_a_byte_order_mark_is_no_code() -> None:
+    line = parse_program(b"\xef\xbb\xbf/G1", "test").line(1)
+    assert (line.skip, line.code_start) == (1, 4)
+    assert [piece.kind for piece in line.pieces] == [Kind.BLANK, Kind.SKIP, Kind.WORD]
+
+
+@pytest.mark.parametrize(
+    ("text", "body"),
+    [
+        ("", range(1, 1)),
+        ("G1\nM30", range(1, 3)),
+        ("%\nG1\n%\nnot code", range(2, 3)),
+        ("\n(head)\n % O1\nG1\nG2", range(4, 6)),
+        ("O1\nG1\n%\nnot code", range(1, 3)),
+        ("%\n%\nnot code", range(2, 2)),
+    ],
+)
+def test_percent_lines_hold_what_is_executed(text: str, body: range) -> None:
+    assert parse_program(text.encode(), "test").body == body
+
+
+def test_heads_are_the_first_words_of_lines() -> None:
+    program = parse_program(b"O1(A)\n N10 G1\n/N20X1\nG0 N30\nO0002\n(N1) N5\nn10\n", "test")
+    assert program.heads("N") == [(10.0, 2), (20.0, 3), (10.0, 7)]
+    assert program.heads("O") == [(1.0, 1), (2.0, 5)]
+
+
+def test_a_line_that_is_not_there() -> None:
+    with pytest.raises(IndexError, match=r"p\.nc has lines 1 to 1, not 0"):
+        parse_program(b"G1", "p.nc").line(0)
+
+
+def test_a_file_is_named_after_itself(tmp_path: Path) -> None:
+    (tmp_path / "part 1.nc").write_bytes(b"G0\rG1")
+    program = read_program(tmp_path / "part 1.nc")
+    assert (program.name, len(program)) == ("part 1.nc", 2)
+
+
+def test_content_tells_what_a_line_holds() -> None:
+    text = b"G1 X1 (c) ; r\n\nX[1]\n#1=2\n/X1\nX\n%\nF#1 O<a> sub"
+    assert parse_program(text, "test").content.tolist() == [0, 0, 1, 2, 2, 2, 2, 2]
+    assert parse_program(b"", "test").content.tolist() == []

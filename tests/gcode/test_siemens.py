@@ -1,0 +1,289 @@
+"""The dialect siemens: lines of a Sinumerik 840D to statements, and programs of one to moves."""
+
+import math
+import re
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import Kind, PathMode
+from pipeline.gcode.program import parse_program, read_program
+from pipeline.gcode.setup import Setup, Tool
+from pipeline.gcode.siemens import SiemensReader
+from pipeline.gcode.siemens_frames import UNTURNED, rotation, tilt, turned
+from pipeline.gcode.siemens_line import constant
+from pipeline.gcode.siemens_scanner import VARIABLE
+from pipeline.gcode.siemens_words import WITHOUT_MOTION
+from pipeline.gcode.statements import Parameter
+from tests.gcode.gcode_texts import recorded, short
+
+PROGRAMS = recorded("gcode/elmoe_5axis/*.mpf", "gcode/elmoe_5axis/*ner.txt")
+needs_recordings = pytest.mark.skipif(not PROGRAMS, reason="KERF_RECORDINGS is not set")
+SETUP = Setup(dialect="siemens")
+
+
+def statements(text):
+    program = parse_program(text.encode("latin-1"), "test.mpf")
+    reader = SiemensReader("test.mpf")
+    return [reader.statement(line) for line in program.lines]
+
+
+def words(text):
+    last = statements(text)[-1]
+    return [
+        (
+            word.letter,
+            word.value.key.removeprefix(VARIABLE)
+            if isinstance(word.value, Parameter)
+            else constant(word.value),
+        )
+        for word in last.words
+    ]
+
+
+def moves(text, setup=SETUP):
+    return interpret(parse_program(text.encode(), "test.mpf"), setup)
+
+
+def refusal(text):
+    with pytest.raises(GcodeError) as refused:
+        statements(text)
+    return refused.value
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("N10 G1 X10. Y-.5 F100", [("G", 1), ("X", 10), ("Y", -0.5), ("F", 100)]),
+        ("g0 x=_home y = -5", [("G", 0), ("X", "_home"), ("Y", -5)]),
+        ("SUPA G0 Z=_Z D0", [("G", 53), ("G", 0), ("Z", "_z"), ("D", 0), ("H", 0), ("G", 43)]),
+        ('T="A"\nT="B"\nT="A"', [("T", 1)]),
+        ('T="A"\nM6\nD1', [("D", 1), ("H", 1), ("G", 43)]),
+        ('T="A"\nM6\nT="B"\nD1', [("D", 1), ("H", 1), ("G", 43)]),
+        ("G60 G601 FNORM G710 G642", [("G", 61), ("G", 71), ("G", 64)]),
+        ("CYCLE832(_tol,1,1)", [("G", 64), ("P", "_tol")]),
+        ("CYCLE832()", [("G", 64)]),
+        ("TRANS X1 Y=2", [("G", 52), ("X", 1), ("Y", 2), ("Z", 0)]),
+        ("G2 X1 CR=5.", [("G", 2), ("X", 1), ("R", 5)]),
+        ("X10 ; X20", [("X", 10)]),
+        ("TRAFOOF", []),
+        ("CYCLE800()", []),
+        ('MSG("X10 ; (Y20")', []),
+    ],
+)
+def test_line_becomes_words(text, expected):
+    assert words(text) == expected
+
+
+def test_every_word_without_motion_is_read_as_such():
+    assert words(" ".join(WITHOUT_MOTION)) == []
+
+
+def test_variables_are_0_or_what_they_are_given():
+    text = "DEF REAL AA, BB=2.\nG1 X=AA+BB*3 Y=-(BB-SIN(30)) F=BB\n"
+    made = moves("_C=4\n" + text + "R1=_C/8\nZ=R1\nM30\n")
+    np.testing.assert_allclose(made.end[1, :3], [6, -1.5, 0.5], atol=1e-15)
+
+
+def test_comments_and_messages_are_kept():
+    first, second = statements('N1 X1 ;over there\nMSG("DRILL (A) ; B")')
+    assert first.comments == ("over there",)
+    assert second.comments == ("DRILL (A) ; B",)
+
+
+def test_statement_says_where_its_words_stand():
+    (statement,) = statements("/ N20  G1 X=5 Y3")
+    assert (statement.skip, statement.number, statement.line) == (1, 20, 1)
+    assert [(word.text, word.column) for word in statement.words] == [
+        ("G1", 8), ("X=", 11), ("Y3", 15),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "word", "column", "said"),
+    [
+        ("G1 FOO X1", "FOO", 4, "not known in the dialect siemens"),
+        ("X=IC(5)", "IC(", 3, "no value"),
+        ("CYCLE83(1,2,3)", "CYCLE83(", 1, "post it as single moves"),
+        ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
+        ("MCALL CYCLE82(1,0,1,-2)", "CYCLE82(", 7, "CYCLE81 only"),
+        ("MCALL CYCLE81(1,0,1)", "CYCLE81(", 7, "write these four"),
+        ("G1 X1 D2", "D2", 7, "write D1 or D0"),
+        ("AROT", "AROT", 1, "names no axis"),
+        ("TRANS A5", "A5", 7, "X, Y and Z only"),
+        ("DEF STRING A", "STRING", 5, "REAL, INT or BOOL"),
+        ("X=", "end of line", 1, "missing"),
+        ("X=(1", "end of line", 1, ") is missing"),
+        ("X?1", "?", 2, "no meaning"),
+        ("G0 X1 \xe9", "\xe9", 7, "no meaning"),
+        ("G43 X1", "G43", 1, "not known in the dialect siemens"),
+        ("X1 H2", "H2", 4, "no address"),
+        ("X1 D=2", "D=", 4, "no expression"),
+        ("G91 G0 B90 C0\nTRAORI\nAROT Y90\nX1", "X1", 1, "not square"),
+        ("GOTOF END", "GOTOF", 1, "not known"),
+        ('MSG("open)', '"', 5, "no meaning"),
+        ("TRAORI\nAROT Y90.\nG0 X1", "X1", 4, "not square"),
+        ("AROT Z10\nG1 X5", "X5", 4, "not square"),
+        ("G0 B90 C0\nTRAORI\nAROT Y90\nG1 X1 B80 C0 F1", "X1", 4, "not square"),
+        ("G0 B0 C0\nTRAORI\nG1 X1 C0 F1", "X1", 4, "3+2"),
+        ("G0 B0 C0\nTRAORI\nTRANS X5\nG1 Y1 F1", "Y1", 4, "TRANS under TRAORI"),
+        ("G0 Z5\nMCALL CYCLE81(9.,0,1,-2)\nX1", "X1", 1, "retraction plane"),
+    ],
+)
+def test_what_is_not_known_is_refused_with_its_place(text, word, column, said):
+    error = refusal(text)
+    assert (error.word, error.column) == (word, column)
+    assert said in error.reason
+    assert error.line == text.count("\n") + 1
+
+
+@given(st.text(st.sampled_from('GXYZT=()"; +-*/.,0159_AR\t\x00\xff'), max_size=40))
+@settings(max_examples=500, deadline=None)
+def test_no_text_crashes_the_reader(text):
+    try:
+        statements("G0 B0 C0\nTRAORI\n" + text)
+    except GcodeError as error:
+        assert error.line > 2
+
+
+def test_deep_brackets_are_refused():
+    assert "lie in each other" in refusal("X=" + "(" * 5000 + "1" + ")" * 5000).reason
+    assert "lie in each other" in refusal("X=" + "-" * 5000 + "1").reason
+
+
+def test_arot_turns_about_axes_already_turned():
+    frame = turned(turned(UNTURNED, 90, 0, 0), 0, 0, 90)
+    # X first lies on X; turned by Z about the new Z, which is old -Y, it becomes old Z
+    np.testing.assert_allclose(frame @ [1, 0, 0], [0, 0, 1], atol=1e-15)
+    np.testing.assert_allclose(
+        turned(UNTURNED, 10, 20, 30), rotation(2, 30) @ rotation(1, 20) @ rotation(0, 10)
+    )
+
+
+@given(st.floats(-180, 180), st.floats(-180, 180), st.floats(1e-6, 0.01))
+def test_tilt_is_the_angle_that_is_left(b, c, more):
+    square = rotation(2, c) @ rotation(1, b)
+    assert tilt(square, b, c) < 1e-14
+    assert tilt(turned(square, 0, more, 0), b, c) == pytest.approx(math.radians(more), rel=1e-4)
+
+
+def test_hole_by_mcall():
+    made = moves("G0 X0 Y0 Z10.\nF100\nMCALL CYCLE81(10.,0.,3.,-6.)\nX5 Y6\nX7\nMCALL\nX9\nM30\n")
+    rows = [(Kind(kind).name, *end) for kind, end in zip(made.kind, made.end[:, :3], strict=True)]
+    assert rows[1:] == [
+        ("RAPID", 5, 6, 10), ("RAPID", 5, 6, 3), ("FEED", 5, 6, -6), ("RAPID", 5, 6, 10),
+        ("RAPID", 7, 6, 10), ("RAPID", 7, 6, 3), ("FEED", 7, 6, -6), ("RAPID", 7, 6, 10),
+        ("RAPID", 9, 6, 10), ("END", 9, 6, 10),
+    ]  # fmt: skip
+
+
+def test_supa_leaves_offset_aside_and_d1_takes_the_tools_length():
+    setup = Setup(
+        dialect="siemens",
+        work_offsets={"G54": (100, 0, 0, 0, 0, 0)},
+        tools={1: Tool(length=50.0, diameter=8.0)},
+    )
+    made = moves('G54\nT="A"\nM6\nG0 Z5 D1\nSUPA G0 X7 Z200 D0\nG0 X1 Z5 D1\nM30\n', setup)
+    rapid = made.end[made.kind == Kind.RAPID]
+    np.testing.assert_array_equal(rapid[:, [0, 2]], [[0, 55], [7, 200], [101, 55]])
+    assert made.tool[-1] == 1
+
+
+def test_cycle832_rounds_corners_within_its_tolerance():
+    made = moves("G60\nG1 X1 F9\nCYCLE832(.02,1,1)\nX2\nG60\nX3\nM30\n")
+    assert made.path_mode[:3].tolist() == [
+        PathMode.EXACT_STOP, PathMode.CONTINUOUS, PathMode.EXACT_STOP
+    ]  # fmt: skip
+    assert made.tolerance[:3].tolist() == [0, 0.02, 0]
+
+
+def test_dwell_counts_seconds_and_leaves_the_feed():
+    made = moves("G1 X1 F9\nG4 F2.5\nX2\nM30\n")
+    assert made.value[made.kind == Kind.DWELL].tolist() == [2.5]
+    assert made.feed[made.kind == Kind.FEED].tolist() == [9, 9]
+
+
+def test_compensation_goes_round_outer_corners():
+    setup = Setup(dialect="siemens", tools={1: Tool(diameter=4.0)})
+    made = moves('T="A"\nM6\nD1\nG0 X-10 Y-9\nG41 G1 X0 Y0 F9\nX20\nY-20\nG40 X0\nM30\n', setup)
+    arcs = made.kind == Kind.ARC
+    np.testing.assert_allclose(made.end[arcs, :2], [[22, 0]], atol=1e-12)
+
+
+NUMBER = r"(-?\d*\.?\d+\.?|_\w+)"
+
+
+def walked(path):
+    """What lines with axis words say, by regular expressions alone: kind, position, feed, line."""
+    where, motion, feed = dict.fromkeys("XYZABC", 0.0), 0, 0.0
+    constants, rows, turning = {}, [], False
+    for number, text in enumerate(path.read_text().splitlines(), 1):
+        code = text.split(";")[0]
+        for name, value in re.findall(rf"(_\w+)={NUMBER}", code):
+            constants[name] = float(value)
+        found = re.search(r"G0?([0-3])(?![\d.])", code)
+        motion = int(found[1]) if found else motion
+        found = re.search(r"\bF([\d.]+)", code)
+        feed = float(found[1]) if found else feed
+        if re.search(r"TRANS|AROT|CYCLE|MSG|DEF|T=|_\w+=", code.split("SUPA")[0]):
+            turning = "MCALL CYCLE" in code or turning
+            continue
+        if "MCALL" in code:
+            turning = False
+        given = re.findall(rf"(?<![\w.])([XYZBC])=?{NUMBER}", code)
+        for letter, value in given:
+            where[letter] = constants.get(value) if value in constants else float(value)
+        if given:
+            rows.append((turning, motion, tuple(where.values()), feed, number))
+    return rows
+
+
+@needs_recordings
+@pytest.mark.parametrize("path", PROGRAMS, ids=short)
+def test_recorded_program_moves_as_its_lines_say(path):
+    made = interpret(read_program(path), SETUP)
+    moving = np.isin(made.kind, (Kind.RAPID, Kind.FEED, Kind.ARC))
+    rows = walked(path)
+    drilled = {number for hole, *_, number in rows if hole}
+    plain = moving & ~np.isin(made.line, list(drilled))
+    expected = [row[1:] for row in rows if not row[0]]
+    kinds = {0: Kind.RAPID, 1: Kind.FEED, 2: Kind.ARC, 3: Kind.ARC}
+    assert made.kind[plain].tolist() == [kinds[motion] for motion, *_ in expected]
+    assert made.line[plain].tolist() == [number for *_, number in expected]
+    np.testing.assert_array_equal(made.end[plain], [end for _, end, _, _ in expected])
+    cutting = plain & (made.kind != Kind.RAPID)
+    assert made.feed[cutting].tolist() == [feed for motion, _, feed, _ in expected if motion]
+    holes = Counter(made.kind[moving & ~plain].tolist())
+    # the one hole is where the tool stands: down to SDIS, to the bottom, back
+    assert holes == ({Kind.RAPID: 2, Kind.FEED: 1} if drilled else {})
+
+
+@needs_recordings
+@pytest.mark.parametrize("path", PROGRAMS, ids=short)
+def test_recorded_arcs_end_on_their_circles(path):
+    """Of coordinates with three decimals, and at least the radius that a post would write."""
+    made = interpret(read_program(path), SETUP)
+    r_0, r_1 = made.radii(np.flatnonzero(made.kind == Kind.ARC))
+    assert np.abs(r_0 - r_1).max() < 2.5e-3
+    assert r_0.min() > 0
+
+
+@needs_recordings
+def test_recorded_work_planes_are_square_to_the_tool():
+    """The kinematics that is assumed of the machine is the one that its post processor had."""
+    path = next(path for path in PROGRAMS if "Achskreuz" in path.name)
+    frame, table, planes = UNTURNED, (0.0, 0.0), 0
+    for text in path.read_text().splitlines():
+        if found := re.search(r"G0 B(-?[\d.]+) C(-?[\d.]+)", text):
+            table = (float(found[1]), float(found[2]))
+        if found := re.search(r"AROT ([XYZ])(-?[\d.]+)", text):
+            frame = turned(frame, *(float(found[2]) * (found[1] == axis) for axis in "XYZ"))
+        if "TRANS" in text:
+            assert tilt(frame, *table) < 1e-14
+            frame, planes = UNTURNED, planes + 1
+    assert planes == 21

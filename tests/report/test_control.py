@@ -1,0 +1,282 @@
+"""What the pages say about a machine's control, its judged runs and its part programs."""
+
+import json
+import re
+import shutil
+
+import pytest
+from control_folders import (
+    Programmer,
+    part,
+    run,
+    with_control,
+    write_control,
+    write_program,
+    write_refused,
+    write_validation,
+)
+from page_reader import outline, words
+from report_folders import FLEET, empty_machine, machine
+
+from pipeline.report.control_tables import meaning
+from pipeline.report.pages import write_report
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    root = tmp_path_factory.mktemp("control")
+    folders = with_control(machine(root, "mill01", days=3))
+    write_report([folders], FLEET, None, root / "out")
+    return root
+
+
+@pytest.fixture
+def page(built):
+    return built / "out" / "mill01.html"
+
+
+def report(folders, tmp_path) -> str:
+    write_report([folders], FLEET, None, tmp_path / "out")
+    return words(tmp_path / "out" / f"{folders.name}.html")
+
+
+def section(page, key: str) -> str:
+    found = re.search(rf'<section id="{key}".*?</section>', page.read_text(), flags=re.S)
+    return found.group() if found else ""
+
+
+def test_without_documents_there_is_no_section(tmp_path):
+    write_report([machine(tmp_path, "m", days=3)], FLEET, None, tmp_path / "out")
+    page = tmp_path / "out" / "m.html"
+    assert [section(page, key) for key in ("control", "times", "programs")] == ["", "", ""]
+    assert "control" not in words(page).split("What the machine did")[0].lower()
+
+
+def test_parameters_stand_with_interval_and_remedy(page):
+    text = words(page)
+    assert "corner_jump jump of an axis’ speed that a corner may ask for 310 273 to 347" in text
+    assert (
+        "jerk change of acceleration in time not determined – mm/s³ run a program of 5 mm" in text
+    )
+    assert "These runs do not determine jerk" in text
+    assert "Found from 2 runs of 2 programs, cut into 412 stretches" in text
+    assert "settle_time and corner_jump (correlation −0.81)" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("rapid_speed Z", "Z: greatest speed in rapids"),
+        (
+            "corner_jump XYZ@m2",
+            "X, Y, Z: jump of an axis’ speed that a corner may ask for, on m2",
+        ),
+        ("tool_change", "time of a tool change"),
+        ("something_new", "–"),
+    ],
+)
+def test_a_parameters_meaning_names_its_axes_and_machine(name, words):
+    assert meaning(name) == words
+
+
+def test_each_run_has_its_times_errors_and_verdict(page):
+    text = words(page)
+    assert "run-05 box.nc 10 min 42 s 14.0 s 11 min 09 s +4.2 7 min 36 s −24.8 +13.2 87 %" in text
+    assert re.search(r"run-04 cover.nc [^r]*passed", text)
+    assert re.search(r"run-01 plate.nc [^r]*learnt from", text)
+    assert "3 of 3 judged runs lie within ±5 %; the worst is run-05 with +4.2 %" in text
+    # feed: 3 x 400 s measured, errors 1.8 - 3.1 + 4.2 percent of 400 s
+    assert "feed 20 min 00 s 20 min 12 s +11.6 +1.0" in text
+
+
+@pytest.mark.parametrize(
+    ("error", "other", "status"),
+    [
+        (5.0, {}, "passed"), (-5.0, {}, "passed"), (5.01, {}, "failed"), (-9.0, {}, "failed"),
+        (20.0, {"role": "training"}, "learnt from"), (20.0, {"completed": False}, "not completed"),
+        (float("nan"), {}, "not judged"),
+    ],
+)  # fmt: skip
+def test_a_run_is_judged_at_the_limit_and_only_if_it_counts(tmp_path, error, other, status):
+    folders = empty_machine(tmp_path, "m")
+    write_validation(folders, [{**run("one", "p.nc", error), **other}])
+    write_report([folders], FLEET, None, tmp_path / "out")
+    row = re.search(r"<tr[^>]*><th[^>]*><code>one<.*?</tr>", section(tmp_path / "out" / "m.html",
+                    "times"), flags=re.S).group()  # fmt: skip
+    assert f"<span>{status}</span>" in row
+
+
+def test_without_a_judged_run_nobody_is_told_that_times_hold(tmp_path):
+    folders = empty_machine(tmp_path, "m")
+    write_validation(folders, [run("one", "p.nc", 0.1, "training")])
+    text = report(folders, tmp_path)
+    assert "No run could be judged" in text and "No verdict" in text
+    assert "over all runs, none of which is judged" in text
+    assert "Predicted program times lie" not in text
+
+
+def test_no_run_at_all_is_said(tmp_path):
+    folders = empty_machine(tmp_path, "m")
+    write_validation(folders, [])
+    assert "No run has been predicted." in report(folders, tmp_path)
+
+
+def test_times_beyond_the_limit_put_a_passed_machine_under_reservation(tmp_path):
+    folders = with_control(machine(tmp_path, "m", days=4), runs=(
+        ("run-01", "plate.nc", 1.0, "judged"), ("run-02", "box.nc", -7.5, "judged"),
+    ))  # fmt: skip
+    head = report(folders, tmp_path).split("What the machine did")[0]
+    assert "Passed, with reservations" in head
+    assert "within ±5 % on 1 of 2 judged runs, at worst −7.5 %" in head
+    assert "Do not plan with the predicted time of box.nc" in head
+    assert "Predicted program times −7.5 % worst of 2 judged runs, limit ±5 %" in head
+
+
+def test_a_machine_with_nothing_else_is_judged_by_its_times(tmp_path):
+    folders = with_control(empty_machine(tmp_path, "m", "recorded"))
+    head = report(folders, tmp_path).split("The control: what")[0]
+    assert "Passed" in head and "Nothing to repair: plan with these times" in head
+
+
+def test_a_program_says_where_its_time_goes(page):
+    text = words(page)
+    assert "plate.nc Predicted 6 min 59 s, of which 6 min 03 s cutting (87 %)" in text
+    assert "corners slow it down: rounded ones, or a wider path tolerance, would help" in text
+    assert "T4 2 min 14 s · 32 %" in text
+    assert "programmed feed 5 min 29 s · 79 %" in text
+
+
+def test_a_refused_program_stands_with_its_reason_and_is_not_drawn(page):
+    text = section(page, "programs")
+    assert "odd.nc line 14: G12.1 is not known; post it without polar mode" in text
+    assert "<h3>odd.nc</h3>" not in text and "<h3>plate.nc</h3>" in text
+
+
+def test_a_machine_of_refused_programs_alone_has_a_table_and_no_figure(tmp_path):
+    folders = empty_machine(tmp_path, "m")
+    write_refused(folders, "odd", "line 3: no end")
+    assert "odd.nc line 3: no end" in report(folders, tmp_path)
+    assert 'role="img"' not in section(tmp_path / "out" / "m.html", "programs")
+
+
+def test_every_figure_is_labelled_and_small(page):
+    parsed = outline(page)
+    figures = [a for _, a in parsed.tags if a.get("role") == "img"]
+    assert len(figures) > 10 and all(len(a["aria-label"]) > 40 for a in figures)
+    text = "".join(section(page, key) for key in ("control", "times", "programs"))
+    captions = re.findall(r"<(figcaption|caption|summary)>(.*?)</\1>", text, flags=re.S)
+    assert len(captions) > 15
+    assert all('class="label simulated"' in words for _, words in captions)
+    assert max(map(len, re.findall(r"<figure>.*?</figure>", text, flags=re.S))) < 250_000
+
+
+def single(**to) -> Programmer:
+    program = Programmer()
+    program.move("feed", 500.0, **to)
+    return program
+
+
+@pytest.mark.parametrize(
+    "written",
+    [single(x=10.0), single(), single(x=float("nan")), single(z=-5.0), Programmer()],
+    ids=["one move", "no length", "nowhere", "drilled", "no move"],
+)
+def test_the_smallest_programs_have_a_page(tmp_path, written):
+    folders = empty_machine(tmp_path, "m")
+    write_program(folders, "tiny", written)
+    assert "tiny.nc Predicted" in report(folders, tmp_path)
+    assert not re.search(r"(?<![a-z])nan(?![a-z])|inf(?![a-z])", section(
+        tmp_path / "out" / "m.html", "programs"), flags=re.I)  # fmt: skip
+
+
+def test_unknown_feeds_are_grey_and_named(tmp_path):
+    program = single(x=10.0)
+    program.rows[0]["reached_feed"] = float("nan")
+    folders = empty_machine(tmp_path, "m")
+    write_program(folders, "tiny", program, total_time_s=float("nan"), origin=None)
+    text = report(folders, tmp_path)
+    assert "feed not known" in text and "Predicted not known" in text
+
+
+def test_only_the_longest_programs_are_drawn_and_the_table_has_all(tmp_path):
+    folders = empty_machine(tmp_path, "m")
+    for i in range(14):
+        write_program(folders, f"p{i:02d}", single(x=10.0 * (i + 1)))
+    text = report(folders, tmp_path)
+    shown = section(tmp_path / "out" / "m.html", "programs")
+    assert len(re.findall("<h3>", shown)) == 12 and "<h3>p00.nc</h3>" not in shown
+    assert "The 12 longest are drawn" in text and "p00.nc" in text
+    assert len(re.findall('<details class="block"><summary>4 figures', shown)) == 9
+
+
+FILES = ("control.json", "control_validation.json", "programs/plate.json", "programs/plate.parquet")
+
+
+@pytest.mark.parametrize("broken", FILES)
+def test_a_broken_document_is_named_and_the_rest_stands(built, tmp_path, broken):
+    shutil.copytree(built, tmp_path / "root")
+    folders = empty_machine(tmp_path / "root", "mill01")
+    (folders.models / broken).write_bytes(b"\x00no")
+    text = report(folders, tmp_path)
+    assert re.search(rf"{re.escape(broken.split('/')[-1])} was left out: not (JSON|Parquet)", text)
+    assert "cover.nc" in text
+
+
+def test_columns_of_another_kind_are_said_not_raised(built, tmp_path):
+    shutil.copytree(built, tmp_path / "root")
+    folders = empty_machine(tmp_path / "root", "mill01")
+    program = single(x=10.0)
+    program.rows[0]["kind"] = "feed"
+    write_program(folders, "plate", program)
+    import pyarrow.parquet as pq
+
+    path = folders.models / "programs" / "plate.parquet"
+    table = pq.read_table(path)
+    pq.write_table(table.set_column(table.schema.get_field_index("x"), "x", [["far"]]), path)
+    assert "plate.parquet was left out: its columns are not those" in report(folders, tmp_path)
+
+
+ODD = {
+    "parameters": {"a": 1, "b": {"value": "x", "determined": True}}, "runs": [7, {}], "fit": [],
+    "limit_percent": "five", "left_out": {}, "found_from": [], "by_tool": [{"tool": "x"}],
+    "by_type": {"feed": "long"}, "by_limit": [], "origin": [1, "y"], "program": {"a": 1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", json.dumps(ODD), json.dumps({"runs": {"a": 1}})])
+def test_documents_of_another_shape_never_stop_the_report(built, tmp_path, content):
+    shutil.copytree(built, tmp_path / "root")
+    folders = empty_machine(tmp_path / "root", "mill01")
+    for path in folders.models.rglob("*.json"):
+        path.write_text(content)
+    assert "What the machine did" in report(folders, tmp_path)
+
+
+def test_text_from_programs_stays_text(tmp_path):
+    hostile = "<script>alert('x')</script>"
+    folders = empty_machine(tmp_path, "m")
+    write_control(folders)
+    write_validation(folders, [run(hostile, hostile, 1.0)], left_out=[
+        {"run": hostile, "reason": hostile}])  # fmt: skip
+    write_program(folders, "p", part(chords=3, passes=1), program=hostile)
+    write_refused(folders, "q", hostile)
+    report(folders, tmp_path)
+    assert "script" not in [t for t, _ in outline(tmp_path / "out" / "m.html").tags]
+
+
+def test_the_second_report_says_how_the_times_changed(tmp_path):
+    folders = with_control(empty_machine(tmp_path, "m"))
+    write_report([folders], FLEET, None, tmp_path / "one")
+    write_validation(folders, [run("run-02", "plate.nc", 2.0)])
+    write_report([folders], FLEET, tmp_path / "one", tmp_path / "out")
+    text = words(tmp_path / "out" / "m.html")
+    assert "Error of program times, worst judged run 4.20 % 2.00 % −2.20 %" in text
+    assert "Runs judged 3 1 −2" in text
+
+
+def test_two_runs_give_the_same_bytes(built, tmp_path, page):
+    shutil.copytree(built, tmp_path / "root")
+    folders = machine(tmp_path / "root", "mill01", days=3)
+    for name in ("a", "b"):
+        write_report([folders], FLEET, None, tmp_path / name)
+    assert (tmp_path / "a/mill01.html").read_bytes() == (tmp_path / "b/mill01.html").read_bytes()

@@ -1,0 +1,146 @@
+"""Paths of part programs: arcs as they are, strokes that lose nothing a screen could show."""
+
+import math
+import re
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.report.program_map import UNITS, view
+from pipeline.report.program_moves import COLUMNS, ProgramMoves, lengths, pieces, program_moves
+from pipeline.report.program_paths import dots, stroke
+
+NONE = math.nan
+
+
+def moves(*rows: dict, origin=(0.0, 0.0, 0.0)) -> ProgramMoves:
+    plain = {"kind": "feed", "x": 0.0, "y": 0.0, "z": 0.0, "cx": NONE, "cy": NONE, "cz": NONE,
+             "angle": 0.0, "plane": 17, "programmed_feed": 1000.0, "reached_feed": 1000.0,
+             "time": 1.0, "tool": 1}  # fmt: skip
+    full = [{**plain, **row} for row in rows]
+    return program_moves(pa.table({c: [r[c] for r in full] for c in COLUMNS}), list(origin))
+
+
+QUARTERS = {  # start, centre, end and middle of a quarter turn of radius 10 in each plane
+    17: ((10, 0, 3), (0, 0, 3), (0, 10, 3), (10 * math.sqrt(0.5), 10 * math.sqrt(0.5), 3)),
+    18: ((0, 3, 10), (0, 3, 0), (10, 3, 0), (10 * math.sqrt(0.5), 3, 10 * math.sqrt(0.5))),
+    19: ((3, 10, 0), (3, 0, 0), (3, 0, 10), (3, 10 * math.sqrt(0.5), 10 * math.sqrt(0.5))),
+}
+
+
+@pytest.mark.parametrize("plane", QUARTERS)
+def test_a_positive_quarter_runs_anticlockwise_about_its_planes_normal(plane):
+    start, (cx, cy, cz), (x, y, z), middle = QUARTERS[plane]
+    arc = {"kind": "arc", "x": x, "y": y, "z": z, "cx": cx, "cy": cy, "cz": cz, "plane": plane}
+    cut = pieces(moves({**arc, "angle": math.pi / 2}, origin=start), 1e-3)
+    assert np.allclose(cut.a[0], start, atol=1e-12) and np.allclose(cut.b[-1], (x, y, z))
+    nearest = np.linalg.norm(cut.a - middle, axis=1).min()
+    assert nearest < 10 * math.pi / 2 / len(cut.a)  # a piece's length
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    r=st.floats(0.5, 200), angle=st.floats(0.1, 6 * math.pi), sign=st.sampled_from([-1, 1]),
+    tolerance=st.floats(0.02, 1),
+)  # fmt: skip
+def test_no_piece_leaves_its_arc_by_more_than_the_tolerance(r, angle, sign, tolerance):
+    end = {"x": r * math.cos(sign * angle), "y": r * math.sin(sign * angle)}
+    arc = {"kind": "arc", **end, "cx": 0.0, "cy": 0.0, "cz": 0.0, "angle": sign * angle}
+    cut = pieces(moves(arc, origin=(r, 0.0, 0.0)), tolerance)
+    middle = np.linalg.norm((cut.a + cut.b) / 2, axis=1)
+    at_least_eight_a_turn = r * (1 - math.cos(math.pi / 8))
+    assert r - middle.min() <= min(tolerance, at_least_eight_a_turn) + 1e-9
+    assert np.allclose(cut.a[1:], cut.b[:-1])
+
+
+def test_length_of_a_helix_of_three_turns():
+    arc = {"kind": "arc", "x": 20.0, "z": -6.0, "cx": 0.0, "cy": 0.0, "cz": 0.0}
+    helix = moves({**arc, "angle": 6 * math.pi}, origin=(20.0, 0.0, 0.0))
+    assert lengths(helix)[0] == pytest.approx(math.hypot(20 * 6 * math.pi, 6), rel=1e-12)
+    cut = pieces(helix, 1e-3)
+    # chords that leave their arc by 1e-3 of 20 mm are 3e-5 shorter than it: (1 - cos) / 1.5
+    assert np.linalg.norm(cut.b - cut.a, axis=1).sum() == pytest.approx(lengths(helix)[0], rel=5e-5)
+
+
+def test_length_of_a_spiral_against_its_pieces():
+    arc = {"kind": "arc", "y": 30.0, "plane": 18, "cx": 0.0, "cy": 0.0, "cz": 0.0, "angle": 9.0}
+    start, end = (0.0, 0.0, 12.0), {"z": 8 * math.cos(9.0), "x": 8 * math.sin(9.0)}
+    spiral = moves({**arc, **end}, origin=start)
+    cut = pieces(spiral, 1e-4)
+    # the mean radius is a thousandth off where the radius changes by a third
+    assert lengths(spiral)[0] == pytest.approx(
+        np.linalg.norm(cut.b - cut.a, axis=1).sum(), rel=5e-3
+    )
+
+
+def test_a_move_to_nowhere_is_left_out_and_an_arc_without_centre_is_straight():
+    lost = moves({"x": 1.0}, {"x": NONE}, {"x": 3.0}, {"kind": "arc", "x": 9.0, "angle": 1.0})
+    assert pieces(lost, 0.1).row.tolist() == [0, 3]
+    assert np.allclose(lengths(lost), [1.0, NONE, NONE, 6.0], equal_nan=True)
+
+
+def drawn(data: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Straight steps of path data, as pairs of points."""
+    steps = []
+    for part in re.findall(r"M[^M]*", data):
+        values = list(map(int, re.findall(r"-?\d+", part)))
+        here = (values[0], values[1])
+        for dx, dy in zip(values[2::2], values[3::2], strict=True):
+            there = (here[0] + dx, here[1] + dy)
+            steps.append((here, there))
+            here = there
+    return steps
+
+
+WALK = st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=1, max_size=60)
+
+
+@settings(max_examples=200, deadline=None)
+@given(WALK, st.sets(st.integers(0, 59)))
+def test_strokes_cover_each_piece_once(walk, lifted):
+    points = np.cumsum([(0, 0), *walk], axis=0)
+    keep = np.array([i not in lifted for i in range(len(walk))])
+    a, b = points[:-1][keep], points[1:][keep]
+    once = {
+        frozenset((tuple(p), tuple(q)))
+        for p, q in zip(a.tolist(), b.tolist(), strict=True) if p != q
+    }  # fmt: skip
+    steps = drawn(stroke(a, b))
+    length = sum(math.dist(p, q) for p, q in steps)
+    assert length == pytest.approx(sum(math.dist(*pair) for pair in once))
+    ends = {point for pair in once for point in pair}
+    assert {point for step in steps for point in step} <= ends
+    assert all(p != q for p, q in steps)
+
+
+def test_a_straight_chain_is_one_step_and_a_way_back_is_drawn_once():
+    x = np.stack([np.arange(6), np.zeros(6, int)], axis=1)
+    assert stroke(x[:-1], x[1:]) == "M0 0l5 0"
+    assert stroke(np.vstack([x[:-1], x[:0:-1]]), np.vstack([x[1:], x[-2::-1]])) == "M0 0l5 0"
+    assert stroke(x, x) == ""
+
+
+def test_dots_stand_once_each():
+    assert dots(np.array([[4, 5], [4, 5], [-1, 2]])) == "M-1 2h0M4 5h0"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(*[st.floats(-500, 500)] * 3), min_size=1, max_size=12))
+def test_the_frame_holds_all_that_is_cut_in_fair_proportions(points):
+    program = moves(*({"x": x, "y": y, "z": z} for x, y, z in points), origin=points[0])
+    frame = view(program)
+    ends = np.array(points)
+    assert np.all(ends >= frame.low - 1e-9) and np.all(ends <= frame.low + frame.span + 1e-9)
+    wide, above, front = frame.span
+    assert 0.27 * wide <= above <= 1.01 * wide and 0.13 * wide <= front <= 0.71 * wide
+
+
+def test_rapids_do_not_widen_the_frame():
+    program = moves({"kind": "rapid", "z": 400.0}, {"kind": "rapid", "x": 5.0, "z": 1.0},
+                    {"x": 30.0, "y": 10.0, "z": 1.0})  # fmt: skip
+    frame = view(program)
+    assert frame.low[2] + frame.span[2] < 10.0
+    assert frame.span[0] / UNITS < 0.1
