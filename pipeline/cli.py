@@ -46,6 +46,20 @@ def _progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
         yield advance
 
 
+@contextmanager
+def _share(what: str) -> Iterator[Callable[[float], None]]:
+    """A bar that is told which share is done, on standard error when a person looks."""
+    if not sys.stderr.isatty():
+        yield lambda done: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda done: bar.update(task, completed=done)
+
+
 @app.command()
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
@@ -140,6 +154,63 @@ def promote(machine: Machine) -> None:
     with _one_sentence():
         version = promote_challenger(machine)
     typer.echo(f"{machine}: version {version.version} is champion")
+
+
+Program = Annotated[Path, typer.Argument(help="A part program.")]
+
+
+@app.command()
+def interpret(
+    program: Program,
+    out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
+    machine: Annotated[
+        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
+    ] = None,
+    dialect: Annotated[
+        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
+    ] = None,
+) -> None:
+    """Follow PROGRAM block by block and write its moves."""
+    from pipeline.commands.programs import machine_setup, moves_table, read_moves
+
+    with _one_sentence(), _share("interpreting") as share:
+        moves = read_moves(program, machine_setup(machine, dialect), share)
+        moves_table(moves).to_csv(out, index=False)
+    typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
+
+
+@app.command()
+def simulate(
+    program: Program,
+    machine: Annotated[str, typer.Option(help="Whose control, as in conf/machine/.")],
+    unit: Annotated[str | None, typer.Option(help="Which of several machines of a kind.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
+) -> None:
+    """Plan PROGRAM as MACHINE's control does: how long each block takes, and why."""
+    from pipeline.commands.programs import simulate_program, write_summary
+    from pipeline.twin.simulation import summary, write_trace
+
+    with _one_sentence():
+        with _share("planning") as share:
+            simulated = simulate_program(program, machine, unit, share)
+        if json is not None:
+            write_summary(simulated, json, program.stem, machine)
+        if out is not None:
+            with _share("writing positions") as share:
+                write_trace(simulated.plan, out, share)
+        document = summary(simulated.plan, program.stem)
+    source = "identified" if simulated.identified else f"as in conf/machine/{machine}.yaml"
+    label = f" ({simulated.origin})" if simulated.origin == "simulated" else ""
+    typer.echo(f"{program.name} on {machine}{label}, control {source}")
+    typer.echo(f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm")
+    for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
+        for name, seconds in table.items():
+            typer.echo(f"  {heading:<6} {name:<20} {seconds:>10.1f} s")
+    for tool in document["by_tool"]:
+        typer.echo(f"  tool   T{tool['tool']:<19} {tool['time_s']:>10.1f} s")
 
 
 def main() -> None:

@@ -7,7 +7,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("thermal", "twin", "identification", "validation", "signals/windows", "parameters")
+ROOMS = (
+    "gcode",
+    "machine",
+    "thermal",
+    "twin",
+    "identification",
+    "validation",
+    "signals/windows",
+    "parameters",
+)
 
 
 def modules() -> list[str]:

@@ -43,7 +43,8 @@ def project(tmp_path_factory) -> Path:
     with inside(folder):
         fleet = use_fleet("recorded")
         assert dict((m, files) for m, _, files in collect(fleet, Path(RECORDINGS or ""))) == {
-            "mazak01": 15
+            "mazak01": 15,
+            "hurco": 23,
         }
         run("compose", "conf", "params.yaml")
     build(folder)

@@ -21,14 +21,14 @@ from pipeline.gcode.offset_codes import (
 )
 from pipeline.gcode.run import Run
 from pipeline.gcode.spindle import spindle_mode, spindle_word
-from pipeline.gcode.state import CANCELLED, FANUC, LINUXCNC, SIEMENS
+from pipeline.gcode.state import CANCELLED, FANUC, LINUXCNC
 from pipeline.gcode.statements import WordItem
 from pipeline.gcode.threads import tap_rigidly, thread, thread_cycle
 from pipeline.gcode.transforms import mirror, polar, rotation, scaling
 
 Handler = Callable[[Run, Block, int, WordItem], None]
 
-DWELLS = {"fanuc": ("P", "X", "U"), "linuxcnc": ("P",), "siemens": ("F", "S")}
+DWELLS = {"fanuc": ("P", "X", "U"), "linuxcnc": ("P",), "siemens": ("P",)}
 """Words that say how long G4 waits."""
 FEED_MODES = {930: FeedMode.INVERSE_TIME, 940: FeedMode.PER_MINUTE, 950: FeedMode.PER_REVOLUTION}
 
@@ -89,8 +89,6 @@ def _look_ahead(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def _feed_word(run: Run, block: Block, item: WordItem) -> None:
-    if run.state.dialect == SIEMENS and any(code == 40 for _, _, code, _ in block.actions):
-        return  # G4 F: seconds
     value = block.take("F")
     if value is None:
         return
@@ -112,12 +110,11 @@ def _dwell(run: Run, block: Block, code: int, item: WordItem) -> None:
     if not given:
         raise block.error(item, f"{item.text} does not say how long: add {letters[0]}")
     value = block.words.pop(given[0])
-    revolutions = given[0] == "S"
     if given[0] == "P" and run.state.dialect == FANUC:
         value = seconds(block, value)
     if value < 0:
         raise block.error(item, f"a dwell of {value:g} s is not possible: give 0 or more")
-    run.stand(Kind.DWELL, block.line, code=int(revolutions), value=value)
+    run.stand(Kind.DWELL, block.line, value=value)
 
 
 def seconds(block: Block, value: float) -> float:

@@ -147,7 +147,7 @@ def _tapped(direction: int) -> Callable[[Hole, float], None]:
         hole.spindle(-direction)
         if state.dialect == LINUXCNC:
             hole.dwell()
-        hole._to(kind, hole.plane_r)
+        hole._to(kind, level if state.dialect == LINUXCNC else hole.plane_r)
         hole.spindle(direction)
         state.feed_mode, state.feed = mode, feed
         hole.rapid(level)
@@ -226,7 +226,7 @@ def _bored_by_hand(hole: Hole, level: float) -> None:
 def _bored_dwelt(hole: Hole, level: float) -> None:
     hole.feed(hole.bottom)
     hole.dwell()
-    hole.feed(hole.plane_r)
+    hole.feed(level if hole.run.state.dialect == LINUXCNC else hole.plane_r)
     hole.rapid(level)
 
 

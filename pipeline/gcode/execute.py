@@ -18,6 +18,7 @@ from pipeline.gcode.run import Run
 from pipeline.gcode.state import FANUC, LINUXCNC
 from pipeline.gcode.statements import Number, Statement, WordItem
 
+MACRO_CALLS = (650, 660, 661)
 MOTION_STEP = 220
 LENGTHS = frozenset("XYZABCIJKRQ")
 """Words that a Fanuc reads in input increments where they have no decimal point."""
@@ -31,6 +32,7 @@ def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: s
     block.comments = statement.comments
     words, items = block.words, block.items
     linuxcnc = run.state.dialect == LINUXCNC
+    calls_macro = False
     for item in statement.words:
         expression = item.value
         if type(expression) is Number:
@@ -42,8 +44,12 @@ def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: s
             value = result
         block.ordered.append((item, value))
         letter = item.letter
+        if calls_macro:
+            items[letter] = item
+            continue  # an argument, whatever its letter
         if letter == "G":
             _g_word(block, run, item, value)
+            calls_macro = block.actions[-1][2] in MACRO_CALLS
         elif letter == "M":
             _m_word(block, run, item, value)
         else:

@@ -33,6 +33,8 @@ def _call(block: Block, item: WordItem) -> Jump:
     arguments: dict[int, float] = {}
     for word, value in block.ordered:
         letter = word.letter
+        if word.column <= item.column:
+            continue
         if letter == "P":
             number = block.whole("P", value, 1, LARGEST)
         elif letter == "L":
@@ -46,7 +48,7 @@ def _call(block: Block, item: WordItem) -> Jump:
             arguments[3 * sets + 1 + index] = value
         elif letter in LOCALS:
             arguments[LOCALS[letter]] = value
-        elif word.column > item.column:
+        else:
             raise block.error(word, f"{letter} cannot be an argument: use another letter")
     if number is None:
         raise block.error(item, f"{item.text} does not say which macro: add P")

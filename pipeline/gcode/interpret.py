@@ -8,7 +8,8 @@ from pipeline.gcode.execute import block_of, carry_out
 from pipeline.gcode.flow import Flow
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.named_parameters import LinuxcncParameters
-from pipeline.gcode.plain import plain_state, run_plain
+from pipeline.gcode.plain import run_plain
+from pipeline.gcode.plain_statement import plain_statement
 from pipeline.gcode.program import Program
 from pipeline.gcode.run import Run
 from pipeline.gcode.setup import Setup
@@ -106,6 +107,9 @@ class Interpreter:
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":
             return self.siemens.statement(program.line(line))
+        plain = plain_statement(program, line)
+        if plain is not None:
+            return plain
         return parse_statement(program.line(line), program.name, self.setup.dialect)
 
     def _step(self) -> None:
@@ -115,9 +119,9 @@ class Interpreter:
         if line >= level.source.body.stop:
             self._fell_off()
             return
-        if self.compiled and plain_state(self.run.state):
+        if self.compiled and not isinstance(self.variables, SiemensVariables):
             stop = min(level.source.body.stop, line + PLAIN_AT_ONCE)
-            after = run_plain(level.source.program, line, stop, self.run)
+            after = run_plain(level.source.program, line, stop, self.run, self.variables)
             if after > line:
                 self._count(after - line, after - 1)
                 level.line = after

@@ -98,6 +98,7 @@ def _linuxcnc_m(run: Run, block: Block, code: int, item: WordItem) -> None:
             raise block.error(item, "M72 restores a state that was not saved: write M70 before")
         snapshot.restore(run)
     elif code in WITHOUT_MOTION or 100 <= code <= 199:
+        run.waited = run.waited or code == 66
         value = 0.0
         for letter in WITHOUT_MOTION.get(code, "PQ"):
             given = block.take(letter)

@@ -136,6 +136,8 @@ def step_of(code: int, dialect: str) -> int | None:
         step, dialects = ONE_SHOT[code]
         if dialect in dialects:
             return step
+    if code == CANCEL:
+        return GROUPS["cycle"].step - 1
     group = GROUPS.get(GROUP_OF.get(code, ""))
     if group is None or dialect not in group.dialects:
         return None
@@ -143,8 +145,10 @@ def step_of(code: int, dialect: str) -> int | None:
 
 
 def excludes(first: int, second: int) -> bool:
-    """Whether LinuxCNC takes two G codes not in one block: of one group, or both want axis words."""
+    """Whether LinuxCNC refuses both in a block: of one group, or both want axis words."""
     names = {GROUP_OF.get(first), GROUP_OF.get(second)}
+    if CANCEL in (first, second) and first != second:
+        return False  # G80 G0 is no conflict: the motion is what stays in force
     if len(names) == 1 and names != {None}:
         return True
     moves = names & {"cycle", "motion"}
@@ -153,5 +157,6 @@ def excludes(first: int, second: int) -> bool:
     return bool({first, second} & AXIS_TAKERS) and (bool(moves) or {first, second} <= AXIS_TAKERS)
 
 
+CANCEL = 800
 AXIS_TAKERS = frozenset({100, 280, 300, 520, 920})
 """Codes of one block that take the axis words for themselves."""

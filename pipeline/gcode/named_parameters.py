@@ -6,12 +6,15 @@ Source: LinuxCNC 2.9 "Parameters", "Numbered parameters" and "Predefined named p
 from collections.abc import Callable
 
 from pipeline.gcode.errors import ExpressionError
+from pipeline.gcode.moves import INCH
 from pipeline.gcode.run import Run
 from pipeline.gcode.setup import ZERO
 from pipeline.gcode.state import CANCELLED
 
 LOCAL = range(1, 31)
 PROBED = range(5061, 5071)
+WAITED = 5399
+"""What M66 waited for."""
 SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 HIGHEST = 5601
 ROTATION = 9
@@ -32,6 +35,7 @@ class LinuxcncParameters:
         self.locals: list[dict[int | str, float]] = [{}]
         self.globals: dict[int | str, float] = {"_value": 0.0, "_value_returned": 0.0}
         self.line = 0
+        self.unit = INCH if run.setup.inch_machine else 1.0
         for key, value in run.setup.parameters.items():
             self.write(key, value)
         run.remap()
@@ -39,7 +43,8 @@ class LinuxcncParameters:
     def enter(self, arguments: dict[int, float]) -> None:
         """Begin a subroutine with its own #1 to #30 and local names."""
         fresh: dict[int | str, float] = {}
-        fresh.update(arguments)
+        for number, value in arguments.items():
+            fresh[number] = value
         self.locals.append(fresh)
 
     def leave(self) -> None:
@@ -91,7 +96,7 @@ class LinuxcncParameters:
             return self.locals[-1].get(key, 0.0)
         if not 0 < key <= HIGHEST:
             raise ExpressionError(f"#{key} does not exist: use #1 to #{HIGHEST - 1}")
-        if (key in PROBED and run.probed) or key == 5399:
+        if (key in PROBED and run.probed) or (key == WAITED and run.waited):
             raise ExpressionError(
                 f"#{key} is known only when the machine has run: replace it by a number"
             )
@@ -102,11 +107,11 @@ class LinuxcncParameters:
             axis = key - 5420
             return run.point[axis] / (run.state.unit if axis < 3 else 1.0)
         if 5401 <= key <= 5406:
-            return run.offsets.length[key - 5401]
+            return run.offsets.length[key - 5401] / self._unit(key - 5401)
         if key in (5400, 5410):
             tool = max(run.state.tool, 0)
             entry = run.registers.get(tool)
-            return float(tool) if key == 5400 else 2 * entry.radius if entry else 0.0
+            return float(tool) if key == 5400 else 2 * entry.radius / self.unit if entry else 0.0
         return self.globals.get(key, 0.0)
 
     def _offset(self, name: str, axis: int) -> float:
@@ -120,10 +125,14 @@ class LinuxcncParameters:
         if axis >= 6:
             return 0.0
         if name == "G92":
-            return (run.offsets.g92_kept or run.offsets.g92)[axis]
+            return (run.offsets.g92_kept or run.offsets.g92)[axis] / self._unit(axis)
         if name in ("G28", "G30"):
-            return run.references.get(name, ZERO)[axis]
-        return run.offsets.work.get(name, ZERO)[axis]
+            return run.references.get(name, ZERO)[axis] / self._unit(axis)
+        return run.offsets.work.get(name, ZERO)[axis] / self._unit(axis)
+
+    def _unit(self, axis: int) -> float:
+        """Millimetres (or degrees) in the machine's unit of an axis."""
+        return self.unit if axis < 3 else 1.0
 
     def _write_offset(self, key: int, value: float) -> bool:
         """Offsets by number; they act when they are next chosen, as in LinuxCNC's own store."""
@@ -136,7 +145,9 @@ class LinuxcncParameters:
             raise ExpressionError(f"#{key} is set by G54 to G59.3 and G92: write one of them")
         if axis == ROTATION:
             offsets.turned[name] = value
-        elif name == "G92":
+            return True
+        value *= self._unit(axis)
+        if name == "G92":
             offsets.g92[axis] = value
         elif name in ("G28", "G30"):
             reference = list(run.references.get(name, ZERO))

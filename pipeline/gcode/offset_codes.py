@@ -6,7 +6,7 @@ from pipeline.gcode.motion import target
 from pipeline.gcode.moves import Kind
 from pipeline.gcode.run import Run
 from pipeline.gcode.setup import ZERO
-from pipeline.gcode.state import FANUC, LINUXCNC, SIEMENS
+from pipeline.gcode.state import FANUC, LINUXCNC
 from pipeline.gcode.statements import WordItem
 
 LOCAL_SYSTEMS = 300
@@ -136,8 +136,10 @@ def machine_move(run: Run, block: Block, code: int, item: WordItem | None) -> No
     if code not in (0, 10):
         raise block.error(word, "G53 goes with G0 or G1: write one of them")
     given = axis_words(run, block)
-    if not given and state.dialect != SIEMENS:
+    if not given and state.dialect == FANUC:
         raise block.error(word, "G53 names no axis: add X, Y or Z")
+    if not given:
+        return
     if code == 10 and state.feed <= 0:
         raise block.error(word, "G1 has no feed: give F before")
     run.pending_length = 0.0

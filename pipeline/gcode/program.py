@@ -130,9 +130,10 @@ class Line:
         return self._first + int(self._tokens.kind[self._first] == Kind.BLANK)
 
     def _word(self, piece: Piece) -> Word:
-        letters = 2 if piece.text[:1] == b"," else 1
-        letter = piece.text[:letters].decode("ascii").upper()
-        value = piece.text[letters:].strip(BLANKS)
+        comma = piece.text[:1] == b","
+        bare = piece.text[1:].lstrip(BLANKS) if comma else piece.text
+        letter = "," * comma + bare[:1].decode("ascii").upper()
+        value = bare[1:].strip(BLANKS)
         number = piece.kind == Kind.WORD
         return Word(
             letter=letter,

@@ -127,7 +127,7 @@ class Run:
         self.length_mode = 490
         self.length_number = self.radius_number = 0
         self.pending_length = 0.0
-        self.rigid = self.diameter = self.probed = False
+        self.rigid = self.diameter = self.probed = self.waited = False
         self.remap()
 
     def remap(self) -> None:

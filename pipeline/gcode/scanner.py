@@ -84,8 +84,10 @@ def token(data: Bytes, at: int, head: bool) -> tuple[int, int, float]:
         return comment(data, at)
     if c == SEMICOLON:
         return REMARK, line_end(data, at), np.nan
-    if c == COMMA and at + 1 < n and data[at + 1] & 0xDF in (LETTER_C, LETTER_R):
-        return word(data, at, at + 2)
+    if c == COMMA:
+        letter = after_blanks(data, at + 1)
+        if letter < n and data[letter] & 0xDF in (LETTER_C, LETTER_R):
+            return word(data, at, letter + 1)
     if c in (HASH, OPEN_BRACKET, EQUALS):
         return MACRO, code_end(data, at), np.nan
     return rare(data, at, head)

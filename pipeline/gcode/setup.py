@@ -48,6 +48,9 @@ class Setup:
         Of the machine before the first block [mm, deg].
     inch : bool
         Whether G20 is in force at the start.
+    inch_machine : bool
+        Whether a LinuxCNC machine counts inches, as its variables of offsets and tools then do
+        (#5161 to #5410), whatever unit the program speaks.
     decimal : str
         What ``X10`` without a decimal point means on a Fanuc: ``"calculator"`` 10 mm,
         ``"increment"`` 10 least input increments (0.001 mm, 0.0001 inch).
@@ -77,6 +80,7 @@ class Setup:
     references: Mapping[str, Vector] = field(default_factory=dict)
     initial_position: Vector = ZERO
     inch: bool = False
+    inch_machine: bool = False
     decimal: Literal["calculator", "increment"] = "calculator"
     parameters: Mapping[int | str, float] = field(default_factory=dict)
     folders: tuple[Path, ...] = ()

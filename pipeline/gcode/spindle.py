@@ -3,7 +3,6 @@
 from pipeline.gcode.block import Block
 from pipeline.gcode.moves import Kind
 from pipeline.gcode.run import Run
-from pipeline.gcode.state import SIEMENS
 from pipeline.gcode.statements import WordItem
 
 FOOT = 0.3048
@@ -14,8 +13,6 @@ TURNING = {3: 1, 4: -1, 13: 1, 14: -1, 5: 0, 19: 0}
 
 def spindle_word(run: Run, block: Block, item: WordItem) -> None:
     """S: a row where the spindle turns already."""
-    if run.state.dialect == SIEMENS and any(code == 40 for _, _, code, _ in block.actions):
-        return  # G4 S: revolutions
     value = block.take("S")
     if value is None:
         return

@@ -49,7 +49,8 @@ def _row(
     low, high = span
     error, naive = real(run.get("error_percent")), real(run.get("naive_error_percent"))
     name = str(run.get("run") or "")
-    words = name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…"
+    words = name.rpartition("/")[2].replace(".txt", "")
+    words = words if len(words) <= LONGEST else f"…{words[1 - LONGEST :]}"
     parts = [svg.text(0, y + 4, words, "name end", dx=-8)]
     at = [
         100 * (min(max(v, low), high) - low) / (high - low) for v in (naive, error) if v is not None

@@ -25,6 +25,12 @@ class Facts:
     control: Controlled
 
     @property
+    def without_spindle(self) -> bool:
+        """Whether the machine is known by its control alone: nothing of its spindle's heat."""
+        known = self.model.thermal is not None or self.model.validation is not None
+        return not known and self.control.control is not None
+
+    @property
     def worked_days(self) -> list[Day]:
         """Days with at least one known second of execution."""
         return [d for d in self.working.days if set(d.seconds) - {NO_RECORD}]

@@ -47,8 +47,7 @@ def machine_page(
     """The page of one machine, in the order in which its reader needs it."""
     sections = [
         work_section(found),
-        thermal_section(found),
-        golden_section(found),
+        *([] if found.without_spindle else [thermal_section(found), golden_section(found)]),
         control_section(found),
         times_section(found),
         programs_section(found),
@@ -72,10 +71,13 @@ def _key_figures(found: Facts) -> list[tuple[str, str, str]]:
     days = found.worked_days
     times = worst_error(found.control)
     error = dig(v, "windows", "all", "model", "mae_K")
-    return [
+    heat = [
         ("Error over one hour", _kelvin(error), f"limit {_kelvin(dig(v, 'limits', 'mae_K'))}"),
         ("Error running free", _kelvin(dig(v, "free_run", "all", "model", "mae_K")),
          "golden days, each from its first value"),
+    ]  # fmt: skip
+    return [
+        *([] if found.without_spindle else heat),
         *([("Predicted program times", f"{signed(times)} %",
             f"worst of {counted(len(found.control.judged), 'judged run')}, "
             f"limit ±{fixed(found.control.limit, 0)} %")] if times is not None else []),

@@ -65,7 +65,8 @@ def verdict(found: Facts) -> Verdict:
     if times is not None:
         said.append(times.sentence)
         if status == "unknown":  # only times can be judged: they come first
-            status, todo, said = times.status, times.todo, said[::-1]
+            status, todo = times.status, times.todo
+            said = [times.sentence] if found.without_spindle else said[::-1]
         elif status == "passed" and times.status == "failed":
             status, todo = "attention", times.todo
     if status == "passed" and (grave or _mild(found)):

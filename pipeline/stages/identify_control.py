@@ -5,7 +5,8 @@ from pathlib import Path
 
 from pipeline.gcode.setup import Setup
 from pipeline.identification.control.document import control_document
-from pipeline.identification.control.fit import ControlFitSettings, identify_control as fit_control
+from pipeline.identification.control.fit import ControlFitSettings
+from pipeline.identification.control.fit import identify_control as fit_control
 from pipeline.identification.control.records import (
     ControlRecords,
     observations,

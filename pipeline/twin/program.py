@@ -17,9 +17,7 @@ from pipeline.machine.nck import Plan, limited_path, plan
 Floats = NDArray[np.float64]
 
 
-def program_moves(
-    path: Path, setup: Setup, progress: Callable[[int], None] | None = None
-) -> Moves:
+def program_moves(path: Path, setup: Setup, progress: Callable[[int], None] | None = None) -> Moves:
     """Moves of the part program at ``path``.
 
     Raises

@@ -26,8 +26,14 @@ def simulate_files(
 
     Parameters
     ----------
+    files : sequence of Path
+        Part programs.
     raw : Path
         Folder that names are given below.
+    control : ControlParameters
+        Whose times they are.
+    setup : Setup
+        Of the machine before each program.
     out : Path
         Folder to write ``<stem>.json`` and ``<stem>.parquet`` into.
     machine, origin : str

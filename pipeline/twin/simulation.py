@@ -15,6 +15,7 @@ from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND, RADIAN, Kind, Mo
 from pipeline.machine.interpolate import Trace, traces
 from pipeline.machine.motion import Binding, Motion
 from pipeline.machine.nck import Plan
+from pipeline.machine.spindle import CUTTING
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +29,6 @@ _TYPE: dict[int, str] = {
     Kind.DWELL: "dwell",
 }
 TYPES = ("rapid", "feed", "arc", "tool change", "spindle and M codes", "dwell")
-CUTTING = (Kind.FEED, Kind.ARC, Kind.THREAD)
 
 
 def type_of(kind: NDArray[np.uint8]) -> NDArray[np.str_]:
@@ -101,7 +101,7 @@ def summary(plan: Plan, name: str) -> dict[str, Any]:
         "by_tool": _by_tool(moves, time, cutting),
         "by_type": {t: _seconds(time[kinds == t]) for t in TYPES if (kinds == t).any()},
         "by_limit": {
-            str(w): _seconds(plan.motion_time[(limits == w) & cutting])
+            str(w): _seconds(plan.motion.time[(limits == w) & cutting])
             for w in np.unique(limits[cutting])
         },
     }
@@ -151,6 +151,10 @@ def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None
 
     Parameters
     ----------
+    plan : Plan
+        What is sampled.
+    path : Path
+        File to write.
     progress : callable, optional
         Told the share that is written.
 

@@ -40,10 +40,12 @@ def _arc_by_centre(rng):
     centre = f"{i}-10" if rng.random() < 0.7 else f"{i}-10 {j}0"
     head = f"G{plane} G90 G1 {first}10 {second}0"
     if rng.random() < 0.3:
-        return f"{head}\nG90.1 G{rng.integers(2, 4)} {first}{u:.9f} {second}{v:.9f}{pitch} {i}0 {j}0{turns}\nG91.1 G17"
+        end = f"{first}{u:.9f} {second}{v:.9f}{pitch} {i}0 {j}0{turns}"
+        return f"{head}\nG90.1 G{rng.integers(2, 4)} {end}\nG91.1 G17"
     if rng.random() < 0.2:
         return f"{head}\nG{rng.integers(2, 4)} {centre}{pitch}{turns}\nG17"
-    return f"{head}\nG{rng.integers(2, 4)} {first}{u:.9f} {second}{v:.9f}{pitch} {centre}{turns}\nG17"
+    end = f"{first}{u:.9f} {second}{v:.9f}{pitch} {centre}{turns}"
+    return f"{head}\nG{rng.integers(2, 4)} {end}\nG17"
 
 
 def _arc_by_radius(rng):
@@ -123,7 +125,9 @@ def _reference(rng):
 def _mode(rng):
     """Units change without a tool length, which rs274 2.9~pre1 does not convert."""
     return str(
-        rng.choice(["G49\nG20", "G49\nG21", "G90", "G91", "G64 P0.01", "G61", "G4 P0.25", "F300", "G40"])
+        rng.choice(
+            ["G49\nG20", "G49\nG21", "G90", "G91", "G64 P0.01", "G61", "G4 P0.25", "F300", "G40"]
+        )
     )
 
 

@@ -37,6 +37,8 @@ class Answer:
         Its message; empty when it took the program.
     ends : (M, 6) array
         Where each move ends in the machine, tool length included [mm, deg].
+    rapid : (M,) array of bool
+        Traverses.
     lengths : (M,) array
         Path of X Y Z [mm].
     arcs : (A, 4) array
@@ -47,6 +49,7 @@ class Answer:
 
     error: str
     ends: np.ndarray
+    rapid: np.ndarray
     lengths: np.ndarray
     arcs: np.ndarray
     dwell: float
@@ -101,6 +104,7 @@ class Oracle:
         return Answer(
             error=said or "no reason given" if done.returncode else "",
             ends=np.array(path.ends).reshape(-1, 6),
+            rapid=np.array(path.rapid, dtype=bool),
             lengths=np.array(path.lengths),
             arcs=np.array(path.arcs).reshape(-1, 4),
             dwell=path.dwell,
@@ -123,6 +127,7 @@ class _Path:
         self.unit = 1.0
         self.plane = 17
         self.ends: list[np.ndarray] = []
+        self.rapid: list[bool] = []
         self.lengths: list[float] = []
         self.arcs: list[tuple[float, ...]] = []
 
@@ -132,9 +137,7 @@ class _Path:
         elif name == "SELECT_PLANE":
             self.plane = {"XY": 17, "XZ": 18, "YZ": 19}[text[-2:]]
         elif name in _HANDLERS:
-            numbers = [
-                float.fromhex(n) if "x" in n else float(n) for n in _NUMBER.findall(text)
-            ]
+            numbers = [float.fromhex(n) if "x" in n else float(n) for n in _NUMBER.findall(text)]
             _HANDLERS[name](self, numbers)
 
     def machine(self, point: np.ndarray) -> np.ndarray:
@@ -178,6 +181,10 @@ class _Path:
         end = self._mm(numbers)
         self._moved(end, float(np.linalg.norm((end - self.point)[:3])))
 
+    def traverse(self, numbers: list[float]) -> None:
+        self.straight(numbers)
+        self.rapid[-1] = True
+
     def tap(self, numbers: list[float]) -> None:
         there = np.array(numbers[:3]) * self.unit
         depth = float(np.linalg.norm(there - self.point[:3]))
@@ -187,6 +194,7 @@ class _Path:
     def _moved(self, end: np.ndarray, length: float) -> None:
         self.point_before, self.point = self.point, end
         self.lengths.append(length)
+        self.rapid.append(False)
         self.ends.append(self.machine(end))
 
     def arc(self, numbers: list[float]) -> None:
@@ -227,7 +235,7 @@ _HANDLERS = {
     "SET_XY_ROTATION": _Path.set_rotation,
     "USE_TOOL_LENGTH_OFFSET": _Path.set_tool,
     "DWELL": _Path.dwelt,
-    "STRAIGHT_TRAVERSE": _Path.straight,
+    "STRAIGHT_TRAVERSE": _Path.traverse,
     "STRAIGHT_FEED": _Path.straight,
     "STRAIGHT_PROBE": _Path.straight,
     "RIGID_TAP": _Path.tap,

@@ -67,6 +67,15 @@ def test_words_of_a_line() -> None:
     assert program.line(1).is_percent and not line.is_percent
 
 
+def test_letters_with_a_comma() -> None:
+    line = parse_program(b"X1,r 2 , c[#1]", "test").line(1)
+    assert [(w.letter, w.value, w.expression, w.text) for w in line.words] == [
+        ("X", 1.0, None, b"X1"),
+        (",R", 2.0, None, b",r 2"),
+        (",C", None, "[#1]", b", c[#1]"),
+    ]
+
+
 def test_a_byte_order_mark_is_no_code() -> None:
     line = parse_program(b"\xef\xbb\xbf/G1", "test").line(1)
     assert (line.skip, line.code_start) == (1, 4)

@@ -15,7 +15,7 @@ B = rb"[ \t\v\f\x00\x7f]"
 NUMBER = rb"(?:[+-]%(b)s*)?(?:\d(?:%(b)s*\d)*(?:%(b)s*\.(?:%(b)s*\d)*)?|\.(?:%(b)s*\d)+)" % {
     b"b": B
 }
-LETTER = rb"(?:,[RrCc]|[A-Za-z@^$])"
+LETTER = rb"(?:,%(b)s*[RrCc]|[A-Za-z@^$])" % {b"b": B}
 PATTERNS = (
     (Kind.LINE_END, rb"\r\n|\r|\n"),
     (Kind.BLANK, B + rb"+"),
@@ -101,6 +101,7 @@ def test_a_number_of_many_digits_is_infinite_as_in_python() -> None:
         ("% tape", [Kind.PERCENT]),
         ("G1%", [Kind.WORD, Kind.OTHER]),
         ("X1,R2,C.5", [Kind.WORD] * 3),
+        ("X1, r2", [Kind.WORD] * 2),
         ("X1,", [Kind.WORD, Kind.OTHER]),
     ],
 )

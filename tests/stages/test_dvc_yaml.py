@@ -86,8 +86,12 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
     from pipeline.stages.compose import composed
 
     values = yaml.safe_load(composed(ROOT / "conf", (f"fleet={fleet}",)))
-    lists = {"${machines}": "machines", "${simulated}": "simulated", "${spindles}": "spindles",
-             "${controls}": "controls"}
+    lists = {
+        "${machines}": "machines",
+        "${simulated}": "simulated",
+        "${spindles}": "spindles",
+        "${controls}": "controls",
+    }
     used = {"fleet", "machine", "budget"}
     for name in DVC:
         _, sections = split_signature(load_stage(name))

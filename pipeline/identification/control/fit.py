@@ -5,24 +5,26 @@ overrides in force.  Both ends are polls, so that an error of a polling interval
 the operator that the log does not tell are outliers (soft L1).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.identification.control.free import Free, control_of, free_parameters
-from pipeline.identification.control.segments import Observed, clusters
 from pipeline.identification.control.rates import Rate, rapid_rates
+from pipeline.identification.control.search import Optimum, SearchSettings, optimum
+from pipeline.identification.control.segments import Observed, clusters
 from pipeline.identification.least_squares import Certainty, certainty
 from pipeline.machine.control import ControlParameters
 from pipeline.twin.program import planned_program
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlFitSettings:
+class ControlFitSettings(SearchSettings):
     """How a control is identified.
 
     Parameters
@@ -32,22 +34,15 @@ class ControlFitSettings:
     scales_s : tuple of float
         Residuals above count linearly [s]: from what the start may be wrong by down to what polling
         adds to the duration of a segment.
-    loose_s : float
-        Waiting times are sought about their start as loosely as this [s]; rates within a factor e.
     widest : float
         A parameter whose 95 % interval is wider than this share of it is not determined [1].
-    step : float
-        Of the differences that the Jacobian is made of [1 on the logarithmic scale, s].
-    evaluations : int
-        Jacobians at most.
+    loose_s, step, evaluations
+        As in :class:`~pipeline.identification.control.search.SearchSettings`.
     """
 
     shortest_s: float = 1.0
     scales_s: tuple[float, ...] = (3.0, 0.8, 0.2)
-    loose_s: float = 5.0
     widest: float = 0.5
-    step: float = 0.02
-    evaluations: int = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +56,7 @@ class ControlFit:
     values : ndarray, shape (D,)
         In the units of ``free``.
     low, high : ndarray, shape (D,)
-        95 % interval.
+        95 % interval; NaN of what is not determined.
     determined : ndarray of bool, shape (D,)
         Whether the logs say anything of it.
     told : ndarray of bool, shape (D,)
@@ -69,7 +64,7 @@ class ControlFit:
     control : dict of str to ControlParameters
         Of each unit; what is not determined as it was at the start.
     sure : Certainty
-        Of the determined ones, on the scale of the search.
+        Of those fitted to durations, on the scale of the search.
     rmse_s : float
         Of the residuals, without outliers beyond 10 times the noise [s].
     segments : int
@@ -80,8 +75,8 @@ class ControlFit:
     values: Floats
     low: Floats
     high: Floats
-    determined: NDArray[np.bool_]
-    told: NDArray[np.bool_]
+    determined: Flags
+    told: Flags
     control: dict[str, ControlParameters]
     sure: Certainty
     rmse_s: float
@@ -101,12 +96,15 @@ def identify_control(
 ) -> ControlFit:
     """Find the control of the runs ``observed``.
 
+    What they do not determine is taken out one by one, the loosest first, and stays where it is
+    while the others are found again.
+
     Raises
     ------
     ValueError
-        When there is no run.
+        When there is no run, or the runs determine no parameter.
     """
-    if not observed:
+    if not sum(len(one.measured) for one in observed):
         raise ValueError(
             "no run of a program is there to identify the control from: "
             "put logs of line numbers and the programs that ran beside them"
@@ -120,28 +118,23 @@ def identify_control(
         return measured - np.concatenate([planned(o, controls[o.unit]) for o in observed])
 
     blocks = clusters(observed)
-    values = np.array([f.start for f in free])
+    values = np.array([one.start for one in free])
     rates = _rates(observed, free, units)
     values[list(rates)] = [rate.value for rate in rates.values()]
-    active = np.ones(len(free), dtype=bool)
-    active[list(rates)] = False
+    active = ~np.isin(np.arange(len(free)), list(rates))
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
-        values, jacobian, rest = _solve(residuals, free, values, active, scale, settings)
-    while True:
-        sure = _certainty(jacobian, rest, blocks)
-        bad = _undetermined(free, values, jacobian, sure, active, settings)
-        if not bad.any():
-            break
-        active &= ~bad  # they stay where they are, the others are found again
+        found = optimum(residuals, free, values, active, scale, settings)
+        values = found.values
+    while (loose := _loosest(free, found, _sure(found, blocks), active, settings)).any():
+        active = active & ~loose
         if not active.any():
             raise ValueError(
                 f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
                 "control: log more runs of programs"
             )
-        values, jacobian, rest = _solve(
-            residuals, free, values, active, settings.scales_s[-1], settings
-        )
-    return _fit(free, values, rates, active, sure, rest, start, units, settings)
+        found = optimum(residuals, free, found.values, active, settings.scales_s[-1], settings)
+    control = {unit: control_of(start, free, found.values, unit) for unit in units}
+    return _fit(free, found, rates, active, _sure(found, blocks), control, settings.scales_s[-1])
 
 
 def _rates(
@@ -157,99 +150,59 @@ def _rates(
     }
 
 
-def _solve(
-    residuals: Callable[[Floats], Floats], free: Sequence[Free], values: Floats,
-    active: NDArray[np.bool_], scale_s: float, settings: ControlFitSettings,
-) -> tuple[Floats, Floats, Floats]:  # fmt: skip
-    """Values at the optimum of the active ones, Jacobian and residuals there in ``scale_s``.
-
-    A weak pull towards where the search began decides what the logs leave open; it has no part in
-    the Jacobian and the residuals that are returned.
-    """
-    from scipy.optimize import least_squares
-
-    sought = [one for one, used in zip(free, active, strict=True) if used]
-    low, high = np.array([one.bounds for one in sought]).T
-    begin = np.clip([one.coordinate(one.start) for one in sought], low, high)
-    pull = np.array([1.0 if one.shrink else 1 / settings.loose_s for one in sought])
-
-    def full(x: Floats) -> Floats:
-        out = values.copy()
-        out[active] = [one.value(v) for one, v in zip(sought, x, strict=True)]
-        return out
-
-    def scaled(x: Floats) -> Floats:
-        return residuals(full(x)) / scale_s
-
-    def jacobian(x: Floats) -> Floats:
-        columns = []
-        for k in range(len(x)):
-            ahead, behind = x.copy(), x.copy()
-            ahead[k] = min(x[k] + settings.step, high[k])
-            behind[k] = max(x[k] - settings.step, low[k])
-            columns.append((scaled(ahead) - scaled(behind)) / (ahead[k] - behind[k]))
-        return np.column_stack(columns)
-
-    x = [one.coordinate(v) for one, v in zip(sought, values[active], strict=True)]
-    found = least_squares(
-        lambda x: np.concatenate([scaled(x), pull * (x - begin)]),
-        np.clip(x, low, high),
-        jac=lambda x: np.vstack([jacobian(x), np.diag(pull)]),
-        bounds=(low, high),
-        loss="soft_l1",
-        max_nfev=settings.evaluations,
-    ).x
-    return full(found), jacobian(found), scaled(found)
-
-
-def _certainty(jacobian: Floats, rest: Floats, blocks: NDArray[np.int64]) -> Certainty:
+def _sure(found: Optimum, blocks: NDArray[np.int64]) -> Certainty:
     """Of the optimum, each residual weighted as the loss did; on the scale of the search."""
-    weight = (1 + rest**2) ** -0.25  # square root of soft L1's derivative
-    return certainty(jacobian * weight[:, None], rest * weight, blocks)
+    weight = (1 + found.residuals**2) ** -0.25  # square root of soft L1's derivative
+    return certainty(found.jacobian * weight[:, None], found.residuals * weight, blocks)
 
 
-def _undetermined(
-    free: Sequence[Free], values: Floats, jacobian: Floats, sure: Certainty,
-    active: NDArray[np.bool_], settings: ControlFitSettings,
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Which active parameters the logs do not determine: those unfelt, else the loosest one."""
-    index = np.flatnonzero(active)
-    loose = np.zeros(len(free))
-    felt = np.linalg.norm(jacobian, axis=0)
-    for k, i in enumerate(index):
-        one, value = free[i], values[i]
-        scale = 1.0 if one.shrink else max(abs(value), 2 * settings.scales_s[-1])
-        alone = 2 / felt[k] if felt[k] > 0 else np.inf  # half width if all others were known
-        loose[i] = max(sure.half_width[k], alone) / scale
-        if one.shrink and not one.low * 1.001 < value < one.high * 0.999:
-            loose[i] = np.inf
-    worst = loose.max(initial=0.0)
-    return active & (loose > settings.widest) & (loose >= worst)
+def _loosest(
+    free: Sequence[Free], found: Optimum, sure: Certainty, active: Flags,
+    settings: ControlFitSettings,
+) -> Flags:  # fmt: skip
+    """Which active parameters the logs do not determine: those unfelt, else the loosest one.
+
+    With no more clusters than parameters no interval is known; then the least felt one goes.
+    """
+    felt = np.linalg.norm(found.jacobian, axis=0)
+    # half width if all others were known, which clustered residuals may call narrower
+    alone = np.divide(2.0, felt, out=np.full(len(felt), np.inf), where=felt > 0)
+    enough = bool(np.isfinite(sure.half_width).all())
+    width = np.zeros(len(free))
+    width[active] = np.maximum(sure.half_width, alone) if enough else alone
+    for i, one in enumerate(free):
+        value = found.values[i]
+        if not one.log_scale:
+            width[i] /= max(abs(value), 2 * settings.scales_s[-1])
+        elif active[i] and not one.low * 1.001 < value < one.high * 0.999:
+            width[i] = np.inf
+    widest = settings.widest if enough else 0.0
+    loose: Flags = active & (width > widest) & (width >= width.max(initial=0.0))
+    return loose
 
 
 def _fit(
-    free: Sequence[Free], values: Floats, rates: dict[int, Rate], active: NDArray[np.bool_],
-    sure: Certainty, rest: Floats, start: ControlParameters, units: Sequence[str],
-    settings: ControlFitSettings,
+    free: Sequence[Free], found: Optimum, rates: dict[int, Rate], active: Flags, sure: Certainty,
+    control: dict[str, ControlParameters], scale_s: float,
 ) -> ControlFit:  # fmt: skip
     low, high = np.full(len(free), np.nan), np.full(len(free), np.nan)
-    for i, width in zip(np.flatnonzero(active), sure.half_width, strict=True):
-        middle = free[i].coordinate(values[i])
-        low[i] = max(free[i].value(middle - width), free[i].low)
-        high[i] = free[i].value(middle + width)
+    for i, width in zip(np.flatnonzero(active).tolist(), sure.half_width.tolist(), strict=True):
+        one, middle = free[i], free[i].coordinate(found.values[i])
+        low[i] = max(one.value(middle - width), one.low)
+        high[i] = min(one.value(middle + width), one.high)
     for i, rate in rates.items():
         low[i], high[i] = rate.low, rate.high
     told = np.isin(np.arange(len(free)), list(rates))
-    usual = rest[np.abs(rest) < 10]
+    usual = found.residuals[np.abs(found.residuals) < 10]
     return ControlFit(
         free=tuple(free),
-        values=values,
+        values=found.values,
         low=low,
         high=high,
         determined=active | told,
         told=told,
-        control={unit: control_of(start, free, values, unit) for unit in units},
+        control=control,
         sure=sure,
-        rmse_s=float(np.sqrt(np.mean(usual**2))) * settings.scales_s[-1] if len(usual) else np.nan,
-        segments=len(rest),
+        rmse_s=float(np.sqrt(np.mean(usual**2))) * scale_s if len(usual) else np.nan,
+        segments=len(found.residuals),
     )

@@ -1,15 +1,17 @@
 """Which parameters of a control are found from logs, and how a vector of them makes a control."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control import ControlParameters
 
 Floats = NDArray[np.float64]
+Quantity = tuple[str, float, float, str]
+"""Unit, least and greatest value of any machine tool, and what to record to determine it."""
 
 PLANE, HEIGHT = ("X", "Y"), ("Z",)
 
@@ -28,7 +30,7 @@ class Free:
         No machine tool is outside.
     start : float
         Where the search begins.
-    shrink : bool
+    log_scale : bool
         Whether it is sought on a logarithmic scale; times are not, they may be 0.
     remedy : str
         What to record when it is not determined.
@@ -41,7 +43,7 @@ class Free:
     low: float
     high: float
     start: float
-    shrink: bool
+    log_scale: bool
     remedy: str
     units: tuple[str, ...] = ()
 
@@ -62,11 +64,11 @@ class Free:
 
     def coordinate(self, value: float) -> float:
         """Where ``value`` stands in the search."""
-        return float(np.log(value)) if self.shrink else value
+        return float(np.log(value)) if self.log_scale else value
 
     def value(self, coordinate: float) -> float:
         """The reverse of :meth:`coordinate`."""
-        return float(np.exp(coordinate)) if self.shrink else coordinate
+        return float(np.exp(coordinate)) if self.log_scale else coordinate
 
 
 _RAPIDS = "log a program with rapids of 5 to 500 mm along each axis alone, at 100 % rapid override"
@@ -74,19 +76,20 @@ _CORNERS = "log a program with corners of 10 to 90 degrees and with chords of cu
 _ARCS = "log full circles of 1 to 20 mm radius at rising feeds"
 _WAITS = "log programs with tool changes and spindle starts at several speeds"
 
-_AXIS = {
+_AXIS: dict[str, Quantity] = {
     "rapid_speed": ("mm/min", 500.0, 150_000.0, _RAPIDS),
     "rapid_acceleration": ("mm/s^2", 50.0, 30_000.0, _RAPIDS),
     "cutting_acceleration": ("mm/s^2", 20.0, 30_000.0, _CORNERS),
     "arc_acceleration": ("mm/s^2", 5.0, 30_000.0, _ARCS),
     "corner_jump": ("mm/min", 1.0, 10_000.0, _CORNERS),
 }
-_WAITING = {
+_SETTLE: Quantity = ("s", 0.0, 2.0, _RAPIDS)
+_WAITING: dict[str, Quantity] = {
     "tool_change": ("s", 0.0, 120.0, _WAITS),
     "m_code": ("s", 0.0, 20.0, "log a program with M codes that switch coolant, ten times each"),
     "stop": ("s", 0.0, 20.0, "log M1 with the optional stop switched off, ten times"),
 }
-_SPINDLE = {
+_SPINDLE: dict[str, Quantity] = {
     "spindle_acceleration": ("rev/min/s", 50.0, 200_000.0, _WAITS),
     "spindle_deceleration": ("rev/min/s", 50.0, 200_000.0, _WAITS),
     "spindle_base_speed": ("rev/min", 100.0, 60_000.0, _WAITS),
@@ -98,41 +101,50 @@ def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[Fr
 
     Rapid rates and corners, which shops set, are sought for each of ``units``, everything else for
     all together.  Limits of cutting are the same for X, Y and Z.
+
+    Parameters
+    ----------
+    control : ControlParameters
+        Where the search begins.
+    units : sequence of str
+        Machines of the kind.
     """
-    each = [(f"@{u}" if len(units) > 1 else "", (u,)) for u in units]
+    each = [(f"@{unit}" if len(units) > 1 else "", (unit,)) for unit in units]
     found = []
     for axes in (PLANE, HEIGHT):
         letters = "".join(a for a in axes if a in control.axes)
-        if not letters:
-            continue
-        found += [_axis(control, "rapid_speed", a, s, u) for a in letters for s, u in each]
-        found.append(_axis(control, "rapid_acceleration", letters))
-    linear = "".join(a for a in "XYZ" if a in control.axes)
+        if letters:
+            found += [_axis(control, "rapid_speed", a, s, u) for a in letters for s, u in each]
+            found.append(_axis(control, "rapid_acceleration", letters))
+    linear = "".join(a for a in PLANE + HEIGHT if a in control.axes)
     found += [_axis(control, n, linear) for n in ("cutting_acceleration", "arc_acceleration")]
     found += [_axis(control, "corner_jump", linear, s, u) for s, u in each]
-    found.append(Free(
-        name="settle_time", unit="s", low=0.0, high=2.0, start=control.settle_time, shrink=False,
-        remedy=_RAPIDS,
-    ))  # fmt: skip
-    for table, shrink in ((_WAITING, False), (_SPINDLE, True)):
-        for name, (unit_, low, high, remedy) in table.items():
-            value = getattr(control.auxiliary, name)
-            start = value if value is not None and np.isfinite(value) else float(np.sqrt(low * high))
-            found.append(Free(
-                name=name, unit=unit_, low=low, high=high, start=min(max(start, low), high),
-                shrink=shrink, remedy=remedy,
-            ))  # fmt: skip
+    found.append(_wait("settle_time", control.settle_time, _SETTLE, log_scale=False))
+    for table, log_scale in ((_WAITING, False), (_SPINDLE, True)):
+        for name, quantity in table.items():
+            start = getattr(control.auxiliary, name)
+            found.append(_wait(name, start, quantity, log_scale=log_scale))
     return found
 
 
+def _wait(name: str, start: float | None, quantity: Quantity, *, log_scale: bool) -> Free:
+    unit, low, high, remedy = quantity
+    begin = start if start is not None and np.isfinite(start) else float(np.sqrt(low * high))
+    return Free(
+        name=name, unit=unit, low=low, high=high, start=min(max(begin, low), high),
+        log_scale=log_scale, remedy=remedy,
+    )  # fmt: skip
+
+
 def _axis(
-    control: ControlParameters, name: str, letters: str, suffix: str = "", units: tuple[str, ...] = ()
-) -> Free:
+    control: ControlParameters, name: str, letters: str, suffix: str = "",
+    units: tuple[str, ...] = (),
+) -> Free:  # fmt: skip
     unit, low, high, remedy = _AXIS[name]
     start = float(np.mean([getattr(control.axes[a], name) for a in letters]))
     return Free(
         name=f"{name} {letters}{suffix}", unit=unit, low=low, high=high,
-        start=min(max(start, low), high), shrink=True, remedy=remedy, units=units,
+        start=min(max(start, low), high), log_scale=True, remedy=remedy, units=units,
     )  # fmt: skip
 
 
@@ -143,27 +155,28 @@ def control_of(
 
     Parameters
     ----------
+    start : ControlParameters
+        Of what is not sought.
+    free : sequence of Free
+        What ``values`` are of.
     values : ndarray, shape (D,)
         In the units of ``free``.
+    unit : str
+        Parameters of other units are left out.
     """
     axes: dict[str, dict[str, float]] = {letter: {} for letter in start.axes}
-    waits: dict[str, float] = {}
-    settle = start.settle_time
-    for one, value in zip(free, values, strict=True):
+    settle: dict[str, float] = {}
+    waits: dict[str, Any] = {}
+    for one, value in zip(free, values.tolist(), strict=True):
         if one.units and unit not in one.units:
             continue
-        if one.axes:
-            for letter in one.axes:
-                axes[letter][one.key] = float(value)
-        elif one.key == "settle_time":
-            settle = float(value)
-        else:
-            waits[one.key] = float(value)
-    made: Callable[[AxisParameters, Mapping[str, float]], AxisParameters] = lambda a, v: replace(a, **v)
-    auxiliary: AuxiliaryParameters = replace(start.auxiliary, **waits)
+        for letter in one.axes:
+            axes[letter][one.key] = value
+        if not one.axes:
+            (settle if one.key == "settle_time" else waits)[one.key] = value
     return replace(
         start,
-        axes={letter: made(start.axes[letter], axes[letter]) for letter in start.axes},
-        settle_time=settle,
-        auxiliary=auxiliary,
+        axes={letter: replace(axis, **axes[letter]) for letter, axis in start.axes.items()},
+        settle_time=settle.get("settle_time", start.settle_time),
+        auxiliary=replace(start.auxiliary, **waits),
     )

@@ -1,19 +1,18 @@
 """Which program a run executed: found from where the log saw tools change, and from its feeds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.identification.control.readings import steady_ratios
 from pipeline.identification.control.runs import Run, Series
+from pipeline.machine.spindle import CUTTING
 
-CUTTING = (Kind.FEED, Kind.ARC, Kind.THREAD)
-STEADY = 0.005
-"""Two readings of the feed, one after the other, that differ by less than this share are steady."""
-LAG = 0.25
-"""How much later than the machine a polled line may be [s]."""
+LATE = 1.0
+"""Cuts before the first line that a log saw, of a run seen from its start, are shorter [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,73 +62,130 @@ def match(run: Run, programs: Mapping[str, Moves]) -> Match:
     last may have been seen.  Where several do (posts of one part with other feeds), it is the one
     whose programmed feeds the readings repeat with the least spread.  A run of another revision, in
     which the tools are changed in the same order at other lines, is matched in those sections
-    between tool changes that are as long in both.
+    between tool changes that are as long in both.  Programs that jump (subprograms, loops) are left
+    out: the number of a line does not tell where in them a machine is.
     """
-    last = {name: int(moves.line.max(initial=0)) for name, moves in programs.items()}
+    known = {name: moves for name, moves in programs.items() if _rises(moves)}
     seen = int(run.line.value.max(initial=0))
-    fitting = [n for n, m in programs.items() if seen <= last[n] and _tools_agree(run, m)]
+    fitting = [n for n, m in known.items() if seen <= _last(m) and _tools_agree(run, m)]
     if fitting:
-        spread = {name: _spread(run, programs[name]) for name in fitting}
-        best = min(fitting, key=lambda name: (spread[name], name))
-        return Match(run=run, program=best, sections=(Section(first=1, last=last[best], shift=0),))
-    revisions = {n: found for n, m in programs.items() if (found := _sections(run, m, last[n]))}
-    why = _why_none(run, programs, last, seen)
+        return _of_this_program(run, {name: known[name] for name in fitting})
+    why = _why_none(run, known, len(programs) - len(known))
+    revisions = {name: found for name, moves in known.items() if (found := _sections(run, moves))}
     if not revisions:
         return Match(run=run, program=None, reason=why)
-    best = max(revisions, key=lambda name: (sum(s.last - s.first for s in revisions[name]), name))
+    alike = {name: sum(s.last - s.first for s in found) for name, found in revisions.items()}
+    longest = [name for name in revisions if alike[name] == max(alike.values())]
+    spread = {n: sum(_spread(_part(run, s), known[n]) for s in revisions[n]) for n in longest}
+    best = min(longest, key=lambda name: (spread[name], name))
     return Match(run=run, program=best, sections=revisions[best], reason=why)
 
 
-def _sections(run: Run, moves: Moves, last: int) -> tuple[Section, ...]:
-    """Sections of another revision that are as long as in the program."""
-    rows = moves.kind == Kind.TOOL_CHANGE
-    ours = list(zip(moves.line[rows].tolist(), moves.tool[rows].tolist(), strict=True))
-    theirs = tool_changes(run)
-    ours = ours[len(ours) - len(theirs) :]  # the log may have missed the first
-    if not theirs or [tool for _, tool in ours] != [tool for _, tool in theirs]:
+def _of_this_program(run: Run, fitting: Mapping[str, Moves]) -> Match:
+    """The one of the programs that fit whose feeds the run repeats, from where the log begins."""
+    spread = {name: _spread(run, moves) for name, moves in fitting.items()}
+    best = min(fitting, key=lambda name: (spread[name], name))
+    if not np.isfinite(spread[best]) and not _alike(list(fitting.values())):
+        return Match(run=run, program=None, reason=_why_several(run, sorted(fitting)))
+    entered = _entered(run, fitting[best])
+    return Match(
+        run=run,
+        program=best,
+        sections=(Section(first=entered, last=_last(fitting[best]), shift=0),),
+        reason=_why_late(run, best, entered) if entered > 1 else "",
+    )
+
+
+def _last(moves: Moves) -> int:
+    """The last line that does something."""
+    return int(moves.line.max(initial=0))
+
+
+def _rises(moves: Moves) -> bool:
+    """Whether each line is executed once and in order, all of one file."""
+    return bool((np.diff(moves.line) >= 0).all() and (moves.file == moves.file[:1]).all())
+
+
+def _alike(programs: Sequence[Moves]) -> bool:
+    """Whether programs are copies of one another."""
+    first = programs[0]
+    return all(
+        np.array_equal(other.kind, first.kind)
+        and np.array_equal(other.end, first.end)
+        and np.array_equal(other.feed, first.feed)
+        for other in programs[1:]
+    )
+
+
+def _entered(run: Run, moves: Moves) -> int:
+    """The first line seen, where the program cuts for a while before it; 1 otherwise."""
+    seen = run.line.value[run.line.value > 0]
+    if not len(seen):
+        return 1
+    rows = np.isin(moves.kind, CUTTING) & (moves.line < seen[0]) & (moves.feed > 0)
+    rows &= moves.feed_mode == FeedMode.PER_MINUTE
+    seconds = float((moves.length[rows] / moves.feed[rows]).sum()) * 60
+    return int(seen[0]) if seconds > LATE else 1
+
+
+def _sections(run: Run, moves: Moves) -> tuple[Section, ...]:
+    """Sections of another revision that are as long as in the program.
+
+    Each begins at a tool change and ends before the next.
+    """
+    theirs, ours = tool_changes(run), _programmed_changes(moves)
+    ours = ours[max(len(ours) - len(theirs), 0) :]  # the log may have missed the first
+    same_tools = [tool for _, tool in ours] == [tool for _, tool in theirs]
+    if not run.completed or not theirs or not same_tools:
         return ()
-    ends = [line for line, _ in theirs[1:]], [line for line, _ in ours[1:]]
     run_last = int(run.line.value.max())
-    sections = []
-    for (line, _), (mine, _), end, my_end in zip(
-        theirs, ours, [*ends[0], run_last], [*ends[1], last], strict=True
-    ):
+    their_ends = [line for line, _ in theirs[1:]] + [run_last]
+    our_ends = [line for line, _ in ours[1:]] + [_last(moves)]
+    found = []
+    for (line, _), (mine, _), end, my_end in zip(theirs, ours, their_ends, our_ends, strict=True):
+        longer = (my_end - mine) - (end - line)
         # polling may miss the very last line
-        alike = end - line == my_end - mine or (end == run_last and 0 <= my_end - mine - (end - line) <= 1)
-        if alike:
-            sections.append(Section(first=line, last=end, shift=line - mine))
-    return tuple(sections) if run.completed else ()
+        if 0 < line < end and longer in ((0, 1) if end == run_last else (0,)):
+            found.append(Section(first=line, last=end, shift=line - mine))
+    return tuple(found)
 
 
 def _part(run: Run, section: Section) -> Run:
     line = run.line
     inside = (line.value >= section.first) & (line.value <= section.last)
     begin = float(line.time[inside].min())
-    later = line.time[line.value > section.last]
+    later = line.time[(line.value > section.last) & (line.time > begin)]
     end = float(later.min()) if len(later) else run.end
-    series = {
-        name: getattr(run, name).within(begin, end)
-        for name in ("feed", "speed", "tool", "feed_override", "rapid_override")
-    }
     keep = inside & (line.time >= begin) & (line.time <= end)
     return replace(
-        run,
-        start=begin,
-        end=end,
+        run.during(begin, end),
         completed=run.completed and not len(later),
         line=Series(time=line.time[keep], value=line.value[keep] - section.shift),
-        held=tuple((a, b) for a, b in run.held if b > begin and a < end),
-        **series,
     )
 
 
-def _why_none(run: Run, programs: Mapping[str, Moves], last: dict[str, int], seen: int) -> str:
+def _why_none(run: Run, programs: Mapping[str, Moves], jumping: int) -> str:
     changes = ", ".join(f"T{tool} at line {line}" for line, tool in tool_changes(run)) or "none"
-    longest = max(last.values(), default=0)
+    longest = max((_last(moves) for moves in programs.values()), default=0)
+    more = f", {jumping} more jump" if jumping else ""
     return (
-        f"{run.name}: no program of the machine fits (lines up to {seen} and tool changes "
-        f"{changes} were seen; {len(programs)} programs of up to {longest} lines are there): "
-        "put the program that ran beside the log"
+        f"{run.name}: no program of the machine fits (lines up to {int(run.line.value.max())} and "
+        f"tool changes {changes} were seen; {len(programs)} programs of up to {longest} lines are "
+        f"there{more}): put the program that ran beside the log"
+    )
+
+
+def _why_late(run: Run, program: str, entered: int) -> str:
+    return (
+        f"{run.name}: the log begins at line {entered} of {program}, which cuts before it: "
+        "start the log before the program"
+    )
+
+
+def _why_several(run: Run, fitting: Sequence[str]) -> str:
+    return (
+        f"{run.name}: {', '.join(fitting)} fit alike and no feed was steady long enough to "
+        "tell which ran: log the feed, or leave only the program that ran beside the log"
     )
 
 
@@ -153,51 +209,20 @@ def tool_changes(run: Run) -> list[tuple[int, int]]:
     return found
 
 
-def _tools_agree(run: Run, moves: Moves) -> bool:
+def _programmed_changes(moves: Moves) -> list[tuple[int, int]]:
     rows = moves.kind == Kind.TOOL_CHANGE
-    programmed = dict(zip(moves.line[rows].tolist(), moves.tool[rows].tolist(), strict=True))
+    return list(zip(moves.line[rows].tolist(), moves.tool[rows].tolist(), strict=True))
+
+
+def _tools_agree(run: Run, moves: Moves) -> bool:
+    programmed = dict(_programmed_changes(moves))
     return all(programmed.get(line) == tool for line, tool in tool_changes(run) if line > 0)
-
-
-def feed_of_lines(moves: Moves) -> NDArray[np.float64]:
-    """Feed of each line [mm/s], NaN where it does not cut; index 0 is no line."""
-    feed = np.full(int(moves.line.max(initial=0)) + 1, np.nan)
-    rows = np.isin(moves.kind, CUTTING) & (moves.feed_mode == FeedMode.PER_MINUTE)
-    rows &= moves.feed > 0
-    feed[moves.line[rows]] = moves.feed[rows] / 60
-    return feed
-
-
-def steady_ratios(
-    run: Run, moves: Moves, *, arcs: bool = False
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Steady readings of the feed on straight cuts: the line, and the share of its feed.
-
-    On arcs, read with ``arcs``, the control may settle at what their curvature allows.  A reading
-    counts when the one before it agrees and both were taken while lines that cut were executed,
-    since a while.
-    """
-    programmed = feed_of_lines(moves)
-    wanted = np.zeros(len(programmed), dtype=bool)
-    wanted[moves.line[np.isin(moves.kind, (Kind.FEED, Kind.ARC) if arcs else Kind.FEED)]] = True
-    feed = run.feed.polled()
-    time = feed.time
-    lines = run.line.at(time, before=0.0).astype(np.int64)
-    lines = np.where((lines >= 0) & (lines < len(programmed)), lines, 0)
-    earlier = run.line.at(time - LAG, before=0.0).astype(np.int64)
-    earlier = np.where((earlier >= 0) & (earlier < len(programmed)), earlier, 0)
-    ratio = feed.value / programmed[lines]
-    ratio[~np.isfinite(programmed[earlier])] = np.nan
-    before = np.concatenate([[np.nan], ratio])[:-1]
-    steady = (np.abs(ratio - before) < STEADY * before) & wanted[lines]
-    return lines[steady], ratio[steady]
 
 
 def _spread(run: Run, moves: Moves) -> float:
     """How far steady readings lie from the programmed feeds times one factor: a robust spread."""
     _, ratio = steady_ratios(run, moves)
-    ratio = ratio[ratio > 0]
-    if len(ratio) < 3:
+    logs: NDArray[np.float64] = np.log(ratio[ratio > 0])
+    if len(logs) < 3:
         return np.inf
-    logs = np.log(ratio)
     return float(np.mean(np.abs(logs - np.median(logs))) + 0.1 * abs(np.median(logs)))

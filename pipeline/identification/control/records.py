@@ -10,7 +10,7 @@ from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.setup import Setup
 from pipeline.identification.control.programs import Match, match
-from pipeline.identification.control.runs import Run, read_runs
+from pipeline.identification.control.runs import read_runs
 from pipeline.identification.control.segments import Observed, observe
 from pipeline.twin.program import program_moves
 
@@ -110,13 +110,19 @@ def read_matches(
     ----------
     signals : Path
         As ``ingest`` wrote it.
+    records : ControlRecords
+        Which of the recordings.
+    items : mapping of str to str
+        Signal -> data item.
+    programs : mapping of str to Moves
+        Those that may have run, by name.
     """
     files = json.loads((signals / "manifest.json").read_text())["files"]
     found: list[Match] = []
     for name, entry in sorted(files.items()):
         if entry["output"] is None or not fnmatchcase(name, records.logs):
             continue
-        runs: list[Run] = read_runs(signals / entry["output"], items, name)
+        runs = read_runs(signals / entry["output"], items, name)
         found += [match(run, programs) for run in runs]
     return found
 
@@ -129,7 +135,12 @@ def observations(
 ) -> list[tuple[Match, Observed]]:
     """Segments of the runs that were matched, and of the parts of those matched in part."""
     return [
-        (m, observe(part, m.program, programs[m.program], records.unit(m.run.recording), shortest_s))
+        (
+            m,
+            observe(
+                part, m.program, programs[m.program], records.unit(m.run.recording), shortest_s
+            ),
+        )
         for m in matches
         if m.program is not None
         for part in m.parts()

@@ -5,16 +5,18 @@ shorter than the polling interval are passed over.  A run lasts from the control
 to its completing or stopping; what the operator held it for within is listed, not removed.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pipeline.identification.control.spans import Span
+
 Floats = NDArray[np.float64]
-Span = tuple[float, float]
 
 ACTIVE = frozenset({"ACTIVE"})
 HELD = frozenset({"FEED_HOLD", "INTERRUPTED", "OPTIONAL_STOP", "PROGRAM_OPTIONAL_STOP", "WAIT"})
@@ -25,8 +27,6 @@ SIGNALS = (
     "tool_number",
 )  # fmt: skip
 """Signals that a run is read from; the first two are needed."""
-
-
 POLL = 0.15
 """Period of regular polls [s], as adapters of controls have it."""
 
@@ -61,8 +61,31 @@ class Series:
         return Series(time=time, value=value)
 
 
+UNSAID = Series(time=np.empty(0), value=np.empty(0))
+
+
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class Activity:
+    """From becoming active to completing or stopping.
+
+    Parameters
+    ----------
+    start, end : float
+        When the control became active and when it ceased to be, in the recording's time [s].
+    completed : bool
+        Whether the program ran to its end.
+    held : tuple of (float, float)
+        Spans in which the control said that it was held [s].
+    """
+
+    start: float
+    end: float
+    completed: bool
+    held: tuple[Span, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(Activity):
     """One execution of a program.
 
     Parameters
@@ -71,10 +94,6 @@ class Run:
         The file it is from.
     number : int
         Which run of that file, counting from 1.
-    start, end : float
-        When the control became active and when it ceased to be, in the recording's time [s].
-    completed : bool
-        Whether the program ran to its end.
     line : Series
         Line of the program, as polled.
     feed : Series
@@ -85,27 +104,36 @@ class Run:
         Tool in the spindle; 0 while it is changed.
     feed_override, rapid_override : Series
         [%]; empty where never said.
-    held : tuple of (float, float)
-        Spans in which the control said that it was held [s].
     """
 
     recording: str
     number: int
-    start: float
-    end: float
-    completed: bool
     line: Series
-    feed: Series
-    speed: Series
-    tool: Series
-    feed_override: Series
-    rapid_override: Series
-    held: tuple[Span, ...]
+    feed: Series = UNSAID
+    speed: Series = UNSAID
+    tool: Series = UNSAID
+    feed_override: Series = UNSAID
+    rapid_override: Series = UNSAID
 
     @property
     def name(self) -> str:
         """File and number."""
         return self.recording if self.number == 1 else f"{self.recording} (run {self.number})"
+
+    def during(self, start: float, end: float) -> "Run":
+        """The same run as if the log had begun at ``start`` and ended at ``end``."""
+        return replace(
+            self,
+            start=start,
+            end=end,
+            held=tuple((max(a, start), min(b, end)) for a, b in self.held if b > start and a < end),
+            line=self.line.within(start, end),
+            feed=self.feed.within(start, end),
+            speed=self.speed.within(start, end),
+            tool=self.tool.within(start, end),
+            feed_override=self.feed_override.within(start, end),
+            rapid_override=self.rapid_override.within(start, end),
+        )
 
 
 def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]:
@@ -141,71 +169,81 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
         return []
     table = table.sort_values("time", kind="stable")
     seconds = (table["time"] - table["time"].iloc[0]).dt.total_seconds().to_numpy()
-    numbers = {
-        signal: _series(table, seconds, items.get(signal)) for signal in SIGNALS if signal in items
-    }
-    state = table["data_item"].to_numpy() == items["execution"]
-    said = list(zip(seconds[state], table["text"].to_numpy()[state], strict=True))
-    end = float(seconds[-1])
-    return [
-        _run(numbers, recording, number, *span)
-        for number, span in enumerate(_active(said, end), start=1)
-        if len(numbers["line"].within(span[0], span[1]).time) > 1
+    series = {name: _series(table, seconds, items.get(name)) for name in SIGNALS[1:]}
+    states = (table["data_item"] == items["execution"]).to_numpy()
+    said = zip(seconds[states].tolist(), table["text"].to_numpy()[states].tolist(), strict=True)
+    runs = [
+        _run(series, recording, number, active)
+        for number, active in enumerate(activities(said, float(seconds[-1])), start=1)
     ]
+    return [run for run in runs if len(run.line.time) > 1]
 
 
-def _series(table: object, seconds: Floats, item: str | None) -> Series:
-    rows = table["data_item"].to_numpy() == item  # type: ignore[index]
-    value = table["number"].to_numpy()[rows]  # type: ignore[index]
+def _series(table: pd.DataFrame, seconds: Floats, item: str | None) -> Series:
+    rows = (table["data_item"] == item).to_numpy()
+    value = table["number"].to_numpy(dtype=np.float64)[rows]
     known = np.isfinite(value)
     return Series(time=seconds[rows][known], value=value[known])
 
 
-def _active(said: list[tuple[float, str]], end: float) -> Iterator[tuple[float, float, bool, tuple[Span, ...]]]:
-    """Start, end, whether completed, and what was held, of each run."""
+def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activity]:
+    """What the words of a control's execution come to.
+
+    Parameters
+    ----------
+    said : iterable of (float, str)
+        When [s], and the word.
+    end : float
+        Of the recording [s].
+
+    Yields
+    ------
+    Activity
+        All of the recording when no word was said: the control may say nothing of its execution.
+    """
+    said = list(said)
     start: float | None = None if said else 0.0
+    since: float | None = None  # when it was held
     held: list[Span] = []
-    since: float | None = None
     for time, word in said:
-        if word in ACTIVE:
-            if start is None:
-                start, held = time, []
-            elif since is not None:
-                held.append((since, time))
+        if start is None:
+            start = time if word in ACTIVE else None
+            continue
+        if word in HELD:
+            since = time if since is None else since
+            continue
+        if since is not None:
+            held.append((since, time))
             since = None
-        elif word in HELD:
-            since = time if start is not None and since is None else since
-        elif start is not None:
-            if since is not None:
-                held.append((since, time))
-            yield start, time, word in COMPLETED, tuple(held)
-            start, since = None, None
+        if word not in ACTIVE:
+            yield Activity(start=start, end=time, completed=word in COMPLETED, held=tuple(held))
+            start, held = None, []
     if start is not None:
-        yield start, end, False, tuple(held)
+        if since is not None:
+            held.append((since, end))
+        yield Activity(start=start, end=end, completed=False, held=tuple(held))
 
 
-def _run(
-    numbers: Mapping[str, Series],
-    recording: str,
-    number: int,
-    start: float,
-    end: float,
-    completed: bool,
-    held: tuple[Span, ...],
-) -> Run:
-    none = Series(time=np.empty(0), value=np.empty(0))
-    parts = {s: numbers.get(s, none).within(start, end) for s in SIGNALS if s != "execution"}
-    return Run(
+def _run(series: Mapping[str, Series], recording: str, number: int, active: Activity) -> Run:
+    whole = Run(
         recording=recording,
         number=number,
-        start=start,
-        end=end,
-        completed=completed,
-        line=parts["line"],
-        feed=parts["path_feedrate"],
-        speed=parts["spindle_speed"],
-        tool=parts["tool_number"],
-        feed_override=parts["feed_override"],
-        rapid_override=parts["rapid_override"],
-        held=held,
+        start=active.start,
+        end=active.end,
+        completed=active.completed,
+        held=active.held,
+        line=series["line"],
+        feed=series["path_feedrate"],
+        speed=series["spindle_speed"],
+        tool=series["tool_number"],
+        feed_override=series["feed_override"],
+        rapid_override=series["rapid_override"],
     )
+    run = whole.during(active.start, active.end)
+    return replace(run, line=_without_stale(run.line, run.start))
+
+
+def _without_stale(line: Series, start: float) -> Series:
+    """Without the line at ``start`` when the next is lower: it is left from the run before."""
+    stale = len(line.value) > 1 and line.time[0] <= start and line.value[0] > line.value[1]
+    return Series(time=line.time[1:], value=line.value[1:]) if stale else line

@@ -7,16 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.identification.control.overrides import Operator, operator_of, stopped_within
-from pipeline.identification.control.programs import CUTTING
+from pipeline.identification.control.overrides import Operator, operator_of
 from pipeline.identification.control.runs import Run
+from pipeline.identification.control.spans import stopped_within
 from pipeline.twin.program import Overrides
 from pipeline.twin.simulation import TYPES, type_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-AUXILIARY = (Kind.TOOL_CHANGE, Kind.SPINDLE, Kind.STOP, Kind.M_CODE, Kind.DWELL, Kind.END)
+WAITS = (Kind.TOOL_CHANGE, Kind.SPINDLE, Kind.STOP, Kind.M_CODE, Kind.DWELL, Kind.END)
+TOGETHER = 8
+"""Segments in a cluster."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Observed:
     """One run, or matched part of one, with the rows of its program.
@@ -64,13 +68,23 @@ class Observed:
 
 
 def observe(run: Run, program: str, moves: Moves, unit: str, shortest_s: float) -> Observed:
-    """Cut a run into segments of at least ``shortest_s``, at polls that saw a later line."""
+    """Cut a run into segments, at polls that saw a later line.
+
+    Parameters
+    ----------
+    run : Run
+        Lines numbered as in the program.
+    program : str
+        Its name.
+    moves : Moves
+        Of the program.
+    unit : str
+        Which of several machines of a kind.
+    shortest_s : float
+        Segments last at least as long [s], those of waits excepted.
+    """
     operator = operator_of(run, moves)
-    time, line = _rising(run)
-    row = np.searchsorted(moves.line, line)
-    time, row = np.append(time, run.end), np.append(row, _last_row(run, moves))
-    if not run.completed:
-        time, row = time[:-1], row[:-1]
+    time, row = _polls(run, moves)
     cut = _cuts(time, row, moves, shortest_s)
     begin, end = time[cut[:-1]], time[cut[1:]]
     return Observed(
@@ -87,71 +101,63 @@ def observe(run: Run, program: str, moves: Moves, unit: str, shortest_s: float) 
     )
 
 
-def _rising(run: Run) -> tuple[Floats, Ints]:
-    """Polls that saw a later line than any before, from the first line on."""
+def _polls(run: Run, moves: Moves) -> tuple[Floats, Ints]:
+    """Polls that saw a later line than any before, and the first row of that line.
+
+    A program that ran to its end was last seen there, behind its last row.
+    """
     line = run.line.value.astype(np.int64)
     highest = np.maximum.accumulate(np.concatenate([[0], line]))[:-1]
     keep = (line > highest) & (run.line.time >= run.start)
-    return run.line.time[keep], line[keep]
-
-
-def _last_row(run: Run, moves: Moves) -> int:
-    return len(moves) if run.completed else int(np.searchsorted(moves.line, run.line.value.max()))
+    time, row = run.line.time[keep], np.searchsorted(moves.line, line[keep]).astype(np.int64)
+    if run.completed:
+        time, row = np.append(time, run.end), np.append(row, len(moves))
+    return time, row
 
 
 def _cuts(time: Floats, row: Ints, moves: Moves, shortest_s: float) -> Ints:
-    """Indices of the polls that segments begin and end at.
+    """Indices of the polls that segments begin and end at; none or at least two.
 
     A segment is closed when it lasts long enough; and before what waits for the machine, so that
     waiting times stand apart from motion.
     """
-    waits = np.isin(moves.kind, AUXILIARY)
-    waits_before = np.concatenate([[0], np.cumsum(waits)])
+    if len(time) < 2:
+        return np.empty(0, dtype=np.int64)
+    waits = np.concatenate([[0], np.cumsum(np.isin(moves.kind, WAITS))])[row]
     cut = [0]
-    for i in range(1, len(time)):
-        aux = waits_before[row[i]] - waits_before[row[cut[-1]]] > 0
-        more = i + 1 < len(time) and waits_before[row[i + 1]] - waits_before[row[i]] > 0
-        if time[i] - time[cut[-1]] >= shortest_s or aux or more:
+    for i in range(1, len(time) - 1):
+        waited, will_wait = waits[i] > waits[cut[-1]], waits[i + 1] > waits[i]
+        if time[i] - time[cut[-1]] >= shortest_s or waited or will_wait:
             cut.append(i)
-    if cut[-1] != len(time) - 1:
-        cut.append(len(time) - 1)
-    return np.array(cut, dtype=np.int64)
+    return np.array([*cut, len(time) - 1], dtype=np.int64)
 
 
 def shares(observed: Observed, times: Floats) -> dict[str, tuple[float, float]]:
     """Measured and predicted time of each type of row [s].
 
     What was measured of a segment goes to its types in proportion to what is predicted of them.
-    """
-    kinds = type_of(observed.moves.kind)
-    found = dict.fromkeys(TYPES, (0.0, 0.0))
-    for first, after, measured in zip(
-        observed.first, observed.after, observed.measured, strict=True
-    ):
-        rows = slice(first, after)
-        total = times[rows].sum()
-        for word in np.unique(kinds[rows]):
-            predicted = float(times[rows][kinds[rows] == word].sum())
-            share = predicted / total if total > 0 else 1 / len(np.unique(kinds[rows]))
-            before = found[str(word)]
-            found[str(word)] = (before[0] + share * measured, before[1] + predicted)
-    return {word: pair for word, pair in found.items() if pair != (0.0, 0.0)}
-
-
-def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats:
-    """Path over programmed feed, without acceleration or waiting: what simple estimators do [s].
 
     Parameters
     ----------
-    feed_factor : ndarray, shape (rows,)
-        Feed override [1].
-    rapid_speed : float
-        [mm/min].
+    observed : Observed
+        What was measured.
+    times : ndarray, shape (rows,)
+        Predicted time of each row of the program [s].
     """
-    cutting = np.isin(moves.kind, CUTTING) & (moves.feed > 0)
-    speed = np.where(cutting, moves.feed * feed_factor, rapid_speed)
-    times: Floats = np.where(cutting | (moves.kind == Kind.RAPID), moves.length / speed * 60, 0.0)
-    return times
+    kinds = type_of(observed.moves.kind)
+    measured, predicted = dict.fromkeys(TYPES, 0.0), dict.fromkeys(TYPES, 0.0)
+    for first, after, duration in zip(
+        observed.first, observed.after, observed.measured, strict=True
+    ):
+        rows = slice(first, after)
+        total = float(times[rows].sum())
+        words = np.unique(kinds[rows]).tolist()
+        for word in words:
+            of_type = float(times[rows][kinds[rows] == word].sum())
+            share = of_type / total if total > 0 else 1 / len(words)
+            measured[word] += share * float(duration)
+            predicted[word] += of_type
+    return {w: (measured[w], predicted[w]) for w in TYPES if measured[w] or predicted[w]}
 
 
 def clusters(observed: Sequence[Observed]) -> Ints:
@@ -162,7 +168,3 @@ def clusters(observed: Sequence[Observed]) -> Ints:
         found.append(before + index)
         before += int(index.max(initial=-1)) + 1
     return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
-
-
-TOGETHER = 8
-"""Segments in a cluster."""

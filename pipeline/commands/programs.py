@@ -1,0 +1,150 @@
+"""Part programs by hand: what they tell the machine, and what its control makes of them."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.commands.fleet import DATA, machine_parameters
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import AXES, Kind, Moves
+from pipeline.gcode.program import read_program
+from pipeline.gcode.setup import Setup
+from pipeline.machine.control import ControlParameters
+from pipeline.machine.nck import Plan
+from pipeline.parameters import structure
+from pipeline.twin.control import read_controls
+from pipeline.twin.program import planned_program
+from pipeline.twin.simulation import blocks, summary
+
+Share = Callable[[float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulated:
+    """A program on a machine, and whose control it was: identified, or as in conf/machine/."""
+
+    plan: Plan
+    identified: bool
+    origin: str
+
+
+def machine_setup(machine: str | None, dialect: str | None) -> Setup:
+    """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``.
+
+    Raises
+    ------
+    ValueError
+        When there is no such machine or dialect.
+    """
+    setup = Setup()
+    if machine is not None:
+        sections = machine_parameters(machine)["machine"][machine]
+        if "setup" in sections:
+            setup = structure({"setup": sections["setup"]}, "setup", Setup)
+    return setup if dialect is None else replace(setup, dialect=dialect)  # type: ignore[arg-type]
+
+
+def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
+    """Moves of the program at ``path``; ``share`` is told how much of it is done.
+
+    Raises
+    ------
+    ValueError
+        When the file does not exist, or a word in it cannot be followed.
+    """
+    if not path.is_file():
+        state = "is no file" if path.exists() else "does not exist"
+        raise ValueError(f"{path} {state}: name a part program")
+    program = read_program(path)
+    lines = max(len(program), 1)
+    setup = replace(setup, folders=(*setup.folders, path.resolve().parent))
+    return interpret(program, setup, lambda done: share(min(done / lines, 1.0)))
+
+
+def moves_table(moves: Moves) -> pd.DataFrame:
+    """One row a move, in mm and degree, in the machine's frame."""
+    table: dict[str, Any] = {
+        "block": moves.line,
+        "type": [Kind(k).name.lower() for k in moves.kind.tolist()],
+    }
+    for i, axis in enumerate(AXES):
+        table[f"{axis.lower()}_{'mm' if i < 3 else 'deg'}"] = moves.end[:, i]
+    for i, axis in enumerate("ijk"):
+        table[f"centre_{'xyz'[i]}_mm"] = moves.centre[:, "ijk".index(axis)]
+    table |= {
+        "angle_deg": np.degrees(moves.angle),
+        "plane": [f"G{p}" for p in moves.plane.tolist()],
+        "feed": moves.feed,
+        "feed_mode": [f"G{m}" for m in moves.feed_mode.tolist()],
+        "speed": moves.speed * np.where(moves.direction == 0, 0, 1),
+        "tool": moves.tool,
+        "length_mm": moves.length,
+        "frame": [moves.frames[f].name for f in moves.frame.tolist()],
+        "file": [Path(moves.files[f]).name for f in moves.file.tolist()],
+    }
+    return pd.DataFrame(table)
+
+
+def simulate_program(path: Path, machine: str, unit: str | None, share: Share) -> Simulated:
+    """What the control of ``machine`` makes of the program at ``path``.
+
+    An identified control (``data/models/<machine>/control.json``) goes before conf/machine/.
+
+    Parameters
+    ----------
+    path : Path
+        Of the program.
+    machine : str
+        As in conf/machine/.
+    unit : str or None
+        Which of several machines of a kind; its default one when None.
+    share : callable
+        Told how much is done.
+
+    Raises
+    ------
+    ValueError
+        When machine, control or unit is not known, or the program cannot be followed.
+    """
+    sections = machine_parameters(machine)["machine"][machine]
+    control, identified = _control(machine, sections, unit)
+    moves = read_moves(path, machine_setup(machine, None), share)
+    origin = str(sections["identity"].get("origin", "recorded"))
+    return Simulated(plan=planned_program(moves, control), identified=identified, origin=origin)
+
+
+def _control(
+    machine: str, sections: dict[str, Any], unit: str | None
+) -> tuple[ControlParameters, bool]:
+    found = DATA / "models" / machine / "control.json"
+    if found.exists():
+        controls = read_controls(found)
+        default = sections.get("control_records", {}).get("default_unit", "")
+        name = default if unit is None else unit
+        if name not in controls:
+            known = ", ".join(repr(u) for u in sorted(controls))
+            raise ValueError(f"{found} holds no unit {name!r}; there are {known}: name one of them")
+        return controls[name], True
+    if "control" not in sections:
+        raise ValueError(
+            f"conf/machine/{machine}.yaml has no section control and none was identified: "
+            "write its axes there, or log runs of programs and run `dvc repro`"
+        )
+    return structure({"control": sections["control"]}, "control", ControlParameters), False
+
+
+def write_summary(simulated: Simulated, path: Path, name: str, machine: str) -> None:
+    """Write the JSON of ``kerf simulate``: totals, and every block."""
+    document = summary(simulated.plan, name)
+    document |= {
+        "machine": machine,
+        "origin": simulated.origin,
+        "control": "identified" if simulated.identified else "conf/machine",
+        "blocks": blocks(simulated.plan),
+    }
+    path.write_text(json.dumps(document, indent=1) + "\n")

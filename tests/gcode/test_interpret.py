@@ -1,0 +1,229 @@
+"""From text to moves: units, feeds, spindle, tools, M codes, what cannot be followed."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
+from pipeline.gcode.plain_statement import plain_statement
+from pipeline.gcode.program import parse_program
+from pipeline.gcode.setup import Setup, Tool
+from pipeline.gcode.state import INTS, State
+from pipeline.gcode.statements_parser import parse_statement
+from tests.gcode.following import follow, kinds, points, refusal
+
+
+def test_an_empty_program_has_no_moves():
+    moves = follow("")
+    assert len(moves) == 0
+    assert moves.files == ("P",)
+
+
+def test_motion_starts_at_the_initial_position():
+    moves = follow("G91 G0 X1", initial_position=(5.0, 6.0, 7.0, 0, 0, 8.0))
+    assert moves.origin.tolist() == [5, 6, 7, 0, 0, 8]
+    assert moves.end.tolist() == [[6, 6, 7, 0, 0, 8]]
+
+
+def test_calculator_and_increment_input():
+    assert points(follow("G0 X10 Y10.")) == [[10, 10, 0]]
+    assert points(follow("G0 X10 Y10.", decimal="increment")) == [[0.01, 10, 0]]
+    assert points(follow("G20 G0 X10000", decimal="increment")) == [[INCH, 0, 0]]
+    assert points(follow("#1=10\nG0 X#1", decimal="increment")) == [[10, 0, 0]]
+    moves = follow("G1 X100000 F200", decimal="increment")
+    assert moves.feed.tolist() == [200]
+
+
+def test_g93_g94_g95_say_what_f_means():
+    moves = follow("M3 S100\nG1 X1 F60\nG93 X2 F4\nX3 F5\nG95 X4 F0.2\nG94 X5 F70")
+    rows = moves.kind == Kind.FEED
+    assert moves.feed[rows].tolist() == [60, 4, 5, 0.2, 70]
+    assert [FeedMode(mode).name for mode in moves.feed_mode[rows]] == [
+        "PER_MINUTE", "INVERSE_TIME", "INVERSE_TIME", "PER_REVOLUTION", "PER_MINUTE",
+    ]  # fmt: skip
+
+
+def test_f_counts_inches_but_degrees_where_only_a_table_turns():
+    moves = follow("G20 G1 X1 F10\nA90\nX2 A0")
+    assert moves.feed.tolist() == [254, 10, 254]
+    moves = follow("G20 G93 G1 X1 F10")
+    assert moves.feed.tolist() == [10]
+
+
+def test_spindle_rows():
+    moves = follow("S500\nM3\nS600\nG0 X1\nM4\nM5\nS700\nM19")
+    rows = moves.kind == Kind.SPINDLE
+    assert moves.speed[rows].tolist() == [500, 600, 600, 0, 0]
+    assert moves.direction[rows].tolist() == [1, 1, -1, 0, 0]
+    assert moves.speed[moves.kind == Kind.RAPID].tolist() == [600]
+
+
+def test_surface_speed_counts_metres_and_feet():
+    moves = follow("G96 S200 M3\nG97 S900")
+    assert moves.constant_surface_speed.tolist() == [True, False]
+    assert moves.speed.tolist() == [200, 900]
+    assert follow("G20 G96 S1000 M3").speed.tolist() == [pytest.approx(304.8)]
+
+
+def test_m3_starts_before_the_motion_and_m5_stops_after_it():
+    moves = follow("S9 F9\nG1 X1 M3\nG1 X2 M5")
+    assert kinds(moves) == ["SPINDLE", "FEED", "FEED", "SPINDLE"]
+    assert moves.direction.tolist() == [1, 1, 1, 0]
+
+
+def test_t_waits_for_m6_which_comes_after_the_motion_on_a_fanuc():
+    moves = follow("T3\nG91 G28 Z0 M6\nT4\nG0 X1")
+    assert kinds(moves)[-2:] == ["TOOL_CHANGE", "RAPID"]
+    assert moves.tool.tolist() == [-1, -1, 3, 3]
+    moves = follow("G0 X1 T1 M6", dialect="linuxcnc", tools={1: Tool()})
+    assert kinds(moves) == ["TOOL_CHANGE", "RAPID"]
+
+
+def test_m_codes():
+    moves = follow("M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1")
+    assert kinds(moves) == ["M_CODE", "STOP", "STOP", "M_CODE", "M_CODE", "END"]
+    assert moves.code.tolist()[:1] + moves.code.tolist()[3:5] == [8, 51, 9]
+    assert moves.value[3] == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "dialect", "seconds"),
+    [
+        ("G4 P500", "fanuc", 0.5),
+        ("G4 P1.5", "fanuc", 1.5),
+        ("G4 X2.", "fanuc", 2),
+        ("G4 U2", "fanuc", 2),
+        ("G4 P1.5", "linuxcnc", 1.5),
+        ("G4 F3", "siemens", 3),
+    ],
+)
+def test_dwells(text, dialect, seconds):
+    moves = follow(text, dialect=dialect)
+    assert (moves.kind.tolist(), moves.value.tolist()) == ([Kind.DWELL], [seconds])
+
+
+def test_path_modes():
+    moves = follow("F9 G1 X1\nG9 X2\nG61 X3\nX4\nG64 X5\nG64 P0.02 X6", dialect="fanuc")
+    assert moves.path_mode.tolist() == [
+        PathMode.CONTINUOUS, PathMode.EXACT_STOP, PathMode.EXACT_STOP, PathMode.EXACT_STOP,
+        PathMode.CONTINUOUS, PathMode.CONTINUOUS,
+    ]  # fmt: skip
+    assert moves.tolerance.tolist() == [0, 0, 0, 0, 0, 0.02]
+
+
+def test_look_ahead_codes_move_nothing():
+    assert kinds(follow("G8 P1\nG5.1 Q1\nG5 P10000\nF9 G1 X1\nG8 P0")) == ["FEED"]
+
+
+def test_g31_is_a_probe():
+    assert kinds(follow("F9 G31 Z-5\nG0 X1")) == ["PROBE", "RAPID"]
+
+
+def test_dwell_between_two_compensated_moves_stays_where_the_tool_is():
+    moves = follow("F9 G41 D1 G1 X5 Y5\nX20\nG4 P100\nX30\nG40 Y9", tools={1: Tool(diameter=2.0)})
+    row = int(np.flatnonzero(moves.kind == Kind.DWELL)[0])
+    assert moves.end[row].tolist() == moves.end[row - 1].tolist()
+    assert moves.end[row, 1] == pytest.approx(6)
+
+
+def test_a_contour_that_does_not_fit_names_its_line():
+    said = refusal("F9 G41 D1 G1 X5 Y5\nX9\nG3 X10 Y6 J1\nG40 Y9", tools={1: Tool(diameter=9.0)})
+    assert said.startswith("P:3:1: G41: ")
+
+
+def test_progress_is_told():
+    told = []
+    interpret(parse_program(b"G0 X1\n" * 50_000, "P"), Setup(), told.append)
+    assert told
+    assert told == sorted(told)
+    assert told[-1] <= 50_000
+
+
+def test_state_survives_the_way_through_arrays():
+    state = State(position=[1.0, 2, 3, 4, 5, 6], translation=[7.0] * 6, feed=8.0, wcs=541, tool=-1)
+    for index, name in enumerate(INTS):
+        setattr(state, name, index)
+    other = State()
+    other.from_arrays(*state.to_arrays())
+    assert other == state
+
+
+@pytest.mark.parametrize(
+    ("text", "dialect", "words"),
+    [
+        ("G1 X1", "fanuc", ["P:1:1", "G1", "no feed", "F above 0"]),
+        ("G0 X1\nG7.1 C5", "fanuc", ["P:2:1", "G7.1", "cylindrical", "not supported"]),
+        ("G5.2 X1 Y1", "linuxcnc", ["P:1:1", "G5.2", "NURBS"]),
+        ("G71.1 Q1", "linuxcnc", ["G71.1", "lathe cycle"]),
+        ("M6 T7", "linuxcnc", ["T7", "Setup.tools"]),
+        ("M250", "linuxcnc", ["M250", "not known"]),
+        ("G0 X1 P5", "fanuc", ["P:1:7", "P5", "nothing in this block takes"]),
+        ("G0 U1", "fanuc", ["U1", "no axis U"]),
+        ("X1", "linuxcnc", ["X1", "no motion is in force"]),
+        ("G123", "fanuc", ["G123 is not known"]),
+        ("G1.23 X1", "fanuc", ["G1.23"]),
+        ("F-5", "fanuc", ["F is -5"]),
+        ("M3 S-5", "fanuc", ["S is -5", "M4"]),
+        ("G96 M3", "fanuc", ["G96", "add"]),
+        ("G95 F1 G1 X1", "fanuc", ["G95", "spindle stands"]),
+        ("G4", "fanuc", ["how long", "add P"]),
+        ("G38.2 Z-1 F9\n#1=#5061", "linuxcnc", ["#5061", "when the machine has run"]),
+        ("#1=10\nG0 X[EXP[70*#1]]", "fanuc", ["P:2:4", "EXP", "keep numbers below"]),
+        ("(ABORT,worn out)", "linuxcnc", ["worn out"]),
+        ("T1.5", "fanuc", ["T1.5 must be a whole number"]),
+    ],
+)
+def test_what_cannot_be_followed_is_said_with_place_word_and_remedy(text, dialect, words):
+    said = refusal(text, dialect=dialect)
+    assert all(word in said for word in words), said
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ({"dialect": "heidenhain"}, "dialect is 'heidenhain'"),
+        ({"decimal": "comma"}, "decimal is 'comma'"),
+        ({"arc_tolerance": -1.0}, "arc_tolerance is -1.0 mm"),
+        ({"block_limit": 0}, "block_limit is 0"),
+        ({"boring_shift": "Q"}, "boring_shift is 'Q'"),
+    ],
+)
+def test_a_setup_that_cannot_be_is_refused(choice, words):
+    with pytest.raises(ValueError, match=words):
+        Setup(**choice)
+
+
+@given(st.text("gGxYnN019.+- \t\x00/aE\xff(;", max_size=12), st.sampled_from(["fanuc", "linuxcnc"]))
+def test_plain_lines_say_what_the_parser_reads(text, dialect):
+    program = parse_program(text.encode("latin-1") + b"\n", "P")
+    found = plain_statement(program, 1)
+    assert found is None or found == parse_statement(program.line(1), "P", dialect)
+
+
+CODE = """
+G0 G1 G2 G3 G4 G10 G17 G18 G19 G20 G28 G40 G41 G42 G43 G49 G5.2 G51 G52 G54 G54.1 G68 G73 G76 G81
+G83 G84 G87 G90 G91 G92 G93 G95 G98 G65 G66 G67 G33 G38.2 G53 G16 M3 M4 M5 M6 M19 M30 M98 M99 M70
+M72 X Y Z A I J K R P Q L F S T D H N O U E @ ^ # [ ] ( ) ; % / = + - * 1 2 3 10 -5 0.5 99999999999
+1e9 #1 #100 #5221 #3000 #<a> [#1+2] SIN[ GOTO IF WHILE DO1 END1 THEN EQ SUB ENDSUB CALL RETURN
+REPEAT ENDREPEAT BREAK O1 O<a> _X=1 TRAORI CYCLE81( MSG("a") AC( CR= \x00 ÿ
+"""
+PIECES = st.sampled_from([*CODE.split(), "\n", "\r"])
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.lists(PIECES | st.just("\n"), max_size=40).map(" ".join),
+    st.sampled_from(["fanuc", "linuxcnc", "siemens"]),
+)
+def test_no_program_does_anything_but_be_read_or_refused(text, dialect):
+    program = parse_program(text.encode("latin-1"), "P")
+    setup = Setup(dialect=dialect, block_limit=500, tools={1: Tool(diameter=1.0, length=2.0)})
+    try:
+        moves = interpret(program, setup)
+    except GcodeError as error:
+        assert str(error).startswith("P:")
+    else:
+        assert np.isfinite(moves.end).all()

@@ -1,0 +1,210 @@
+"""A known control is found from polled logs; what a program does not excite is not made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.identification.control.fit import ControlFitSettings, identify_control, planned
+from pipeline.identification.control.free import control_of, free_parameters
+from pipeline.identification.control.rates import rapid_rates
+from pipeline.identification.control.segments import observe
+from tests.identification.control.part_programs import (
+    axis,
+    change,
+    circles,
+    exciting,
+    long_cuts,
+    moves_of,
+    rapids,
+    start,
+    truth,
+)
+from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+
+SETTINGS = ControlFitSettings()
+TWICE = (ALONE, ALONE)
+"""Every program is run twice, as shops do."""
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory):
+    return moves_of(exciting(), tmp_path_factory.mktemp("programs"))
+
+
+def logged(moves, folder, seed, plays=TWICE, control=None, unit=""):
+    """Segments of runs of one program."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for play in plays:
+        log = polled_log(moves, control or truth(), rng, play, begin=3.0)
+        [run] = logged_runs(folder / "log.parquet", log)
+        found.append(observe(run, "part", moves, unit, SETTINGS.shortest_s))
+    return found
+
+
+def true_values(fit, control=None):
+    units = {unit for one in fit.free for unit in one.units}
+    return np.array([f.start for f in free_parameters(control or truth(), sorted(units))])
+
+
+def named(fit):
+    """Value, low, high by name, of what was determined."""
+    rows = zip(fit.free, fit.values, fit.low, fit.high, fit.determined, strict=True)
+    return {one.name: (v, low, high) for one, v, low, high, known in rows if known}
+
+
+@pytest.fixture(scope="module")
+def found(part, tmp_path_factory):
+    return identify_control(logged(part, tmp_path_factory.mktemp("log"), 0), start(), SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        ("rapid_speed X", 0.002), ("rapid_speed Y", 0.002), ("rapid_speed Z", 0.002),
+        ("rapid_acceleration XY", 0.3), ("rapid_acceleration Z", 0.3),
+        ("cutting_acceleration XYZ", 0.1), ("arc_acceleration XYZ", 0.15),
+        ("corner_jump XYZ", 0.1), ("tool_change", 0.02), ("m_code", 0.1), ("stop", 0.1),
+        ("spindle_acceleration", 0.1), ("spindle_deceleration", 0.1), ("spindle_base_speed", 0.15),
+    ],
+)  # fmt: skip
+def test_a_known_control_is_found(found, name, share):
+    """Shares are twice what a poll's error over the 270 segments leaves, from 20 repetitions."""
+    place = [one.name for one in found.free].index(name)
+    value, low, high = named(found)[name]
+    assert value == pytest.approx(true_values(found)[place], rel=share)
+    assert low < value < high
+
+
+def test_the_residuals_are_those_of_polling(found):
+    """Two ends, each late by a uniform share of 0.15 s: sqrt(2 / 12) x 0.15 = 0.061 s."""
+    assert found.rmse_s == pytest.approx(0.061, rel=0.15)
+    assert found.determined.all()
+    assert [one.key for one, told in zip(found.free, found.told, strict=True) if told] == [
+        "rapid_speed"
+    ] * 3
+
+
+def test_the_times_of_a_run_that_was_not_learnt_from_are_predicted(found, part, tmp_path):
+    [other] = logged(part, tmp_path, 77, [Operated(feed={0: 70.0}, rapid={0: 50.0})])
+    predicted = planned(other, found.control[""]).sum()
+    assert predicted == pytest.approx(other.measured.sum(), rel=0.003)
+    known = [i for i, one in enumerate(found.free) if not one.axes]
+    assert np.isfinite(found.values[known]).all()
+
+
+@pytest.mark.slow
+def test_intervals_cover_the_truth(part, tmp_path):
+    """Of 20 seeds x 15 parameters nine in ten at least: 95 % intervals, less a margin of chance."""
+    cover, many = 0, 0
+    for seed in range(20):
+        fit = identify_control(logged(part, tmp_path, seed), start(), SETTINGS)
+        inside = (fit.low <= true_values(fit)) & (true_values(fit) <= fit.high)
+        cover += int(inside[fit.determined].sum())
+        many += int(fit.determined.sum())
+    assert many >= 0.95 * 20 * 15
+    assert cover >= 0.9 * many
+
+
+def test_the_same_logs_give_the_same_control(part, tmp_path):
+    first, again = (
+        identify_control(logged(part, tmp_path, 5), start(), SETTINGS) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.values, again.values)
+
+
+UNEXCITED = {
+    "rapids alone": (
+        [*rapids((20, 300, 60, 500)), *rapids((150, 40))],
+        {"corner_jump XYZ", "arc_acceleration XYZ", "cutting_acceleration XYZ", "tool_change",
+         "spindle_acceleration", "spindle_base_speed", "m_code", "stop"},
+    ),
+    "one spindle speed": (
+        [line for tool in range(1, 8) for line in (*change(tool, 4000), *long_cuts((900, 1500)))],
+        {"spindle_base_speed", "arc_acceleration XYZ"},
+    ),
+    "no corner": (
+        [*change(1, 3000), *circles(10, (1500, 3000, 6000)), *rapids((100, 300))],
+        {"corner_jump XYZ"},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", UNEXCITED)
+def test_what_a_program_does_not_excite_is_not_determined(case, tmp_path):
+    text, not_excited = UNEXCITED[case]
+    moves = moves_of(["%", "G21 G90 G94", *text, "M30", "%"], tmp_path)
+    fit = identify_control(logged(moves, tmp_path, 4), start(), SETTINGS)
+    assert not not_excited & named(fit).keys()
+    begin = {one.name: one.start for one in fit.free}
+    places = [i for i, one in enumerate(fit.free) if one.name in not_excited]
+    assert np.isnan(fit.low[places]).all() and np.isnan(fit.high[places]).all()
+    unfelt = [i for i in places if fit.free[i].name != "spindle_base_speed"]
+    for i in unfelt:
+        assert fit.values[i] == pytest.approx(begin[fit.free[i].name], rel=0.5)
+
+
+def test_units_have_their_own_rapids_and_corners_and_share_the_rest(part, tmp_path):
+    other = replace(
+        truth(), axes={a: replace(x, rapid_speed=12000.0) for a, x in truth().axes.items()}
+    )
+    both = [
+        *logged(part, tmp_path, 1, unit="one"),
+        *logged(part, tmp_path, 2, control=other, unit="two"),
+    ]
+    fit = identify_control(both, start(), SETTINGS)
+    rates = {name: v[0] for name, v in named(fit).items() if name.startswith("rapid_speed")}
+    assert rates["rapid_speed X@one"] == pytest.approx(24000, rel=0.002)
+    assert rates["rapid_speed X@two"] == pytest.approx(12000, rel=0.002)
+    assert fit.control["two"].axes["Z"].rapid_speed == pytest.approx(12000, rel=0.002)
+    assert fit.control["one"].auxiliary == fit.control["two"].auxiliary
+
+
+def test_rapid_rates_are_read_at_any_override(part, tmp_path):
+    for percent in (25.0, 50.0, 100.0):
+        told = rapid_rates(logged(part, tmp_path, 6, [Operated(rapid={0: percent})]))
+        for letter, rate in told.items():
+            true = truth().axes[letter].rapid_speed
+            assert rate.low <= true <= rate.high
+        assert "X" in told
+
+
+def test_short_rapids_tell_no_rate(tmp_path):
+    moves = moves_of(["G21 G90", *rapids((5, 8, 10)), "M30"], tmp_path)
+    assert rapid_rates(logged(moves, tmp_path, 7)) == {}
+    assert rapid_rates([]) == {}
+
+
+def test_without_a_run_there_is_one_sentence(part, tmp_path):
+    with pytest.raises(ValueError, match=r"^no run of a program is there .*: put logs"):
+        identify_control([], start(), SETTINGS)
+
+
+def test_runs_that_determine_nothing_are_told_so(tmp_path):
+    moves = moves_of(["G21 G94 G90", "G1 X10 F600", "G1 X20", "M30"], tmp_path)
+    with pytest.raises(ValueError, match=r"^\d+ stretches of 1 runs determine no parameter"):
+        identify_control(logged(moves, tmp_path, 8, [ALONE]), start(), SETTINGS)
+
+
+def test_free_parameters_and_their_values_make_the_control_again():
+    free = free_parameters(truth(), ["a", "b"])
+    values = np.array([one.start for one in free])
+    lost = replace(
+        start(), axes={letter: axis() for letter in "XYZ"}, settle_time=1.0
+    )  # fmt: skip
+    again = control_of(lost, free, values, "a")
+    assert again.axes == truth().axes
+    assert again.settle_time == truth().settle_time
+    for name in ("tool_change", "m_code", "stop", "spindle_acceleration", "spindle_base_speed"):
+        assert getattr(again.auxiliary, name) == getattr(truth().auxiliary, name)
+    assert all(one.coordinate(one.value(0.3)) == pytest.approx(0.3) for one in free)
+    assert all(one.low <= one.start <= one.high for one in free)
+
+
+def test_a_lathe_without_y_has_no_y_to_find():
+    two = replace(truth(), axes={"X": axis(), "Z": axis()})
+    names = [one.name for one in free_parameters(two, [""])]
+    assert "rapid_speed X" in names and "rapid_acceleration X" in names
+    assert not any("Y" in name for name in names)
+    assert "corner_jump XZ" in names

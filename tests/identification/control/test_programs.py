@@ -1,0 +1,212 @@
+"""Which program ran: the right one, another revision in sections, an aborted one, none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.gcode.moves import Kind
+from pipeline.identification.control.programs import match, tool_changes
+from pipeline.identification.control.runs import Run, Series
+from pipeline.twin.program import planned_program
+from tests.identification.control.part_programs import (
+    change,
+    circles,
+    long_cuts,
+    moves_of,
+    truth,
+    zigzag,
+)
+from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+
+CUTS = {
+    1: [*long_cuts((600, 1200)), *zigzag(2000, 10, 90, 12)],
+    2: [*circles(12, (800, 1600)), *long_cuts((900,))],
+    3: [*long_cuts((1500, 700, 2100)), *circles(6, (1000,))],
+}
+
+
+def program(order=(1, 2, 3), feed=1.0, inserted=0):
+    """Text of a program; ``inserted`` lines more are cut with tool 2."""
+    lines = ["%", "G21 G90 G94"]
+    for tool in order:
+        work = [scaled(line, feed) for line in CUTS[tool]]
+        more = [f"G1 X{k}.5 F900" for k in range(inserted)] if tool == 2 else []
+        lines += [*change(tool, 2000 + 500 * tool), *work, *more]
+    return [*lines, "M5", "M30", "%"]
+
+
+def scaled(line, factor):
+    """The line with F times ``factor``."""
+    words = [f"F{float(w[1:]) * factor:g}" if w[0] == "F" else w for w in line.split()]
+    return " ".join(words)
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory):
+    """Programs beside the logs: other tools, other feeds, other lengths."""
+    folder = tmp_path_factory.mktemp("programs")
+    texts = {
+        "part": program(),
+        "part-other-feeds": slower_finish(),
+        "part-other-order": program((2, 1, 3)),
+        "short": program((1,)),
+    }
+    return {name: moves_of(text, folder, name) for name, text in texts.items()}
+
+
+def slower_finish():
+    """The same lines; the third tool's feeds are slower."""
+    lines, at = program(), program().index("T3 M6")
+    return [*lines[:at], *(scaled(line, 0.7) for line in lines[at:])]
+
+
+def run_of(moves, tmp_path, operated=ALONE, seed=1):
+    log = polled_log(moves, truth(), np.random.default_rng(seed), operated, begin=2.0)
+    [run] = logged_runs(tmp_path / "log.parquet", log)
+    return run
+
+
+@pytest.mark.parametrize("name", ["part", "part-other-feeds", "part-other-order"])
+def test_the_program_that_ran_is_found(shelf, tmp_path, name):
+    found = match(run_of(shelf[name], tmp_path), shelf)
+    assert (found.program, found.whole, found.reason) == (name, True, "")
+    assert found.parts() == [found.run]
+
+
+@pytest.mark.parametrize("percent", [60.0, 110.0])
+@pytest.mark.parametrize("name", ["part", "part-other-feeds"])
+def test_feeds_tell_posts_apart_under_an_override_that_the_log_does_not_say(
+    shelf, tmp_path, name, percent
+):
+    run = run_of(shelf[name], tmp_path, Operated(feed={0: percent}))
+    assert match(run, shelf).program == name
+
+
+def test_an_aborted_run_is_of_the_program_as_far_as_it_went(shelf, tmp_path):
+    moves = shelf["part-other-order"]
+    half = planned_program(moves, truth()).total / 2
+    found = match(run_of(moves, tmp_path, Operated(abort=half)), shelf)
+    assert (found.program, found.whole) == ("part-other-order", True)
+    assert not found.run.completed
+
+
+def test_another_revision_is_matched_in_the_sections_that_stayed(shelf, tmp_path):
+    edited = moves_of(program(inserted=3), tmp_path, "edited")
+    found = match(run_of(edited, tmp_path), shelf)
+    assert found.program == "part"
+    assert not found.whole
+    text = program(inserted=3)
+    at = {tool: text.index(f"T{tool} M6") + 1 for tool in (1, 2, 3)}
+    assert [(s.first, s.shift) for s in found.sections] == [(at[1], 0), (at[3], 3)]
+    assert found.sections[0].last == at[2]
+    assert "log.txt: no program of the machine fits (lines up to" in found.reason
+    assert f"T3 at line {at[3]}" in found.reason
+
+
+def test_parts_of_another_revision_are_numbered_as_in_the_program(shelf, tmp_path):
+    edited = moves_of(program(inserted=3), tmp_path, "edited")
+    run = run_of(edited, tmp_path)
+    first, last = match(run, shelf).parts()
+    change = program().index("T3 M6") + 1
+    assert last.line.value[0] == change
+    assert (first.completed, last.completed) == (False, True)
+    assert last.end == run.end
+    assert first.start < first.end < last.start
+    length = int(shelf["part"].line[-1])
+    assert last.line.value.max() <= length
+    assert [tool for _, tool in tool_changes(last)] == [3]
+
+
+def test_without_a_program_that_fits_one_sentence_says_what_was_seen(shelf, tmp_path):
+    run = run_of(moves_of(program((3, 2, 1)), tmp_path, "other"), tmp_path)
+    found = match(run, shelf)
+    assert (found.program, found.parts()) == (None, [])
+    text = program((3, 2, 1))
+    assert f"T3 at line {text.index('T3 M6') + 1}, T2 at line" in found.reason
+    assert "4 programs" in found.reason
+    assert found.reason.endswith("put the program that ran beside the log")
+    assert match(run, {}).program is None
+
+
+def test_a_line_beyond_the_last_rules_a_program_out(shelf, tmp_path):
+    run = run_of(shelf["part"], tmp_path)
+    found = match(run, {"short": shelf["short"]})
+    assert found.program is None
+    assert f"lines up to {int(shelf['part'].line[-1])}" in found.reason
+
+
+def test_a_tie_that_no_feed_breaks_is_not_guessed(shelf, tmp_path):
+    run = run_of(shelf["part"], tmp_path)
+    mute = replace(run, feed=Series(time=np.empty(0), value=np.empty(0)))
+    pair = {name: shelf[name] for name in ("part", "part-other-feeds")}
+    found = match(mute, pair)
+    assert found.program is None
+    assert "part, part-other-feeds fit alike" in found.reason
+    copies = {"a": shelf["part"], "b": shelf["part"]}
+    assert match(mute, copies).program == "a"
+
+
+def test_a_log_that_begins_in_the_middle_has_no_total(shelf, tmp_path):
+    run = run_of(shelf["part"], tmp_path)
+    middle = float(run.line.time[len(run.line.time) // 2])
+    found = match(run.during(middle, run.end), shelf)
+    assert found.program == "part"
+    assert not found.whole
+    [part] = found.parts()
+    assert part.start >= middle
+    line = int(part.line.value[0])
+    assert found.reason.startswith(f"log.txt: the log begins at line {line} of part")
+
+
+def test_programs_that_jump_are_left_out(shelf, tmp_path):
+    moves = shelf["part"]
+    jumps = replace(moves, line=moves.line[::-1].copy())
+    found = match(run_of(moves, tmp_path), {"jumps": jumps})
+    assert found.program is None
+    assert "0 programs of up to 0 lines are there, 1 more jump" in found.reason
+
+
+def test_tool_changes_stand_at_the_line_that_was_shown_without_a_tool():
+    run = Run(
+        recording="log", number=1, start=0.0, end=9.0, completed=True,
+        line=Series(time=np.arange(9.0), value=np.arange(10.0, 19.0)),
+        tool=Series(
+            time=np.array([0.0, 2.0, 3.5, 6.0]), value=np.array([4.0, 0.0, 7.0, 8.0])
+        ),
+    )  # fmt: skip
+    assert tool_changes(run) == [(12, 7), (15, 8)]  # T8: no poll saw the empty spindle
+
+
+NUMBERS = st.lists(st.integers(-1, 60), min_size=2, max_size=30)
+
+
+@given(lines=NUMBERS, tools=st.lists(st.integers(-1, 4), max_size=8), completed=st.booleans())
+def test_whatever_a_log_says_a_run_is_matched_or_told_why_not(lines, tools, completed):
+    """Lines and tools in any order: each run has a program, or a reason, and its parts are runs."""
+    run = Run(
+        recording="log", number=1, start=0.0, end=float(len(lines)), completed=completed,
+        line=Series(time=np.arange(len(lines)) * 1.0, value=np.array(lines, dtype=float)),
+        tool=Series(time=np.arange(len(tools)) + 0.5, value=np.array(tools, dtype=float)),
+    )  # fmt: skip
+    found = match(run, SMALL)
+    assert found.program is not None or found.reason
+    for part in found.parts():
+        assert run.start <= part.start <= part.end <= run.end
+        assert len(part.line.time)
+
+
+def _small():
+    from tests.machine.programs import Writer
+
+    writer = Writer()
+    for tool in (1, 2, 3):
+        writer.set(tool=tool).row(Kind.TOOL_CHANGE)
+        for k in range(12):
+            writer.to(X=10.0 * (k % 2))
+    return {"small": writer.moves}
+
+
+SMALL = _small()

@@ -1,0 +1,143 @@
+"""`kerf interpret` and `kerf simulate`, as a process engineer uses them."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from tests.small_project import ROOT
+from tests.test_cli import kerf, refused
+
+PART = """%
+O1000(TWO SLOTS)
+N10 G21 G17 G90 G40
+N20 T1 M6
+N30 G0 G54 X0. Y0. S6000 M3
+N40 Z5.
+N50 G1 Z-1. F300.
+N60 X100. F1200.
+N70 G3 X100. Y40. I0. J20.
+N80 G1 X0.
+N90 G0 Z50.
+N100 M30
+%
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("KERF_RECORDINGS", raising=False)
+    folder = tmp_path / "project"
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    (folder / "part.nc").write_text(PART)
+    return folder
+
+
+def test_interpret_writes_a_row_a_move_in_mm(project: Path) -> None:
+    done = kerf(project, "interpret", "part.nc", "--out", "moves.csv")
+    assert done.exit_code == 0
+    moves = pd.read_csv(project / "moves.csv")
+    arc = moves[moves["type"] == "arc"].iloc[0]
+    assert (arc["x_mm"], arc["y_mm"], arc["z_mm"]) == (100.0, 40.0, -1.0)
+    assert (arc["centre_x_mm"], arc["centre_y_mm"]) == (100.0, 20.0)
+    assert arc["length_mm"] == pytest.approx(np.pi * 20, abs=1e-9)
+    assert arc["angle_deg"] == pytest.approx(180.0, abs=1e-9)
+    assert (arc["block"], arc["tool"], arc["feed"], arc["speed"]) == (9, 1, 1200.0, 6000.0)
+    assert f"{len(moves)} moves" in done.stdout
+
+
+def test_inch_programs_and_offsets_end_in_machine_millimetres(project: Path) -> None:
+    text = PART.replace("G21", "G20").replace("N30 G0", "N25 G10 L2 P1 X1.\nN30 G0")
+    (project / "inch.nc").write_text(text)
+    assert kerf(project, "interpret", "inch.nc", "--out", "moves.csv").exit_code == 0
+    arc = pd.read_csv(project / "moves.csv").query("type == 'arc'").iloc[0]
+    assert arc["x_mm"] == pytest.approx(101 * 25.4) and arc["y_mm"] == pytest.approx(40 * 25.4)
+
+
+def test_simulate_says_how_long_and_writes_what_is_asked(project: Path) -> None:
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json",
+                "--out", "trace.parquet")  # fmt: skip
+    assert done.exit_code == 0 and "as in conf/machine/hurco.yaml" in done.stdout
+    document = json.loads((project / "times.json").read_text())
+    blocks = document["blocks"]
+    assert {"line", "type", "time_s", "length_mm", "reached_feed_mm_min", "limit"} <= set(blocks[0])
+    assert sum(b["time_s"] for b in blocks) == pytest.approx(document["total_time_s"], abs=1e-3)
+    assert sum(b["length_mm"] for b in blocks) == pytest.approx(document["path_length_mm"])
+    slot = next(b for b in blocks if b["line"] == 8)
+    assert slot["limit"] == "feed" and slot["reached_feed_mm_min"] == pytest.approx(1200.0)
+    assert slot["time_s"] > 100 / 1200 * 60  # it must speed up and slow down
+    trace = pq.read_table(project / "trace.parquet").to_pandas()
+    assert trace["time"].iloc[-1] == pytest.approx(document["total_time_s"], abs=2e-3)
+    assert tuple(trace[["x", "y", "z"]].iloc[-1]) == pytest.approx((0.0, 40.0, 50.0), abs=1e-9)
+
+
+def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> None:
+    from pipeline.commands.programs import simulate_program
+    from tests.small_project import inside
+
+    with inside(project):
+        before = simulate_program(Path("part.nc"), "hurco", None, lambda done: None)
+        control = before.plan.path.control
+        from dataclasses import asdict, replace
+
+        slow = replace(control, auxiliary=replace(control.auxiliary, tool_change=16.0))
+        folder = Path("data/models/hurco")
+        folder.mkdir(parents=True)
+        units = {"hurco02": asdict(control), "hurco04": asdict(slow)}
+        (folder / "control.json").write_text(json.dumps({"control": units}))
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "control identified" in done.stdout
+    assert f"{before.plan.total + 10:.1f} s" in done.stdout
+    other = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco02")
+    assert f"{before.plan.total:.1f} s" in other.stdout
+    assert "'hurco99'" in refused(
+        project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco99"
+    )
+
+
+def test_results_of_a_simulated_machine_are_labelled(project: Path) -> None:
+    assert "(simulated)" in kerf(project, "simulate", "part.nc", "--machine", "mill01").stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("G1 X10.", "part.nc:1"),
+        ("G1 X10. F0", "part.nc:1"),
+        ("G6.2 X3. P3", "G6.2"),
+        ("G1 F100 X[1/0]", "part.nc:1"),
+        ("M98 P77", "77"),
+        ("G2 X10. F100.", "part.nc:1"),
+        ("GOTO 7", "7"),
+        ("G1 F100. U5.", "U5."),
+        ("\x00\xff", "part.nc:1"),
+    ],
+)
+def test_what_cannot_be_followed_is_one_sentence(project: Path, text: str, word: str) -> None:
+    (project / "part.nc").write_bytes(text.encode("latin-1") + b"\nM30\n")
+    said = refused(project, "simulate", "part.nc", "--machine", "hurco")
+    assert word in said
+    assert not (project / "times.json").exists()
+
+
+def test_nothing_is_simulated_on_a_machine_without_a_control(project: Path) -> None:
+    assert "no section control" in refused(project, "simulate", "part.nc", "--machine", "mazak01")
+    assert "known machines" in refused(project, "simulate", "part.nc", "--machine", "lathe9")
+    assert "does not exist" in refused(project, "interpret", "none.nc", "--out", "m.csv")
+    assert "dialect" in refused(
+        project, "interpret", "part.nc", "--out", "m.csv", "--dialect", "heidenhain"
+    )
+
+
+def test_an_empty_program_takes_no_time(project: Path) -> None:
+    (project / "part.nc").write_text("%\n%\n")
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    assert done.exit_code == 0
+    assert json.loads((project / "times.json").read_text())["total_time_s"] == 0
+    assert "no rows" in refused(
+        project, "simulate", "part.nc", "--machine", "hurco", "--out", "t.parquet"
+    )
