@@ -184,7 +184,7 @@ class Calls:
                     return self.files[path]
         raise error(
             f"the subprogram {shown} is neither in this file nor in the folders searched: "
-            "add its folder to Setup.folders"
+            "add its folder to setup.folders of the machine's file"
         )
 
     def _error(self, line: int, jump: Jump | None) -> "ErrorAt":

@@ -95,7 +95,10 @@ def _linuxcnc_tool(run: Run, block: Block, item: WordItem, kind: int) -> None:
     """L1 gives a tool's data; L10 (L11) from where it stands in the system in force (in G59.3)."""
     number = block.whole("P", block.need("P", f"G10 L{kind}", item), 1, LARGEST)
     if number not in run.registers:
-        raise block.error(item, f"tool {number} is not in the tool table: add it to Setup.tools")
+        raise block.error(
+            item,
+            f"tool {number} is not in the tool table: add it to setup.tools of the machine's file",
+        )
     entry = run.registers[number]
     radius = block.take("R")
     if radius is not None:

@@ -73,7 +73,10 @@ def _listed(run: Run, block: Block, item: WordItem, tool: int) -> Register:
     if tool <= 0:
         return Register()
     if tool not in run.registers:
-        raise block.error(item, f"tool {tool} is not in the tool table: add it to Setup.tools")
+        raise block.error(
+            item,
+            f"tool {tool} is not in the tool table: add it to setup.tools of the machine's file",
+        )
     return run.registers[tool]
 
 

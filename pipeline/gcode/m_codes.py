@@ -52,7 +52,10 @@ def tool_word(run: Run, block: Block, item: WordItem) -> None:
         return
     number = block.whole("T", value, 0, LARGEST)
     if run.state.dialect == LINUXCNC and number != 0 and number not in run.registers:
-        raise block.error(item, f"tool {number} is not in the tool table: add it to Setup.tools")
+        raise block.error(
+            item,
+            f"tool {number} is not in the tool table: add it to setup.tools of the machine's file",
+        )
     run.state.selected = number
 
 
@@ -61,7 +64,10 @@ def _tool_change(run: Run, block: Block, code: int, item: WordItem) -> None:
     if code == 61:
         number = block.whole("Q", block.need("Q", "M61", item), 0, LARGEST)
         if number and number not in run.registers:
-            raise block.error(item, f"tool {number} is not in the table: add it to Setup.tools")
+            raise block.error(
+                item,
+                f"tool {number} is not in the table: add it to setup.tools of the machine's file",
+            )
         state.tool = number
     elif state.selected >= 0:
         state.tool = state.selected

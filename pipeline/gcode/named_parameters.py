@@ -66,7 +66,8 @@ class LinuxcncParameters:
             return float(self.line)
         if key.startswith(("_hal[", "_ini[")):
             raise ExpressionError(
-                f"#<{key}> lives in the running control: give it a value in Setup.parameters"
+                f"#<{key}> lives in the running control: give it a value in setup.parameters of "
+                "the machine's file"
             )
         raise ExpressionError(f"#<{key}> has no value: assign one before it is read")
 

@@ -95,7 +95,7 @@ class FanucVariables:
             return _MODAL[number](run)
         raise ExpressionError(
             f"#{number} tells what only the machine knows, or is not supported: "
-            "give it a value in Setup.parameters, or use another variable"
+            "give it a value in setup.parameters of the machine's file, or use another variable"
         )
 
     def _set_system(self, number: int, value: float) -> None:

@@ -237,8 +237,8 @@ def _ends(table: pa.Table) -> tuple[str | None, str | None]:
 def _program() -> Outcome:
     """A part program: nothing of it is a signal."""
     entry: Entry = {"format": "program", "read": 1, "kept": 1, "rejected": 0, "rows": 0}
-    nothing = {"first": None, "last": None, "output": None, "reason": None, "notes": {}}
-    return Outcome(entry={**entry, **nothing}, rejected=[])
+    entry |= {"first": None, "last": None, "output": None, "reason": None, "notes": {}}
+    return Outcome(entry=entry, rejected=[])
 
 
 def _unreadable(reason: str, form: str | None) -> Outcome:

@@ -21,7 +21,13 @@ def read_controls(path: Path) -> dict[str, ControlParameters]:
     try:
         controls = json.loads(path.read_text())["control"]
         return {u: converter.structure(c, ControlParameters) for u, c in controls.items()}
-    except (OSError, KeyError, json.JSONDecodeError, cattrs.BaseValidationError) as error:
+    except _OTHER_FORMS as error:
         raise ValueError(
             f"{path} is no identified control ({type(error).__name__}): run `dvc repro` to write it"
         ) from error
+
+
+_OTHER_FORMS = (
+    OSError, ValueError, LookupError, TypeError, AttributeError, cattrs.BaseValidationError,
+)  # fmt: skip
+"""What reading and taking apart JSON of another form raises."""

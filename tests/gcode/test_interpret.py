@@ -158,7 +158,7 @@ def test_state_survives_the_way_through_arrays():
         ("G0 X1\nG7.1 C5", "fanuc", ["P:2:1", "G7.1", "cylindrical", "not supported"]),
         ("G5.2 X1 Y1", "linuxcnc", ["P:1:1", "G5.2", "NURBS"]),
         ("G71.1 Q1", "linuxcnc", ["G71.1", "lathe cycle"]),
-        ("M6 T7", "linuxcnc", ["T7", "Setup.tools"]),
+        ("M6 T7", "linuxcnc", ["T7", "setup.tools"]),
         ("M250", "linuxcnc", ["M250", "not known"]),
         ("G0 X1 P5", "fanuc", ["P:1:7", "P5", "nothing in this block takes"]),
         ("G0 U1", "fanuc", ["U1", "no axis U"]),

@@ -110,6 +110,19 @@ def test_what_is_counted(raw: Path, out: Path) -> None:
     assert ingest(raw, out, SOURCES, MILL) == dataclasses.replace(found, files_read=0, files_kept=3)
 
 
+def test_part_programs_are_kept_and_no_signal(raw: Path, out: Path) -> None:
+    (raw / "programs").mkdir()
+    (raw / "programs/part.nc").write_bytes(b"%\r\nG1 X1.\xff\r\n%")
+    sources = (*SOURCES, RecordSource(format="program", files="programs/*.nc"))
+    before = ingest(raw, out, SOURCES, MILL)
+    found = ingest(raw, out, sources, MILL)
+    assert (found.read, found.kept) == (before.read, before.kept + 1)  # it was a rejected file
+    entry = entries(out)["programs/part.nc"]
+    assert (entry["format"], entry["rows"], entry["output"]) == ("program", 0, None)
+    assert not [r for r in rejected(out) if r[0] == "programs/part.nc"]
+    assert run(raw, out, sources) == []
+
+
 def test_only_what_is_new_is_read(raw: Path, out: Path) -> None:
     assert run(raw, out) == ["agent/1.txt", "agent/2.txt", "air/1.csv"]
     assert run(raw, out) == []
