@@ -171,9 +171,10 @@ def interpret(
     ] = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
-    from pipeline.commands.programs import machine_setup, moves_table, read_moves
+    from pipeline.commands.programs import check_outputs, machine_setup, moves_table, read_moves
 
     with _one_sentence(), _share("interpreting") as share:
+        check_outputs(program, out)
         moves = read_moves(program, machine_setup(machine, dialect), share)
         moves_table(moves).to_csv(out, index=False)
     typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
@@ -190,10 +191,16 @@ def simulate(
     json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
 ) -> None:
     """Plan PROGRAM as MACHINE's control does: how long each block takes, and why."""
-    from pipeline.commands.programs import simulate_program, write_summary
-    from pipeline.twin.simulation import summary, write_trace
+    from pipeline.commands.programs import (
+        check_outputs,
+        simulate_program,
+        summary,
+        write_summary,
+        write_trace,
+    )
 
     with _one_sentence():
+        check_outputs(program, json, out)
         with _share("planning") as share:
             simulated = simulate_program(program, machine, unit, share)
         if json is not None:
@@ -202,7 +209,8 @@ def simulate(
             with _share("writing positions") as share:
                 write_trace(simulated.plan, out, share)
         document = summary(simulated.plan, program.stem)
-    source = "identified" if simulated.identified else f"as in conf/machine/{machine}.yaml"
+    told = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
+    source = "identified" if simulated.identified else told
     label = f" ({simulated.origin})" if simulated.origin == "simulated" else ""
     typer.echo(f"{program.name} on {machine}{label}, control {source}")
     typer.echo(f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm")
@@ -210,7 +218,8 @@ def simulate(
         for name, seconds in table.items():
             typer.echo(f"  {heading:<6} {name:<20} {seconds:>10.1f} s")
     for tool in document["by_tool"]:
-        typer.echo(f"  tool   T{tool['tool']:<19} {tool['time_s']:>10.1f} s")
+        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
+        typer.echo(f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s")
 
 
 def main() -> None:

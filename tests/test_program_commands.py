@@ -113,6 +113,9 @@ def test_results_of_a_simulated_machine_are_labelled(project: Path) -> None:
         ("M98 P77", "77"),
         ("G2 X10. F100.", "part.nc:1"),
         ("GOTO 7", "7"),
+        (f"G1 F100. X{'9' * 400}", "too large"),
+        ("N1\nGOTO 1", "does not come to its end"),
+        ("G83 Z-50. R2. Q0.00001 F100.", "pecks"),
         ("G1 F100. U5.", "U5."),
         ("\x00\xff", "part.nc:1"),
     ],
@@ -141,3 +144,32 @@ def test_an_empty_program_takes_no_time(project: Path) -> None:
     assert "no rows" in refused(
         project, "simulate", "part.nc", "--machine", "hurco", "--out", "t.parquet"
     )
+
+
+def test_a_program_is_never_written_over(project: Path) -> None:
+    before = (project / "part.nc").read_bytes()
+    for words in (["interpret", "--out"], ["simulate", "--machine", "hurco", "--json"],
+                  ["simulate", "--machine", "hurco", "--out"]):  # fmt: skip
+        assert "the program itself" in refused(
+            project, words[0], "part.nc", *words[1:], "../project/part.nc"
+        )
+    assert (project / "part.nc").read_bytes() == before
+
+
+def test_outputs_are_checked_before_anything_is_planned(project: Path) -> None:
+    for out, reason in ((".", "is a folder"), ("nowhere/m.csv", "does not exist")):
+        assert reason in refused(project, "interpret", "part.nc", "--out", out)
+        assert reason in refused(
+            project, "simulate", "part.nc", "--machine", "hurco", "--json", out
+        )
+
+
+def test_a_unit_that_is_none_is_refused_before_identification_too(project: Path) -> None:
+    said = refused(project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco99")
+    assert "hurco02, hurco04" in said
+
+
+def test_a_trace_beyond_all_measure_is_refused(project: Path) -> None:
+    (project / "part.nc").write_text("G21 G1 X99999999. F100.\nM30\n")
+    said = refused(project, "simulate", "part.nc", "--machine", "hurco", "--out", "t.parquet")
+    assert "positions" in said and not (project / "t.parquet").exists()

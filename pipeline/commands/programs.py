@@ -19,7 +19,17 @@ from pipeline.machine.nck import Plan
 from pipeline.parameters import structure
 from pipeline.twin.control import read_controls
 from pipeline.twin.program import planned_program
-from pipeline.twin.simulation import blocks, summary
+from pipeline.twin.simulation import blocks, summary, write_trace
+
+__all__ = [
+    "check_outputs",
+    "moves_table",
+    "read_moves",
+    "simulate_program",
+    "summary",
+    "write_summary",
+    "write_trace",
+]
 
 Share = Callable[[float], None]
 
@@ -64,6 +74,25 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     lines = max(len(program), 1)
     setup = replace(setup, folders=(*setup.folders, path.resolve().parent))
     return interpret(program, setup, lambda done: share(min(done / lines, 1.0)))
+
+
+def check_outputs(program: Path, *outputs: Path | None) -> None:
+    """Refuse files that cannot be written, or would replace the program.
+
+    Raises
+    ------
+    ValueError
+        With the file's name.
+    """
+    for path in outputs:
+        if path is None:
+            continue
+        if path.resolve() == program.resolve():
+            raise ValueError(f"{path} is the program itself: name another file to write")
+        if path.is_dir():
+            raise ValueError(f"{path} is a folder: name a file in it")
+        if not path.parent.is_dir():
+            raise ValueError(f"{path.parent} does not exist: make that folder first")
 
 
 def moves_table(moves: Moves) -> pd.DataFrame:
@@ -122,10 +151,15 @@ def _control(
     machine: str, sections: dict[str, Any], unit: str | None
 ) -> tuple[ControlParameters, bool]:
     found = DATA / "models" / machine / "control.json"
+    records = sections.get("control_records", {})
+    units = records.get("units", {})
+    if unit is not None and unit not in units:
+        raise ValueError(
+            f"{machine} has no unit {unit!r}: name one of {', '.join(units) or 'none'}"
+        )
     if found.exists():
         controls = read_controls(found)
-        default = sections.get("control_records", {}).get("default_unit", "")
-        name = default if unit is None else unit
+        name = records.get("default_unit", "") if unit is None else unit
         if name not in controls:
             known = ", ".join(repr(u) for u in sorted(controls))
             raise ValueError(f"{found} holds no unit {name!r}; there are {known}: name one of them")

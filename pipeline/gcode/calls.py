@@ -96,7 +96,7 @@ class Calls:
         level = self.here
         if number is not None and (len(self.levels) == 1 or level.left == 0):
             target = self.levels[-2] if len(self.levels) > 1 else level
-            found = target.source.numbered(number, 0)
+            found = target.source.numbered(number, max(target.line - 1, 0))
             if found is None:
                 raise self._error(line, jump)(f"N{number} to return to is not in the program")
             self._leave()

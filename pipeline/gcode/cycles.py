@@ -15,6 +15,8 @@ from pipeline.gcode.statements import WordItem
 
 LETTERS = "XYZ"
 STICKY = "QPIJK"
+MOST = 10_000
+"""Pecks of one hole."""
 LINUXCNC_WORDS = {
     730: "Q",
     740: "P",
@@ -117,6 +119,11 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
     if cycle.code in PECKING and not cycle.words.get("Q", 0.0) > 0:
         raise block.error(
             block.any_item(), f"{g_code(cycle.code)} has no depth of cut: add Q above 0"
+        )
+    if cycle.code in PECKING and cycle.words["R"] - cycle.words["Z"] > MOST * cycle.words["Q"]:
+        raise block.error(
+            block.items.get("Q") or block.any_item(),
+            f"a depth of cut of {cycle.words['Q']:g} mm makes more than {MOST} pecks: raise Q",
         )
     sticky_depth = cycle.words["Z"] > cycle.words["R"] and cycle.code != 870
     if sticky_depth:

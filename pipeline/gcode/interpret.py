@@ -83,6 +83,7 @@ class Interpreter:
         compiled: bool = True,
     ) -> None:
         self.setup, self.progress = setup, progress
+        self.limit = setup.block_limit + len(program)
         # the reader of Siemens lines remembers what it read: it has to read them all
         self.compiled = compiled and setup.dialect != "siemens"
         self.run = Run(setup, len(program) + SPARE)
@@ -200,10 +201,10 @@ class Interpreter:
 
     def _count(self, blocks: int, line: int) -> None:
         self.blocks += blocks
-        if self.blocks > self.setup.block_limit:
+        if self.blocks > self.limit:
             raise ErrorAt(self._file, line, 1, "block")(
-                f"more than {self.setup.block_limit} blocks were executed: end the loop, or raise "
-                "Setup.block_limit"
+                f"more than {self.limit} blocks were executed, the program does not come to its "
+                "end: end the loop, or raise setup.block_limit of the machine's file"
             )
         if self.progress is not None and self.blocks - self.reported >= REPORT_EVERY:
             self.reported = self.blocks

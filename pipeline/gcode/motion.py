@@ -114,5 +114,5 @@ def check_feed(run: Run, block: Block, code: int, item: WordItem | None) -> None
     if state.feed <= 0:
         raise block.error(
             item or block.any_item(),
-            f"{g_code(code)} has no feed (F is {state.feed:g}): give F above 0 before",
+            f"{g_code(code)} has no feed (F is {state.feed:g}): give F above 0",
         )

@@ -141,7 +141,7 @@ def machine_move(run: Run, block: Block, code: int, item: WordItem | None) -> No
     if not given:
         return
     if code == 10 and state.feed <= 0:
-        raise block.error(word, "G1 has no feed: give F before")
+        raise block.error(word, "G1 has no feed: give F above 0")
     run.pending_length = 0.0
     end = state.position.copy()
     for axis, value in given.items():

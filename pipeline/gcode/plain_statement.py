@@ -1,7 +1,7 @@
 """Statements of lines that hold nothing but letters and numbers, straight from their tokens."""
 
 from pipeline.gcode.program import Program
-from pipeline.gcode.statements import Number, Statement, WordItem
+from pipeline.gcode.statements import LARGEST, Number, Statement, WordItem
 from pipeline.gcode.words import Kind
 
 PLAIN = frozenset({Kind.WORD, Kind.BLANK, Kind.LINE_END})
@@ -34,6 +34,8 @@ def plain_statement(program: Program, line: int) -> Statement | None:
             continue
         begin, end = starts[index] - head, starts[index + 1] - head
         letter = text[begin].upper()
+        if not abs(values[index]) <= LARGEST:
+            return None  # the parser says why
         if letter in LETTERS:
             item = WordItem(letter, Number(values[index]), begin + 1, text[begin:end])
             words.append(item)

@@ -61,7 +61,7 @@ class Setup:
     block_skip : tuple of int
         Levels of ``/`` that are switched on (1 is the plain ``/``).
     block_limit : int
-        Blocks executed before a program counts as endless.
+        Blocks executed beyond its lines before a program counts as endless.
     arc_tolerance : float
         Radius at the end of an arc less the one at its start, on a Fanuc [mm].
     length_moves : bool
@@ -85,7 +85,7 @@ class Setup:
     parameters: Mapping[int | str, float] = field(default_factory=dict)
     folders: tuple[Path, ...] = ()
     block_skip: tuple[int, ...] = ()
-    block_limit: int = 10_000_000
+    block_limit: int = 1_000_000
     arc_tolerance: float = 0.05
     length_moves: bool = True
     peck_clearance: float = 0.254

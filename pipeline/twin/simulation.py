@@ -143,6 +143,10 @@ def blocks(plan: Plan) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
+MOST = 50_000_000
+"""Positions of a trace."""
+
+
 def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None = None) -> int:
     """Write time [s], position [mm, deg], row and line at the interpolation period to Parquet.
 
@@ -168,6 +172,12 @@ def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None
     ValueError
         When the program has no rows.
     """
+    period = plan.path.control.interpolation_period
+    if plan.total > MOST * period:
+        raise ValueError(
+            f"{plan.total:.0f} s at {period} s are more than {MOST} positions: write the trace of "
+            "a shorter program, or raise control.interpolation_period"
+        )
     moves = plan.path.moves
     axes = [i for i in range(6) if (moves.end[:, i] != moves.origin[i]).any()] or [0]
     written = 0

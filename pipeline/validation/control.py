@@ -35,6 +35,12 @@ class ControlLimits:
 
     total_percent: float = 5.0
 
+    def __post_init__(self) -> None:
+        if not self.total_percent >= 0:
+            raise ValueError(
+                f"control_limits.total_percent = {self.total_percent} must be at least 0"
+            )
+
 
 def control_verdict(
     matches: Sequence[Match],

@@ -149,7 +149,7 @@ def test_percent_ends_a_file():
         ("O1\nG0 X1\nO2\nG0 X2", "runs into the next"),
         ("M98 P1\nM30\nO1\nM98 P1\nM99", "100 levels"),
         ("G65 A1", "which macro"),
-        ("N1 GOTO 1", "more than 5000 blocks"),
+        ("N1 GOTO 1", "more than 5001 blocks"),
         ("G0 X[1/0]", "1 / 0"),
         ("#1=SQRT[-1]", "SQRT of -1"),
         ("#9999=1", "#9999 cannot be written"),
@@ -161,3 +161,9 @@ def test_flow_that_leads_nowhere_is_said(text, words):
     said = refusal(text, block_limit=5000)
     assert words in said
     assert said.startswith("P:")
+
+
+@pytest.mark.parametrize("head", ["", "O1\n"])
+def test_m99_p_returns_to_a_block_of_the_caller(head: str) -> None:
+    text = head + "G21G90\nM98P2\nG1X1.F100\nN50 G1X2.F100\nM30\nO2\nG1X9.F100\nM99P50\n"
+    assert xs(text) == [9, 2]

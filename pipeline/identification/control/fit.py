@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from pipeline.identification.control.free import Free, control_of, free_parameters
 from pipeline.identification.control.rates import Rate, rapid_rates
-from pipeline.identification.control.search import Optimum, SearchSettings, optimum
+from pipeline.identification.control.search import (
+    Optimum,
+    Residuals,
+    SearchSettings,
+    check_positive,
+    optimum,
+)
 from pipeline.identification.control.segments import Observed, clusters
 from pipeline.identification.least_squares import Certainty, certainty
 from pipeline.machine.control import ControlParameters
@@ -43,6 +49,15 @@ class ControlFitSettings(SearchSettings):
     shortest_s: float = 1.0
     scales_s: tuple[float, ...] = (3.0, 0.8, 0.2)
     widest: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive("control_fit.shortest_s", self.shortest_s)
+        check_positive("control_fit.widest", self.widest)
+        if not self.scales_s:
+            raise ValueError("control_fit.scales_s is empty: name one scale of residuals at least")
+        for scale in self.scales_s:
+            check_positive("control_fit.scales_s", scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,24 +132,37 @@ def identify_control(
         controls = {unit: control_of(start, free, values, unit) for unit in units}
         return measured - np.concatenate([planned(o, controls[o.unit]) for o in observed])
 
-    blocks = clusters(observed)
-    values = np.array([one.start for one in free])
     rates = _rates(observed, free, units)
-    values[list(rates)] = [rate.value for rate in rates.values()]
-    active = ~np.isin(np.arange(len(free)), list(rates))
+    begin = np.array([one.start for one in free])
+    begin[list(rates)] = [rate.value for rate in rates.values()]
+    fitted = ~np.isin(np.arange(len(free)), list(rates))
+    found, active, sure = _determined(residuals, free, begin, fitted, clusters(observed), settings)
+    if not active.any():
+        raise ValueError(
+            f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
+            "control: log more runs of programs"
+        )
+    control = {unit: control_of(start, free, found.values, unit) for unit in units}
+    return _fit(free, found, rates, active, sure, control, settings.scales_s[-1])
+
+
+def _determined(
+    residuals: Residuals, free: Sequence[Free], begin: Floats, active: Flags,
+    blocks: NDArray[np.int64], settings: ControlFitSettings,
+) -> tuple[Optimum, Flags, Certainty]:  # fmt: skip
+    """The optimum of what the logs determine of the ``active`` parameters, and which these are."""
+    values = begin
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
         found = optimum(residuals, free, values, active, scale, settings)
         values = found.values
-    while (loose := _loosest(free, found, _sure(found, blocks), active, settings)).any():
+    sure = _sure(found, blocks)
+    while (loose := _loosest(free, found, sure, active, settings)).any():
         active = active & ~loose
         if not active.any():
-            raise ValueError(
-                f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
-                "control: log more runs of programs"
-            )
+            break
         found = optimum(residuals, free, found.values, active, settings.scales_s[-1], settings)
-    control = {unit: control_of(start, free, found.values, unit) for unit in units}
-    return _fit(free, found, rates, active, _sure(found, blocks), control, settings.scales_s[-1])
+        sure = _sure(found, blocks)
+    return found, active, sure
 
 
 def _rates(

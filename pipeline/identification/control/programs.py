@@ -110,7 +110,8 @@ def _alike(programs: Sequence[Moves]) -> bool:
     """Whether programs are copies of one another."""
     first = programs[0]
     return all(
-        np.array_equal(other.kind, first.kind)
+        np.array_equal(other.line, first.line)
+        and np.array_equal(other.kind, first.kind)
         and np.array_equal(other.end, first.end)
         and np.array_equal(other.feed, first.feed)
         for other in programs[1:]

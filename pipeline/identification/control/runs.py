@@ -5,7 +5,7 @@ shorter than the polling interval are passed over.  A run lasts from the control
 to its completing or stopping; what the operator held it for within is listed, not removed.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,13 +14,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.identification.control.spans import Span
+from pipeline.identification.control.execution import Activity, activities
 
 Floats = NDArray[np.float64]
-
-ACTIVE = frozenset({"ACTIVE"})
-HELD = frozenset({"FEED_HOLD", "INTERRUPTED", "OPTIONAL_STOP", "PROGRAM_OPTIONAL_STOP", "WAIT"})
-COMPLETED = frozenset({"PROGRAM_COMPLETED"})
 
 SIGNALS = (
     "execution", "line", "path_feedrate", "spindle_speed", "feed_override", "rapid_override",
@@ -62,26 +58,6 @@ class Series:
 
 
 UNSAID = Series(time=np.empty(0), value=np.empty(0))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Activity:
-    """From becoming active to completing or stopping.
-
-    Parameters
-    ----------
-    start, end : float
-        When the control became active and when it ceased to be, in the recording's time [s].
-    completed : bool
-        Whether the program ran to its end.
-    held : tuple of (float, float)
-        Spans in which the control said that it was held [s].
-    """
-
-    start: float
-    end: float
-    completed: bool
-    held: tuple[Span, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,44 +160,6 @@ def _series(table: pd.DataFrame, seconds: Floats, item: str | None) -> Series:
     value = table["number"].to_numpy(dtype=np.float64)[rows]
     known = np.isfinite(value)
     return Series(time=seconds[rows][known], value=value[known])
-
-
-def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activity]:
-    """What the words of a control's execution come to.
-
-    Parameters
-    ----------
-    said : iterable of (float, str)
-        When [s], and the word.
-    end : float
-        Of the recording [s].
-
-    Yields
-    ------
-    Activity
-        All of the recording when no word was said: the control may say nothing of its execution.
-    """
-    said = list(said)
-    start: float | None = None if said else 0.0
-    since: float | None = None  # when it was held
-    held: list[Span] = []
-    for time, word in said:
-        if start is None:
-            start = time if word in ACTIVE else None
-            continue
-        if word in HELD:
-            since = time if since is None else since
-            continue
-        if since is not None:
-            held.append((since, time))
-            since = None
-        if word not in ACTIVE:
-            yield Activity(start=start, end=time, completed=word in COMPLETED, held=tuple(held))
-            start, held = None, []
-    if start is not None:
-        if since is not None:
-            held.append((since, end))
-        yield Activity(start=start, end=end, completed=False, held=tuple(held))
 
 
 def _run(series: Mapping[str, Series], recording: str, number: int, active: Activity) -> Run:

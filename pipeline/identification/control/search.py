@@ -30,6 +30,22 @@ class SearchSettings:
     step: float = 0.02
     evaluations: int = 60
 
+    def __post_init__(self) -> None:
+        for name in ("loose_s", "step", "evaluations"):
+            check_positive(f"control_fit.{name}", getattr(self, name))
+
+
+def check_positive(name: str, value: float) -> None:
+    """Refuse a setting that is not positive.
+
+    Raises
+    ------
+    ValueError
+        With its name and value.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise ValueError(f"{name} = {value} must be finite and positive")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Optimum:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.gcode.moves import Kind
 from pipeline.identification.control.fit import ControlFitSettings, identify_control, planned
 from pipeline.identification.control.free import control_of, free_parameters
 from pipeline.identification.control.rates import rapid_rates
@@ -157,7 +158,8 @@ def test_units_have_their_own_rapids_and_corners_and_share_the_rest(part, tmp_pa
     rates = {name: v[0] for name, v in named(fit).items() if name.startswith("rapid_speed")}
     assert rates["rapid_speed X@one"] == pytest.approx(24000, rel=0.002)
     assert rates["rapid_speed X@two"] == pytest.approx(12000, rel=0.002)
-    assert fit.control["two"].axes["Z"].rapid_speed == pytest.approx(12000, rel=0.002)
+    assert fit.control["two"].axes["X"].rapid_speed == pytest.approx(12000, rel=0.002)
+    assert fit.control["one"].axes["X"].rapid_speed == pytest.approx(24000, rel=0.002)
     assert fit.control["one"].auxiliary == fit.control["two"].auxiliary
 
 
@@ -174,6 +176,36 @@ def test_short_rapids_tell_no_rate(tmp_path):
     moves = moves_of(["G21 G90", *rapids((5, 8, 10)), "M30"], tmp_path)
     assert rapid_rates(logged(moves, tmp_path, 7)) == {}
     assert rapid_rates([]) == {}
+
+
+def test_a_line_of_several_rapids_tells_no_rate(tmp_path):
+    """Drilling: over the hole, then down to R, in one line; no poll tells which of them it saw."""
+    holes = [f"G81 X{400 * (k % 2)} Z-5 R100 F5000" for k in range(1, 9)]
+    moves = moves_of(["G21 G90 G94 G98", *holes, "G80", "M30"], tmp_path)
+    assert (np.bincount(moves.line[moves.kind == Kind.RAPID]) > 1).any()
+    assert rapid_rates(logged(moves, tmp_path, 3)) == {}
+
+
+def test_waits_that_the_log_does_not_tell_are_outliers(part, tmp_path):
+    """Half a minute in each of three stretches, while the control says that it is active."""
+    clean = logged(part, tmp_path, 0)
+    waited = clean[0].measured.copy()
+    waited[[20, 60, 100]] += 30.0
+    fit = identify_control([replace(clean[0], measured=waited), clean[1]], start(), SETTINGS)
+    undisturbed = named(identify_control(clean, start(), SETTINGS))
+    assert named(fit).keys() >= undisturbed.keys() - {"rapid_acceleration XY"}
+    for name in ("tool_change", "m_code", "cutting_acceleration XYZ", "spindle_acceleration"):
+        value, low, high = undisturbed[name]
+        assert abs(named(fit)[name][0] - value) < high - low
+
+
+def test_a_parameter_that_no_machine_has_is_not_determined(part, tmp_path):
+    """Slower than what the search allows: it ends at its bound, which is no value."""
+    lame = replace(
+        truth(), axes={a: replace(x, cutting_acceleration=12.0) for a, x in truth().axes.items()}
+    )  # fmt: skip
+    fit = identify_control(logged(part, tmp_path, 1, control=lame), start(), SETTINGS)
+    assert "cutting_acceleration XYZ" not in named(fit)
 
 
 def test_without_a_run_there_is_one_sentence(part, tmp_path):
@@ -208,3 +240,13 @@ def test_a_lathe_without_y_has_no_y_to_find():
     assert "rapid_speed X" in names and "rapid_acceleration X" in names
     assert not any("Y" in name for name in names)
     assert "corner_jump XZ" in names
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("step", 0.0), ("loose_s", -1.0), ("evaluations", 0), ("shortest_s", float("nan")),
+     ("widest", 0.0), ("scales_s", (0.2, 0.0)), ("scales_s", ())],
+)  # fmt: skip
+def test_settings_out_of_range_are_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=rf"^control_fit.{name} "):
+        ControlFitSettings(**{name: value})

@@ -180,3 +180,17 @@ def test_readings_count_only_where_the_feed_stays_and_its_line_is_cut(moves, tmp
     # of the readings that agree with the one before, all but those on the way up are the feed
     assert np.mean(np.abs(ratio - 1) < EXACT) > 0.95
     assert len(lines) > 100
+
+
+def test_a_reading_that_is_older_than_its_line_does_not_count(tmp_path):
+    """The line of the cut is shown at 4 s while the speed is still that of the rapid before."""
+    moves = moves_of(["G21 G90 G94", "G0 X100", "G1 X180 F600"], tmp_path)
+    rapid, cut = 20.0, 10.0  # mm/s
+    run = replace(
+        LINE_RUN,
+        line=Series(time=np.array([0.0, 4.0]), value=np.array([2.0, 3.0])),
+        feed=Series(time=np.array([0.0, 4.25, 9.0]), value=np.array([rapid, cut, cut])),
+    )
+    lines, ratio = steady_ratios(run, moves)
+    assert set(lines.tolist()) == {3}
+    np.testing.assert_allclose(ratio, 1.0, rtol=1e-12)

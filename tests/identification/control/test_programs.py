@@ -180,6 +180,22 @@ def test_tool_changes_stand_at_the_line_that_was_shown_without_a_tool():
     assert tool_changes(run) == [(12, 7), (15, 8)]  # T8: no poll saw the empty spindle
 
 
+def test_a_section_whose_first_line_is_unknown_is_no_section():
+    """T1 was seen before any line; from 0 to T2 there are as many lines as between T1 and T2."""
+    changes = [1, 14, 27]  # in the program
+    lines, seen = np.array([2.0, 13.0, 20.0, 26.0, 38.0]), [0.5, 2.1, 4.1]
+    run = Run(
+        recording="log", number=1, start=0.0, end=9.0, completed=True,
+        line=Series(time=np.arange(1.0, 6.0), value=lines),
+        tool=Series(time=np.array(seen), value=np.array([1.0, 2.0, 3.0])),
+    )  # fmt: skip
+    assert [line for line, _ in tool_changes(run)] == [0, 13, 26]
+    found = match(run, SMALL)
+    assert [(s.first, s.shift) for s in found.sections] == [(13, -1), (26, -1)]
+    rows = SMALL["small"].kind == Kind.TOOL_CHANGE
+    assert SMALL["small"].line[rows].tolist() == changes
+
+
 NUMBERS = st.lists(st.integers(-1, 60), min_size=2, max_size=30)
 
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.identification.control.runs import Series, activities, read_runs
+from pipeline.identification.control.execution import activities
+from pipeline.identification.control.runs import Series, read_runs
 from pipeline.identification.control.spans import joined, stopped_within
 from tests.identification.control.polled_logs import ITEMS, write_log
 
