@@ -138,10 +138,10 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
-    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=("mill",))
+    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=("mill",), controls=("mill",))
     assert missing(fleet, "mill") == []
-    ((what, record),) = missing(fleet, "lathe")
-    assert "thermal model" in what
-    assert "temperature" in record
+    heat, control = missing(fleet, "lathe")
+    assert "thermal model" in heat[0] and "temperature" in heat[1]
+    assert "control" in control[0] and "the programs" in control[1]
     with pytest.raises(ValueError, match=r"fleet\.spindles names \['saw'\].*add it there"):
         Fleet(name="two", machines=("mill",), spindles=("saw",))
