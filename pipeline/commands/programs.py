@@ -17,7 +17,7 @@ from pipeline.gcode.setup import Setup
 from pipeline.machine.control import ControlParameters
 from pipeline.machine.nck import Plan
 from pipeline.parameters import structure
-from pipeline.twin.control import read_controls
+from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.program import planned_program
 from pipeline.twin.simulation import blocks, summary, write_trace
 
@@ -103,8 +103,8 @@ def moves_table(moves: Moves) -> pd.DataFrame:
     }
     for i, axis in enumerate(AXES):
         table[f"{axis.lower()}_{'mm' if i < 3 else 'deg'}"] = moves.end[:, i]
-    for i, axis in enumerate("ijk"):
-        table[f"centre_{'xyz'[i]}_mm"] = moves.centre[:, "ijk".index(axis)]
+    for i, axis in enumerate("xyz"):
+        table[f"centre_{axis}_mm"] = moves.centre[:, i]
     table |= {
         "angle_deg": np.degrees(moves.angle),
         "plane": [f"G{p}" for p in moves.plane.tolist()],
@@ -158,12 +158,8 @@ def _control(
             f"{machine} has no unit {unit!r}: name one of {', '.join(units) or 'none'}"
         )
     if found.exists():
-        controls = read_controls(found)
         name = records.get("default_unit", "") if unit is None else unit
-        if name not in controls:
-            known = ", ".join(repr(u) for u in sorted(controls))
-            raise ValueError(f"{found} holds no unit {name!r}; there are {known}: name one of them")
-        return controls[name], True
+        return control_of_unit(read_controls(found), name), True
     if "control" not in sections:
         raise ValueError(
             f"conf/machine/{machine}.yaml has no section control and none was identified: "

@@ -5,7 +5,7 @@ from pathlib import Path
 from pipeline.gcode.setup import Setup
 from pipeline.identification.control.records import ControlRecords
 from pipeline.signals.ingest import MachineIdentity
-from pipeline.twin.control import read_controls
+from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.program_files import simulate_files
 
 
@@ -19,6 +19,6 @@ def simulate_programs(
     control_records: ControlRecords,
 ) -> None:
     """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
-    control = read_controls(model)[control_records.default_unit]
+    control = control_of_unit(read_controls(model), control_records.default_unit)
     files = control_records.shown(raw)
     simulate_files(files, raw, control, setup, programs, identity.name, identity.origin)

@@ -1,6 +1,7 @@
 """An identified control as it is stored."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import cattrs
@@ -25,6 +26,23 @@ def read_controls(path: Path) -> dict[str, ControlParameters]:
         raise ValueError(
             f"{path} is no identified control ({type(error).__name__}): run `dvc repro` to write it"
         ) from error
+
+
+def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> ControlParameters:
+    """The control that was identified for ``unit``.
+
+    Raises
+    ------
+    ValueError
+        When none was; the message names those there are.
+    """
+    if unit not in controls:
+        known = ", ".join(repr(name) for name in sorted(controls)) or "none"
+        raise ValueError(
+            f"no control was identified for unit {unit!r}, there are {known}: "
+            "name one of them, or let it learn from a run of that unit"
+        )
+    return controls[unit]
 
 
 _OTHER_FORMS = (

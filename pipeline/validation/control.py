@@ -15,6 +15,7 @@ from pipeline.identification.control.spans import stopped_within
 from pipeline.machine.control import ControlParameters
 from pipeline.machine.spindle import CUTTING
 from pipeline.signals.ingest import MachineIdentity
+from pipeline.twin.control import control_of_unit
 from pipeline.twin.program import planned_program
 
 Floats = NDArray[np.float64]
@@ -70,7 +71,11 @@ def control_verdict(
     limits : ControlLimits
         What the others are judged by.
     """
-    rows = [_run(one, controls[one.unit], records) for match, one in observed if match.whole]
+    rows = [
+        _run(one, control_of_unit(controls, one.unit), records)
+        for match, one in observed
+        if match.whole
+    ]
     errors = [abs(r["error_percent"]) for r in _judged(rows)]
     return {
         "machine": identity.name,

@@ -14,7 +14,7 @@ from pipeline.signals.ingest import MachineIdentity
 
 FITTED = "bounded least squares (soft L1) on the durations of blocks in logs of line numbers"
 TOLD = "steady speeds in rapids"
-NOT_DETERMINED = "not determined by these runs; as in conf/machine/"
+NOT_DETERMINED = "not determined by these runs; kept near its value in conf/machine/"
 
 
 def control_document(

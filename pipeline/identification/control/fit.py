@@ -6,7 +6,7 @@ the operator that the log does not tell are outliers (soft L1).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +77,7 @@ class ControlFit:
     told : ndarray of bool, shape (D,)
         Whether it was read from logged speeds, not fitted to durations.
     control : dict of str to ControlParameters
-        Of each unit; what is not determined as it was at the start.
+        Of each unit; what is not determined near its start, where a weak pull left it.
     sure : Certainty
         Of those fitted to durations, on the scale of the search.
     rmse_s : float
@@ -181,7 +181,25 @@ def _rates(
 def _sure(found: Optimum, blocks: NDArray[np.int64]) -> Certainty:
     """Of the optimum, each residual weighted as the loss did; on the scale of the search."""
     weight = (1 + found.residuals**2) ** -0.25  # square root of soft L1's derivative
-    return certainty(found.jacobian * weight[:, None], found.residuals * weight, blocks)
+    jacobian, residuals = found.jacobian * weight[:, None], found.residuals * weight
+    sure = certainty(jacobian, residuals, blocks)
+    noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
+    half_width = np.maximum(sure.half_width, _textbook_half_width(jacobian, noise))
+    return replace(sure, half_width=half_width)
+
+
+def _textbook_half_width(jacobian: Floats, noise: float) -> Floats:
+    """Half of the 95 % interval if residuals were independent; shape (S,).
+
+    Where two parameters do the same to few stretches, clustered residuals have no part along their
+    difference and would call it certain.
+    """
+    length = np.linalg.norm(jacobian, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
+    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
+    half_width: Floats = 2 * noise * spread / length
+    return half_width
 
 
 def _loosest(
