@@ -45,6 +45,8 @@ class Answer:
         Of each arc: centre in its plane (machine) [mm], angle [rad], plane.
     dwell : float
         Sum [s].
+    probed : bool
+        It probed: then its stand-in for a machine backs away by 0.01 inch, which none does.
     """
 
     error: str
@@ -53,6 +55,7 @@ class Answer:
     lengths: np.ndarray
     arcs: np.ndarray
     dwell: float
+    probed: bool
 
 
 class Oracle:
@@ -64,7 +67,7 @@ class Oracle:
         For its files.
     tools : mapping
         Number -> length, diameter [mm].
-    subroutines : iterable of Path
+    subroutines : sequence of Path
         Searched for subprograms.
     """
 
@@ -79,7 +82,10 @@ class Oracle:
             for n, (length, diameter) in (tools or {}).items()
         ]
         (folder / "tool.tbl").write_text("".join(lines))
-        paths = ":".join(map(str, subroutines))
+        # a line of the ini file has at most 255 characters: short names, wherever the folders lie
+        for number, subroutine in enumerate(subroutines):
+            (folder / f"s{number}").symlink_to(Path(subroutine).resolve())
+        paths = ":".join(f"s{number}" for number in range(len(subroutines)))
         (folder / "rs274.ini").write_text(f"[RS274NGC]\nSUBROUTINE_PATH = {paths}\n")
 
     def ask(self, program: Path) -> Answer:
@@ -108,6 +114,7 @@ class Oracle:
             lengths=np.array(path.lengths),
             arcs=np.array(path.arcs).reshape(-1, 4),
             dwell=path.dwell,
+            probed=b"STRAIGHT_PROBE" in done.stdout,
         )
 
     def ask_text(self, text: str) -> Answer:

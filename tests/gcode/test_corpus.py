@@ -108,11 +108,11 @@ def test_positions_are_rs274s(tmp_path):
     for path in _programs():
         tools = _tools(path)
         answer = oracles["tools" if tools is TOOLS else "bare"].ask(path)
-        if answer.error or _refusal(path):
+        if answer.error or answer.probed or _refusal(path):
             continue
         assert_same(interpret(read_program(path), _setup(tools)), answer)
         same.append(path.name)
-    assert len(same) >= 53
+    assert len(same) >= 52
 
 
 @with_oracle
@@ -137,10 +137,10 @@ def test_subroutines_with_their_defaults_are_rs274s(tmp_path):
                 moves = interpret(parse_program(caller.encode(), "caller"), _setup(BARE))
             except GcodeError:
                 continue
-            if not answer.error:
+            if not (answer.error or answer.probed):
                 assert_same(moves, answer)
                 same[path.name] += 1
-    assert sum(same.values()) >= 46
+    assert sum(same.values()) >= 62
 
 
 NIST_BOX = {
