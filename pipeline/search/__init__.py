@@ -1,0 +1,1 @@
+"""Searches for the least cost that ask for no gradient: arrays and bounds only."""
