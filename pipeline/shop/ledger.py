@@ -66,6 +66,7 @@ class Ledger:
     thermocouples: dict[str, Any] = field(default_factory=dict)
     heat: dict[str, float] = field(default_factory=dict)
     control: dict[str, Any] = field(default_factory=dict)
+    drives: dict[str, Any] = field(default_factory=dict)
 
 
 def stamp(start: np.datetime64, seconds: float, digits: int = 3) -> str:
@@ -89,6 +90,7 @@ def write_truth(path: Path, parameters: ShopParameters, ledger: Ledger) -> None:
         "cycles": [_cycle(c, start, ledger.unobserved) for c in ledger.cycles],
         "heat": ledger.heat,
         "control": ledger.control,
+        "drives": ledger.drives,
         "thermocouples": ledger.thermocouples,
         "log": {
             "counts": {

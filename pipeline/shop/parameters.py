@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.shop.control_parameters import ControlParameters
+from pipeline.shop.drive_parameters import Drives
 from pipeline.shop.ranges import Ranged, quantity
 from pipeline.shop.spindle_parameters import SpindleParameters
 
@@ -112,6 +113,7 @@ class ShopParameters(Ranged):
     log: LogParameters = field(default_factory=LogParameters)
     logger: LoggerParameters = field(default_factory=LoggerParameters)
     control: ControlParameters = field(default_factory=ControlParameters)
+    drives: Drives = field(default_factory=Drives)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,6 +8,7 @@ from pipeline.shop.agent_log import Log, write_day
 from pipeline.shop.air import ambient_temperature, of_day
 from pipeline.shop.control_records import write_control
 from pipeline.shop.devices import write_devices
+from pipeline.shop.drive_records import write_drives
 from pipeline.shop.ledger import Ledger, stamp, write_truth
 from pipeline.shop.measured import lived, new_machine
 from pipeline.shop.parameters import DAY, ShopParameters
@@ -23,8 +24,9 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     ----------
     out : Path
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
-        ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``.  Made if it is
-        missing; files of the same names are replaced.
+        ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
+        ``servo/<trace>.csv``, ``motor/<trace>.csv``.  Made if it is missing; files of the same
+        names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``.
     parameters : ShopParameters
@@ -52,6 +54,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     write_thermocouples(out / "thermocouples", np.concatenate(recorder.felt), parameters, ledger)
     write_devices(out / "Devices.xml", parameters)
     ledger.control = write_control(out, parameters)
+    ledger.drives = write_drives(out, parameters)
     ledger.heat = {
         "generated_J": round(machine.generated), "to_air_J": round(machine.to_air),
         "to_chiller_J": round(machine.to_chiller),
