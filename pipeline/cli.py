@@ -220,6 +220,13 @@ def simulate(
     for tool in document["by_tool"]:
         name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
         typer.echo(f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s")
+    for axis in simulated.axes:
+        typer.echo(
+            f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
+            f"{axis['max_following_um']:>10.1f} um in line {axis['at_line']}, "
+            f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
+            f"{axis['command_unit']}"
+        )
 
 
 def main() -> None:

@@ -50,6 +50,34 @@ def test_interpret_writes_a_row_a_move_in_mm(project: Path) -> None:
     assert f"{len(moves)} moves" in done.stdout
 
 
+def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
+    """Where drives were identified; without, nothing is said of them."""
+    assert "behind" not in kerf(project, "simulate", "part.nc", "--machine", "hurco").stdout
+    way = {"coulomb": 100.0, "static": 120.0, "stribeck_velocity": 0.005, "viscous": 300.0}
+    axis = {
+        "command_unit": "A", "force_unit": "N", "fit": {},
+        "drive": {
+            "servo": {"position_gain": 40.0, "velocity_gain": 600.0, "integral_gain": 30000.0},
+            "feed_drive": {"mass": 800.0, "force_constant": 400.0,
+                           "friction": {"positive": way, "negative": way}},
+        },
+    }  # fmt: skip
+    folder = project / "data/models/hurco"
+    folder.mkdir(parents=True)
+    (folder / "drive.json").write_text(json.dumps({"axes": {"X": axis}}))
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    assert done.exit_code == 0, done.output
+    (told,) = json.loads((project / "times.json").read_text())["axes"]
+    # X moves at 1200 mm/min, in no rapid: speed over loop gain
+    assert told["max_following_um"] == pytest.approx(1200e3 / 60 / 40, rel=0.01)
+    assert told["at_line"] in (8, 9, 10)
+    assert told["axis"] == "X" and told["command_unit"] == "A" and told["max_command"] > 0
+    assert "X behind by up to" in done.stdout
+    (folder / "drive.json").write_text("{")
+    said = refused(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "drive.json holds no identified drives" in said and "dvc repro" in said
+
+
 def test_inch_programs_and_offsets_end_in_machine_millimetres(project: Path) -> None:
     text = PART.replace("G21", "G20").replace("N30 G0", "N25 G10 L2 P1 X1.\nN30 G0")
     (project / "inch.nc").write_text(text)

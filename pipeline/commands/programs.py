@@ -18,10 +18,12 @@ from pipeline.machine.control import ControlParameters
 from pipeline.machine.nck import Plan
 from pipeline.parameters import structure
 from pipeline.twin.control import control_of_unit, read_controls
+from pipeline.twin.drive_file import read_drives
 from pipeline.twin.program import planned_program
 from pipeline.twin.simulation import blocks, summary, write_trace
 
 __all__ = [
+    "axes_table",
     "check_outputs",
     "moves_table",
     "read_moves",
@@ -36,11 +38,15 @@ Share = Callable[[float], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Simulated:
-    """A program on a machine, and whose control it was: identified, or as in conf/machine/."""
+    """A program on a machine, and whose control it was: identified, or as in conf/machine/.
+
+    ``axes`` is what each axis makes of it; empty where no drives were identified.
+    """
 
     plan: Plan
     identified: bool
     origin: str
+    axes: list[dict[str, Any]]
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
@@ -144,7 +150,37 @@ def simulate_program(path: Path, machine: str, unit: str | None, share: Share) -
     control, identified = _control(machine, sections, unit)
     moves = read_moves(path, machine_setup(machine, None), share)
     origin = str(sections["identity"].get("origin", "recorded"))
-    return Simulated(plan=planned_program(moves, control), identified=identified, origin=origin)
+    plan = planned_program(moves, control)
+    return Simulated(
+        plan=plan, identified=identified, origin=origin, axes=axes_table(plan, machine)
+    )
+
+
+def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
+    """Following error [um] and command of each axis whose drive was identified, in air.
+
+    Raises
+    ------
+    ValueError
+        When the program is too long to be followed.
+    """
+    from pipeline.twin.program_axes import follow_program
+
+    found = DATA / "models" / machine / "drive.json"
+    if not found.exists():
+        return []
+    lines = plan.path.moves.line
+    return [
+        {
+            "axis": letter,
+            "max_following_um": round(float(abs(one.error[one.worst])) * 1e6, 3),
+            "at_line": int(lines[one.row[one.worst]]),
+            "rms_following_um": round(one.rms_error * 1e6, 3),
+            "max_command": round(float(np.abs(one.command).max()), 3),
+            "command_unit": one.command_unit,
+        }
+        for letter, one in follow_program(plan, read_drives(found)).items()
+    ]
 
 
 def _control(
@@ -175,6 +211,7 @@ def write_summary(simulated: Simulated, path: Path, name: str, machine: str) -> 
         "machine": machine,
         "origin": simulated.origin,
         "control": "identified" if simulated.identified else "conf/machine",
+        "axes": simulated.axes,
         "blocks": blocks(simulated.plan),
     }
     path.write_text(json.dumps(document, indent=1) + "\n")

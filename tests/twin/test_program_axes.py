@@ -1,0 +1,90 @@
+"""A program on axes: what is far behind, where, against the closed form of the lag."""
+
+import numpy as np
+import pytest
+
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.program import parse_program
+from pipeline.gcode.setup import Setup
+from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.feed_drive import FeedDriveParameters
+from pipeline.machine.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.servo import ServoParameters
+from pipeline.twin.drive_file import IdentifiedDrive
+from pipeline.twin.program import planned_program
+from pipeline.twin.program_axes import between, follow_program
+
+GAIN, FEED = 40.0, 3000.0
+PROGRAM = b"G21 G90 G94\nG1 X200 F3000\nY20 F600\nG4 P500\nM30\n"
+AXIS = AxisParameters(
+    rapid_speed=20000, cutting_speed=15000, rapid_acceleration=2000, cutting_acceleration=2000,
+    arc_acceleration=1000, corner_jump=0,
+)  # fmt: skip
+
+
+def drive(**servo: float) -> IdentifiedDrive:
+    one = DirectionFriction(coulomb=100.0, static=120.0, viscous=500.0)
+    return IdentifiedDrive(
+        feed_drive=FeedDriveParameters(
+            mass=800.0, force_constant=400.0,
+            friction=FrictionParameters(positive=one, negative=one),
+        ),
+        servo=ServoParameters(
+            position_gain=GAIN, velocity_gain=600.0, integral_gain=30000.0, **servo
+        ),
+        command_unit="A", force_unit="N",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def plan():
+    moves = interpret(parse_program(PROGRAM, "lag"), Setup())
+    return planned_program(moves, ControlParameters(axes={"X": AXIS, "Y": AXIS, "Z": AXIS}))
+
+
+def test_at_constant_feed_an_axis_is_behind_by_speed_over_loop_gain(plan) -> None:
+    found = follow_program(plan, {"X": drive(), "Y": drive()})
+    for letter, feed in (("X", FEED), ("Y", 600.0)):
+        expected = feed / 60e3 / GAIN
+        one = found[letter]
+        # most of the way is run at constant feed: there the integral leaves nothing but the lag
+        steady = np.abs(one.error - expected) < 1e-6
+        assert steady.sum() > 500
+    # the command there is friction over the force constant
+    x = found["X"]
+    middle = int(np.argmin(np.abs(x.time - 2.0)))
+    assert x.command[middle] == pytest.approx((100 + 500 * FEED / 60e3) / 400, rel=1e-4)
+
+
+def test_the_worst_place_is_a_row_that_moves_the_axis(plan) -> None:
+    found = follow_program(plan, {"X": drive(), "Y": drive()})
+    lines = plan.path.moves.line
+    assert [int(lines[found[a].row[found[a].worst]]) for a in "XY"] == [2, 3]
+
+
+def test_feed_forward_takes_the_lag_away(plan) -> None:
+    behind = follow_program(plan, {"X": drive()})["X"]
+    ahead = follow_program(plan, {"X": drive(velocity_feedforward=1.0)})["X"]
+    assert ahead.rms_error < 0.05 * behind.rms_error
+
+
+def test_axes_that_stand_or_have_no_servo_are_left_out(plan) -> None:
+    bare = IdentifiedDrive(
+        feed_drive=drive().feed_drive, servo=None, command_unit="A", force_unit="N"
+    )
+    assert list(follow_program(plan, {"X": bare, "Z": drive(), "Y": drive()})) == ["Y"]
+
+
+def test_a_program_too_long_to_be_held_is_one_sentence(plan, monkeypatch) -> None:
+    monkeypatch.setattr("pipeline.twin.program_axes.MOST", 100)
+    with pytest.raises(ValueError, match="more than 100 positions: simulate a shorter program"):
+        follow_program(plan, {"X": drive()})
+
+
+def test_between_goes_through_the_samples_and_follows_a_parabola() -> None:
+    t = np.arange(50.0)
+    fine = between(t**2, 4)
+    np.testing.assert_array_equal(fine[::4], t**2)
+    np.testing.assert_allclose(fine[:-4], (np.arange(196) / 4) ** 2, atol=1e-9)
+    np.testing.assert_array_equal(between(t, 1), t)
+    np.testing.assert_array_equal(between(np.array([3.0]), 4), [3.0] * 4)
