@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.report.control_verdict import worst_error
+from pipeline.report.drive_units import in_shop_units
+from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import NOT_KNOWN, moment, number, real
 from pipeline.report.sources import dig, objects_of
@@ -31,6 +33,9 @@ KEYS = {
     "times_worst_percent": ("Error of program times, worst judged run", "%"),
     "runs_judged": ("Runs judged", ""),
     "programs": ("Part programs", ""),
+    "drive_force_percent": ("Error of the axes’ force, worst judged recording", "%"),
+    "drive_following_percent": ("Error of following errors, worst judged recording", "%"),
+    "drives_judged": ("Axes judged in recordings", ""),
 }
 """Key figures that are compared: name and unit as shown."""
 
@@ -66,11 +71,26 @@ def key_figures(found: Facts, judged: Verdict) -> dict[str, Any]:
         "times_worst_percent": worst_error(found.control),
         "runs_judged": len(found.control.judged) if found.control.validation else None,
         "programs": len(found.control.programs) or None,
+        **_drive_figures(found),
         "parameters": _parameters(found.model.thermal) | {
             f"control {name}": p for name, p in _parameters(found.control.control).items()
+        } | {
+            f"drive {axis} {name}": {k: v for k, v in in_shop_units(p).items() if k in p}
+            for axis, one in found.drives.axes.items()
+            for name, p in _parameters(one).items()
         },
         "raw": {f.file: f.sha256 for f in found.reading.files or []},
     }  # fmt: skip
+
+
+def _drive_figures(found: Facts) -> dict[str, float | int | None]:
+    judged = found.drives.judged
+    force, following = worst_force(judged), worst_following(judged)
+    return {
+        "drive_force_percent": force.force_error if force else None,
+        "drive_following_percent": following.following_error if following else None,
+        "drives_judged": len(judged) if found.drives.validation else None,
+    }
 
 
 def _parameters(document: dict[str, Any] | None) -> dict[str, dict[str, Any]]:

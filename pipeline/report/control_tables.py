@@ -1,10 +1,13 @@
 """Tables of the control: its parameters, the runs and the files that they were found from."""
 
+from collections import Counter
+from collections.abc import Callable
+from string import ascii_lowercase
 from typing import Any
 
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, number, real
-from pipeline.report.sources import dig, objects_of, rows_of
+from pipeline.report.numbers import NOT_KNOWN, between, number, powers, real, resolved
+from pipeline.report.sources import Source, dig, objects_of, rows_of
 from pipeline.report.tables import (
     MOST_ROWS,
     Cell,
@@ -61,44 +64,60 @@ def meaning(name: str) -> str:
 def control_parameters_table(found: Facts) -> Table | None:
     """Parameters of the control with their intervals, or what to record to have them."""
     parameters = objects_of(found.control.control, "parameters")
+    made = sources(found.shelf, found.folders.models / "control.json")
+    return parameters_table("Parameters of the control", parameters, meaning, made)
+
+
+def parameters_table(
+    caption: str, parameters: dict[str, dict[str, Any]], meaning: Callable[[str], str],
+    made: list[Source],
+) -> Table | None:  # fmt: skip
+    """Parameters with value, interval and unit, and how they were found or what would show them.
+
+    ``meaning`` says for people what the parameter of a name is.
+    """
     if not parameters:
         return None
-    ways = [str(p.get("how") or "") for p in parameters.values() if _known(p)]
-    shared = ways[0] if ways and len(set(ways)) == 1 else ""
+    ways = Counter(str(p.get("how") or "") for p in parameters.values() if _known(p))
+    often = [way for way, count in ways.items() if way and (count > 1 or len(ways) == 1)]
+    marks = {way: "–" if len(ways) == 1 else f"({letter})"
+             for way, letter in zip(often, ascii_lowercase, strict=False)}  # fmt: skip
     return Table(
-        caption="Parameters of the control",
-        note=f"Those with a number were found by {shared}." if shared else "",
+        caption=caption,
+        note=_ways_words(marks),
         heads=[*names("Parameter", "means"), *numbers(("value", ""), ("95 % interval", "")),
                *names("unit", "how found, or what to record")],
-        rows=[_parameter_row(name, p, shared) for name, p in parameters.items()],
-        sources=sources(found.shelf, found.folders.models / "control.json"),
+        rows=[_parameter_row(name, meaning(name), p, marks) for name, p in parameters.items()],
+        sources=made,
     )  # fmt: skip
+
+
+def _ways_words(marks: dict[str, str]) -> str:
+    """How the parameters were found, under the marks that stand in their rows."""
+    if list(marks.values()) == ["–"]:
+        return f"Those with a number were found by {next(iter(marks))}."
+    said = "; ".join(f"{mark} {way}" for way, mark in marks.items())
+    return f"How found: {said}." if said else ""
 
 
 def _known(p: dict[str, Any]) -> bool:
     return bool(p.get("determined")) and real(p.get("value")) is not None
 
 
-def _parameter_row(name: str, p: dict[str, Any], shared: str) -> list[Cell]:
+def _parameter_row(name: str, means: str, p: dict[str, Any], marks: dict[str, str]) -> list[Cell]:
     low, high = real(p.get("low")), real(p.get("high"))
     known = _known(p)
-    interval = f"{number(low)} to {number(high)}" if None not in (low, high) else NOT_KNOWN
     how = str(p.get("how") or "")
     if not known:
         how = str(p.get("remedy") or how or NOT_KNOWN)
     return cells(
         Cell(text=name, code=True),
-        meaning(name),
-        number(real(p.get("value"))) if known else "not determined",
-        interval if known else "–",
-        _unit(p.get("unit")),
-        "–" if known and how == shared else how or "–",
+        means,
+        number(real(p.get("value")), resolved(low, high)) if known else "not determined",
+        between(low, high) if known else "–",
+        powers(str(p.get("unit") or "–")),
+        marks.get(how, how or "–") if known else how or "–",
     )
-
-
-def _unit(unit: Any) -> str:
-    """A unit as people write it: mm/s² where the file says mm/s^2."""
-    return str(unit or "–").replace("^2", "²").replace("^3", "³")
 
 
 def control_runs_table(found: Facts) -> Table | None:

@@ -1,19 +1,8 @@
 """The verdict on predicted program times, in words for the head of the page."""
 
-from dataclasses import dataclass
-from typing import Literal
-
 from pipeline.report.controlled import Controlled, run_status
 from pipeline.report.numbers import counted, fixed, real, signed
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimesVerdict:
-    """``status`` of the judged runs, the ``sentence`` that says it, what ``todo`` now."""
-
-    status: Literal["passed", "failed", "unknown"]
-    sentence: str
-    todo: str
+from pipeline.report.part_verdict import PartVerdict
 
 
 def worst_error(control: Controlled) -> float | None:
@@ -22,13 +11,13 @@ def worst_error(control: Controlled) -> float | None:
     return max(errors, key=abs) if errors else None
 
 
-def times_verdict(control: Controlled) -> TimesVerdict | None:
+def times_verdict(control: Controlled) -> PartVerdict | None:
     """Whether program times may be planned with; None when no time was predicted at all."""
     if control.validation is None:
         return None
     judged, limit, worst = control.judged, control.limit, worst_error(control)
     if worst is None or limit is None:
-        return TimesVerdict(
+        return PartVerdict(
             status="unknown",
             sentence="Program times are predicted, and no run could be judged.",
             todo="Record another run of each program, to judge the predicted times by.",
@@ -40,11 +29,11 @@ def times_verdict(control: Controlled) -> TimesVerdict | None:
         f"{counted(len(judged), 'judged run')}, at worst {signed(worst)} %."
     )
     if not failed:
-        return TimesVerdict(
+        return PartVerdict(
             status="passed", sentence=sentence, todo="Nothing to repair: plan with these times."
         )
     programs = ", ".join(dict.fromkeys(str(r.get("program")) for r in failed))
-    return TimesVerdict(
+    return PartVerdict(
         status="failed",
         sentence=sentence,
         todo=f"Do not plan with the predicted time of {programs}; the types of block below say "

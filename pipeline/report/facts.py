@@ -6,6 +6,7 @@ from datetime import date, datetime
 import numpy as np
 
 from pipeline.report.controlled import Controlled, controlled
+from pipeline.report.driven import Driven, driven
 from pipeline.report.folders import MachineFolders
 from pipeline.report.modelled import Modelled, modelled, spindle_prefix
 from pipeline.report.reading import Reading, reading
@@ -23,12 +24,14 @@ class Facts:
     working: Working
     model: Modelled
     control: Controlled
+    drives: Driven
 
     @property
     def without_spindle(self) -> bool:
-        """Whether the machine is known by its control alone: nothing of its spindle's heat."""
+        """Whether the machine is known by its control or its drives alone: nothing of its heat."""
         known = self.model.thermal is not None or self.model.validation is not None
-        return not known and self.control.control is not None
+        moved = self.control.control is not None or self.drives.drive is not None
+        return not known and moved
 
     @property
     def worked_days(self) -> list[Day]:
@@ -74,6 +77,7 @@ def facts(folders: MachineFolders) -> Facts:
         working=working(folders, shelf, spindle_prefix(model.validation)),
         model=model,
         control=controlled(folders, shelf),
+        drives=driven(folders, shelf),
     )
 
 

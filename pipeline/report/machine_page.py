@@ -6,10 +6,14 @@ from typing import Any
 from pipeline.report.changes import Change
 from pipeline.report.control_section import control_section, times_section
 from pipeline.report.control_verdict import worst_error
+from pipeline.report.drive_records_section import following_section
+from pipeline.report.drive_section import drives_section
+from pipeline.report.drive_truth import drive_truth_table
+from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.model_sections import golden_section, thermal_section
-from pipeline.report.numbers import counted, fixed, hours, moment, number, percent, signed
+from pipeline.report.numbers import TOGETHER, counted, fixed, hours, moment, number, percent, signed
 from pipeline.report.parts import Section, absent, present
 from pipeline.report.program_section import programs_section
 from pipeline.report.record_tables import (
@@ -45,12 +49,16 @@ def machine_page(
     found: Facts, judged: Verdict, differences: list[Change], why_none: str
 ) -> Page:  # fmt: skip
     """The page of one machine, in the order in which its reader needs it."""
+    works = [work_section(found)]
     sections = [
-        work_section(found),
+        *(works if found.worked_days or not found.without_spindle else []),
         *([] if found.without_spindle else [thermal_section(found), golden_section(found)]),
         control_section(found),
         times_section(found),
         programs_section(found),
+        drives_section(found),
+        following_section(found),
+        *([] if found.worked_days or not found.without_spindle else works),
         _records_section(found),
         _missing_section(found),
         _changes_section(differences, why_none),
@@ -81,11 +89,28 @@ def _key_figures(found: Facts) -> list[tuple[str, str, str]]:
         *([("Predicted program times", f"{signed(times)} %",
             f"worst of {counted(len(found.control.judged), 'judged run')}, "
             f"limit ±{fixed(found.control.limit, 0)} %")] if times is not None else []),
+        *_drive_figures(found),
         ("Time ACTIVE", f"{hours(active)} h" if found.working.days else "not known",
          f"on {counted(len(days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records) if r.files else "not known",
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
         ("Last record", moment(found.last), ""),
+    ]  # fmt: skip
+
+
+def _drive_figures(found: Facts) -> list[tuple[str, str, str]]:
+    """The worst errors of judged recordings, and whose they are."""
+    judged, drives = found.drives.judged, found.drives
+    force, following = worst_force(judged), worst_following(judged)
+    every = [
+        ("Force of the axes", force, force.force_error if force else None, drives.force_limit),
+        ("Following errors", following, following.following_error if following else None,
+         drives.following_limit),
+    ]  # fmt: skip
+    return [
+        (words, f"{fixed(error, 1)} %", f"worst of judged recordings, axis {run.axis}"
+         + (f", limit{TOGETHER}{limit:g}{TOGETHER}%" if limit is not None else ""))
+        for words, run, error, limit in every if run is not None
     ]  # fmt: skip
 
 
@@ -152,7 +177,7 @@ def _truth_section(found: Facts) -> Section:
         "value; what can be judged is what was found in its records, and its temperature on the "
         "golden week."
     )
-    blocks = present(truth_table(found), simulation_table(found))
+    blocks = present(truth_table(found), drive_truth_table(found), simulation_table(found))
     return Section(key="truth", title=title, text=[text], blocks=blocks)
 
 

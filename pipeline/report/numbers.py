@@ -74,6 +74,30 @@ def unit_words(unit: str | None) -> str:
     return UNITS.get(unit or "", unit or "")
 
 
+def powers(unit: str) -> str:
+    """A unit as it is printed: mm/s² where a file says mm/s^2, and on one line."""
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", TOGETHER)
+
+
+def resolved(low: float | None, high: float | None, least: int = 3) -> int:
+    """Significant digits that show an interval's width with two of its own, ``least`` to 5.
+
+    >>> resolved(273.0, 347.0), resolved(1.1178, 1.1222), resolved(2.0, 2.0)
+    (3, 5, 3)
+    """
+    if low is None or high is None or not high > low:
+        return least
+    magnitude = math.floor(math.log10(max(abs(low), abs(high))))
+    return min(5, max(least, magnitude - math.floor(math.log10(high - low)) + 2))
+
+
+def between(low: float | None, high: float | None) -> str:
+    """An interval with the digits that show its width; "not known" when an end is."""
+    digits = resolved(low, high)
+    known = None not in (low, high)
+    return f"{number(low, digits)} to {number(high, digits)}" if known else NOT_KNOWN
+
+
 def quantity(value: Any, unit: str, digits: int = 3) -> str:
     """Number and unit; only "not known" when there is no number."""
     text = number(value, digits)

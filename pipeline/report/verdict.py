@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pipeline.report.control_verdict import times_verdict
+from pipeline.report.drive_verdict import drives_verdict, undetermined_words
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import (
     counted,
@@ -17,6 +18,7 @@ from pipeline.report.numbers import (
     percent,
     real,
 )
+from pipeline.report.part_verdict import PartVerdict, combined
 from pipeline.report.reading import WHOLE, Gap, rule_words
 from pipeline.report.sources import dig, objects_of, rows_of, words_of
 
@@ -59,22 +61,26 @@ class Verdict:
 def verdict(found: Facts) -> Verdict:
     """The headline of one machine, made from its facts alone."""
     grave, notes = _grave(found), _notes(found)
-    status, sentence, todo = _of_model(found)
-    times = times_verdict(found.control)
-    said = [sentence]
-    if times is not None:
-        said.append(times.sentence)
-        if status == "unknown":  # only times can be judged: they come first
-            status, todo = times.status, times.todo
-            said = [times.sentence] if found.without_spindle else said[::-1]
-        elif status == "passed" and times.status == "failed":
-            status, todo = "attention", times.todo
+    judged, ranked = combined(_parts(found))
+    status, todo = judged.status, judged.todo
+    said = [part.sentence for part in ranked]
     if status == "passed" and (grave or _mild(found)):
         status = "attention"
     sentences = [*said[:1], *grave, *said[1:]]
     if grave and status != "failed":
         todo = _repair(found) or todo
     return Verdict(status=status, sentences=sentences[:2], todo=todo, notes=sentences[2:] + notes)
+
+
+def _parts(found: Facts) -> list[PartVerdict]:
+    """What was judged of the machine, in order of weight; what has no verdict of its own last."""
+    status, sentence, todo = _of_model(found)
+    heat = PartVerdict(status=status, sentence=sentence, todo=todo)
+    others = [times_verdict(found.control), drives_verdict(found.drives)]
+    parts = [part for part in others if part is not None]
+    if parts and found.without_spindle:
+        return parts
+    return [*parts, heat] if heat.status == "unknown" else [heat, *parts]
 
 
 def _of_model(found: Facts) -> tuple[Status, str, str]:
@@ -233,6 +239,8 @@ def _notes(found: Facts) -> list[str]:
     undetermined = [name for name, p in parameters.items() if not p.get("determined")]
     if undetermined:
         said.append(f"The records do not determine {', '.join(undetermined)}.")
+    if found.drives.undetermined:
+        said.append(undetermined_words(found.drives))
     if found.surprising_days:
         said.append(f"No record on {day_list(found.surprising_days)}.")
     lost = [g for g in found.reading.losses if _in_working_time(g)]
