@@ -19,6 +19,8 @@ class Fleet:
         Those that record speed, load and temperature of their spindle.
     controls : tuple of str
         Those that log the line of the program that they execute, with the programs.
+    drives : tuple of str
+        Those whose axes are recorded by the servo: position, speed or current, sample by sample.
     """
 
     name: str
@@ -26,9 +28,10 @@ class Fleet:
     simulated: tuple[str, ...] = ()
     spindles: tuple[str, ...] = ()
     controls: tuple[str, ...] = ()
+    drives: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for part in ("simulated", "spindles", "controls"):
+        for part in ("simulated", "spindles", "controls", "drives"):
             strangers = set(getattr(self, part)) - set(self.machines)
             if strangers:
                 raise ValueError(
@@ -45,6 +48,11 @@ MISSING = {
     "controls": (
         "a model of the control",
         "the line of the program, feed, overrides and tool while programs run, and the programs",
+    ),
+    "drives": (
+        "models of the feed drives",
+        "commanded and actual position and the current of each axis at 1 kHz, back and forth at "
+        "many speeds",
     ),
 }
 

@@ -129,6 +129,18 @@ def _number_or_name(value: Any, _: Any) -> int | str:
     return value if isinstance(value, int) and not isinstance(value, bool) else str(value)
 
 
+def _value_or_name(value: Any, _: Any) -> float | str:
+    """A number, or the name of what holds it; YAML's 1e-3 is the number."""
+    try:
+        return _number(value, _)
+    except ValueError:
+        return _word(value, _)
+
+
+def _value_or_nothing(value: Any, _: Any) -> float | str | None:
+    return None if value is None else _value_or_name(value, _)
+
+
 @cache
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
@@ -138,6 +150,8 @@ def _converter() -> cattrs.Converter:
     for scalar, hook in hooks.items():
         converter.register_structure_hook(scalar, hook)
     converter.register_structure_hook(int | str, _number_or_name)
+    converter.register_structure_hook(float | str, _value_or_name)
+    converter.register_structure_hook(float | str | None, _value_or_nothing)
     plain: set[Any] = set()
 
     def is_list(wanted: Any) -> bool:

@@ -234,7 +234,7 @@ def active(project: Path) -> str:
 
 def test_another_fleet_is_made_active(project: Path) -> None:
     done = kerf(project, "fleet", "recorded")
-    assert (done.exit_code, done.stdout) == (0, "fleet recorded: mazak01, hurco\n")
+    assert (done.exit_code, done.stdout) == (0, "fleet recorded: mazak01, hurco, emps, umich_mill\n")
     assert active(project) == "recorded.yaml"
     assert kerf(project, "fleet", "recorded").exit_code == 0
     with inside(project):

@@ -138,10 +138,32 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
-    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=("mill",), controls=("mill",))
+    some = ("mill",)
+    fleet = Fleet(
+        name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some
+    )
     assert missing(fleet, "mill") == []
-    heat, control = missing(fleet, "lathe")
+    heat, control, drives = missing(fleet, "lathe")
     assert "thermal model" in heat[0] and "temperature" in heat[1]
     assert "control" in control[0] and "the programs" in control[1]
+    assert "feed drives" in drives[0] and "current" in drives[1]
     with pytest.raises(ValueError, match=r"fleet\.spindles names \['saw'\].*add it there"):
         Fleet(name="two", machines=("mill",), spindles=("saw",))
+
+
+def test_a_number_or_the_name_of_what_holds_it() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Known:
+        gain: float | str
+        limit: float | str | None = None
+
+    def known(gain: object, limit: object = None) -> Known:
+        return structure({"a": {"gain": gain, "limit": limit}}, "a", Known)
+
+    assert known("1e-3", 4) == Known(gain=1e-3, limit=4.0)
+    assert known("gtau", "kp") == Known(gain="gtau", limit="kp")
+    assert isinstance(known(3).gain, float)
+    with pytest.raises(ParametersError, match="is no word"):
+        known(True)
+    with pytest.raises(ParametersError, match="is no word"):
+        known(None)

@@ -116,8 +116,12 @@ def truth(axis: Axis) -> dict[str, float]:
     """What a model of one mass with Stribeck's friction should find, in SI.
 
     Friction is the steady state of LuGre's equation; the bearings of motor and screw count to it.
+    Where a scale at the carriage closes the loop the motor is ahead of it by the screw's twist
+    k A / K: of the velocity loop's gains a carriage shows S / (1 + S_vi V_i k / K).
     """
     f, c = axis.friction, axis.cascade
+    ahead = c.integral_scale * c.integral_gain * axis.force_constant / (axis.stiffness * 1e6)
+    shown = 1.0 if c.feedback == "motor" else 1 / (1 + ahead)
     bearings = axis.motor_viscous * axis.gear**2
     sides = ("positive", "negative")
     return {
@@ -130,8 +134,8 @@ def truth(axis: Axis) -> dict[str, float]:
         "backlash": axis.backlash * 1e-6,
         "force_constant": axis.force_constant,
         "position_scale": c.position_scale,
-        "velocity_scale": c.velocity_scale,
-        "integral_scale": c.integral_scale,
+        "velocity_scale": shown * c.velocity_scale,
+        "integral_scale": shown * c.integral_scale,
         "velocity_feedforward": c.velocity_feedforward,
         "acceleration_feedforward": c.acceleration_feedforward,
     }
@@ -155,4 +159,6 @@ def hidden(axis: Axis) -> dict[str, float]:
         "motor_viscous": axis.motor_viscous * axis.gear**2,
         "cogging": axis.motor.cogging * axis.gear,
         "loop_gain": axis.cascade.position_scale * axis.cascade.position_gain,
+        "velocity_scale_at_motor": axis.cascade.velocity_scale,
+        "integral_scale_at_motor": axis.cascade.integral_scale,
     }

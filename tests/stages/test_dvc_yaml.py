@@ -91,6 +91,7 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
         "${simulated}": "simulated",
         "${spindles}": "spindles",
         "${controls}": "controls",
+        "${drives}": "drives",
     }
     used = {"fleet", "machine", "budget"}
     for name in DVC:

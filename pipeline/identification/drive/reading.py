@@ -1,0 +1,285 @@
+"""From the Parquet of one recording to its axes on a uniform grid, in SI.
+
+Rows that lack a value of a channel that is used count as missing.  What a recording does not show
+of an axis is said, one sentence for each axis.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.identification.drive.grid import Piece, uniform_pieces
+from pipeline.identification.drive.known import DriveKnown, constants_of, names_of
+from pipeline.identification.drive.records import (
+    AirRows,
+    AxisChannels,
+    AxisRecord,
+    DriveRecords,
+    MotorRecords,
+    Recording,
+)
+from pipeline.signals.units import conversion
+
+Floats = NDArray[np.float64]
+Entry = Mapping[str, Any]
+
+SI = {
+    "position": "m", "reference": "m", "velocity": "m/s", "velocity_reference": "m/s",
+    "acceleration": "m/s^2", "acceleration_reference": "m/s^2", "load": "N",
+}  # fmt: skip
+MOTOR_SI = {"u_d": "V", "u_q": "V", "i_d": "A", "i_q": "A", "speed": "rad/s", "torque": "N m"}
+COMMAND_UNITS = {"AMPERE": "A", "VOLT": "V", "NEWTON": "N", "PERCENT": "%", "": "1"}
+
+
+class Unusable(ValueError):  # noqa: N818 - a state of a channel, not a fault of ours
+    """A channel or axis that a recording does not show; the message is the reason."""
+
+
+def shared_constants(entries: Mapping[str, Entry]) -> dict[str, float]:
+    """Constants beside the channels on which the recordings that hold them agree."""
+    return constants_of({name: _constants(entry) for name, entry in entries.items()})
+
+
+def _constants(entry: Entry) -> dict[str, Any]:
+    held = (entry.get("notes") or {}).get("constants")
+    return dict(held) if isinstance(held, dict) else {}
+
+
+def read_file(
+    signals: Path,
+    name: str,
+    entry: Entry,
+    records: DriveRecords,
+    known: DriveKnown,
+    shared: Mapping[str, float],
+) -> list[Recording]:
+    """Recordings in one file: one for each stretch without a gap in time.
+
+    Parameters
+    ----------
+    signals : Path
+        As ``ingest`` wrote it.
+    name : str
+        Of the raw file.
+    entry : mapping
+        Of the file in the manifest.
+    records, known
+        As in :func:`pipeline.identification.drive.records.read_recordings`.
+    shared : mapping of str to float
+        Constants that stand in for those the file lacks.
+    """
+    trained = records.is_training(name)
+    blank = Recording(name=name, trained=trained, sha256=str(entry.get("sha256") or ""))
+    output = entry.get("output")
+    if not (isinstance(output, str) and output.startswith("traces/")):
+        return [_nothing(blank, records, entry.get("reason") or "it is no table")]
+    try:
+        table = pq.read_table(signals / output)
+    except (OSError, pa.ArrowException):
+        return [_nothing(blank, records, f"{output} cannot be read: run `dvc repro`")]
+    try:
+        if records.motor is not None and fnmatchcase(name, records.motor.recordings):
+            return _motor(table, blank, records.motor)
+        own = constants_of({name: _constants(entry)})
+        asked = {one for letter in records.axes for one in names_of(known.axis(letter))}
+        if lent := sorted(asked & set(shared) - set(own)):
+            said = f"{', '.join(lent)} taken from the other recordings: this one does not hold it"
+            blank = replace(blank, notes=(said,))
+        return _drives(table, blank, records, known, {**shared, **own})
+    except Unusable as error:
+        return [_nothing(blank, records, str(error))]
+
+
+def _drives(
+    table: pa.Table,
+    blank: Recording,
+    records: DriveRecords,
+    known: DriveKnown,
+    constants: Mapping[str, float],
+) -> list[Recording]:
+    """Recordings of the axes in one table."""
+    axes: dict[str, dict[str, Floats]] = {}
+    lacking: dict[str, str] = {}
+    for letter, channels in records.axes.items():
+        try:
+            axes[letter] = _axis(table, channels)
+        except Unusable as error:
+            lacking[letter] = str(error)
+    if not axes:
+        return [replace(blank, lacking=lacking)]
+    air = _air(table, records.air)
+    rows, pieces = _pieces(table, [v for axis in axes.values() for v in axis.values()])
+    constants_of_axis = {letter: known.axis(letter).resolved(constants) for letter in axes}
+    units = {letter: _command_unit(table, records.axes[letter]) for letter in axes}
+
+    def record(letter: str, piece: Piece) -> AxisRecord:
+        on_grid = {key: piece.on_grid(values[rows]) for key, values in axes[letter].items()}
+        return AxisRecord(
+            command=on_grid.pop("command"),
+            constants=constants_of_axis[letter],
+            command_unit=units[letter],
+            **{key: on_grid.get(key) for key in SI},
+        )
+
+    return [
+        replace(
+            one,
+            axes={letter: record(letter, piece) for letter in axes},
+            lacking=lacking,
+            air=_near(piece, air[rows]) & ~piece.filled,
+        )
+        for piece, one in _parts(pieces, table.num_rows, blank)
+    ]
+
+
+def _motor(table: pa.Table, blank: Recording, records: MotorRecords) -> list[Recording]:
+    """Recordings of the motor in one table."""
+    found = {}
+    for key, name in records.channels.items():
+        if key not in MOTOR_SI:
+            raise Unusable(f"drive_records.motor.channels names {key!r}: {', '.join(MOTOR_SI)}")
+        values = _channel(table, name, MOTOR_SI[key])
+        if values is None:
+            raise Unusable(f"it has no channel {name!r}: record it or correct its name")
+        found[key] = values
+    rows, pieces = _pieces(table, list(found.values()))
+    return [
+        replace(
+            one,
+            motor={key: piece.on_grid(values[rows]) for key, values in found.items()},
+            air=~piece.filled,
+        )
+        for piece, one in _parts(pieces, table.num_rows, blank)
+    ]
+
+
+def _pieces(table: pa.Table, channels: Sequence[Floats]) -> tuple[NDArray[np.int64], list[Piece]]:
+    """Rows that have a value in all channels, and their stretches on a uniform grid."""
+    time = _time(table)
+    whole = np.isfinite(time) & np.all([np.isfinite(values) for values in channels], axis=0)
+    rows = np.flatnonzero(whole)
+    try:
+        pieces = uniform_pieces(time[rows])
+    except ValueError as error:
+        raise Unusable(str(error)) from error
+    if not pieces:
+        raise Unusable("it has more gaps than rows")
+    return rows, pieces
+
+
+def _parts(pieces: Sequence[Piece], rows: int, blank: Recording) -> list[tuple[Piece, Recording]]:
+    """A recording for each stretch, named where there are several."""
+    lost = rows - sum(len(one.rows) for one in pieces)
+    left = (f"{lost} of {rows} rows left out: no value, a copy, or between gaps",) if lost else ()
+    parts = []
+    for number, piece in enumerate(pieces, start=1):
+        name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
+        filled = int(piece.filled.sum())
+        said = (f"{filled} missing rows filled in and not learnt from",) if filled else ()
+        one = replace(blank, name=name, period=piece.period, notes=blank.notes + said + left)
+        parts.append((piece, one))
+    return parts
+
+
+def _nothing(blank: Recording, records: DriveRecords, reason: str) -> Recording:
+    return replace(blank, lacking=dict.fromkeys(records.axes, reason))
+
+
+def _axis(table: pa.Table, channels: AxisChannels) -> dict[str, Floats]:
+    """Channels of an axis in SI, all rows; those the recording lacks are left out."""
+    found = {
+        key: values
+        for key in (*SI, "command")
+        if (values := _channel(table, _named(table, getattr(channels, key)), SI.get(key)))
+        is not None
+    }
+    if "command" not in found:
+        raise Unusable(f"it has no channel {channels.command!r}: record the torque command")
+    if channels.reversed:
+        found["command"] = -found["command"]
+    if "position" not in found and "velocity" not in found:
+        name = channels.position or channels.velocity
+        raise Unusable(f"it has no channel {name!r}: record the position")
+    command = found["command"][np.isfinite(found["command"])]
+    if not len(command) or np.ptp(command) == 0:
+        raise Unusable(
+            f"{channels.command!r} is {command[:1].sum():g} throughout: record the drive's current"
+        )
+    motion = found.get("position", found.get("velocity"))
+    if motion is not None and np.nanmax(motion) == np.nanmin(motion):
+        raise Unusable("the axis does not move in it")
+    return found
+
+
+def _named(table: pa.Table, pattern: str | None) -> str | None:
+    """The channel called so, or the first that fits the pattern."""
+    if pattern is None or pattern in table.column_names:
+        return pattern
+    return next((name for name in table.column_names if fnmatchcase(name, pattern)), pattern)
+
+
+def _channel(table: pa.Table, name: str | None, unit: str | None) -> Floats | None:
+    """A channel in ``unit``, NaN where it says nothing; None when there is no such channel."""
+    if name is None or name not in table.column_names:
+        return None
+    field = table.schema.field(name)
+    if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
+        raise Unusable(f"its channel {name!r} holds words: name a channel of numbers")
+    values: Floats = table[name].cast(pa.float64()).to_numpy(zero_copy_only=False).copy()
+    values[~np.isfinite(values)] = np.nan
+    if np.isnan(values).all():
+        return None
+    found = _unit(field)
+    if unit is None or (unit == "N" and not found):  # a load's factor is found anyhow
+        return values
+    factor, offset = _to_si(name, found, unit)
+    return values * factor + offset
+
+
+def _to_si(name: str, unit: str, wanted: str) -> tuple[float, float]:
+    try:
+        return conversion(unit, wanted)
+    except ValueError as error:
+        raise Unusable(f"its channel {name!r} is in {unit or 'no unit'}: {error}") from error
+
+
+def _unit(field: pa.Field) -> str:
+    return (field.metadata or {}).get(b"unit", b"").decode()
+
+
+def _command_unit(table: pa.Table, channels: AxisChannels) -> str:
+    unit = _unit(table.schema.field(channels.command))
+    return COMMAND_UNITS.get(unit, unit)
+
+
+def _air(table: pa.Table, rows: AirRows | None) -> NDArray[np.bool_]:
+    if rows is None:
+        return np.ones(table.num_rows, bool)
+    if rows.channel not in table.column_names:
+        raise Unusable(
+            f"it has no channel {rows.channel!r} that tells rows free of cutting: record it or "
+            "leave drive_records.air out"
+        )
+    words = table[rows.channel].cast(pa.string()).to_pylist()
+    return np.isin(np.array([word or "" for word in words]), rows.values)
+
+
+def _time(table: pa.Table) -> Floats:
+    if "t" in table.column_names:
+        return np.array(table["t"].to_numpy(zero_copy_only=False), np.float64)
+    if "time" not in table.column_names:
+        raise Unusable("it has no time: name its time column or its rate in the table's layout")
+    ns = table["time"].cast(pa.int64()).to_numpy()
+    return np.asarray((ns - ns[0]) * 1e-9, np.float64)
+
+
+def _near(piece: Piece, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Flags of the rows at the places of the grid: true where the rows on both sides are."""
+    return np.asarray(piece.on_grid(flags.astype(np.float64)) > 1 - 1e-9)

@@ -1,0 +1,77 @@
+"""The closed loop of a drive run from the recorded reference alone, against what was recorded."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.identification.drive.records import Recording
+from pipeline.machine.drive_columns import drive_row
+from pipeline.twin.drive import DriveStart
+from pipeline.twin.drive_file import IdentifiedDrive
+from pipeline.twin.drive_population import simulate_traces
+from pipeline.twin.drive_stability import check_stability
+from pipeline.twin.program_axes import between
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FollowingComparison:
+    """Recorded and modelled following error of one axis, T samples.
+
+    Parameters
+    ----------
+    measured, modelled, guessed : ndarray, shape (T,)
+        Reference less position [m]; guessed from speed over loop gain.
+    command : ndarray, shape (T,)
+        Modelled [A].
+    """
+
+    measured: Floats = field(repr=False)
+    modelled: Floats = field(repr=False)
+    guessed: Floats = field(repr=False)
+    command: Floats = field(repr=False)
+
+
+def following_comparison(
+    recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int
+) -> FollowingComparison | str:
+    """What the twin makes of the recorded reference (and load); or why it can make nothing.
+
+    The servo runs ``substeps`` times in a sample of the recorder, on a smooth curve through the
+    samples of its reference.
+    """
+    one = recording.axes[axis]
+    if drive.servo is None:
+        return drive.servo_reason or "no servo was identified"
+    if one.reference is None or one.position is None:
+        return "it does not hold both the commanded and the measured position"
+    load = None if one.load is None or drive.force_unit != "N" else np.repeat(one.load, substeps)
+    try:
+        check_stability(drive.servo, drive.feed_drive, recording.period / substeps, 1)
+    except ValueError as error:
+        return str(error)
+    trace = simulate_traces(
+        between(one.reference, substeps), recording.period / substeps,
+        drive_row(drive.servo, drive.feed_drive)[np.newaxis], load=load,
+        start=_start(one.reference, one.position, one.command, recording.period),
+    )  # fmt: skip
+    feed = np.gradient(one.reference, recording.period)
+    share = 1 - drive.servo.velocity_feedforward
+    return FollowingComparison(
+        measured=one.reference - one.position,
+        modelled=one.reference - trace.position[0, ::substeps],
+        guessed=share * feed / drive.servo.loop_gain,
+        command=trace.command[0, ::substeps],
+    )
+
+
+def _start(reference: Floats, position: Floats, command: Floats, period: float) -> DriveStart:
+    """The axis as the recording finds it."""
+    return DriveStart(
+        position=float(position[0]),
+        velocity=float(position[1] - position[0]) / period,
+        command=float(command[0]),
+        reference_velocity=float(reference[1] - reference[0]) / period,
+    )

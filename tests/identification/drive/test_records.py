@@ -1,0 +1,224 @@
+"""Recordings come in as Parquet with units, and go out as axes in SI or with a reason."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.identification.drive.known import AxisKnown
+from pipeline.identification.drive.records import (
+    AirRows,
+    AxisChannels,
+    DriveFitSettings,
+    DriveKnown,
+    DriveRecords,
+    MotorRecords,
+    read_recordings,
+)
+from pipeline.parameters import ParametersError, structure
+
+N = 200
+UNITS = {"t": "SECOND", "x_set": "MILLIMETER", "x_act": "MILLIMETER", "x_speed": "INCH/MINUTE",
+         "x_cur": "AMPERE", "x_force": "NEWTON"}  # fmt: skip
+CHANNELS = AxisChannels(
+    command="x_cur", reference="x_set", position="x_act", velocity="x_speed", load="x_f*"
+)
+
+
+def columns(**changes):
+    ramp = np.arange(N, dtype=float)
+    found = {
+        "t": 1e-3 * ramp, "x_set": 0.1 * ramp, "x_act": 0.1 * ramp - 0.05,
+        "x_speed": 600 / 25.4 * 60 * 0.1 + 0 * ramp, "x_cur": np.sin(ramp), "x_force": 2 * ramp,
+    }  # fmt: skip
+    return {k: v for k, v in {**found, **changes}.items() if v is not None}
+
+
+@pytest.fixture
+def written(tmp_path):
+    entries = {}
+
+    def write(name, values, constants=None, units=UNITS, reason=None):
+        fields, arrays = [], []
+        for key, one in values.items():
+            kind = pa.string() if isinstance(one[0], str) else pa.float64()
+            fields.append(pa.field(key, kind, metadata={"unit": units.get(key, "")}))
+            arrays.append(pa.array(one, kind))
+        output = f"traces/{name}.parquet"
+        (tmp_path / "traces").mkdir(exist_ok=True)
+        if reason is None:
+            pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)),
+                           tmp_path / output)  # fmt: skip
+        notes = {"constants": constants} if constants else {}
+        entries[name] = {"output": None if reason else output, "reason": reason, "notes": notes,
+                         "sha256": f"hash of {name}"}  # fmt: skip
+        (tmp_path / "manifest.json").write_text(json.dumps({"files": entries}))
+        return tmp_path
+
+    return write
+
+
+def read(folder: Path, known=None, **options):
+    settings = {"recordings": "*.csv", "training": ("a*",), "axes": {"X": CHANNELS}, **options}
+    return read_recordings(folder, DriveRecords(**settings), known or DriveKnown())
+
+
+def test_channels_come_out_in_si(written):
+    (one,) = read(written("a.csv", columns()))
+    axis = one.axes["X"]
+    assert (one.trained, one.samples, one.sha256) == (True, N, "hash of a.csv")
+    assert one.period == pytest.approx(1e-3)
+    assert axis.reference == pytest.approx(1e-4 * np.arange(N))
+    assert axis.position == pytest.approx(axis.reference - 5e-5)
+    assert axis.velocity == pytest.approx(np.full(N, 0.06))
+    assert axis.load == pytest.approx(2.0 * np.arange(N))
+    assert (axis.command_unit, axis.force_unit, axis.force_constant) == ("A", "A", 1.0)
+    assert axis.acceleration is None
+
+
+def test_numbers_may_be_named_after_constants_of_the_recording(written):
+    written("a.csv", columns(), {"gtau": 35.0, "kp": 160.0})
+    folder = written("b.csv", columns(), {"kp": 170.0})
+    known = DriveKnown(axes={"X": AxisKnown(force_constant="gtau", position_gain="kp")})
+    a, b = read(folder, known)
+    assert (a.axes["X"].force_constant, a.axes["X"].constants.position_gain) == (35.0, 160.0)
+    # what one file lacks, the others agree on; its own comes first
+    assert (b.axes["X"].force_constant, b.axes["X"].constants.position_gain) == (35.0, 170.0)
+    assert a.notes == () and "gtau taken from the other recordings" in b.notes[0]
+    assert (a.axes["X"].force_unit, a.trained, b.trained) == ("N", True, False)
+
+
+def test_torque_constant_and_lead_make_the_force_constant():
+    constants = AxisKnown(torque_constant=1.2, lead=10.0).resolved({})
+    assert constants.force_constant == pytest.approx(2 * np.pi * 1.2 / 0.010)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"torque_constant": 1.0}, "go together"),
+        ({"force_constant": 2.0, "torque_constant": 1.0, "lead": 5.0}, "give one"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        AxisKnown(**given)
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        (AxisKnown(force_constant="gtau"), "constant 'gtau', the recording holds kp"),
+        (
+            AxisKnown(force_constant=-3.0),
+            r"drive.force_constant = -3.0 must be finite and positive",
+        ),
+    ],
+)
+def test_a_number_that_is_none_is_named(written, known, words):
+    folder = written("a.csv", columns(), {"kp": 1.0})
+    with pytest.raises(ValueError, match=words):
+        read(folder, DriveKnown(axes={"X": known}))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"x_cur": None}, "no channel 'x_cur': record the torque command"),
+        ({"x_cur": np.zeros(N)}, "'x_cur' is 0 throughout"),
+        ({"x_cur": np.full(N, np.nan)}, "no channel 'x_cur'"),
+        ({"x_cur": ["on"] * N}, "holds words"),
+        ({"x_act": None, "x_speed": None}, "no channel 'x_act': record the position"),
+        ({"x_act": np.ones(N)}, "does not move"),
+        ({"t": None}, "no time"),
+        ({"t": np.zeros(N)}, "never goes forward"),
+    ],
+)
+def test_what_a_recording_lacks_is_said_and_never_raised(written, change, words):
+    (one,) = read(written("a.csv", columns(**change)))
+    assert not one.axes
+    assert words in one.lacking["X"]
+
+
+def test_a_unit_that_does_not_fit_is_said(written):
+    (one,) = read(written("a.csv", columns(), units={**UNITS, "x_act": "CELSIUS"}))
+    assert "'x_act' is in CELSIUS" in one.lacking["X"]
+
+
+def test_a_file_that_could_not_be_read_is_said(written):
+    (one,) = read(written("a.csv", columns(), reason="no row can be read"))
+    assert one.lacking == {"X": "no row can be read"}
+
+
+def test_no_recording_that_fits_is_an_error_with_the_pattern(written):
+    with pytest.raises(ValueError, match=r"fits drive_records.recordings = 'servo/\*'"):
+        read(written("a.csv", columns()), recordings="servo/*")
+
+
+def test_a_folder_without_manifest_is_an_error(tmp_path):
+    with pytest.raises(ValueError, match=r"manifest\.json cannot be read"):
+        read(tmp_path)
+
+
+def test_rows_of_cutting_are_not_air_and_rows_without_a_value_are_missing(written):
+    words = ["Prep"] * 100 + ["Layer 1 Up"] * 100
+    current = np.sin(np.arange(N, dtype=float))
+    current[50] = np.nan
+    folder = written("a.csv", columns(process=words, x_cur=current))
+    (one,) = read(folder, air=AirRows(channel="process", values=("Prep",)))
+    free = np.arange(N) < 100
+    free[50] = False
+    assert np.array_equal(one.air, free)
+    assert one.axes["X"].command[50] == pytest.approx((current[49] + current[51]) / 2)
+    assert "1 missing rows filled in" in one.notes[0]
+
+
+def test_a_gap_in_time_makes_two_recordings_of_one_file(written):
+    time = 1e-3 * np.arange(N)
+    time[120:] += 0.05
+    first, second = read(written("a.csv", columns(t=time)))
+    assert [first.name, second.name] == ["a.csv (part 1)", "a.csv (part 2)"]
+    assert first.file == second.file == "a.csv"
+    assert (first.samples, second.samples) == (120, 80)
+
+
+def test_a_command_of_the_other_sign_is_turned(written):
+    channels = AxisChannels(command="x_cur", position="x_act", reversed=True)
+    (one,) = read(written("a.csv", columns()), axes={"X": channels})
+    assert one.axes["X"].command == pytest.approx(-np.sin(np.arange(N)))
+
+
+def test_a_load_without_a_unit_is_kept_for_its_factor_is_found(written):
+    units = {key: unit for key, unit in UNITS.items() if key != "x_force"}
+    (one,) = read(written("a.csv", columns(), units=units))
+    assert one.axes["X"].load == pytest.approx(2.0 * np.arange(N))
+
+
+def test_a_motors_recording_stands_beside_those_of_the_axes(written):
+    turning = 60 + np.zeros(N)
+    values = {"t": 1e-4 * np.arange(N), "ud": turning, "uq": turning, "id": turning,
+              "iq": turning, "n": turning}  # fmt: skip
+    units = {"ud": "VOLT", "uq": "VOLT", "id": "AMPERE", "iq": "AMPERE", "n": "REVOLUTION/MINUTE"}
+    written("a.csv", columns())
+    folder = written("motor.csv", values, units=units)
+    channels = {"u_d": "ud", "u_q": "uq", "i_d": "id", "i_q": "iq", "speed": "n"}
+    motor = MotorRecords(recordings="motor*", axis="X", channels=channels, pole_pairs=4)
+    axes, one = read(folder, motor=motor, recordings="a*")
+    assert not axes.motor and not one.axes
+    assert one.motor["speed"] == pytest.approx(np.full(N, 2 * np.pi))
+
+
+def test_sections_load_and_say_what_is_wrong():
+    values = {"drive": {"axes": {"X": {"force_constant": "gtau", "position_gain": 160.18}}},
+              "fit": {"method": "simplex"}}  # fmt: skip
+    known = structure(values, "drive", DriveKnown).axis("X")
+    assert (known.force_constant, known.position_gain) == ("gtau", 160.18)
+    with pytest.raises(ParametersError, match="simplex"):
+        structure(values, "fit", DriveFitSettings)
+    with pytest.raises(ValueError, match=r"drive_fit.widest = 0 must be finite and positive"):
+        DriveFitSettings(widest=0)
+    with pytest.raises(ValueError, match="neither position nor velocity"):
+        AxisChannels(command="x_cur")
