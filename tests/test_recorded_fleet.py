@@ -45,6 +45,8 @@ def project(tmp_path_factory) -> Path:
         assert dict((m, files) for m, _, files in collect(fleet, Path(RECORDINGS or ""))) == {
             "mazak01": 15,
             "hurco": 23,
+            "emps": 1,
+            "umich_mill": 13,
         }
         run("compose", "conf", "params.yaml")
     build(folder)

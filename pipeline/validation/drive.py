@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pipeline.identification.drive.loads import Factor
 from pipeline.identification.drive.records import Recording
 from pipeline.identification.drive.settings import DriveFitSettings
 from pipeline.signals.ingest import MachineIdentity
@@ -20,6 +21,7 @@ from pipeline.validation.drive_force import (
     LEAST,
     ForceComparison,
     constant_level,
+    factor_of_load,
     force_comparison,
     relative_error_percent,
 )
@@ -64,12 +66,15 @@ class Compared:
         Recorded against modelled.
     following : FollowingComparison or str
         The same of the following error; or why there is none.
+    factor : Factor or None
+        Of the recorded load; None where there is none.
     """
 
     axis: str
     recording: Recording
     force: ForceComparison
     following: FollowingComparison | str
+    factor: Factor | None
 
 
 def drive_verdict(
@@ -136,9 +141,11 @@ def _why_not(
 def _compared(
     recording: Recording, axis: str, drive: IdentifiedDrive, settings: DriveFitSettings
 ) -> Compared:
+    factor = factor_of_load(recording, axis, drive)
     return Compared(
-        axis=axis, recording=recording, force=force_comparison(recording, axis, drive),
-        following=following_comparison(recording, axis, drive, settings.substeps),
+        axis=axis, recording=recording, force=force_comparison(recording, axis, drive, factor),
+        following=following_comparison(recording, axis, drive, settings.substeps, factor),
+        factor=factor,
     )  # fmt: skip
 
 
@@ -162,6 +169,7 @@ def _row(
         "samples": one.recording.samples,
         "force": force,
         "following": following,
+        "load_factor": None if one.factor is None else _factor(one.factor),
         "status": status,
         "reason": reason,
     }
@@ -232,6 +240,10 @@ def drive_metrics(document: Mapping[str, Any]) -> dict[str, float | int | str]:
             found[f"worst_{part}_error_percent"] = max(errors)
             found[f"mean_{part}_error_percent"] = round(float(np.mean(errors)), 2)
     return found
+
+
+def _factor(factor: Factor) -> dict[str, float]:
+    return {"value": _digits(factor.value), "half_width": _digits(factor.half_width)}
 
 
 def _rms(values: Floats) -> float:

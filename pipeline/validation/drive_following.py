@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.identification.drive.loads import Factor
 from pipeline.identification.drive.records import Recording
 from pipeline.machine.drive_columns import drive_row
 from pipeline.twin.drive import DriveStart
@@ -35,7 +36,7 @@ class FollowingComparison:
 
 
 def following_comparison(
-    recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int
+    recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int, factor: Factor | None
 ) -> FollowingComparison | str:
     """What the twin makes of the recorded reference (and load); or why it can make nothing.
 
@@ -47,7 +48,9 @@ def following_comparison(
         return drive.servo_reason or "no servo was identified"
     if one.reference is None or one.position is None:
         return "it does not hold both the commanded and the measured position"
-    load = None if one.load is None or drive.force_unit != "N" else np.repeat(one.load, substeps)
+    load = None
+    if one.load is not None and factor is not None:
+        load = np.repeat(factor.value * one.load, substeps)
     try:
         check_stability(drive.servo, drive.feed_drive, recording.period / substeps, 1)
     except ValueError as error:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.identification.drive.loads import Factor, judged_load
 from pipeline.identification.drive.motion import Motion, motion
 from pipeline.identification.drive.records import Recording
 from pipeline.identification.drive.servo_records import low_passed
@@ -16,6 +17,8 @@ Floats = NDArray[np.float64]
 
 LEAST = 1.0
 """Motion that a force is judged by [s]."""
+TOLD = 0.5
+"""Half width of its interval, as a share, up to which a load's factor is taken from its record."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,10 +46,24 @@ class ForceComparison:
         return len(self.measured) * self.period
 
 
-def force_comparison(recording: Recording, axis: str, drive: IdentifiedDrive) -> ForceComparison:
-    """Force by M a + F_f(v) + F_g + F_d, both sides through the filter of the identification."""
+def factor_of_load(recording: Recording, axis: str, drive: IdentifiedDrive) -> Factor | None:
+    """In which direction and unit the recording's channel of load counts; None without a load.
+
+    A recording does not say it.  It is the one number that is taken from the recording that is
+    judged; 1, against positive motion in newton, where the recording does not tell it.
+    """
+    if recording.axes[axis].load is None or drive.force_unit != "N":
+        return None
+    factor = judged_load(recording, axis, drive.feed_drive, drive.bandwidth_Hz, drive.delay)
+    return factor if factor is not None and factor.is_told(TOLD) else Factor(value=1, half_width=0)
+
+
+def force_comparison(
+    recording: Recording, axis: str, drive: IdentifiedDrive, factor: Factor | None
+) -> ForceComparison:
+    """Force by M a + F_f(v) + F_g + c F_d, both sides through the filter of the identification."""
     found = motion(recording, axis, drive.bandwidth_Hz, drive.delay)
-    measured, modelled = _filtered(found, _modelled(found, drive))
+    measured, modelled = _filtered(found, _modelled(found, drive, factor))
     rows = found.known & found.moving
     return ForceComparison(
         measured=measured[rows], modelled=modelled[rows],
@@ -54,16 +71,16 @@ def force_comparison(recording: Recording, axis: str, drive: IdentifiedDrive) ->
     )  # fmt: skip
 
 
-def _modelled(found: Motion, drive: IdentifiedDrive) -> Floats:
+def _modelled(found: Motion, drive: IdentifiedDrive, factor: Factor | None) -> Floats:
     screw = drive.feed_drive
     force: Floats = (
         screw.mass * found.acceleration
         + friction_force(found.velocity, screw.friction)
         + screw.offset
     )
-    if found.load is None or drive.force_unit != "N":
+    if found.load is None or factor is None:
         return force
-    return force + found.load
+    return force + factor.value * found.load
 
 
 def _filtered(found: Motion, modelled: Floats) -> tuple[Floats, Floats]:

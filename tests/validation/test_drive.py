@@ -164,6 +164,20 @@ def test_recorded_load_is_carried():
     assert known < unknown / 5
 
 
+def test_a_load_that_counts_the_other_way_is_found():
+    """A recording does not say its sign; the verdict says the factor it took."""
+    load = twin_record("load.csv", load=150.0)
+    axis = load.axes["X"]
+    other = replace(load, axes={"X": replace(axis, load=-2.0 * axis.load)})
+    right, turned = (row_of(judged([one])[0], "load.csv") for one in (load, other))
+    assert right["load_factor"]["value"] == pytest.approx(1.0, abs=0.02)
+    assert turned["load_factor"]["value"] == pytest.approx(-0.5, abs=0.01)
+    assert turned["force"]["relative_error_percent"] == pytest.approx(
+        right["force"]["relative_error_percent"], abs=0.05
+    )
+    assert row_of(judged([NEW])[0], "new.csv")["load_factor"] is None
+
+
 def test_cutting_is_not_compared():
     cut = np.ones(TRAINED.samples, bool)
     cut[2000:2500] = False
@@ -238,7 +252,7 @@ def test_identified_servo_follows_a_richer_axis():
     drive = IdentifiedDrive(
         feed_drive=rig.feed_drive, servo=fit.servo, command_unit="A", force_unit="N"
     )
-    found = following_comparison(new, "X", drive, SETTINGS.substeps)
+    found = following_comparison(new, "X", drive, SETTINGS.substeps, None)
     assert not isinstance(found, str)
     rms = np.sqrt(np.mean(found.measured**2))
     assert np.sqrt(np.mean((found.modelled - found.measured) ** 2)) < 0.01 * rms
@@ -275,7 +289,7 @@ def test_emps_in_closed_loop():
         friction=FrictionParameters(positive=way, negative=way),
     )  # fmt: skip
     drive = IdentifiedDrive(feed_drive=screw, servo=fit.servo, command_unit="V", force_unit="N")
-    loop = following_comparison(one, "X", drive, SETTINGS.substeps)
+    loop = following_comparison(one, "X", drive, SETTINGS.substeps, None)
     assert not isinstance(loop, str)
     error = 1e6 * (loop.modelled - loop.measured)
     # of a following error of 578 um RMS and 852 um at most
