@@ -221,6 +221,9 @@ def simulate(
         name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
         typer.echo(f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s")
     for axis in simulated.axes:
+        if "not_followed" in axis:
+            typer.echo(f"  axis   {axis['axis']} not followed: {axis['not_followed']}")
+            continue
         typer.echo(
             f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
             f"{axis['max_following_um']:>10.1f} um in line {axis['at_line']}, "

@@ -9,7 +9,7 @@ from dataclasses import is_dataclass
 from datetime import date
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, get_origin
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import cattrs
 import yaml
@@ -137,6 +137,13 @@ def _value_or_name(value: Any, _: Any) -> float | str:
         return _word(value, _)
 
 
+def _one_of(value: Any, wanted: Any) -> Any:
+    allowed = get_args(wanted)
+    if value not in allowed or isinstance(value, bool):
+        raise ValueError(f"{value!r} is none of {', '.join(map(str, allowed))}")
+    return value
+
+
 def _value_or_nothing(value: Any, _: Any) -> float | str | None:
     return None if value is None else _value_or_name(value, _)
 
@@ -152,6 +159,7 @@ def _converter() -> cattrs.Converter:
     converter.register_structure_hook(int | str, _number_or_name)
     converter.register_structure_hook(float | str, _value_or_name)
     converter.register_structure_hook(float | str | None, _value_or_nothing)
+    converter.register_structure_hook_func(lambda t: get_origin(t) is Literal, _one_of)
     plain: set[Any] = set()
 
     def is_list(wanted: Any) -> bool:

@@ -234,7 +234,10 @@ def active(project: Path) -> str:
 
 def test_another_fleet_is_made_active(project: Path) -> None:
     done = kerf(project, "fleet", "recorded")
-    assert (done.exit_code, done.stdout) == (0, "fleet recorded: mazak01, hurco, emps, umich_mill\n")
+    assert (done.exit_code, done.stdout) == (
+        0,
+        "fleet recorded: mazak01, hurco, emps, umich_mill\n",
+    )
     assert active(project) == "recorded.yaml"
     assert kerf(project, "fleet", "recorded").exit_code == 0
     with inside(project):
@@ -274,8 +277,9 @@ def recordings(tmp_path: Path) -> Path:
     for name in ("Devices.xml", "week_1/1.txt", "week_1/2.txt", "week_1/notes.md", "other/3.txt"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name)
-    (tmp_path / "recordings/nist_box/logs").mkdir(parents=True)
-    (tmp_path / "recordings/nist_box/logs/1.txt").write_text("1")
+    for name in ("nist_box/logs/1.txt", "emps/1.mat", "umich_mill/experiment_01.csv"):
+        (tmp_path / "recordings" / name).parent.mkdir(parents=True)
+        (tmp_path / "recordings" / name).write_text("1")
     return folder
 
 

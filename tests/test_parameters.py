@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 import yaml
@@ -139,9 +139,7 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
 
 def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
     some = ("mill",)
-    fleet = Fleet(
-        name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some
-    )
+    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some)
     assert missing(fleet, "mill") == []
     heat, control, drives = missing(fleet, "lathe")
     assert "thermal model" in heat[0] and "temperature" in heat[1]
@@ -167,3 +165,13 @@ def test_a_number_or_the_name_of_what_holds_it() -> None:
         known(True)
     with pytest.raises(ParametersError, match="is no word"):
         known(None)
+
+
+def test_a_word_that_is_none_of_those_allowed_is_said_with_them() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Choice:
+        method: Literal["least_squares", "genetic"] = "genetic"
+
+    assert structure({"a": {"method": "least_squares"}}, "a", Choice).method == "least_squares"
+    with pytest.raises(ParametersError, match="'annealing' is none of least_squares, genetic"):
+        structure({"a": {"method": "annealing"}}, "a", Choice)

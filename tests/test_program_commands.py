@@ -73,6 +73,10 @@ def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     assert told["at_line"] in (8, 9, 10)
     assert told["axis"] == "X" and told["command_unit"] == "A" and told["max_command"] > 0
     assert "X behind by up to" in done.stdout
+    bare = axis | {"drive": axis["drive"] | {"servo": None, "servo_reason": "no reference"}}
+    (folder / "drive.json").write_text(json.dumps({"axes": {"X": bare}}))
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "X not followed: no reference" in done.stdout
     (folder / "drive.json").write_text("{")
     said = refused(project, "simulate", "part.nc", "--machine", "hurco")
     assert "drive.json holds no identified drives" in said and "dvc repro" in said

@@ -169,8 +169,8 @@ def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
     found = DATA / "models" / machine / "drive.json"
     if not found.exists():
         return []
-    lines = plan.path.moves.line
-    return [
+    drives, lines = read_drives(found), plan.path.moves.line
+    told: list[dict[str, Any]] = [
         {
             "axis": letter,
             "max_following_um": round(float(abs(one.error[one.worst])) * 1e6, 3),
@@ -179,8 +179,14 @@ def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
             "max_command": round(float(np.abs(one.command).max()), 3),
             "command_unit": one.command_unit,
         }
-        for letter, one in follow_program(plan, read_drives(found)).items()
+        for letter, one in follow_program(plan, drives).items()
     ]
+    told += [
+        {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
+        for letter, drive in drives.items()
+        if drive.servo is None
+    ]
+    return told
 
 
 def _control(

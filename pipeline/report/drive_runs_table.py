@@ -20,6 +20,10 @@ FORCE = (
     "Force: error of the force that the recorded motion asks for, over the measured force; its "
     "plain guess is one constant level against the motion."
 )
+LEVEL = (
+    "Means: of the force against motion, measured and by the model, whose friction levels they "
+    "judge where single samples are rough."
+)
 FOLLOWING = (
     "Following error: the twin runs the recorded reference alone; errors over the record’s own "
     "RMS and maximum; its plain guess is speed over loop gain."
@@ -34,15 +38,18 @@ def drive_runs_table(found: Facts) -> Table | None:
     force = any(run.force for run in runs)
     following = any(run.following for run in runs)
     reasons = any(_reason(run, found) for run in runs)
-    shown = (force, following, reasons)
+    level = not following and any(real(run.force.get("mean_measured")) for run in runs)
+    unit = next((str(run.force.get("unit")) for run in runs if run.force), "")
+    shown = (force, level, following, reasons)
     return Table(
         caption=f"Records against the twin{left_out(len(runs), MOST_ROWS)}",
         note=" ".join(
-            words for words, there in zip((FORCE, FOLLOWING), shown, strict=False) if there
+            words for words, there in zip((FORCE, LEVEL, FOLLOWING), shown, strict=False) if there
         ),
         heads=[
             *names("Recording", "axis"), *numbers(("length", "s")),
             *(numbers(("error", "%"), ("plain guess", "%"), group="Force") if force else []),
+            *(numbers(("mean", unit), ("modelled", unit)) if level else []),
             *(numbers(("RMS", "µm"), ("max", "µm"), ("error RMS", "%"), ("error max", "%"),
                       ("error RMS", "µm"), ("plain guess", "µm"), group="Following error")
               if following else []),
@@ -54,12 +61,13 @@ def drive_runs_table(found: Facts) -> Table | None:
     )  # fmt: skip
 
 
-def _row(run: DriveRun, found: Facts, shown: tuple[bool, bool, bool]) -> list[Cell]:
+def _row(run: DriveRun, found: Facts, shown: tuple[bool, bool, bool, bool]) -> list[Cell]:
     force, following = run.force, run.following
     forces = [
         _or_void(force.get("relative_error_percent"), 1),
         _or_void(force.get("baseline_relative_error_percent"), 1),
     ]
+    levels = [_or_void(force.get("mean_measured")), _or_void(force.get("mean_modelled"))]
     followings = [
         _or_void(following.get("rms_um")),
         _or_void(following.get("max_um")),
@@ -73,9 +81,10 @@ def _row(run: DriveRun, found: Facts, shown: tuple[bool, bool, bool]) -> list[Ce
         run.axis,
         number(run.seconds),
         *(forces if shown[0] else []),
-        *(followings if shown[1] else []),
+        *(levels if shown[1] else []),
+        *(followings if shown[2] else []),
         _verdict(run),
-        *([_reason(run, found) or "–"] if shown[2] else []),
+        *([_reason(run, found) or "–"] if shown[3] else []),
     )
 
 

@@ -23,6 +23,7 @@ MEANINGS = {
     "static": "friction at the start of motion",
     "stribeck_velocity": "speed over which starting friction gives way",
     "viscous": "friction that grows with speed",
+    "load_factor": "what the recorded load is multiplied by",
     "offset": "force that is always there, such as gravity less counterbalance",
     "position_scale": "gain of the position loop over its nominal one",
     "velocity_scale": "gain of the velocity loop over its nominal one",
@@ -36,6 +37,7 @@ MEANINGS = {
     "L_d": "inductance along the magnets’ flux",
     "L_q": "inductance across the magnets’ flux",
     "flux": "flux of the magnets through a winding",
+    "dead_voltage": "voltage that the inverter keeps along the current",
 }
 """What the parameters of a drive and its motor mean, for people."""
 

@@ -23,6 +23,7 @@ from pipeline.validation.drive_force import (
     constant_level,
     factor_of_load,
     force_comparison,
+    in_unit_of_drive,
     relative_error_percent,
 )
 from pipeline.validation.drive_traces import traces_table
@@ -126,21 +127,26 @@ def _why_not(
 ) -> str:
     if verdict:
         return "no recording that the drives were not identified from shows enough of an axis"
-    shown = [r.name for r in recordings if set(r.axes) & set(drives)]
+    shown = sorted({r.file for r in recordings if set(r.axes) & set(drives)})
+    mute = [r for r in recordings if not (r.trained or r.axes or r.motor)]
+    said = [f"{r.name} shows no axis ({'; '.join(sorted(set(r.lacking.values())))})" for r in mute]
     if len(shown) == 1:
-        return (
-            f"{shown[0]} is the only recording and the drives were identified from it: "
-            "record another to judge them by"
+        reason = (
+            f"{shown[0]} is the only recording {'of use ' if mute else ''}and the drives were "
+            "identified from it: record another to judge them by"
         )
-    return (
-        f"the drives were identified from all {len(shown)} recordings: leave some out of "
-        "drive_records.training, or record others"
-    )
+    else:
+        reason = (
+            f"the drives were identified from all {len(shown)} recordings: leave some out of "
+            "drive_records.training, or record others"
+        )
+    return "; ".join([reason, *said])
 
 
 def _compared(
     recording: Recording, axis: str, drive: IdentifiedDrive, settings: DriveFitSettings
 ) -> Compared:
+    recording = in_unit_of_drive(recording, axis, drive)
     factor = factor_of_load(recording, axis, drive)
     return Compared(
         axis=axis, recording=recording, force=force_comparison(recording, axis, drive, factor),

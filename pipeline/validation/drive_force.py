@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.identification.drive.loads import Factor, judged_load
+from pipeline.identification.drive.loads import Factor, in_newton, judged_load
 from pipeline.identification.drive.motion import Motion, motion
 from pipeline.identification.drive.records import Recording
 from pipeline.identification.drive.servo_records import low_passed
@@ -44,6 +44,13 @@ class ForceComparison:
     def seconds(self) -> float:
         """Motion in it [s]."""
         return len(self.measured) * self.period
+
+
+def in_unit_of_drive(recording: Recording, axis: str, drive: IdentifiedDrive) -> Recording:
+    """The recording with the drive's force constant, where a load told it and nothing else does."""
+    if drive.force_unit != "N" or recording.axes[axis].constants.force_constant is not None:
+        return recording
+    return in_newton([recording], axis, drive.feed_drive.force_constant)[0]
 
 
 def factor_of_load(recording: Recording, axis: str, drive: IdentifiedDrive) -> Factor | None:

@@ -3,7 +3,15 @@
 import re
 
 import pytest
-from drive_folders import axis_document, drive_parameter, report, section, with_drives, write_drive
+from drive_folders import (
+    axis_document,
+    drive_parameter,
+    drive_run,
+    report,
+    section,
+    with_drives,
+    write_drive,
+)
 from page_reader import words
 from report_folders import FLEET, empty_machine, machine
 
@@ -160,3 +168,11 @@ def test_every_figure_is_labelled_credited_and_small(page, tmp_path):
     assert "label simulated" not in text
     made = re.findall(r'<p class="source">(Source.*?)</p>', text, flags=re.S)
     assert len(made) > 12 and all("Records: Works, CC0" in words for words in made)
+
+
+@pytest.mark.parametrize("level", [4.31, None])
+def test_where_no_following_error_is_known_means_show_the_friction_levels(tmp_path, level):
+    run = drive_run("experiment_02", 31.0, None)
+    run["force"] |= {"unit": "A", "mean_measured": level, "mean_modelled": 4.28}
+    said = report(with_drives(empty_machine(tmp_path, "mill"), {"X": [run]}), tmp_path)
+    assert ("4.31" in said and "4.28" in said and "modelled" in said) == (level is not None)

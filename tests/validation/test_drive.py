@@ -44,13 +44,15 @@ def document(servo=SERVO, screw=SCREW, force_unit="N", reason=""):
     return json.loads(json.dumps({"axes": {"X": axis}}))
 
 
-def twin_record(name, trained=False, speeds=(0.01, 0.05, 0.2), load=None, air=None, **parts):
+def twin_record(
+    name, trained=False, speeds=(0.01, 0.05, 0.2), load=None, air=None, servo=SERVO, **parts
+):
     """What a recorder would write of the twin itself."""
     reference = strokes(speeds)
     push = None if load is None else load * (np.arange(len(reference)) > len(reference) / 2)
     trace = simulate_drive(
         np.interp(np.arange(4 * len(reference)) / 4, np.arange(len(reference)), reference),
-        PERIOD / 4, DriveParameters(servo=SERVO, feed_drive=SCREW),
+        PERIOD / 4, DriveParameters(servo=servo, feed_drive=SCREW),
         load=None if push is None else np.repeat(push, 4),
     )  # fmt: skip
     record = AxisRecord(
@@ -87,6 +89,36 @@ def test_the_twins_own_records_are_rebuilt():
     assert row["following"]["error_rms_um"] < row["following"]["baseline_error_rms_um"] / 20
     assert row["force"]["baseline_relative_error_percent"] > 20
     assert (row["role"], row["status"]) == ("judged", "passed")
+
+
+def test_a_force_constant_that_a_load_told_holds_for_recordings_that_know_none():
+    unknown = replace(NEW.axes["X"], constants=AxisConstants())
+    verdict, _ = judged([TRAINED, replace(NEW, axes={"X": unknown})])
+    same, _ = judged([TRAINED, NEW])
+    # the drive is in newton: in amperes the measured force would be a hundredth of it
+    assert row_of(verdict, "new.csv") == row_of(same, "new.csv")
+
+
+def test_a_recording_is_judged_with_the_gains_it_was_taken_with():
+    # half the position gain doubles the following error: the same servo, another parameter list
+    servo = replace(SERVO, position_gain=20.0)
+    trace = twin_record("other.csv", servo=servo)
+    listed = AxisConstants(force_constant=100.0, position_gain=20.0, velocity_gain=300.0)
+    axis = replace(trace.axes["X"], constants=listed)
+    verdict, _ = judged([TRAINED, replace(trace, axes={"X": axis})])
+    row = row_of(verdict, "other.csv")
+    # as above, of the twin's own records
+    assert row["following"]["error_rms_percent"] < 0.5 and row["status"] == "passed"
+    verdict, _ = judged([TRAINED, trace])
+    assert row_of(verdict, "other.csv")["following"]["error_rms_percent"] > 40
+
+
+def test_a_recording_that_shows_nothing_is_named_where_nothing_is_judged():
+    mute = Recording(name="new.csv", trained=False, lacking={"X": "the file is empty"})
+    parts = [replace(TRAINED, name=f"train.csv (part {i})") for i in (1, 2)]
+    verdict, _ = judged([*parts, mute])
+    assert "train.csv is the only recording of use" in verdict["reason"]
+    assert "new.csv shows no axis (the file is empty)" in verdict["reason"]
 
 
 def test_figures_are_those_of_the_record():

@@ -172,7 +172,7 @@ def _motor(fit: MotorFit, axis: str) -> dict[str, Any]:
 
 
 def _left_out(found: DrivesFound) -> list[dict[str, str]]:
-    """Recordings that show no axis, and axes that no training recording shows."""
+    """Recordings that show no axis or another servo, axes that no training recording shows."""
     rows = [
         {"recording": one.name, "reason": "; ".join(sorted(set(one.lacking.values())))}
         for one in found.recordings
@@ -181,6 +181,14 @@ def _left_out(found: DrivesFound) -> list[dict[str, str]]:
     rows += [
         {"recording": "all of them", "reason": f"axis {axis}: {why}"}
         for axis, why in found.open_axes.items()
+    ]
+    rows += [
+        {
+            "recording": name,
+            "reason": f"servo of axis {axis}: taken with other gains than the first recording",
+        }
+        for axis, servo in found.servos.items()
+        for name in servo.left_out
     ]
     if found.motor_reason:
         rows.append({"recording": "the motor's", "reason": found.motor_reason})

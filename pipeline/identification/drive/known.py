@@ -82,6 +82,10 @@ current_limit : float or str, optional
             raise ValueError("drive: torque_constant and lead go together: give both or neither")
         if self.force_constant is not None and self.lead is not None:
             raise ValueError("drive: force_constant stands beside torque_constant: give one")
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name != "coulomb" and not isinstance(value, str):
+                _number(item.name, value, {})
 
     def resolved(self, constants: Mapping[str, float]) -> AxisConstants:
         """Numbers in place of names.

@@ -15,8 +15,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pipeline.identification.drive.asked import check_command
 from pipeline.identification.drive.grid import Piece, uniform_pieces
-from pipeline.identification.drive.known import DriveKnown, constants_of, names_of
+from pipeline.identification.drive.known import (
+    AxisConstants,
+    DriveKnown,
+    constants_of,
+    names_of,
+)
 from pipeline.identification.drive.records import (
     AirRows,
     AxisChannels,
@@ -45,6 +51,11 @@ class Unusable(ValueError):  # noqa: N818 - a state of a channel, not a fault of
 def shared_constants(entries: Mapping[str, Entry]) -> dict[str, float]:
     """Constants beside the channels on which the recordings that hold them agree."""
     return constants_of({name: _constants(entry) for name, entry in entries.items()})
+
+
+def constants_held(entries: Mapping[str, Entry]) -> set[str]:
+    """Names of the constants that stand in any of the recordings."""
+    return {name for entry in entries.values() for name in _constants(entry)}
 
 
 def _constants(entry: Entry) -> dict[str, Any]:
@@ -107,16 +118,19 @@ def _drives(
     """Recordings of the axes in one table."""
     axes: dict[str, dict[str, Floats]] = {}
     lacking: dict[str, str] = {}
+    constants_of_axis: dict[str, AxisConstants] = {}
     for letter, channels in records.axes.items():
         try:
-            axes[letter] = _axis(table, channels)
-        except Unusable as error:
+            constants_of_axis[letter] = known.axis(letter).resolved(constants)
+            found = _axis(table, channels)
+            check_command(channels.command, _unit(table.schema.field(channels.command)))
+            axes[letter] = found
+        except ValueError as error:  # what is wrong with a constant or a channel of this file
             lacking[letter] = str(error)
     if not axes:
         return [replace(blank, lacking=lacking)]
     air = _air(table, records.air)
     rows, pieces = _pieces(table, [v for axis in axes.values() for v in axis.values()])
-    constants_of_axis = {letter: known.axis(letter).resolved(constants) for letter in axes}
     units = {letter: _command_unit(table, records.axes[letter]) for letter in axes}
 
     def record(letter: str, piece: Piece) -> AxisRecord:

@@ -257,10 +257,18 @@ def read_recordings(signals: Path, records: DriveRecords, known: DriveKnown) -> 
     Raises
     ------
     ValueError
-        When ``signals`` has no manifest, or none of its files fits ``records.recordings``.
+        When ``signals`` has no manifest, none of its files fits ``records.recordings``, or
+        ``records`` or ``known`` names what none of them holds.
     """
-    from pipeline.identification.drive.reading import read_file, shared_constants
+    from pipeline.identification.drive.asked import (
+        check_axes,
+        check_channels,
+        check_constants,
+        without_copies,
+    )
+    from pipeline.identification.drive.reading import constants_held, read_file, shared_constants
 
+    check_axes(records, known)
     try:
         files = json.loads((signals / "manifest.json").read_text())["files"]
     except (OSError, ValueError, KeyError) as error:
@@ -276,9 +284,13 @@ def read_recordings(signals: Path, records: DriveRecords, known: DriveKnown) -> 
             f"no recording in {signals} fits drive_records.recordings = {records.recordings!r}: "
             "put recordings of the servo there or correct the pattern"
         )
+    named = without_copies(named, records)
+    check_constants(known, constants_held(named))
     shared = shared_constants(named)
-    return [
+    found = [
         one
         for name, entry in named.items()
         for one in read_file(signals, name, entry, records, known, shared)
     ]
+    check_channels(records, found)
+    return found

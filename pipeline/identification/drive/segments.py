@@ -59,8 +59,13 @@ class FrictionPoint:
 
 
 def constant_speed_segments(motions: Sequence[Motion], shortest: float) -> list[Segment]:
-    """Stretches of at least ``shortest`` [s], in the order of time."""
-    return [one for each in motions for one in _segments(each, shortest)]
+    """Stretches of at least ``shortest`` [s], in the order of time.
+
+    What carries a load says nothing of friction alone: it is left out where there is something
+    else.
+    """
+    free = [each for each in motions if each.load is None] or motions
+    return [one for each in free for one in _segments(each, shortest)]
 
 
 def _segments(motion: Motion, shortest: float) -> list[Segment]:

@@ -6,6 +6,9 @@ from typing import Literal
 
 from pipeline.search.genetic import GeneticSettings
 
+FINEST = 1000
+"""Substeps in a sample: a servo's period is no thousandth of a recorder's."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DriveFitSettings:
@@ -42,3 +45,5 @@ class DriveFitSettings:
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise ValueError(f"drive_fit.{name} = {value} must be finite and positive")
+        if self.substeps > FINEST:
+            raise ValueError(f"drive_fit.substeps = {self.substeps} must be at most {FINEST}")

@@ -109,6 +109,16 @@ def test_what_was_left_out_is_said(document):
     assert document["motor"] is None
 
 
+def test_a_servo_with_other_gains_is_left_out_and_that_is_said():
+    found = identify_drives(
+        [recording(AXIS, 0, speeds=FAST)], RECORDS, DriveKnown(), replace(SETTINGS, compare=False)
+    )
+    servo = replace(found.servos["X"], left_out=("other.csv",))
+    told = drive_document(IDENTITY, replace(found, servos={"X": servo}))
+    rows = [row for row in told["recordings"]["left_out"] if row["recording"] == "other.csv"]
+    assert ["servo of axis X: taken with other gains" in row["reason"] for row in rows] == [True]
+
+
 def test_recordings_that_tell_nothing_are_an_error_with_the_reasons():
     empty = Recording(name="a.csv", trained=True, lacking={"X": "no current", "Z": "no motion"})
     with pytest.raises(ValueError, match="X: no current; Z: no motion"):

@@ -1,6 +1,7 @@
 """Recordings come in as Parquet with units, and go out as axes in SI or with a reason."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,20 +109,79 @@ def test_what_contradicts_itself_is_refused(given, words):
         AxisKnown(**given)
 
 
+def test_a_constant_that_no_recording_holds_is_named(written):
+    folder = written("a.csv", columns(), {"kp": 1.0})
+    known = DriveKnown(axes={"X": AxisKnown(force_constant="gtau")})
+    with pytest.raises(ValueError, match=r"axes.X names the constant 'gtau', .* hold kp: correct"):
+        read(folder, known)
+
+
+def test_a_copy_of_a_training_recording_is_neither_learnt_from_nor_judged(written):
+    for name in ("0.csv", "a.csv", "b.csv"):
+        folder = written(name, columns())
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["files"]["0.csv"]["sha256"] = manifest["files"]["a.csv"]["sha256"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    copy, a, b = read(folder)
+    assert a.trained and a.axes and b.axes
+    assert not copy.axes and copy.lacking["X"] == "it is a copy of a.csv: record another"
+
+
+@pytest.mark.parametrize("value", [-3.0, 0.0, float("nan"), float("inf")])
+def test_a_number_out_of_its_range_is_refused_before_anything_is_read(value):
+    with pytest.raises(ValueError, match=f"drive.force_constant = {value} must be finite and pos"):
+        AxisKnown(force_constant=value)
+
+
+@pytest.mark.parametrize("value", [-3.0, float("nan")])
+def test_a_recording_with_an_impossible_constant_is_left_out_alone(written, value):
+    written("a.csv", columns(), {"gtau": 35.0})
+    folder = written("b.csv", columns(), {"gtau": value})
+    a, b = read(folder, DriveKnown(axes={"X": AxisKnown(force_constant="gtau")}))
+    assert set(a.axes) == {"X"} and not b.axes
+    assert f"force_constant = {value} must be" in b.lacking["X"]
+
+
+def test_a_constant_that_the_others_do_not_agree_on_is_not_lent(written):
+    written("a.csv", columns(), {"gtau": 35.0})
+    written("a2.csv", columns(), {"gtau": 70.0})
+    folder = written("b.csv", columns(), {"kp": 1.0})
+    a, a2, b = read(folder, DriveKnown(axes={"X": AxisKnown(force_constant="gtau")}))
+    assert (a.axes["X"].force_constant, a2.axes["X"].force_constant) == (35.0, 70.0)
+    assert not b.axes and "constant 'gtau', the recording holds kp" in b.lacking["X"]
+
+
 @pytest.mark.parametrize(
-    ("known", "words"),
+    ("options", "known", "words"),
     [
-        (AxisKnown(force_constant="gtau"), "constant 'gtau', the recording holds kp"),
+        ({}, {"Y": AxisKnown()}, "drive.axes names 'Y', drive_records.axes has X: correct"),
+        ({"axes": {"x": CHANNELS}}, {}, "drive_records.axes names 'x', which is no letter"),
+        ({"axes": {}}, {}, "drive_records.axes names no axis"),
         (
-            AxisKnown(force_constant=-3.0),
-            r"drive.force_constant = -3.0 must be finite and positive",
+            {"motor": MotorRecords(recordings="m*", axis="Z", pole_pairs=4, channels={
+                "u_d": "a", "u_q": "b", "i_d": "c", "i_q": "d", "speed": "e"})},
+            {}, "drive_records.motor.axis is 'Z', drive_records.axes has X",
         ),
     ],
-)
-def test_a_number_that_is_none_is_named(written, known, words):
-    folder = written("a.csv", columns(), {"kp": 1.0})
+)  # fmt: skip
+def test_an_axis_that_stands_in_one_section_only_is_refused(written, options, known, words):
+    folder = written("a.csv", columns())
     with pytest.raises(ValueError, match=words):
-        read(folder, DriveKnown(axes={"X": known}))
+        read(folder, DriveKnown(axes=known), **options)
+
+
+@pytest.mark.parametrize("key", ["reference", "velocity", "acceleration_reference"])
+def test_a_channel_that_no_recording_holds_is_refused(written, key):
+    folder = written("a.csv", columns())
+    axes = {"X": replace(CHANNELS, **{key: "x_typo"})}
+    with pytest.raises(ValueError, match=f"axes.X.{key} names the channel 'x_typo'"):
+        read(folder, axes=axes)
+
+
+def test_a_channel_that_some_recordings_hold_is_no_mistake(written):
+    written("a.csv", columns())
+    a, b = read(written("b.csv", columns(x_set=None)))
+    assert a.axes["X"].reference is not None and b.axes["X"].reference is None
 
 
 @pytest.mark.parametrize(
@@ -141,6 +201,18 @@ def test_what_a_recording_lacks_is_said_and_never_raised(written, change, words)
     (one,) = read(written("a.csv", columns(**change)))
     assert not one.axes
     assert words in one.lacking["X"]
+
+
+@pytest.mark.parametrize("unit", ["MILLIMETER", "MILLIMETER/SECOND", "SECOND"])
+def test_a_motion_is_no_torque_command(written, unit):
+    (one,) = read(written("a.csv", columns(), units={**UNITS, "x_cur": unit}))
+    assert not one.axes and f"'x_cur' is in {unit}, no unit of" in one.lacking["X"]
+
+
+@pytest.mark.parametrize("unit", ["AMPERE", "VOLT", "PERCENT", "NEWTON_METER", ""])
+def test_a_torque_command_may_be_in_any_unit_of_one(written, unit):
+    (one,) = read(written("a.csv", columns(), units={**UNITS, "x_cur": unit}))
+    assert set(one.axes) == {"X"}
 
 
 def test_a_unit_that_does_not_fit_is_said(written):
