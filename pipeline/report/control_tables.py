@@ -147,8 +147,14 @@ def control_runs_table(found: Facts) -> Table | None:
 
 
 def control_sources_table(found: Facts) -> Table | None:
-    """Files by hash that the control was found from, and what its fit cannot tell apart."""
-    files = dig(found.control.control, "found_from")
+    """Files by hash that the control was found from."""
+    where = sources(found.shelf, found.folders.models / "control.json")
+    return files_table(found.control.control, "the control was", where)
+
+
+def files_table(document: Any, what: str, where: list[Source]) -> Table | None:
+    """Files by hash that ``document`` names as what it was found from; ``what`` with its verb."""
+    files = dig(document, "found_from")
     if not isinstance(files, dict) or not files:
         return None
     rows = [
@@ -156,9 +162,9 @@ def control_sources_table(found: Facts) -> Table | None:
         for file, sha256 in sorted(files.items())
     ]
     return Table(
-        caption=f"Files that the control was found from{left_out(len(rows), MOST_ROWS)}",
+        caption=f"Files that {what} found from{left_out(len(rows), MOST_ROWS)}",
         heads=names("File", "sha256"),
         rows=rows[:MOST_ROWS],
-        sources=sources(found.shelf, found.folders.models / "control.json"),
+        sources=where,
         folded=True,
     )

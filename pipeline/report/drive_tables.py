@@ -1,6 +1,6 @@
 """Tables of the drives: parameters, methods against each other, recordings, files."""
 
-from pipeline.report.control_tables import parameters_table
+from pipeline.report.control_tables import files_table, parameters_table
 from pipeline.report.drive_units import in_shop_units
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import NOT_KNOWN, number, real
@@ -112,17 +112,4 @@ def drive_recordings_table(found: Facts) -> Table | None:
 
 def drive_files_table(found: Facts) -> Table | None:
     """Files by hash that the drives were found from."""
-    files = dig(found.drives.drive, "found_from")
-    if not isinstance(files, dict) or not files:
-        return None
-    rows = [
-        cells(Cell(text=str(file), code=True), Cell(text=str(sha256), code=True))
-        for file, sha256 in sorted(files.items())
-    ]
-    return Table(
-        caption=f"Files that the drives were found from{left_out(len(rows), MOST_ROWS)}",
-        heads=names("File", "sha256"),
-        rows=rows[:MOST_ROWS],
-        sources=drive_sources(found),
-        folded=True,
-    )
+    return files_table(found.drives.drive, "the drives were", drive_sources(found))

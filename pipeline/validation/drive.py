@@ -248,8 +248,13 @@ def drive_metrics(document: Mapping[str, Any]) -> dict[str, float | int | str]:
     return found
 
 
-def _factor(factor: Factor) -> dict[str, float]:
-    return {"value": _digits(factor.value), "half_width": _digits(factor.half_width)}
+def _factor(factor: Factor) -> dict[str, float | None]:
+    """Without an interval where it was taken and not found."""
+    told = np.isfinite(factor.half_width)
+    return {
+        "value": _digits(factor.value),
+        "half_width": _digits(factor.half_width) if told else None,
+    }
 
 
 def _rms(values: Floats) -> float:

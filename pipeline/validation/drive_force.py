@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,8 @@ def factor_of_load(recording: Recording, axis: str, drive: IdentifiedDrive) -> F
     if recording.axes[axis].load is None or drive.force_unit != "N":
         return None
     factor = judged_load(recording, axis, drive.feed_drive, drive.bandwidth_Hz, drive.delay)
-    return factor if factor is not None and factor.is_told(TOLD) else Factor(value=1, half_width=0)
+    told = factor is not None and factor.is_told(TOLD)
+    return factor if told else Factor(value=1, half_width=inf)
 
 
 def force_comparison(

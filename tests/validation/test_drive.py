@@ -208,6 +208,9 @@ def test_a_load_that_counts_the_other_way_is_found():
         right["force"]["relative_error_percent"], abs=0.05
     )
     assert row_of(judged([NEW])[0], "new.csv")["load_factor"] is None
+    silent = replace(load, axes={"X": replace(axis, load=0.0 * axis.load)})
+    taken = row_of(judged([silent])[0], "load.csv")["load_factor"]
+    assert taken == {"value": 1.0, "half_width": None}  # taken, not found: no interval
 
 
 def test_cutting_is_not_compared():
