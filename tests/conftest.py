@@ -1,8 +1,17 @@
 """What several rooms' tests need."""
 
+import os
+
 import pytest
+from hypothesis import settings
 
 from tests.browser import CHROMIUM, DRIVER, FLAGS
+
+# The same examples in every run, so that a change and not chance decides; other ones are sought by
+# `HYPOTHESIS_PROFILE=search pytest`.
+settings.register_profile("same", derandomize=True)
+settings.register_profile("search", derandomize=False)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
 @pytest.fixture(scope="module")
