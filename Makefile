@@ -38,7 +38,7 @@ $(READY): requirements.lock pyproject.toml
 	touch $@
 
 $(TESTS): $(READY)
-	$(INSTALL) -e ".[test,tdms]"
+	$(INSTALL) -e ".[test,stl,tdms,uff]"
 	touch $@
 
 clean:

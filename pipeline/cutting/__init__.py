@@ -1,0 +1,1 @@
+"""The cut: engagement of tool and stock, forces, stability, tool life, cost."""

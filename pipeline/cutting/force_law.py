@@ -1,0 +1,109 @@
+"""Force on a cutting edge over the thickness of its chip.
+
+Tangential, radial and axial force for each width of chip b are K_c h^(1 - m_c) + K_e, the edge
+terms only where there is a chip (h > 0).  With m_c = 0 this is the linear-edge model (Altintas,
+*Manufacturing Automation*, 2nd ed. 2012, eq. 2.40); without edge terms it is Kienzle's law
+F = k_c1.1 b h^(1 - m_c) (Kienzle 1952).
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+N_MM2 = 1e6
+N_MM = 1e3
+THICKNESS = 1e-3  # [m], of which k_c1.1 is the specific force
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceLaw:
+    """Constants of one pair of tool and material, in SI.
+
+    Parameters
+    ----------
+    K_tc, K_rc, K_ac : float
+        Cutting coefficients, tangential, radial, axial [N/m^2 m^m_c].
+    K_te, K_re, K_ae : float
+        Edge coefficients [N/m].
+    m_c : float
+        Exponent of the chip thickness [1]; 0 for the linear-edge model.
+    """
+
+    K_tc: float
+    K_rc: float
+    K_ac: float = 0.0
+    K_te: float = 0.0
+    K_re: float = 0.0
+    K_ae: float = 0.0
+    m_c: float = 0.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            if not np.isfinite(getattr(self, item.name)):
+                raise ValueError(
+                    f"force_law.{item.name} = {getattr(self, item.name)} must be finite"
+                )
+        if not 0.0 <= self.m_c < 1.0:
+            raise ValueError(f"force_law.m_c = {self.m_c} is out of its range, 0 to below 1")
+        if self.K_tc <= 0.0 and self.K_te <= 0.0:
+            raise ValueError(
+                f"force_law.K_tc = {self.K_tc} must be positive: a tool that cuts takes force"
+            )
+
+    @classmethod
+    def linear(
+        cls, *, K_tc: float, K_rc: float, K_ac: float = 0.0,
+        K_te: float = 0.0, K_re: float = 0.0, K_ae: float = 0.0,
+    ) -> "ForceLaw":  # fmt: skip
+        """Linear-edge law from tables: cutting [N/mm^2], edge [N/mm]."""
+        return cls(
+            K_tc=K_tc * N_MM2, K_rc=K_rc * N_MM2, K_ac=K_ac * N_MM2,
+            K_te=K_te * N_MM, K_re=K_re * N_MM, K_ae=K_ae * N_MM,
+        )  # fmt: skip
+
+    @classmethod
+    def kienzle(cls, *, k_c11: float, m_c: float, radial: float, axial: float = 0.0) -> "ForceLaw":
+        """Kienzle's law from tables: k_c1.1 [N/mm^2], radial and axial force over tangential [1].
+
+        Examples
+        --------
+        >>> law = ForceLaw.kienzle(k_c11=1500.0, m_c=0.25, radial=0.5)
+        >>> force = edge_forces(law, 1e-3)  # of a chip 1 mm thick, for each metre of its width
+        >>> round(float(force[0]) / 1e3, 6), round(float(force[1]) / 1e3, 6)
+        (1500.0, 750.0)
+        """
+        tangential = k_c11 * N_MM2 * THICKNESS**m_c
+        return cls(K_tc=tangential, K_rc=radial * tangential, K_ac=axial * tangential, m_c=m_c)
+
+    @property
+    def cutting(self) -> NDArray[np.float64]:
+        """K_tc, K_rc, K_ac; shape (3,)."""
+        return np.array([self.K_tc, self.K_rc, self.K_ac])
+
+    @property
+    def edge(self) -> NDArray[np.float64]:
+        """K_te, K_re, K_ae; shape (3,)."""
+        return np.array([self.K_te, self.K_re, self.K_ae])
+
+
+def edge_forces(law: ForceLaw, h: ArrayLike) -> NDArray[np.float64]:
+    """Tangential, radial, axial force for each width of chip [N/m]; 0 without a chip.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Of tool and material.
+    h : array_like
+        Thickness of the chip [m], any shape.
+
+    Returns
+    -------
+    ndarray, shape (3,) + shape of ``h``
+    """
+    thickness = np.maximum(np.asarray(h, dtype=np.float64), 0.0)
+    there = thickness > 0.0
+    power = np.where(there, thickness ** (1.0 - law.m_c), 0.0)
+    one = (3,) + (1,) * thickness.ndim
+    forces: NDArray[np.float64] = law.cutting.reshape(one) * power + law.edge.reshape(one) * there
+    return forces
