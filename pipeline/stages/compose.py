@@ -1,13 +1,15 @@
 """Stage: write params.yaml from conf/."""
 
 import os
+import re
 from pathlib import Path
 
 HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
+CATALOGUES = ("material", "tool")
 
 
 def compose(conf: Path, params: Path) -> None:
-    """Compose ``conf`` and every machine of its fleet into ``params``.
+    """Compose ``conf``, its catalogues and every machine of its fleet into ``params``.
 
     Under ``dvc exp run -S`` the file was written by DVC already and is kept.
     """
@@ -21,6 +23,8 @@ def compose(conf: Path, params: Path) -> None:
 def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
     """The composition of ``conf`` as YAML.
 
+    Each file of a catalogue, ``conf/material/`` and ``conf/tool/``, is a section of its name.
+
     Raises
     ------
     ValueError
@@ -32,11 +36,24 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
+    entries = [entry for group in CATALOGUES for entry in _entries(conf, group)]
     try:
         with initialize_config_dir(str(conf.resolve()), version_base=None):
             fleet = hydra_compose("config", overrides=list(overrides)).fleet
             machines = [f"+machine@machine.{name}={name}" for name in fleet.machines]
-            config = hydra_compose("config", overrides=[*overrides, *machines])
+            config = hydra_compose("config", overrides=[*overrides, *entries, *machines])
         return OmegaConf.to_yaml(config, resolve=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise ValueError(f"{conf} does not compose: {' '.join(str(error).split())}") from error
+
+
+def _entries(conf: Path, group: str) -> list[str]:
+    """Overrides that put each file of a catalogue under its name."""
+    names = sorted(path.stem for path in (conf / group).glob("*.yaml"))
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
+            raise ValueError(
+                f"{conf}/{group}/{name}.yaml has no name for a section: use letters, digits, _ and "
+                "-, a letter first"
+            )
+    return [f"+{group}@{group}.{name}={name}" for name in names]

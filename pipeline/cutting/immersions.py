@@ -1,0 +1,80 @@
+"""Arcs that a tooth goes through the material, station by station: what decides on chatter."""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.engagement import Engagement
+from pipeline.cutting.tool_path import ToolPath
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int32]
+STEEPEST = 0.7
+"""|dz / ds| up to which a cut is milling; steeper ones drill, and vibrate along the axis."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Immersions:
+    """N stations of a program, each with the arc that a tooth goes through the material there.
+
+    Parameters
+    ----------
+    block, tool : ndarray of int32, shape (N,)
+        Block of the program, index of the tool.
+    depth : ndarray, shape (N,)
+        Axial length of the edge in the material [m], above 0.
+    entry, exit : ndarray, shape (N,)
+        [rad], as in :mod:`pipeline.cutting.engagement`, 0 <= entry < exit <= pi.
+    feed_direction : ndarray, shape (N,)
+        From the machine's x [rad].
+    direction : ndarray of int8, shape (N,)
+        Of the spindle, 1 or -1.
+    blocks : int
+        Of the program, B.
+    unjudged : ndarray of bool, shape (B,)
+        Blocks with a station in the material that is not milling with a spindle that turns:
+        plunges, rapids.
+    """
+
+    block: Indices
+    tool: Indices
+    depth: Floats
+    entry: Floats
+    exit: Floats
+    feed_direction: Floats
+    direction: NDArray[np.int8]
+    blocks: int
+    unjudged: NDArray[np.bool_]
+
+
+def immersions(path: ToolPath, engagement: Engagement) -> Immersions:
+    """What of a program's engagement decides on chatter.
+
+    Where teeth are in the material at several arcs or heights the least arc and height that hold
+    all of them count: more than is cut, as far as the chip has a thickness (0 to pi).
+    """
+    angles = engagement.angles
+    half = pi / len(angles)
+    height = (engagement.upper - engagement.lower).astype(np.float64)
+    engaged = (height > 0.0) & (np.sin(angles) > 0.0)
+    cuts = engaged.any(axis=1)
+    move = (path.end - path.start)[engagement.piece]
+    turning = path.direction[engagement.piece]
+    level = (np.abs(engagement.slope) <= STEEPEST) & (np.hypot(move[:, 0], move[:, 1]) > 0.0)
+    kept = cuts & level & engagement.feed & (turning != 0)
+    first, last = engaged.argmax(axis=1), len(angles) - 1 - engaged[:, ::-1].argmax(axis=1)
+    unjudged = np.zeros(engagement.blocks, dtype=np.bool_)
+    unjudged[engagement.block[~kept & (height > 0.0).any(axis=1)]] = True
+    return Immersions(
+        block=engagement.block[kept],
+        tool=engagement.tool[kept],
+        depth=np.where(engaged, height, 0.0).max(axis=1, initial=0.0)[kept],
+        entry=np.maximum(angles[first] - half, 0.0)[kept],
+        exit=np.minimum(angles[last] + half, pi)[kept],
+        feed_direction=np.arctan2(move[:, 1], move[:, 0])[kept],
+        direction=turning[kept],
+        blocks=engagement.blocks,
+        unjudged=unjudged,
+    )

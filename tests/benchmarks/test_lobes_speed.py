@@ -1,0 +1,77 @@
+"""Milliseconds for stability: lobes, a table of classes, margins of a population, the check.
+
+Time of the processor counts, not that of the clock: what else runs does not.
+"""
+
+from dataclasses import replace
+from time import process_time
+
+import numpy as np
+import pytest
+
+from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.immersions import Immersions
+from pipeline.cutting.lobes import lobes
+from pipeline.cutting.semi_discretisation import depth_limits
+from pipeline.cutting.stability import StabilityTable, stability_table
+from pipeline.cutting.tool import Tool
+from tests.cutting.chatter import DOWN, SLOT, X, Y
+
+SPEEDS = np.linspace(5000, 25_000, 200) / 60
+
+
+@pytest.mark.benchmark(timer=process_time)
+@pytest.mark.parametrize("cut", [SLOT, DOWN], ids=["slot", "down"])
+def test_lobes_of_200_speeds_and_2_modes(benchmark, cut) -> None:
+    lobes([X, Y], cut, SPEEDS)
+    benchmark(lambda: lobes([X, Y], cut, SPEEDS))
+    assert benchmark.stats["min"] < 20e-3
+
+
+@pytest.mark.benchmark(timer=process_time)
+def test_check_of_21_speeds(benchmark) -> None:
+    depth_limits([X], SLOT, SPEEDS[::10], highest=5e-3)
+    run = lambda: depth_limits([X], SLOT, SPEEDS[::10], highest=5e-3)  # noqa: E731
+    benchmark.pedantic(run, rounds=3)
+    assert benchmark.stats["min"] / 20 < 80e-3
+
+
+def of_program(blocks: int) -> StabilityTable:
+    """Blocks of a pocket: 40 classes."""
+    pick = np.arange(blocks) % 40
+    program = Immersions(
+        block=np.arange(blocks, dtype=np.int32), tool=np.zeros(blocks, np.int32),
+        depth=np.full(blocks, 1e-3), entry=np.where(pick % 2, 0.0, np.pi / 2),
+        exit=np.full(blocks, np.pi), feed_direction=np.deg2rad(5.0 * (pick // 2)),
+        direction=np.ones(blocks, np.int8), blocks=blocks, unjudged=np.zeros(blocks, np.bool_),
+    )  # fmt: skip
+    return stability_table(
+        program, [[X, Y]], [ForceLaw.linear(K_tc=600.0, K_rc=200.0)],
+        [Tool(kind="flat", diameter_mm=10.0, flutes=2)], speed_rpm=(5000, 25_000),
+    )  # fmt: skip
+
+
+@pytest.mark.benchmark(timer=process_time)
+def test_table_of_40_classes(benchmark) -> None:
+    of_program(40)
+    benchmark.pedantic(lambda: of_program(20_000), rounds=5)
+    assert benchmark.stats["min"] / 40 < 20e-3
+
+
+@pytest.mark.benchmark(timer=process_time)
+@pytest.mark.parametrize(("blocks", "population"), [(20_000, 1), (30, 512)])
+def test_margins(benchmark, blocks: int, population: int) -> None:
+    table = of_program(blocks)
+    speeds = np.random.default_rng(0).uniform(5000, 25_000, (population, blocks))
+    table.margins(speeds)
+    benchmark(lambda: table.margins(speeds))
+    assert benchmark.stats["min"] / (blocks * population) < 50e-9
+
+
+@pytest.mark.benchmark(timer=process_time)
+def test_lobes_of_many_modes(benchmark) -> None:
+    modes = [replace(X, natural_frequency_Hz=f, direction=d)
+             for f in (400.0, 922.0, 1500.0, 2600.0) for d in ("x", "y")]  # fmt: skip
+    lobes(modes, DOWN, SPEEDS)
+    benchmark(lambda: lobes(modes, DOWN, SPEEDS))
+    assert benchmark.stats["min"] < 60e-3

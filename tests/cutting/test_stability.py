@@ -1,0 +1,228 @@
+"""Margins of a population: never above the lobes, and what is not known is not promised."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.cutting.directional import RegenerativeCut
+from pipeline.cutting.engagement import Engagement
+from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.frf import FrequencyResponse
+from pipeline.cutting.immersions import Immersions, immersions
+from pipeline.cutting.lobes import border, lobes
+from pipeline.cutting.modes import frf
+from pipeline.cutting.semi_discretisation import depth_limits
+from pipeline.cutting.stability import margin, stability_table
+from pipeline.cutting.tool import Tool
+from pipeline.cutting.tool_path import ToolPath
+from tests.cutting.chatter import X, Y
+
+LAW = ForceLaw.linear(K_tc=600.0, K_rc=200.0, K_te=20.0, K_re=20.0)
+TWO = Tool(kind="flat", diameter_mm=10.0, flutes=2)
+FOUR = replace(TWO, flutes=4)
+RANGE = (4000.0, 20_000.0)
+
+
+def stations(rows: list[tuple], blocks: int, unjudged: tuple[int, ...] = ()) -> Immersions:
+    """Rows of block, tool, depth [mm], entry, exit, feed [deg], spindle."""
+    block, tool, depth, entry, exit, feed, direction = np.array(rows, float).reshape(-1, 7).T
+    flags = np.zeros(blocks, dtype=np.bool_)
+    flags[list(unjudged)] = True
+    return Immersions(
+        block=block.astype(np.int32), tool=tool.astype(np.int32), depth=depth * 1e-3,
+        entry=np.deg2rad(entry), exit=np.deg2rad(exit), feed_direction=np.deg2rad(feed),
+        direction=direction.astype(np.int8), blocks=blocks, unjudged=flags,
+    )  # fmt: skip
+
+
+PROGRAM = stations(
+    [(0, 0, 1.0, 0, 180, 0, 1), (2, 0, 0.5, 90, 180, 90, 1), (2, 0, 0.2, 0, 180, 45, 1),
+     (3, 1, 2.0, 0, 60, 215, -1)],
+    blocks=6, unjudged=(4,),
+)  # fmt: skip
+TIP = [X, Y]
+
+
+def table(program: Immersions = PROGRAM, **options):
+    return stability_table(program, [TIP, TIP], [LAW, LAW], [TWO, FOUR], speed_rpm=RANGE, **options)
+
+
+def pointwise(row: tuple, rpm: np.ndarray) -> np.ndarray:
+    _, tool, depth, entry, exit, feed, direction = row
+    cut = RegenerativeCut.of(
+        LAW, (TWO, FOUR)[tool], entry=np.deg2rad(entry), exit=np.deg2rad(exit),
+        feed_direction=np.deg2rad(feed), direction=direction,
+    )  # fmt: skip
+    return lobes(TIP, cut, rpm / 60).depth_limit / (depth * 1e-3) - 1
+
+
+@pytest.mark.parametrize("cells", [40, 511])
+def test_margins_never_exceed_the_lobes(cells: int) -> None:
+    """Each cell is as low as the lowest of the lobes in it, which 1000 speeds come close to."""
+    rpm = np.linspace(*RANGE, 40_001)
+    for row in [(0, 0, 1.0, 0, 180, 0, 1), (0, 1, 2.0, 0, 60, 215, -1)]:
+        fine = pointwise(row, rpm)
+        found = table(stations([row], 1), cells=cells).margins(rpm[:, None])[:, 0]
+        # tolerance of the lobes, on (limit / a_p)
+        assert (found + 1 <= (fine + 1) * (1 + 1e-3)).all()
+        many = 40_000 // cells
+        lowest = fine[: many * cells].reshape(cells, many).min(axis=1)
+        if many * cells == 40_000:  # each cell holds whole speeds
+            np.testing.assert_allclose(found[many // 2 :: many] + 1, lowest + 1, rtol=0.01)
+
+
+def test_more_cells_give_more_margin_and_come_to_the_lobes() -> None:
+    rpm = np.random.default_rng(1).uniform(*RANGE, 300)
+    row = (0, 0, 1.0, 0, 180, 0, 1)
+    exact = pointwise(row, rpm) + 1
+    gaps = [
+        np.median(1 - (table(stations([row], 1), cells=n).margins(rpm[:, None])[:, 0] + 1) / exact)
+        for n in (64, 512, 4096)
+    ]
+    assert gaps[0] > 4 * gaps[1] > 16 * gaps[2] >= -1e-3
+
+
+def test_a_block_is_as_good_as_its_worst_station() -> None:
+    """Blocks 1 and 5 are in the air, 4 is a plunge, 2 has two stations."""
+    found = table()
+    margins = found.margins(np.full((3, 6), [[5000.0], [9000.0], [17_000.0]]))
+    assert np.isinf(margins[:, [1, 5]]).all() and np.isnan(margins[:, 4]).all()
+    np.testing.assert_array_equal(found.judged, [True, True, True, True, False, True])
+    single = [
+        table(stations([row], 1)).margins(np.array([[5000.0], [9000.0], [17_000.0]]))[:, 0]
+        for row in [(0, 0, 0.5, 90, 180, 90, 1), (0, 0, 0.2, 0, 180, 45, 1)]
+    ]
+    np.testing.assert_array_equal(margins[:, 2], np.minimum(*single))
+
+
+@settings(max_examples=20, deadline=None)
+@given(speeds=st.lists(st.floats(*RANGE), min_size=6, max_size=6))
+def test_a_population_is_its_individuals(speeds: list[float]) -> None:
+    found = table()
+    both = found.margins(np.array([speeds, speeds[::-1]]))
+    np.testing.assert_array_equal(both[0], found.margins(speeds))
+    np.testing.assert_array_equal(both[1], found.margins(speeds[::-1]))
+
+
+def test_half_the_depth_is_twice_the_limit_over_it() -> None:
+    half = replace(PROGRAM, depth=PROGRAM.depth / 2)
+    speeds = np.full(6, 11_000.0)
+    used = [0, 2, 3]
+    np.testing.assert_allclose(
+        table(half).margins(speeds)[used] + 1, 2 * (table().margins(speeds)[used] + 1), rtol=1e-12
+    )
+
+
+def test_classes_widen_the_arc_and_forget_the_sense_of_the_feed() -> None:
+    """Four stations of two classes: an arc within the same multiples, a feed there and back."""
+    rows = [(0, 0, 1, 91, 178, 30, 1), (1, 0, 1, 94, 177, 31, 1), (2, 0, 1, 92, 176, 211, 1),
+            (3, 0, 1, 92, 176, 60, 1), (4, 0, 1, 90, 180, 30, 1)]  # fmt: skip
+    found = table(stations(rows, 5))
+    assert len(found.limit) == 2
+    assert found.kind.tolist() == [0, 0, 0, 1, 0]
+
+
+def test_a_tool_whose_dynamics_are_not_known_is_not_judged() -> None:
+    found = stability_table(
+        PROGRAM, [TIP, None], [LAW, LAW], [TWO, FOUR], speed_rpm=RANGE, cells=16
+    )
+    margins = found.margins(np.full(6, 9000.0))
+    assert np.isnan(margins[3]) and not found.judged[3]
+    assert np.isfinite(margins[[0, 2]]).all()
+
+
+def test_by_semi_discretisation_flip_lobes_count() -> None:
+    """At a cell's ends the limit of both neighbours is not above its own; a flip is at 14 000."""
+    row = (0, 0, 2.0, 90, 180, 0, 1)
+    options = {"speed_rpm": (13_800.0, 14_600.0), "cells": 4}
+    of = stations([row], 1)
+    given = (of, [[X]], [LAW], [TWO])
+    found = stability_table(*given, method="semi_discretisation", **options)
+    cut = RegenerativeCut.of(LAW, TWO, entry=pi / 2, exit=pi)
+    nodes = depth_limits([X], cut, np.linspace(13_800, 14_600, 5) / 60, highest=8e-3).depth_limit
+    np.testing.assert_allclose(found.limit[0], np.minimum(nodes[1:], nodes[:-1]), rtol=1e-9)
+    zero = stability_table(*given, **options)
+    assert (zero.limit > 1.5 * found.limit).all()
+    tip = FrequencyResponse(
+        frequency_Hz=np.array([900.0, 950.0]), receptance=frf([X], [900.0, 950.0])
+    )
+    with pytest.raises(ValueError, match="needs modes"):
+        stability_table(of, [tip], [LAW], [TWO], method="semi_discretisation", **options)
+    with pytest.raises(ValueError, match="method = 'tables'"):
+        stability_table(*given, method="tables", **options)
+
+
+def test_an_air_program_has_no_limit() -> None:
+    found = table(stations([], 3))
+    assert np.isinf(found.margins(np.full((2, 3), 1.0))).all()
+
+
+def test_margin_is_zero_at_the_border() -> None:
+    assert margin(2e-3, 2e-3) == 0.0
+    np.testing.assert_array_equal(margin([1e-3, 4e-3], 2e-3), [1.0, -0.5])
+
+
+@pytest.mark.parametrize("rpm", [3999.0, 20_001.0, np.nan])
+def test_a_speed_outside_of_the_table_is_named(rpm: float) -> None:
+    speeds = np.full((2, 6), 9000.0)
+    speeds[1, 3] = rpm
+    with pytest.raises(ValueError, match=r"speed_rpm\[1, 3\] = .*4000 to 20000 rpm"):
+        table().margins(speeds)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"cells": 0}, "cells = 0"),
+        ({"angle_step_deg": 0.0}, "angle_step_deg = 0.0 is out of its range"),
+    ],
+)
+def test_what_a_table_cannot_be(options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        table(**options)
+    with pytest.raises(ValueError, match="speed_rpm has shape"):
+        table().margins(np.full(5, 9000.0))
+    with pytest.raises(ValueError, match="two speeds above 0, the least first"):
+        stability_table(PROGRAM, [TIP], [LAW], [TWO], speed_rpm=(9000.0, 9000.0))
+
+
+def test_stations_of_an_engagement() -> None:
+    """72 bins of 5 deg: a half-immersion cut along -y, a plunge, a rapid, a trailing edge."""
+    upper = np.zeros((5, 72), np.float32)
+    lower = np.zeros_like(upper)
+    upper[0, 18:36], lower[0, 18:36] = 3e-3, 1e-3  # 90 to 180 deg, 2 mm of edge
+    upper[1, :] = 1e-3
+    upper[2, :36] = 1e-3
+    upper[3, 40:50] = 1e-3  # behind the tool: no chip
+    upper[4, 4:6], upper[4, 10:12] = 1e-3, 4e-3  # two arcs
+    points = np.array([[0, 0, 0], [0, -1, 0], [0, -1, -1], [1, -1, -1], [2, -1, -1]], float)
+    path = ToolPath(
+        start=points[:-1], end=points[1:], block=np.arange(4, dtype=np.int32),
+        tool=np.zeros(4, np.int32), feed=np.array([True, True, False, True]),
+        direction=np.array([1, 1, 1, -1], np.int8),
+    )  # fmt: skip
+    piece = np.array([0, 1, 2, 3, 3], np.int32)
+    found = immersions(path, Engagement(
+        piece=piece, block=piece, tool=np.zeros(5, np.int32), along=np.zeros(5),
+        length=np.ones(5), lower=lower, upper=upper, volume=np.ones(5),
+        slope=np.array([0.0, -1.0, 0.0, 0.0, 0.0]), feed=path.feed[piece], blocks=5,
+        resolution=1e-4,
+    ))  # fmt: skip
+    np.testing.assert_array_equal(found.block, [0, 3])
+    np.testing.assert_allclose(np.rad2deg(found.entry), [90, 20], atol=1e-9)
+    np.testing.assert_allclose(np.rad2deg(found.exit), [180, 60], atol=1e-9)
+    np.testing.assert_allclose(found.depth, [2e-3, 4e-3], rtol=1e-6)
+    np.testing.assert_allclose(found.feed_direction, [-pi / 2, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(found.direction, [1, -1])
+    np.testing.assert_array_equal(found.unjudged, [False, True, True, True, False])
+
+
+def test_the_least_depth_of_a_class_is_in_its_table() -> None:
+    found = table(stations([(0, 0, 1.0, 0, 180, 0, 1)], 1))
+    cut = RegenerativeCut.of(LAW, TWO, entry=0.0, exit=pi)
+    least = border(TIP, cut, RANGE[0] / 60, RANGE[1] / 60).least_depth
+    assert found.limit.min() == pytest.approx(least, rel=0.02)

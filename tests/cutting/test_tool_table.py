@@ -1,0 +1,65 @@
+"""Tool tables: numbers of the programs, and what happens to those that are not there."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pipeline.cutting.tool_table import ToolTable
+from pipeline.parameters import ParametersError, structure
+from pipeline.shop.part_programs import TOOLS
+
+ROOT = Path(__file__).parents[2]
+
+
+def table(name: str) -> ToolTable:
+    values = yaml.safe_load((ROOT / f"conf/tool/{name}.yaml").read_text())
+    return structure({"tool": {name: values}}, f"tool.{name}", ToolTable)
+
+
+def test_the_shop_floors_table_has_the_tools_of_its_part_programs() -> None:
+    found = table("shop")
+    assert {(t.number, t.name, t.diameter) for t in TOOLS} == {
+        (number, tool.name, tool.diameter_mm) for number, tool in found.tools.items()
+    }
+    for tool in found.tools.values():
+        assert (tool.kind == "drill") == ("DRILL" in tool.name)
+        assert tool.flute_length_mm is not None and tool.stickout_mm is not None
+        assert tool.flute_length_mm <= tool.stickout_mm
+
+
+def test_the_end_mill_of_sim2023() -> None:
+    tool = table("sim2023").tool(1)
+    assert (tool.diameter_mm, tool.flutes, tool.helix_deg) == (6.0, 2, 0.0)
+
+
+def test_a_tool_that_is_not_there_is_said_with_those_that_are() -> None:
+    with pytest.raises(ValueError, match="tool 7 is not in the tool table, which has 1, 2, 4, 5"):
+        table("shop").tool(7)
+
+
+def test_tools_that_a_program_uses_and_their_places() -> None:
+    found = table("shop")
+    tools, index = found.chosen([12, 2, 2, 12, 4])
+    assert [tool.name for tool in tools] == ["16MM ENDMILL", "12MM ENDMILL", "6.8MM DRILL"]
+    np.testing.assert_array_equal(index, [2, 0, 0, 2, 1])
+    none, nowhere = found.chosen([])
+    assert none == [] and nowhere.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"tools": {}}, "the tool table is empty"),
+        ({"tools": {-1: {"kind": "flat", "diameter_mm": 6, "flutes": 2}}}, "no tool number"),
+        ({"tools": {1: {"kind": "flat", "diameter_mm": -6, "flutes": 2}}}, "diameter_mm = -6.0"),
+        ({"tools": {1: {"kind": "flat", "diameter": 6, "flutes": 2}}}, "diameter"),
+        ({"tools": {"one": {"kind": "flat", "diameter_mm": 6, "flutes": 2}}}, "'one' is no whole"),
+        ({"tools": [1, 2]}, "tool"),
+        ({}, "required field missing"),
+    ],
+)
+def test_what_is_no_table_is_refused(values: dict[str, object], words: str) -> None:
+    with pytest.raises(ParametersError, match=words):
+        structure({"tool": values}, "tool", ToolTable)
