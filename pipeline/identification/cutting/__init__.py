@@ -1,0 +1,1 @@
+"""Cutting: force coefficients, runout and spindle power from records of cuts."""

@@ -1,0 +1,257 @@
+"""Levels of a spindle's power: stretches of constant speed and cut, with what their mean is worth.
+
+A control shows its spindle's load in whole percents, a few times a second.  A thousand samples of
+one level are then no thousand readings: while the load stands between two whole numbers, all of
+them are off by the same part of a percent.  What a level's mean is worth follows from how far the
+noise carries the load over the steps of the display, and from how long noise hangs together.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Labels = NDArray[np.int64]
+
+ALIKE = 0.02
+"""Levels whose speed, removal and edge rate differ by less are the same: their rounding is too."""
+
+MANY = 8
+"""Different readings that tell the step of a display by their differences."""
+REACH = 4.0
+"""Standard deviations that noise reaches in a level, at most."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Levels:
+    """L levels.
+
+    Parameters
+    ----------
+    speed : ndarray, shape (L,)
+        n [rev/s].
+    power : ndarray, shape (L,)
+        Mean at the spindle's nose, no-load losses included [W].
+    deviation : ndarray, shape (L,)
+        Standard deviation of ``power`` from noise and rounding [W].
+    removal : ndarray, shape (L,)
+        Material removed [m^3/s]; 0 where the spindle turns free.
+    edge : ndarray, shape (L,)
+        Width of chip times cutting speed, over all teeth in cut [m^2/s]; an edge force K_te takes
+        the power K_te times this.
+    samples : ndarray of int, shape (L,)
+        How many readings each holds.
+    """
+
+    speed: Floats
+    power: Floats
+    deviation: Floats
+    removal: Floats
+    edge: Floats
+    samples: Labels
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    def where(self, chosen: Flags) -> "Levels":
+        """Those of the levels."""
+        return Levels(
+            speed=self.speed[chosen], power=self.power[chosen], deviation=self.deviation[chosen],
+            removal=self.removal[chosen], edge=self.edge[chosen], samples=self.samples[chosen],
+        )  # fmt: skip
+
+
+def settled(
+    times: ArrayLike, speed: ArrayLike, *, settle_s: float = 1.0, tolerance: float = 0.01
+) -> Flags:
+    """Samples at which the spindle has kept its speed, and keeps it for half as long after.
+
+    A change of speed takes power before it shows in a speed in whole rpm.
+
+    Parameters
+    ----------
+    times : array_like, shape (T,)
+        Rising [s].
+    speed : array_like, shape (T,)
+        n [rev/s], in any sense.
+    settle_s : float
+        How long the speed must have been kept before a sample counts [s]; half of it after, and
+        until the next sample at least.
+    tolerance : float
+        Greatest change that is none, as a share of the speed.
+
+    Returns
+    -------
+    ndarray of bool, shape (T,)
+        False where the spindle stands, or where its speed is not known.
+    """
+    t, n = np.asarray(times, dtype=np.float64), np.abs(np.asarray(speed, dtype=np.float64))
+    if not len(t):
+        return np.zeros(0, dtype=np.bool_)
+    known = np.isfinite(n)
+    n = np.where(known, n, 0.0)
+    first = np.searchsorted(t, t - settle_s)
+    after = np.searchsorted(t, t + settle_s / 2, "right")
+    last = np.minimum(np.maximum(np.arange(len(t)) + 2, after), len(t))
+    bounds = np.stack([first, last], axis=1).ravel()
+    padded = np.append(n, n[-1])
+    highest = np.maximum.reduceat(padded, bounds)[::2]
+    lowest = np.minimum.reduceat(padded, bounds)[::2]
+    kept: Flags = known & (lowest > 0.0) & (highest - lowest <= tolerance * highest)
+    return kept & (t - settle_s >= t[0])
+
+
+def motor_power(
+    load_percent: ArrayLike, speed: ArrayLike, *, rated_W: float, base_speed: float,
+    of: Literal["available", "rated"] = "available",
+) -> Floats:  # fmt: skip
+    """Power of the spindle's motor from the load that a control shows [W].
+
+    ``available``: percent of what the motor can give at that speed, P_rated min(1, n / n_base);
+    percent of the torque available there is the same number.  ``rated``: percent of the rated power
+    at any speed.  Which one a control shows, and whether it is power or current, its manual says; a
+    current that magnetises without load makes the no-load power look greater.
+
+    Parameters
+    ----------
+    load_percent : array_like
+        [%].
+    speed : array_like
+        n [rev/s].
+    rated_W : float
+        Rated power [W].
+    base_speed : float
+        Speed from which the motor gives it [rev/s].
+    of : {"available", "rated"}
+        What 100 % are.
+
+    Examples
+    --------
+    >>> float(motor_power(10.0, 25.0, rated_W=15e3, base_speed=50.0))
+    750.0
+    """
+    full = rated_W * np.minimum(1.0, np.abs(np.asarray(speed, dtype=np.float64)) / base_speed)
+    power: Floats = np.asarray(load_percent) / 100 * (full if of == "available" else rated_W)
+    return power
+
+
+def runs(chosen: ArrayLike) -> Labels:
+    """Number of the run of chosen samples that each is in, -1 for the others; shape (T,)."""
+    flags = np.asarray(chosen, dtype=np.bool_)
+    begins = flags & ~np.concatenate([[False], flags[:-1]])
+    return np.where(flags, np.cumsum(begins) - 1, -1)
+
+
+def resolution(load: ArrayLike) -> float:
+    """Step of a display in percent, from what it showed.
+
+    The coarsest of 1, 0.1, 0.01 and 0.001 that all readings are multiples of; where it showed many
+    different ones, all of them further apart than that, their smallest difference.  Readings that
+    are no decimals: their smallest difference, at most 1.
+
+    Examples
+    --------
+    >>> resolution([12.0, 30.0]), resolution([12.0, 30.5]), resolution([0.390625, 0.78125])
+    (1.0, 0.1, 0.390625)
+    """
+    shown = np.unique(np.asarray(load, dtype=np.float64))
+    gap = float(np.diff(shown).min()) if len(shown) > 1 else 1.0
+    for step in (1.0, 0.1, 0.01, 0.001):
+        if np.allclose(shown, np.round(shown / step) * step, rtol=0.0, atol=1e-6 * step):
+            return max(step, gap) if len(shown) >= MANY else step
+    return min(gap, 1.0)
+
+
+def levels(
+    label: ArrayLike, speed: ArrayLike, power: ArrayLike, step: ArrayLike,
+    removal: ArrayLike = 0.0, edge: ArrayLike = 0.0,
+) -> Levels:  # fmt: skip
+    """Levels of labelled samples; those alike are one level.
+
+    Parameters
+    ----------
+    label : array_like of int, shape (T,)
+        Cut or line of the program, or run of constant speed; negative for what does not count.
+    speed, power, removal, edge : array_like, shape (T,) or ()
+        As of :class:`Levels`, of each sample.
+    step : array_like, shape (T,) or ()
+        What one step of the display is there [W].
+
+    Returns
+    -------
+    Levels
+        Ordered by speed, then by removal rate.
+    """
+    labels = np.asarray(label, dtype=np.int64)
+    columns = [np.broadcast_to(np.asarray(c, dtype=np.float64), labels.shape)
+               for c in (speed, power, step, removal, edge)]  # fmt: skip
+    n, P, q, Q, b = columns
+    good = (labels >= 0) & np.all(np.isfinite(columns), axis=0)
+    _, member = np.unique(labels[good], return_inverse=True)
+    means = [_means(c[good], member) for c in (np.abs(n), Q, b)]
+    kind = _alike(means)
+    rows = [
+        _level(P[good], q[good], member, kind[member] == k) for k in range(kind.max(initial=-1) + 1)
+    ]
+    power_, deviation, samples = (np.array([r[i] for r in rows]) for i in range(3))
+    count = np.bincount(member)
+    each = [np.bincount(kind, m * count) / np.bincount(kind, count) for m in means]
+    found = Levels(
+        speed=each[0], power=power_, deviation=deviation, removal=each[1], edge=each[2],
+        samples=samples.astype(np.int64),
+    )  # fmt: skip
+    return found.where(np.lexsort((found.removal, found.speed)))  # type: ignore[arg-type]
+
+
+def _means(values: Floats, member: Labels) -> Floats:
+    mean: Floats = np.bincount(member, values) / np.bincount(member)
+    return mean
+
+
+def _alike(means: list[Floats]) -> Labels:
+    """Which kind of level each label is, by speed, removal and edge rate."""
+    kinds: list[tuple[float, ...]] = []
+    kind = np.zeros(len(means[0]), dtype=np.int64)
+    for i, values in enumerate(zip(*means, strict=True)):
+        for k, other in enumerate(kinds):
+            if all(abs(v - o) <= ALIKE * max(v, o) for v, o in zip(values, other, strict=True)):
+                kind[i] = k
+                break
+        else:
+            kind[i] = len(kinds)
+            kinds.append(values)
+    return kind
+
+
+def _level(power: Floats, step: Floats, member: Labels, here: Flags) -> tuple[float, float, int]:
+    """Mean, its standard deviation, and the samples of one level."""
+    values, whose, q = power[here], member[here], float(step[here].mean())
+    mean = float(values.mean())
+    spread = values - mean
+    variance = float(spread @ spread) / max(len(values) - 1, 1)
+    rounding = q / np.sqrt(12) * _carried(values, variance, q)
+    same = whose[1:] == whose[:-1]
+    total = float(spread @ spread)
+    lag = float(spread[1:][same] @ spread[:-1][same]) / total if total > 0.0 else 0.0
+    lag = float(np.clip(lag, 0.0, 0.999))
+    worth = max(len(values) * (1 - lag) / (1 + lag), 1.0)
+    averages = np.array([values[whose == w].mean() for w in np.unique(whose)])
+    between = float(averages.var(ddof=1)) / len(averages) if len(averages) > 1 else 0.0
+    return mean, float(np.sqrt(max(variance / worth, between) + rounding**2)), len(values)
+
+
+def _carried(values: Floats, variance: float, step: float) -> float:
+    """What is left of the rounding when noise carries the readings over the steps [1].
+
+    exp(-2 pi^2 sigma^2 / q^2) (Widrow, Kollar and Liu 1996).  Of readings on two neighbouring steps
+    nobody can tell noise from a load that lies between them, so that sigma is taken no greater than
+    their range asks for.
+    """
+    if step <= 0.0:
+        return 0.0
+    reach = max(float(np.ptp(values)) - step, 0.0) / (2 * REACH)
+    sigma = min(reach, float(np.sqrt(max(variance - step**2 / 12, 0.0))))
+    return float(np.exp(-2 * (np.pi * sigma / step) ** 2))
