@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.shop.control_parameters import ControlParameters
 from pipeline.shop.control_run import EXECUTION, Display
 from pipeline.shop.ledger import stamp
+from pipeline.shop.s_curve import Floats
 
 LEAD = 1.3
 """Seconds from the adapter's connection to the start of the program."""
@@ -33,7 +34,7 @@ class Polled:
 
 def written(
     run: Display, start: np.datetime64, control: ControlParameters, random: np.random.Generator,
-    torn: bool = False,
+    torn: bool = False, load: Floats | None = None,
 ) -> list[str]:  # fmt: skip
     """Lines of a log, ``timestamp|item|value``.
 
@@ -47,11 +48,13 @@ def written(
         How the control is polled, and by what chance when.
     torn : bool
         Whether one line in the middle is cut short.
+    load : (T,) array, optional
+        Of the spindle [percent], where the adapter polls that too.
     """
     polls = _polls(run.line.size * control.cycle, control, random)
     cycle = np.floor(polls / control.cycle).astype(int)
     lines: list[tuple[int, int, str]] = []
-    for rank, item in enumerate(_items(run, cycle)):
+    for rank, item in enumerate(_items(run, cycle, load)):
         new = np.append(True, item.values[1:] != item.values[:-1])
         new |= item.known & ~np.append(False, item.known[:-1])
         lines += [
@@ -75,7 +78,7 @@ def _polls(end: float, control: ControlParameters, random: np.random.Generator) 
     return times[times < end]
 
 
-def _items(run: Display, cycle: np.ndarray) -> list[Polled]:
+def _items(run: Display, cycle: np.ndarray, load: Floats | None) -> list[Polled]:
     """What is polled; before the start everything stands still."""
     begun = cycle >= 0
     at = np.maximum(cycle, 0)
@@ -93,4 +96,5 @@ def _items(run: Display, cycle: np.ndarray) -> list[Polled]:
         item("rovr", run.rapid_override, before=float(run.rapid_override[0])),
         item("S1n", np.round(run.speed)),
         item("vpath", np.round(run.feedrate, 2)),
+        *([] if load is None else [item("S1load", load)]),
     ]

@@ -67,6 +67,7 @@ class Ledger:
     heat: dict[str, float] = field(default_factory=dict)
     control: dict[str, Any] = field(default_factory=dict)
     drives: dict[str, Any] = field(default_factory=dict)
+    cutting: dict[str, Any] = field(default_factory=dict)
 
 
 def stamp(start: np.datetime64, seconds: float, digits: int = 3) -> str:
@@ -91,6 +92,7 @@ def write_truth(path: Path, parameters: ShopParameters, ledger: Ledger) -> None:
         "heat": ledger.heat,
         "control": ledger.control,
         "drives": ledger.drives,
+        "cutting": ledger.cutting,
         "thermocouples": ledger.thermocouples,
         "log": {
             "counts": {

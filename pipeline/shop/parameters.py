@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.shop.control_parameters import ControlParameters
+from pipeline.shop.cutting_parameters import Cutting
 from pipeline.shop.drive_parameters import Drives
 from pipeline.shop.ranges import Ranged, quantity
 from pipeline.shop.spindle_parameters import SpindleParameters
@@ -114,6 +115,7 @@ class ShopParameters(Ranged):
     logger: LoggerParameters = field(default_factory=LoggerParameters)
     control: ControlParameters = field(default_factory=ControlParameters)
     drives: Drives = field(default_factory=Drives)
+    cutting: Cutting = field(default_factory=Cutting)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -188,6 +188,11 @@ class Post:
         self.words("G80")
         self.motion, self.feed = "", tool.plunge
 
+    def turn(self, speed: int) -> None:
+        """Let the spindle turn at another speed [rev/min], or stop it."""
+        self.words(*((f"S{speed}", "M3") if speed else ("M5",)))
+        self._did(Step(kind="spindle", line=len(self.lines), end=self.at, number=speed))
+
     def dwell(self, milliseconds: int) -> None:
         """Wait."""
         self.words("G4", f"P{milliseconds}")

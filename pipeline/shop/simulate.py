@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.shop.agent_log import Log, write_day
 from pipeline.shop.air import ambient_temperature, of_day
 from pipeline.shop.control_records import write_control
+from pipeline.shop.cutting_records import write_cutting
 from pipeline.shop.devices import write_devices
 from pipeline.shop.drive_records import write_drives
 from pipeline.shop.ledger import Ledger, stamp, write_truth
@@ -25,7 +26,8 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     out : Path
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
         ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
-        ``servo/<trace>.csv``, ``motor/<trace>.csv``.  Made if it is missing; files of the same
+        ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``dynamometer/<test>.csv``,
+        ``cutting/<program>.nc``, ``cutting/<run>.txt``.  Made if it is missing; files of the same
         names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``.
@@ -55,6 +57,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     write_devices(out / "Devices.xml", parameters)
     ledger.control = write_control(out, parameters)
     ledger.drives = write_drives(out, parameters)
+    ledger.cutting = write_cutting(out, parameters)
     ledger.heat = {
         "generated_J": round(machine.generated), "to_air_J": round(machine.to_air),
         "to_chiller_J": round(machine.to_chiller),

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from pipeline.shop import ShopParameters, simulate
+from pipeline.shop.cutting_records import write_cutting
 
 CONF = Path(__file__).parents[2] / "conf" / "shop"
 
@@ -82,3 +83,12 @@ def run(root: Path, machine: str, **changes: Any) -> Simulated:
 @pytest.fixture(scope="session", params=["mill01", "mill02"])
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     return run(tmp_path_factory.mktemp(request.param), request.param, weeks=1)
+
+
+@pytest.fixture(scope="session", params=["mill01", "mill02"])
+def cuts(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    """The cutting tests of each machine alone; ``truth`` is their section of it."""
+    folder = tmp_path_factory.mktemp(f"{request.param}-cuts")
+    parameters = shop_parameters(request.param)
+    truth = json.loads(json.dumps(write_cutting(folder, parameters)))
+    return Simulated(folder, truth, parameters)
