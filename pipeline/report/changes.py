@@ -1,11 +1,12 @@
 """Key figures of a report, and what changed in them since the one before."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pipeline.report.control_verdict import worst_error
+from pipeline.report.cutting_changes import cutting_figures, cutting_parameters, wear_note
 from pipeline.report.drive_units import in_shop_units
 from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
@@ -36,18 +37,22 @@ KEYS = {
     "drive_force_percent": ("Error of the axes’ force, worst judged recording", "%"),
     "drive_following_percent": ("Error of following errors, worst judged recording", "%"),
     "drives_judged": ("Axes judged in recordings", ""),
+    "cut_rms_percent": ("Error of cutting forces (RMS), worst recording", "%"),
+    "cut_peak_percent": ("Error of peak cutting forces, worst recording", "%"),
+    "cuts_judged": ("Cuts judged", ""),
 }
 """Key figures that are compared: name and unit as shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One key figure then and now, in words."""
+    """One key figure then and now, in words; ``note`` says what a change means."""
 
     what: str
     before: str
     now: str
     difference: str
+    note: str = ""
 
 
 def key_figures(found: Facts, judged: Verdict) -> dict[str, Any]:
@@ -72,13 +77,14 @@ def key_figures(found: Facts, judged: Verdict) -> dict[str, Any]:
         "runs_judged": len(found.control.judged) if found.control.validation else None,
         "programs": len(found.control.programs) or None,
         **_drive_figures(found),
+        **cutting_figures(found.cutting),
         "parameters": _parameters(found.model.thermal) | {
             f"control {name}": p for name, p in _parameters(found.control.control).items()
         } | {
             f"drive {axis} {name}": {k: v for k, v in in_shop_units(p).items() if k in p}
             for axis, one in found.drives.axes.items()
             for name, p in _parameters(one).items()
-        },
+        } | cutting_parameters(found.cutting),
         "raw": {f.file: f.sha256 for f in found.reading.files or []},
     }  # fmt: skip
 
@@ -159,7 +165,8 @@ def changes(before: dict[str, Any], now: dict[str, Any]) -> list[Change]:
         a, b = dig(old, name, "value"), dig(new, name, "value")
         if a != b:
             unit = str(dig(new, name, "unit") or dig(old, name, "unit") or "")
-            found.append(_change(f"Parameter {name}", unit, a, b))
+            note = wear_note(name, old.get(name, {}), new.get(name, {}))
+            found.append(replace(_change(f"Parameter {name}", unit, a, b), note=note))
     old_raw, new_raw = (d.get("raw") for d in (before, now))
     if isinstance(old_raw, dict) and isinstance(new_raw, dict):
         found += _raw_changes(old_raw, new_raw)

@@ -6,6 +6,7 @@ from datetime import date, datetime
 import numpy as np
 
 from pipeline.report.controlled import Controlled, controlled
+from pipeline.report.cutting_facts import Cutting, cutting_facts
 from pipeline.report.driven import Driven, driven
 from pipeline.report.folders import MachineFolders
 from pipeline.report.modelled import Modelled, modelled, spindle_prefix
@@ -25,13 +26,14 @@ class Facts:
     model: Modelled
     control: Controlled
     drives: Driven
+    cutting: Cutting
 
     @property
     def without_spindle(self) -> bool:
-        """Whether the machine is known by its control or its drives alone: nothing of its heat."""
+        """Whether it is known by its control, drives or cuts alone: nothing of its heat."""
         known = self.model.thermal is not None or self.model.validation is not None
-        moved = self.control.control is not None or self.drives.drive is not None
-        return not known and moved
+        others = (self.control.control, self.drives.drive, self.cutting.document)
+        return not known and any(document is not None for document in others)
 
     @property
     def worked_days(self) -> list[Day]:
@@ -78,6 +80,7 @@ def facts(folders: MachineFolders) -> Facts:
         model=model,
         control=controlled(folders, shelf),
         drives=driven(folders, shelf),
+        cutting=cutting_facts(folders, shelf),
     )
 
 

@@ -6,6 +6,10 @@ from typing import Any
 from pipeline.report.changes import Change
 from pipeline.report.control_section import control_section, times_section
 from pipeline.report.control_verdict import worst_error
+from pipeline.report.cutting_prediction_section import prediction_section
+from pipeline.report.cutting_section import cutting_section
+from pipeline.report.cutting_truth import cutting_truth_table
+from pipeline.report.cutting_verdict import cutting_key_figures
 from pipeline.report.drive_records_section import following_section
 from pipeline.report.drive_section import drives_section
 from pipeline.report.drive_truth import drive_truth_table
@@ -58,6 +62,8 @@ def machine_page(
         programs_section(found),
         drives_section(found),
         following_section(found),
+        cutting_section(found),
+        prediction_section(found),
         *([] if found.worked_days or not found.without_spindle else works),
         _records_section(found),
         _missing_section(found),
@@ -90,6 +96,7 @@ def _key_figures(found: Facts) -> list[tuple[str, str, str]]:
             f"worst of {counted(len(found.control.judged), 'judged run')}, "
             f"limit ±{fixed(found.control.limit, 0)} %")] if times is not None else []),
         *_drive_figures(found),
+        *cutting_key_figures(found.cutting),
         ("Time ACTIVE", f"{hours(active)} h" if found.working.days else "not known",
          f"on {counted(len(days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records) if r.files else "not known",
@@ -161,7 +168,7 @@ def _changes_section(differences: list[Change], why_none: str) -> Section:
     return Section(
         key="changes",
         title="What changed since the last report",
-        text=[why_none] if why_none else [],
+        text=[why_none] if why_none else [d.note for d in differences if d.note],
         blocks=present(changes_table(differences)),
     )
 
@@ -177,7 +184,8 @@ def _truth_section(found: Facts) -> Section:
         "value; what can be judged is what was found in its records, and its temperature on the "
         "golden week."
     )
-    blocks = present(truth_table(found), drive_truth_table(found), simulation_table(found))
+    blocks = present(truth_table(found), drive_truth_table(found),
+                     cutting_truth_table(found), simulation_table(found))  # fmt: skip
     return Section(key="truth", title=title, text=[text], blocks=blocks)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pipeline.report.control_verdict import times_verdict
+from pipeline.report.cutting_verdict import cut_undetermined, cutting_verdict, plain_better_words
 from pipeline.report.drive_verdict import drives_verdict, undetermined_words
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import (
@@ -76,7 +77,8 @@ def _parts(found: Facts) -> list[PartVerdict]:
     """What was judged of the machine, in order of weight; what has no verdict of its own last."""
     status, sentence, todo = _of_model(found)
     heat = PartVerdict(status=status, sentence=sentence, todo=todo)
-    others = [times_verdict(found.control), drives_verdict(found.drives)]
+    others = [times_verdict(found.control), drives_verdict(found.drives),
+              cutting_verdict(found.cutting)]  # fmt: skip
     parts = [part for part in others if part is not None]
     if parts and found.without_spindle:
         return parts
@@ -207,7 +209,7 @@ def _main_reason(found: Facts) -> str:
 
 
 def _mild(found: Facts) -> list[str]:
-    """What a passed model is no good at: days on which a plain guess does as well."""
+    """What a passed model is no good at: days and cuts on which a plain guess does as well."""
     said = []
     v = found.model.validation
     for part, words in (("windows", "in one-hour windows"), ("free_run", "running free")):
@@ -218,7 +220,8 @@ def _mild(found: Facts) -> list[str]:
                 f"On {day_list(beaten)} the model {words} was no better than the guess that the "
                 "temperature stays as it is."
             )
-    return said
+    worse = plain_better_words(found.cutting)
+    return [*said, worse] if worse else said
 
 
 def _unjudged(found: Facts) -> list[str]:
@@ -241,6 +244,8 @@ def _notes(found: Facts) -> list[str]:
         said.append(f"The records do not determine {', '.join(undetermined)}.")
     if found.drives.undetermined:
         said.append(undetermined_words(found.drives))
+    if found.cutting.undetermined:
+        said.append(cut_undetermined(found.cutting))
     if found.surprising_days:
         said.append(f"No record on {day_list(found.surprising_days)}.")
     lost = [g for g in found.reading.losses if _in_working_time(g)]
