@@ -1,0 +1,168 @@
+"""What a path may be: outside, standing, in rapid, with many tools, long, or wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.cutting import sweep
+from pipeline.cutting.engagement import engage
+from pipeline.cutting.engagement_arc import engaged_arc
+from pipeline.cutting.height_map import height_map
+from pipeline.cutting.stock import stock_of
+from pipeline.cutting.tool import Tool
+from tests.cutting.tool_paths import BALL, DRILL, FLAT, MM, TURN, block, through
+
+WIDE = Tool(kind="flat", diameter_mm=200, flutes=8)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [[100, 0, -3], [200, 50, -3]],
+        [[-10, 0, 0], [70, 0, 0]],
+        [[-10, 0, 5], [70, 0, 0.001]],
+        [[10, 0, 50], [10, 0, 1]],
+        [[10, 0, -3], [10, 0, -3]],
+        [[-50, -50, -3], [-50, 50, -3]],
+    ],
+    ids=["beside", "on its top", "down to it", "plunge above", "without length", "past it"],
+)
+@pytest.mark.parametrize("tool", [FLAT, BALL, DRILL], ids=lambda tool: tool.kind)
+def test_a_path_that_meets_nothing_has_no_station(points, tool) -> None:
+    stock, path = block(), through(points)
+    found, left = engage(path, [tool], stock)
+    assert len(found) == 0 and found.blocks == 1
+    np.testing.assert_array_equal(left.heights, stock.heights)
+    np.testing.assert_allclose(found.block_air(path), path.length)
+    assert found.block_volume.tolist() == [0.0]
+    assert found.axial_depth.shape == found.entry.shape == (0,)
+
+
+def test_a_path_without_pieces() -> None:
+    found, left = engage(through([[0, 0, 0]]), [FLAT], block())
+    assert len(found) == 0 and found.blocks == 0
+    assert left.volume == block().volume
+
+
+def test_a_stock_without_height_is_never_met() -> None:
+    stock = height_map(stock_of("box:0,50,0,50,0,0"), 0.5 * MM)
+    found, _ = engage(through([[0, 0, -3], [50, 50, -3]]), [FLAT], stock)
+    assert len(found) == 0
+
+
+def test_going_up_cuts_nothing_that_was_not_in_the_way() -> None:
+    down, up = [[30, 0, 1], [30, 0, -5]], [[30, 0, -5], [30, 0, 1]]
+    _, left = engage(through(down), [FLAT], block())
+    found, still = engage(through(up), [FLAT], left)
+    assert len(found) == 0
+    assert still.volume == left.volume
+
+
+def test_a_tool_wider_than_the_stock_takes_all_of_it() -> None:
+    stock = block(x=(0, 50), y=(-20, 20), z=(-10, 0), resolution=0.5)
+    found, left = engage(through([[-120, 0, -2], [170, 0, -2]]), [WIDE], stock)
+    assert found.volume.sum() / MM**3 == pytest.approx(50 * 40 * 2, rel=1e-6)
+    assert np.all(left.heights == np.float32(-2 * MM))
+    # in the middle of its way the rim is in the stock ahead: over 40 mm across its front
+    k = np.argmax(found.volume)
+    assert found.radial_depth([WIDE])[k] == pytest.approx(40 * MM, rel=0.02)
+
+
+def test_a_rapid_through_material_cuts_and_is_marked() -> None:
+    path = through([[-10, 0, -3], [70, 0, -3]], feed=False)
+    found, _ = engage(path, [FLAT], block())
+    assert len(found) > 0 and not found.feed.any()
+    assert found.volume.sum() > 0
+    # what is no feed is no air at feed either
+    assert found.block_air(path).tolist() == [0.0]
+
+
+def test_a_spindle_that_stands_counts_as_clockwise() -> None:
+    points = [[-10, 17, -3], [70, 17, -3]]
+    standing, _ = engage(through(points, direction=0), [FLAT], block())
+    turning, _ = engage(through(points, direction=1), [FLAT], block())
+    np.testing.assert_array_equal(standing.upper, turning.upper)
+
+
+def test_a_long_slot_is_few_stations() -> None:
+    stock = block(x=(0, 400), y=(-10, 10), resolution=0.5)
+    found, _ = engage(through([[-20, 0, -3], [420, 0, -3]]), [FLAT], stock)
+    # a step is 1 mm, and the engagement changes over 5 mm on both sides
+    assert len(found) <= 14
+    assert found.length.max() > 385 * MM
+
+
+def test_tools_take_turns() -> None:
+    path = through([[-10, 0, -3], [70, 0, -3], [70, 0, -3], [-10, 0, -4]])
+    path = replace(path, tool=np.array([1, 1, 0], np.int32))
+    found, _ = engage(path, [BALL, FLAT], block())
+    assert set(found.tool[found.piece == 0]) == {1}
+    assert set(found.tool[found.piece == 2]) == {0}
+    # the ball goes where the flat end has been: only down
+    assert found.axial_depth[found.piece == 2].max() < 1.05 * MM
+
+
+def test_a_block_of_several_pieces_has_all_of_their_stations() -> None:
+    path = through([[-10, 0, -3], [20, 0, -3], [20, 10, -3], [70, 10, -3]])
+    path = replace(path, block=np.array([2, 2, 7], np.int32))
+    found, _ = engage(path, [FLAT], block())
+    assert set(found.block) == {2, 7} and found.blocks == 8
+    np.testing.assert_array_equal(found.block, path.block[found.piece])
+    assert np.flatnonzero(found.block_volume).tolist() == [2, 7]
+    np.testing.assert_allclose(found.block_volume.sum(), found.volume.sum())
+
+
+@pytest.mark.parametrize("tool", [FLAT, BALL], ids=lambda tool: tool.kind)
+def test_a_full_buffer_changes_nothing(monkeypatch, tool) -> None:
+    turn = np.linspace(0, 6 * TURN, 900)
+    radius = 2 + turn / TURN * 2
+    path = through(np.c_[radius * np.cos(turn), radius * np.sin(turn), np.full(900, -2)])
+    long = through([[-30, 3, -4], [30, -9, -4], [30, 12, -1], [-30, 3, -6]])
+    stock = block(x=(-20, 20))
+    for one in (path, long):
+        whole, _ = engage(one, [tool], stock)
+        monkeypatch.setattr(sweep, "_ROWS", 67)
+        parts, _ = engage(one, [tool], stock)
+        monkeypatch.undo()
+        for name in whole.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+
+
+def test_what_lies_far_away_costs_nothing() -> None:
+    # 2000 km at a step of half a millimetre would be 4e9 steps
+    found, left = engage(through([[-1e9, 0, -3], [1e9, 0, -3]]), [FLAT], block())
+    assert left.volume < block().volume
+    # positions of 1e6 m are rounded to 1e-10 m
+    # from where the rim meets the stock, 5 mm before it, until its sides leave it
+    assert found.length.sum() == pytest.approx(65 * MM, abs=1 * MM)
+
+
+@pytest.mark.parametrize("bins", [0, 7, 6, 73, 722])
+def test_the_number_of_angles_is_even_and_within_reason(bins: int) -> None:
+    with pytest.raises(ValueError, match=f"bins = {bins} must be even and from 8 to 720"):
+        engage(through([[0, 0, 0], [1, 0, 0]]), [FLAT], block(), bins=bins)
+
+
+@pytest.mark.parametrize("tool", [-1, 1, 5])
+def test_a_tool_that_is_not_there_is_named(tool: int) -> None:
+    path = replace(through([[0, 0, 0], [1, 0, 0]]), tool=np.array([tool], np.int32))
+    with pytest.raises(ValueError, match=f"names tool {tool} of 1 that there are"):
+        engage(path, [FLAT], block())
+
+
+def test_arcs_go_around_phi_0() -> None:
+    depth = np.zeros((3, 72))
+    depth[0, [70, 71, 0, 1, 2]] = 1
+    depth[1] = 1
+    begin, end = engaged_arc(depth)
+    np.testing.assert_allclose(np.degrees([begin[0], end[0]]), [350, 375])
+    assert (begin[1], end[1]) == (0, TURN)
+    assert np.isnan(begin[2]) and np.isnan(end[2])
+
+
+def test_the_longest_of_two_arcs_counts() -> None:
+    depth = np.zeros((1, 72))
+    depth[0, 2:5], depth[0, 20:34] = 1, 2
+    begin, end = engaged_arc(depth)
+    np.testing.assert_allclose(np.degrees([begin[0], end[0]]), [100, 170])
