@@ -1,0 +1,153 @@
+"""Logs of a spindle's load: which ones, what they show, and what was cut meanwhile."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.stock import stock_of
+from pipeline.cutting.tool import Tool
+from pipeline.gcode.setup import Setup
+from pipeline.identification.cutting.spindle_power_log import LoadScale
+
+SETTLE = (0.1, 60.0)  # s
+RESOLUTION = (0.01, 10.0)  # mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadItems:
+    """Data items of the logs.
+
+    Parameters
+    ----------
+    line : str
+        Line of the program's text that is executed, counting from 1.
+    speed : str
+        Of the spindle [rev/min].
+    load : str
+        Of the spindle [%].
+    feed : str
+        Actual speed along the path [mm/s].
+    """
+
+    line: str
+    speed: str
+    load: str
+    feed: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadCut:
+    """Logs of one program that cut a blank.
+
+    Parameters
+    ----------
+    log : str
+        Pattern of their names below the machine's folder.
+    program : str
+        Path of the program there.
+    stock : str
+        Blank in the program's work coordinates, as :func:`pipeline.cutting.stock.stock_of` reads
+        it; the path of an .stl file is one below the machine's folder.
+    tools : mapping of int to Tool
+        Those that cut, by their number in the program.
+    resolution_mm : float
+        Of the blank [mm].
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range, the blank is none, or a tool is no flat or bull-nose end
+        mill.
+    """
+
+    log: str
+    program: str
+    stock: str
+    tools: Mapping[int, Tool]
+    resolution_mm: float = 0.5
+
+    def __post_init__(self) -> None:
+        stock_of(self.stock)
+        _check("cuts.resolution_mm", self.resolution_mm, *RESOLUTION)
+        for number, tool in self.tools.items():
+            if tool.kind not in ("flat", "bull_nose"):
+                raise ValueError(
+                    f"cutting_records.spindle.cuts: tool {number} of {self.program} is a "
+                    f"{tool.kind}: the width of its chip is not its depth, cut with an end mill "
+                    "that is flat or bull_nose"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleLoadRecords:
+    """Logs that no-load power and specific cutting force are found from.
+
+    Parameters
+    ----------
+    items : LoadItems
+        What the logs call line, speed, load and feed.
+    drive : SpindleDrive
+        Rated power, base speed and efficiency that the load is reckoned with; levels below its
+        least speed do not count.
+    no_load : tuple of str
+        Patterns of logs in which the spindle turns free throughout.
+    cuts : tuple of LoadCut
+        Logs of programs that cut.
+    of : {"available", "rated"}
+        What 100 % of the load are: the power available at that speed, or the rated power.
+    scale_error : float
+        Half of the 95 % interval of what a percent of the load is worth at the tool, as a share:
+        of rated power, efficiency and meter together [1].
+    settle_s : float
+        How long speed and cut must have been the same before a reading counts: five times the lag
+        of the meter [s].
+    setup : Setup
+        Of the control, for the programs.
+
+    Raises
+    ------
+    ValueError
+        When no log is named, or a value is out of its range.
+    """
+
+    items: LoadItems
+    drive: SpindleDrive
+    no_load: tuple[str, ...] = ()
+    cuts: tuple[LoadCut, ...] = ()
+    of: Literal["available", "rated"] = "available"
+    scale_error: float = 0.1
+    settle_s: float = 1.5
+    setup: Setup = field(default_factory=Setup)
+
+    def __post_init__(self) -> None:
+        _check("scale_error", self.scale_error, 0.0, 1.0)
+        _check("settle_s", self.settle_s, *SETTLE)
+        if not self.no_load and not self.cuts:
+            raise ValueError(
+                "cutting_records.spindle names no log: name those of the spindle turning free in "
+                "no_load, those of programs that cut in cuts"
+            )
+        same = [getattr(self.items, item.name) for item in fields(self.items)]
+        if len(set(same)) < len(same):
+            raise ValueError(
+                f"cutting_records.spindle.items are {', '.join(same)}: line, speed, load and feed "
+                "are four data items"
+            )
+
+    @property
+    def scale(self) -> LoadScale:
+        """What a load in percent means."""
+        return LoadScale(
+            rated_power_kW=self.drive.rated_power_kW,
+            base_speed_rpm=self.drive.base_speed_rpm,
+            efficiency=self.drive.efficiency,
+            of=self.of,
+        )
+
+
+def _check(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ValueError(
+            f"cutting_records.spindle.{name} = {value} is out of its range, {low:g} to {high:g}"
+        )

@@ -1,0 +1,78 @@
+"""Intervals of the coefficients against the simulated shop's truth, over other chances.
+
+The shop's machine is richer than the model: wear that grows over the series, tilt, a bent edge law,
+teeth of different sharpness, crosstalk.  ``KERF_CUT_SEEDS=100 pytest -s`` on this file prints how
+often each interval holds the truth.
+"""
+
+import os
+import sys
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from multiprocessing import Pool
+
+import pytest
+import yaml
+
+from pipeline.identification.cutting.identify import identify_cut
+from pipeline.identification.cutting.parameters import parameters
+from pipeline.identification.cutting.records import (
+    CuttingKnown,
+    CuttingRecords,
+    read_recordings,
+)
+from pipeline.identification.cutting.settings import CuttingFitSettings
+from pipeline.parameters import structure
+from pipeline.shop.cutting_truth import dynamometer_truth
+from pipeline.shop.dynamometer_records import write_dynamometer
+from pipeline.shop.parameters import ShopParameters
+from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.records import RecordSource
+from pipeline.stages.compose import composed
+from tests.small_project import ROOT
+
+SEEDS = int(os.environ.get("KERF_CUT_SEEDS", "2"))
+COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
+FIRST = 1000
+
+
+def held(machine, folder, seed):
+    """Names of the parameters whose interval holds the truth, and all that were determined."""
+    values = yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
+    section = partial(structure, values)
+    shop = replace(section(f"machine.{machine}.shop", ShopParameters), seed=seed)
+    raw, signals = folder / f"raw-{seed}", folder / f"signals-{seed}"
+    truth = dynamometer_truth(shop.cutting, write_dynamometer(raw, shop))
+    sources = section(f"machine.{machine}.records", tuple[RecordSource, ...])
+    ingest(raw, signals, list(sources), section(f"machine.{machine}.identity", MachineIdentity))
+    known = section(f"machine.{machine}.cutting", CuttingKnown)
+    records = section(f"machine.{machine}.cutting_records", CuttingRecords)
+    settings = CuttingFitSettings(compare=False)
+    found = identify_cut(read_recordings(signals, records, known, settings), known, settings)
+    waveform = parameters(found.fit, found.certain, settings.widest, found.mean_force)
+    inside, told = [], []
+    for way, some in (("waveform", waveform), ("mean force", found.mean_force)):
+        for one in some:
+            if one.name not in (*COEFFICIENTS, "runout") or one.half_width is None:
+                continue
+            told.append((way, one.name))
+            true = truth["parameters"][one.name]
+            if abs(one.value - true) <= one.half_width:
+                inside.append((way, one.name))
+    return inside, told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["mill01", "mill02"])
+def test_intervals_hold_the_truth_of_the_shop(machine, tmp_path):
+    with Pool(2) as pool:
+        found = pool.map(partial(held, machine, tmp_path), range(FIRST, FIRST + SEEDS))
+    inside = Counter(name for some, _ in found for name in some)
+    told = Counter(name for _, some in found for name in some)
+    lines = [f"{machine} {way} {name}: {inside[way, name]} of {n}\n" for (way, name), n in
+             sorted(told.items())]  # fmt: skip
+    sys.stdout.writelines(lines)
+    names = [("waveform", k) for k in COEFFICIENTS]
+    assert all(name in told for name in names)
+    assert sum(inside[n] for n in names) >= 0.9 * sum(told[n] for n in names)
