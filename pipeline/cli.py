@@ -189,47 +189,72 @@ def simulate(
         Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
     ] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
+    stock: Annotated[
+        str | None,
+        typer.Option(
+            help="Blank to cut, in work coordinates [mm]: box:X0,X1,Y0,Y1,Z0,Z1, "
+            "cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl file."
+        ),
+    ] = None,
+    tool_table: Annotated[
+        str | None, typer.Option(help="Tools by number: a table of conf/tool/, or a YAML file.")
+    ] = None,
+    material: Annotated[
+        str | None, typer.Option(help="Of the blank, as in conf/material/.")
+    ] = None,
+    limit_load: Annotated[
+        float | None, typer.Option(help="Greatest load on a tool in the plane [N].")
+    ] = None,
+    resolution: Annotated[
+        float | None, typer.Option(help="Of the blank [mm]; 0.2 by default.")
+    ] = None,
+    work_offset: Annotated[
+        str | None, typer.Option(help="That the blank is measured in; that of the first cut.")
+    ] = None,
+    frf: Annotated[
+        list[str] | None,
+        typer.Option(help="Frequency response at the tools' tips: x=TIP.csv, y=TIP.csv or a UFF."),
+    ] = None,
+    page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
 ) -> None:
-    """Plan PROGRAM as MACHINE's control does: how long each block takes, and why."""
+    """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
+
+    With a blank, tools and its material also what the cut takes: load, power, stability, cost.
+    """
+    from pipeline.commands.cutting import cut_document, cut_options, write_page
+    from pipeline.commands.cutting_lines import cut_lines
     from pipeline.commands.programs import (
         check_outputs,
         simulate_program,
-        summary,
-        write_summary,
+        simulated_document,
+        simulated_lines,
+        write_document,
         write_trace,
     )
 
     with _one_sentence():
-        check_outputs(program, json, out)
+        check_outputs(program, json, out, page)
+        options = cut_options(
+            stock=stock, tool_table=tool_table, material=material, limit_load=limit_load,
+            resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
+        )  # fmt: skip
         with _share("planning") as share:
             simulated = simulate_program(program, machine, unit, share)
+        document = simulated_document(simulated, program.stem, machine)
+        if options is not None:
+            document["cut"] = cut_document(simulated, machine, options)
         if json is not None:
-            write_summary(simulated, json, program.stem, machine)
+            write_document(document, json)
         if out is not None:
             with _share("writing positions") as share:
                 write_trace(simulated.plan, out, share)
-        document = summary(simulated.plan, program.stem)
-    told = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
-    source = "identified" if simulated.identified else told
-    label = f" ({simulated.origin})" if simulated.origin == "simulated" else ""
-    typer.echo(f"{program.name} on {machine}{label}, control {source}")
-    typer.echo(f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm")
-    for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
-        for name, seconds in table.items():
-            typer.echo(f"  {heading:<6} {name:<20} {seconds:>10.1f} s")
-    for tool in document["by_tool"]:
-        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
-        typer.echo(f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s")
-    for axis in simulated.axes:
-        if "not_followed" in axis:
-            typer.echo(f"  axis   {axis['axis']} not followed: {axis['not_followed']}")
-            continue
-        typer.echo(
-            f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
-            f"{axis['max_following_um']:>10.1f} um in line {axis['at_line']}, "
-            f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
-            f"{axis['command_unit']}"
-        )
+        if page is not None:
+            write_page(document, page, json)
+    for line in simulated_lines(document, program):
+        typer.echo(line)
+    if options is not None:
+        for line in cut_lines(document["cut"]):
+            typer.echo(line)
 
 
 def main() -> None:

@@ -21,6 +21,8 @@ class Fleet:
         Those that log the line of the program that they execute, with the programs.
     drives : tuple of str
         Those whose axes are recorded by the servo: position, speed or current, sample by sample.
+    cuts : tuple of str
+        Those whose cutting was recorded: forces by a dynamometer, or the load of the spindle.
     """
 
     name: str
@@ -29,9 +31,10 @@ class Fleet:
     spindles: tuple[str, ...] = ()
     controls: tuple[str, ...] = ()
     drives: tuple[str, ...] = ()
+    cuts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for part in ("simulated", "spindles", "controls", "drives"):
+        for part in ("simulated", "spindles", "controls", "drives", "cuts"):
             strangers = set(getattr(self, part)) - set(self.machines)
             if strangers:
                 raise ValueError(
@@ -53,6 +56,11 @@ MISSING = {
         "models of the feed drives",
         "commanded and actual position and the current of each axis at 1 kHz, back and forth at "
         "many speeds",
+    ),
+    "cuts": (
+        "the forces of the cut",
+        "forces on a dynamometer in slots of known depth at three feeds or more, at 10 kHz, with "
+        "tool, material and spindle speed",
     ),
 }
 

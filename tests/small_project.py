@@ -41,7 +41,7 @@ def new_project(folder: Path) -> Path:
         for path in PATHS:
             Path(path).mkdir(parents=True)
     change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE], spindles=[MACHINE],
-           controls=[MACHINE], drives=[MACHINE])  # fmt: skip
+           controls=[MACHINE], drives=[MACHINE], cuts=[MACHINE])  # fmt: skip
     change(folder, f"machine.{MACHINE}.shop", weeks=1)
     change(folder, f"machine.{MACHINE}.spindle", training_from=MONDAY, training_to=WEDNESDAY)
     change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])

@@ -236,7 +236,7 @@ def test_another_fleet_is_made_active(project: Path) -> None:
     done = kerf(project, "fleet", "recorded")
     assert (done.exit_code, done.stdout) == (
         0,
-        "fleet recorded: mazak01, hurco, emps, umich_mill\n",
+        "fleet recorded: mazak01, hurco, emps, umich_mill, kistler_slot\n",
     )
     assert active(project) == "recorded.yaml"
     assert kerf(project, "fleet", "recorded").exit_code == 0
@@ -277,7 +277,8 @@ def recordings(tmp_path: Path) -> Path:
     for name in ("Devices.xml", "week_1/1.txt", "week_1/2.txt", "week_1/notes.md", "other/3.txt"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name)
-    for name in ("nist_box/logs/1.txt", "emps/1.mat", "umich_mill/experiment_01.csv"):
+    for name in ("nist_box/logs/1.txt", "emps/1.mat", "umich_mill/experiment_01.csv",
+                 "kistler_slot/n6000f600ap3.csv"):  # fmt: skip
         (tmp_path / "recordings" / name).parent.mkdir(parents=True)
         (tmp_path / "recordings" / name).write_text("1")
     return folder

@@ -1,5 +1,6 @@
 """params.yaml: what does not fit is refused with the path of its key."""
 
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -9,8 +10,14 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.cutting.cost import CostRates
+from pipeline.cutting.material import Material
+from pipeline.cutting.tool_table import ToolTable
 from pipeline.fleet import Fleet, missing
 from pipeline.parameters import ParametersError, read_params, section_path, structure
+from pipeline.stages.compose import composed
+
+CONF = Path(__file__).parents[1] / "conf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,12 +146,15 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
 
 def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
     some = ("mill",)
-    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some)
+    fleet = Fleet(
+        name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some, cuts=some
+    )
     assert missing(fleet, "mill") == []
-    heat, control, drives = missing(fleet, "lathe")
+    heat, control, drives, cuts = missing(fleet, "lathe")
     assert "thermal model" in heat[0] and "temperature" in heat[1]
     assert "control" in control[0] and "the programs" in control[1]
     assert "feed drives" in drives[0] and "current" in drives[1]
+    assert "forces" in cuts[0] and "dynamometer" in cuts[1]
     with pytest.raises(ValueError, match=r"fleet\.spindles names \['saw'\].*add it there"):
         Fleet(name="two", machines=("mill",), spindles=("saw",))
 
@@ -175,3 +185,40 @@ def test_a_word_that_is_none_of_those_allowed_is_said_with_them() -> None:
     assert structure({"a": {"method": "least_squares"}}, "a", Choice).method == "least_squares"
     with pytest.raises(ParametersError, match="'annealing' is none of least_squares, genetic"):
         structure({"a": {"method": "annealing"}}, "a", Choice)
+
+
+@pytest.mark.parametrize(("group", "wanted"), [("material", Material), ("tool", ToolTable)])
+def test_each_file_of_a_catalogue_is_the_section_of_its_name(group: str, wanted: type) -> None:
+    values = yaml.safe_load(composed(CONF))
+    files = {p.stem: yaml.safe_load(p.read_text()) for p in (CONF / group).glob("*.yaml")}
+    assert values[group] == files
+    for name in files:
+        structure(values, f"{group}.{name}", wanted)
+
+
+def test_the_costs_are_a_section() -> None:
+    rates = structure(yaml.safe_load(composed(CONF)), "cost", CostRates)
+    assert rates.currency == "KRW" and rates.labour_per_h == 9160.0
+
+
+def test_a_catalogue_may_be_left_out_and_its_file_must_have_a_name(tmp_path: Path) -> None:
+    conf = tmp_path / "conf"
+    shutil.copytree(CONF, conf, symlinks=True)
+    shutil.rmtree(conf / "material")
+    assert "material" not in yaml.safe_load(composed(conf))
+    (conf / "material").mkdir()
+    (conf / "material/steel 1.0503.yaml").write_text("name: C45\n")
+    with pytest.raises(ValueError, match=r"material/steel 1\.0503\.yaml has no name for a section"):
+        composed(conf)
+
+
+@pytest.mark.parametrize("text", ["- name", "steel", "", "name: C45"])
+def test_a_file_of_a_catalogue_that_is_no_entry_is_refused_by_its_path(
+    text: str, tmp_path: Path
+) -> None:
+    conf = tmp_path / "conf"
+    shutil.copytree(CONF, conf, symlinks=True)
+    (conf / "material/steel.yaml").write_text(text)
+    values = yaml.safe_load(composed(conf))
+    with pytest.raises(ParametersError, match=r"material\.steel"):
+        structure(values, "material.steel", Material)

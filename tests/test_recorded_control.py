@@ -37,7 +37,7 @@ def project(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("recorded-control")
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     with inside(folder):
-        hurco = replace(use_fleet("recorded"), machines=("hurco",), spindles=(), drives=())
+        hurco = replace(use_fleet("recorded"), machines=("hurco",), spindles=(), drives=(), cuts=())
         assert [files for _, _, files in collect(hurco, Path(RECORDINGS or ""))] == [23]
         run("compose", "conf", "params.yaml")
         for place in ("data/signals", MODEL, "data/metrics"):

@@ -47,6 +47,7 @@ def project(tmp_path_factory) -> Path:
             "hurco": 23,
             "emps": 1,
             "umich_mill": 13,
+            "kistler_slot": 2,
         }
         run("compose", "conf", "params.yaml")
     build(folder)

@@ -1,7 +1,7 @@
 """Part programs by hand: what they tell the machine, and what its control makes of them."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,9 @@ __all__ = [
     "moves_table",
     "read_moves",
     "simulate_program",
-    "summary",
-    "write_summary",
+    "simulated_document",
+    "simulated_lines",
+    "write_document",
     "write_trace",
 ]
 
@@ -40,13 +41,16 @@ Share = Callable[[float], None]
 class Simulated:
     """A program on a machine, and whose control it was: identified, or as in conf/machine/.
 
-    ``axes`` is what each axis makes of it; empty where no drives were identified.
+    ``axes`` is what each axis makes of it; empty where no drives were identified.  ``parameters``
+    are all that conf/ composes to with this machine.
     """
 
     plan: Plan
     identified: bool
     origin: str
     axes: list[dict[str, Any]]
+    setup: Setup
+    parameters: dict[str, Any]
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
@@ -57,12 +61,15 @@ def machine_setup(machine: str | None, dialect: str | None) -> Setup:
     ValueError
         When there is no such machine or dialect.
     """
-    setup = Setup()
-    if machine is not None:
-        sections = machine_parameters(machine)["machine"][machine]
-        if "setup" in sections:
-            setup = structure({"setup": sections["setup"]}, "setup", Setup)
+    sections = {} if machine is None else machine_parameters(machine)["machine"][machine]
+    setup = _setup(sections)
     return setup if dialect is None else replace(setup, dialect=dialect)  # type: ignore[arg-type]
+
+
+def _setup(sections: dict[str, Any]) -> Setup:
+    if "setup" not in sections:
+        return Setup()
+    return structure({"setup": sections["setup"]}, "setup", Setup)
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
@@ -146,14 +153,17 @@ def simulate_program(path: Path, machine: str, unit: str | None, share: Share) -
     ValueError
         When machine, control or unit is not known, or the program cannot be followed.
     """
-    sections = machine_parameters(machine)["machine"][machine]
+    parameters = machine_parameters(machine)
+    sections = parameters["machine"][machine]
     control, identified = _control(machine, sections, unit)
-    moves = read_moves(path, machine_setup(machine, None), share)
+    setup = _setup(sections)
+    moves = read_moves(path, setup, share)
     origin = str(sections["identity"].get("origin", "recorded"))
     plan = planned_program(moves, control)
     return Simulated(
-        plan=plan, identified=identified, origin=origin, axes=axes_table(plan, machine)
-    )
+        plan=plan, identified=identified, origin=origin, axes=axes_table(plan, machine),
+        setup=setup, parameters=parameters,
+    )  # fmt: skip
 
 
 def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
@@ -210,14 +220,46 @@ def _control(
     return structure({"control": sections["control"]}, "control", ControlParameters), False
 
 
-def write_summary(simulated: Simulated, path: Path, name: str, machine: str) -> None:
-    """Write the JSON of ``kerf simulate``: totals, and every block."""
-    document = summary(simulated.plan, name)
-    document |= {
+def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:
+    """The JSON of ``kerf simulate``: totals, and every block."""
+    return summary(simulated.plan, name) | {
         "machine": machine,
         "origin": simulated.origin,
         "control": "identified" if simulated.identified else "conf/machine",
         "axes": simulated.axes,
         "blocks": blocks(simulated.plan),
     }
+
+
+def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
+    """What ``kerf simulate`` says: times by type, limit and tool, and what the axes make of it."""
+    machine = document["machine"]
+    told = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
+    source = "identified" if document["control"] == "identified" else told
+    label = f" ({document['origin']})" if document["origin"] == "simulated" else ""
+    yield f"{program.name} on {machine}{label}, control {source}"
+    yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
+    for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
+        for name, seconds in table.items():
+            yield f"  {heading:<6} {name:<20} {seconds:>10.1f} s"
+    for tool in document["by_tool"]:
+        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
+        yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
+    for axis in document["axes"]:
+        yield _axis_line(axis)
+
+
+def _axis_line(axis: dict[str, Any]) -> str:
+    if "not_followed" in axis:
+        return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
+    return (
+        f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
+        f"{axis['max_following_um']:>10.1f} um in line {axis['at_line']}, "
+        f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
+        f"{axis['command_unit']}"
+    )
+
+
+def write_document(document: dict[str, Any], path: Path) -> None:
+    """Write the JSON of ``kerf simulate``."""
     path.write_text(json.dumps(document, indent=1) + "\n")

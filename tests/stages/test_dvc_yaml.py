@@ -7,12 +7,27 @@ from typing import Any
 import pytest
 import yaml
 
+from pipeline.cutting.cost import CostRates
+from pipeline.cutting.energy import EnergyParameters
+from pipeline.cutting.material import Material
+from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.tool_table import ToolTable
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.stages.__main__ import load_stage, split_signature
+from pipeline.twin.cut_dynamics import TipModes
 from tests.test_architecture import imported
 
 ROOT = Path(__file__).parents[2]
 DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+BY_HAND: dict[str, Any] = {
+    "material": dict[str, Material],
+    "tool": dict[str, ToolTable],
+    "cost": CostRates,
+    "machine.*.spindle_drive": SpindleDrive,
+    "machine.*.dynamics": TipModes,
+    "machine.*.energy": EnergyParameters,
+}
+"""Sections that no stage reads, only ``kerf simulate`` for who runs it by hand, and their types."""
 FLEETS = sorted(p.stem for p in (ROOT / "conf/fleet").glob("*.yaml") if p.stem != "active")
 
 
@@ -81,6 +96,16 @@ def test_the_rooms_that_a_stage_reaches_are_among_its_deps(name: str) -> None:
         assert inside, f"{name} reaches {module}, which is not among its deps"
 
 
+def by_hand(values: dict[str, Any], pattern: str) -> list[str]:
+    """Paths of the sections that ``pattern`` names, of those machines that have them."""
+    if "*" not in pattern:
+        return [pattern]
+    name = pattern.rpartition(".")[2]
+    return [
+        pattern.replace("*", m) for m, sections in values["machine"].items() if name in sections
+    ]
+
+
 @pytest.mark.parametrize("fleet", FLEETS)
 def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -> None:
     from pipeline.stages.compose import composed
@@ -92,6 +117,7 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
         "${spindles}": "spindles",
         "${controls}": "controls",
         "${drives}": "drives",
+        "${cuts}": "cuts",
     }
     used = {"fleet", "machine", "budget"}
     for name in DVC:
@@ -102,6 +128,10 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
                 path = section_path(values, section, item)
                 structure(values, path, wanted)
                 used.add(path)
+    for pattern, wanted in BY_HAND.items():
+        for path in by_hand(values, pattern):
+            structure(values, path, wanted)
+            used.add(path)
     sections_there = {k for k in values if k != "machine"}
     sections_there |= {f"machine.{m}.{s}" for m in values["machine"] for s in values["machine"][m]}
     assert sections_there <= used, f"no stage reads {sorted(sections_there - used)}"

@@ -1,0 +1,249 @@
+"""What a program's cut takes, by hand: blank, tools and material in; loads, stability, cost out."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from pipeline.commands.fleet import CONF, DATA
+from pipeline.commands.programs import Simulated
+from pipeline.cutting.cost import CostRates
+from pipeline.cutting.energy import EnergyParameters
+from pipeline.cutting.material import Material
+from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.tool_table import ToolTable
+from pipeline.parameters import ParametersError, structure
+from pipeline.twin.cut_dynamics import TipDynamics, TipModes
+from pipeline.twin.cut_laws import identified_law, identified_no_load
+
+T = TypeVar("T")
+
+RESOLUTION = 0.2
+"""Of the blank where none is said [mm]."""
+NEEDED = ("stock", "tool_table", "material")
+REMEDY = {
+    "stock": "give the blank, box:X0,X1,Y0,Y1,Z0,Z1 in mm, cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl",
+    "tool_table": "name a table of conf/tool/ or a YAML file",
+    "material": "name a material of conf/material/",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutOptions:
+    """What ``kerf simulate`` is told of a cut, as it is told.
+
+    Parameters
+    ----------
+    stock : str
+        Blank, see :func:`pipeline.cutting.stock.stock_of`.
+    tool_table : str
+        Name of a table of conf/tool/, or a YAML file.
+    material : str
+        Name of a material of conf/material/.
+    limit_load : float or None
+        Of the load in the plane [N].
+    resolution : float
+        Of the blank [mm].
+    work_offset : str or None
+        That the blank is measured in.
+    frf : tuple of str
+        Files of the frequency response at the tools' tips, ``x=TIP.csv`` or ``TIP.uff``.
+    """
+
+    stock: str
+    tool_table: str
+    material: str
+    limit_load: float | None = None
+    resolution: float = RESOLUTION
+    work_offset: str | None = None
+    frf: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0.001 <= self.resolution <= 100.0:
+            raise ValueError(
+                f"--resolution {self.resolution:g} mm is out of its range, 0.001 to 100: give the "
+                "size of what counts on the part"
+            )
+        if self.limit_load is not None and not 0.0 < self.limit_load < 1e9:
+            raise ValueError(f"--limit-load {self.limit_load:g} N must be above 0")
+
+
+def cut_options(
+    *, stock: str | None, tool_table: str | None, material: str | None,
+    limit_load: float | None, resolution: float | None, work_offset: str | None,
+    frf: Sequence[str], page: Path | None,
+) -> CutOptions | None:  # fmt: skip
+    """The options of a cut; None where nothing is said of one.
+
+    Raises
+    ------
+    ValueError
+        When only a part of what a cut needs is said, or a value is out of its range.
+    """
+    needed = {"stock": stock, "tool_table": tool_table, "material": material}
+    other = {"limit_load": limit_load, "resolution": resolution, "work_offset": work_offset,
+             "frf": frf or None, "page": page}  # fmt: skip
+    said = [name for name, value in (needed | other).items() if value is not None]
+    if not said:
+        return None
+    for name, value in needed.items():
+        if value is None:
+            raise ValueError(f"{_option(said[0])} is given without {_option(name)}: {REMEDY[name]}")
+    return CutOptions(
+        stock=str(stock), tool_table=str(tool_table), material=str(material),
+        limit_load=limit_load, resolution=RESOLUTION if resolution is None else resolution,
+        work_offset=work_offset, frf=tuple(frf),
+    )  # fmt: skip
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dict[str, Any]:
+    """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``.
+
+    Raises
+    ------
+    ValueError
+        When blank, tools or material are not known, or a cut has no tool.
+    """
+    from pipeline.cutting.stock import stock_of
+    from pipeline.twin.cut import CutJob, cut_program
+    from pipeline.twin.cut_document import CutBasis, document_of
+    from pipeline.twin.cut_laws import tool_laws
+
+    table = read_tools(options.tool_table)
+    material = read_material(options.material)
+    sections = simulated.parameters["machine"][machine]
+    found = DATA / "models" / machine / "cutting.json"
+    known = _document(found) if found.exists() else {}
+    laws = tool_laws(table.tools, options.material, material, identified_law(known))
+    drive, drive_source = _drive(sections, machine, known)
+    job = CutJob(
+        stock=stock_of(options.stock),
+        tools=table.tools,
+        laws={number: one.law for number, one in laws.items()},
+        resolution=options.resolution * 1e-3,
+        offsets=simulated.setup.work_offsets,
+        offset=options.work_offset,
+    )
+    basis = CutBasis(
+        stock=options.stock,
+        table=options.tool_table,
+        material=material,
+        laws=laws,
+        limit_load=options.limit_load,
+        rates=_section(simulated.parameters, "cost", CostRates),
+        energy=_section(sections, "energy", EnergyParameters),
+        drive=drive,
+        drive_source=drive_source,
+        dynamics=_dynamics(sections, options.frf),
+    )
+    return document_of(cut_program(simulated.plan, job), basis)
+
+
+def read_tools(name: str) -> ToolTable:
+    """The tool table ``name`` of conf/tool/, or of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        When there is none, or it does not fit.
+    """
+    return _read(name, "tool", "tool table", ToolTable)
+
+
+def read_material(name: str) -> Material:
+    """The material ``name`` of conf/material/, or of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        When there is none, or it does not fit.
+    """
+    return _read(name, "material", "material", Material)
+
+
+def _read(name: str, folder: str, what: str, wanted: type[T]) -> T:
+    is_file = name.endswith((".yaml", ".yml"))
+    path = Path(name) if is_file else CONF / folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in (CONF / folder).glob("*.yaml"))) or "none"
+        raise ValueError(
+            f"{path} does not exist: name a {what} of conf/{folder}/, which has {known}"
+        )
+    try:
+        values = yaml.safe_load(path.read_text())
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    return _structured(values, str(path), wanted)
+
+
+def _structured(values: Any, where: str, wanted: type[T]) -> T:
+    """``values`` as ``wanted``; what does not fit is said of ``where``."""
+    try:
+        return structure({"file": values}, "file", wanted)
+    except ParametersError as error:
+        said = str(error).removeprefix("params.yaml, ").replace("file.", "").replace("$.", "")
+        raise ValueError(f"{where}: {said}") from error
+
+
+def _section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:
+    return structure(sections, name, wanted) if sections.get(name) else None
+
+
+def _drive(
+    sections: dict[str, Any], machine: str, known: dict[str, Any]
+) -> tuple[SpindleDrive | None, str]:
+    """The spindle's drive with the no-load power that was identified, where there is one."""
+    drive, source = (
+        _section(sections, "spindle_drive", SpindleDrive),
+        f"conf/machine/{machine}.yaml",
+    )
+    idle = identified_no_load(known)
+    if drive is None or idle is None:
+        return drive, source
+    return replace(drive, no_load_W=idle), f"{source}; no-load power identified on this machine"
+
+
+def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:
+    """Response at the tools' tips: that of the option, else the modes of the machine's section."""
+    if frf:
+        from pipeline.cutting.frf import joined
+        from pipeline.cutting.frf_file import read_frf
+
+        parts = []
+        for word in frf:
+            direction, said, name = word.rpartition("=")
+            path = Path(name)
+            if not path.is_file():
+                raise ValueError(
+                    f"--frf {word}: {path} does not exist: name a frequency response, as "
+                    "x=TIP.csv or TIP.uff"
+                )
+            parts.append(read_frf(path, direction=direction if said else None))  # type: ignore[arg-type]
+        names = ", ".join(Path(word.rpartition("=")[2]).name for word in frf)
+        return TipDynamics(source=f"measured, {names}, taken for every tool", every=joined(parts))
+    modes = _section(sections, "dynamics", TipModes)
+    return None if modes is None else TipDynamics.of_modes(modes)
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no JSON: run `dvc repro` to identify it again") from error
+    if not isinstance(found, dict):
+        raise ValueError(f"{path} holds no identified forces: run `dvc repro` to write it again")
+    return found
+
+
+def write_page(document: dict[str, Any], page: Path, source: Path | None) -> None:
+    """Write the page of a document; ``source`` is the file that holds it, where one does."""
+    from pipeline.report.cut_page import write_cut_page
+
+    write_cut_page(document, page, source)

@@ -1,0 +1,211 @@
+"""Tables of a cut: what each tool takes, the blocks that are worst, what the numbers rest on."""
+
+from typing import Any
+
+from pipeline.report.numbers import (
+    NARROW,
+    NOT_KNOWN,
+    TOGETHER,
+    counted,
+    duration,
+    fixed,
+    number,
+    real,
+)
+from pipeline.report.sources import Source, dig, rows_of
+from pipeline.report.tables import Cell, Head, Table, cells, names, numbers
+
+MOST_SPANS = 8  # stretches of lines that a warning names
+NONE = "–"
+
+
+def share(value: Any) -> str:
+    """A share [1] in percent; a dash where there is none."""
+    known = real(value)
+    if known is None:
+        return NONE
+    if abs(known) >= 0.1:
+        return f"{fixed(100 * known, 0)}{NARROW}%"
+    return f"{number(100 * known, 2)}{NARROW}%"
+
+
+def _figure(value: Any, digits: int = 3) -> str:
+    known = real(value)
+    return NONE if known is None else number(value if isinstance(value, int) else known, digits)
+
+
+def tool_name(number_: Any, name: Any = "") -> str:
+    """``T4 12MM ENDMILL``."""
+    return f"T{number_} {name}".strip()
+
+
+def forces_table(document: dict[str, Any], sources: list[Source]) -> Table:
+    """By tool: chip, load, torque, power, deflection, stability, at the worst of its blocks."""
+    rows = rows_of(document, "cut", "by_tool")
+    return Table(
+        caption="By tool: the worst of its blocks, at the highest feed that a block reaches",
+        heads=[
+            *names("Tool"),
+            *numbers(("blocks that cut", ""), ("in the material", ""), ("cuts air", "")),
+            *numbers(("feed a tooth", "mm"), ("thickest", "mm"), group="Chip"),
+            *numbers(("axial", "mm"), ("radial", "mm"), group="Depth"),
+            *numbers(("in the plane", "N"), ("axial", "N"), group="Peak force"),
+            *numbers(
+                ("torque", f"N{TOGETHER}m"), ("power", "kW"), ("of the drive", ""), group="Spindle"
+            ),
+            *numbers(("deflection", "µm"), ("stability", "")),
+        ],
+        rows=[_force_row(row) for row in rows],
+        sources=sources,
+        note="Stability is how much deeper the block could cut before it chatters; negative where "
+        "it does. Deflection is of the tool alone, clamped in its holder.",
+    )
+
+
+def _force_row(row: dict[str, Any]) -> list[Cell]:
+    return cells(
+        tool_name(row.get("tool"), row.get("name")),
+        _figure(row.get("blocks")),
+        duration(row.get("in_material_s")),
+        share(row.get("air_share")),
+        _figure(row.get("feed_per_tooth_mm")),
+        _figure(row.get("chip_thickness_mm")),
+        _figure(row.get("axial_depth_mm")),
+        _figure(row.get("radial_depth_mm")),
+        _figure(row.get("peak_load_N")),
+        _figure(row.get("axial_force_N")),
+        _figure(row.get("torque_Nm")),
+        _figure(row.get("power_kW")),
+        share(row.get("drive_share")),
+        _figure(row.get("deflection_um")),
+        share(row.get("stability_margin")),
+    )
+
+
+def cost_table(document: dict[str, Any], sources: list[Source]) -> Table:
+    """By tool: time, volume, share of its life, cost by cause, energy."""
+    rows, currency = (
+        rows_of(document, "cut", "by_tool"),
+        str(dig(document, "cut", "currency") or ""),
+    )
+    total = dig(document, "cut", "summary")
+    every = [_cost_row(row, tool_name(row.get("tool"), row.get("name"))) for row in rows]
+    if isinstance(total, dict):
+        every.append(_cost_row(total, "the part"))
+    return Table(
+        caption="By tool: what the part costs",
+        heads=[
+            *names("Tool"),
+            *numbers(("time", ""), ("removed", "cm³"), ("rate while cutting", "cm³/min")),
+            *numbers(("tool life used", "")),
+            *numbers(
+                ("time", currency), ("tools", currency), ("energy", currency), ("sum", currency),
+                group="Cost",
+            ),
+            *numbers(("energy", "kWh")),
+        ],
+        rows=every,
+        sources=sources,
+    )  # fmt: skip
+
+
+def _cost_row(row: dict[str, Any], name: str) -> list[Cell]:
+    cost = row.get("cost") if isinstance(row.get("cost"), dict) else {}
+    return cells(
+        name,
+        duration(row.get("time_s")),
+        _figure(row.get("volume_cm3")),
+        _figure(row.get("removal_rate_cm3_min")),
+        share(row.get("tool_life_share")),
+        *(_figure(dig(cost, key)) for key in ("time", "tools", "energy", "sum")),
+        _figure(row.get("energy_kWh")),
+    )
+
+
+def worst_table(document: dict[str, Any], sources: list[Source]) -> Table | None:
+    """The blocks that come nearest to a limit, or beyond it."""
+    rows = rows_of(document, "cut", "worst")
+    if not rows:
+        return None
+    measured = dig(document, "cut", "dynamics_measured") is True
+    return Table(
+        caption="The blocks that come nearest to what binds them: the worst of each run of blocks",
+        heads=[
+            *names("Line", "Tool", "what binds"),
+            *numbers(("of the limit", ""), ("blocks alike", ""), ("peak load", "N"),
+                     ("feed reached", "mm/min"), ("speed", "rev/min"), ("feed a tooth", "mm"),
+                     ("axial depth", "mm"), ("radial depth", "mm"), ("power", "kW"),
+                     ("deflection", "µm")),
+        ],
+        rows=[_worst_row(row, measured=measured) for row in rows],
+        sources=sources,
+    )  # fmt: skip
+
+
+def _worst_row(row: dict[str, Any], *, measured: bool) -> list[Cell]:
+    used = real(row.get("used"))
+    binds = str(row.get("binds") or NOT_KNOWN)
+    grave = measured or binds != "stability"
+    status = "" if used is None or used <= 1 else "failed" if grave else "attention"
+    return cells(
+        str(row.get("line")),
+        f"T{row.get('tool')}",
+        Cell(text=binds, status=status),
+        share(used),
+        _figure(row.get("alike")),
+        _figure(row.get("peak_load_N")),
+        _figure(row.get("reached_feed_mm_min")),
+        _figure(round(real(row.get("speed_rpm")) or 0)),
+        _figure(row.get("feed_per_tooth_mm")),
+        _figure(row.get("axial_depth_mm")),
+        _figure(row.get("radial_depth_mm")),
+        _figure(row.get("power_kW")),
+        _figure(row.get("deflection_um")),
+    )
+
+
+def warnings_pairs(document: dict[str, Any]) -> list[tuple[str, str]]:
+    """What to look at before the part is cut: what, and in which lines."""
+    found = []
+    for row in rows_of(document, "cut", "warnings"):
+        spans = spans_of(row.get("lines"))
+        words = f"Line{'s' if len(spans) > 1 or '–' in ''.join(spans) else ''} " if spans else ""
+        words += ", ".join(spans[:MOST_SPANS])
+        if len(spans) > MOST_SPANS:
+            words += f" and {counted(len(spans) - MOST_SPANS, 'stretch', 'stretches')} more"
+        blocks = row.get("blocks")
+        many = f" {counted(blocks, 'block')}." if isinstance(blocks, int) else ""
+        found.append((
+            sentence(str(row.get("what") or "")),
+            f"{row.get('do') or ''}{many} {words}{'.' if words else ''}".strip(),
+        ))  # fmt: skip
+    return found
+
+
+def spans_of(lines: Any) -> list[str]:
+    """Lines as stretches: ``33``, ``111–118``."""
+    known = [n for n in lines if isinstance(n, int)] if isinstance(lines, list) else []
+    spans: list[list[int]] = []
+    for line in sorted(set(known)):
+        if spans and line == spans[-1][1] + 1:
+            spans[-1][1] = line
+        else:
+            spans.append([line, line])
+    return [str(a) if a == b else f"{a}–{b}" for a, b in spans]
+
+
+def sentence(words: str) -> str:
+    """The words with a capital at their beginning."""
+    return words[:1].upper() + words[1:]
+
+
+def basis_table(document: dict[str, Any], sources: list[Source]) -> Table:
+    """What the numbers rest on: stock, force law of each tool, limits, what is not known."""
+    rows = [
+        cells(
+            str(row.get("what") or ""), str(row.get("value") or ""), str(row.get("source") or NONE)
+        )
+        for row in rows_of(document, "cut", "basis")
+    ]
+    heads = [Head(name="What"), Head(name="value"), Head(name="where it comes from")]
+    return Table(caption="What these numbers rest on", heads=heads, rows=rows, sources=sources)

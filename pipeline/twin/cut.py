@@ -1,0 +1,234 @@
+"""A program's cut: its engagement with a blank, and the loads that its feeds and speeds make of it.
+
+The engagement is computed once; other feeds and speeds cost a look-up (:meth:`Cut.loads`).  A
+block's feed for each tooth is that of the highest speed that the control reaches in it, so that
+peaks are those of the fastest moment; means (power, removal rate, energy) come from the block's
+mean speed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.cutting.block_loads import BlockLoads
+from pipeline.cutting.engagement import Engagement, engage
+from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.height_map import HeightMap, height_map
+from pipeline.cutting.load_table import LoadTable, load_table
+from pipeline.cutting.stock import Stock
+from pipeline.cutting.tool import Tool
+from pipeline.gcode.moves import METRE
+from pipeline.gcode.setup import Vector
+from pipeline.machine.control import ControlParameters
+from pipeline.machine.motion import Motion
+from pipeline.machine.nck import Plan
+from pipeline.twin.cutting_path import CuttingPath, cutting_path
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+CHORD = 0.1
+"""Part of the resolution that a chord may leave its arc by."""
+ROOM = 2.0
+"""Feeds for each tooth that are tabulated, over the greatest of the program."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutJob:
+    """What is cut from what, with what.
+
+    Parameters
+    ----------
+    stock : Stock
+        Blank, in the coordinates of the work offset ``offset``.
+    tools : mapping of int to Tool
+        By number.
+    laws : mapping of int to ForceLaw
+        Of each of them in the blank's material.
+    resolution : float
+        Of the blank [m].
+    offsets : mapping of str to Vector
+        Work offsets before the program [mm, deg].
+    offset : str, optional
+        That the blank is measured in; by default that of the first cut.
+    """
+
+    stock: Stock
+    tools: Mapping[int, Tool]
+    laws: Mapping[int, ForceLaw]
+    resolution: float
+    offsets: Mapping[str, Vector] = field(default_factory=dict)
+    offset: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cut:
+    """The cut of a program of M rows; a row is a block.
+
+    Parameters
+    ----------
+    plan : Plan
+        Speeds as the control reaches them.
+    path : CuttingPath
+        Through the blank.
+    numbers, tools, laws : tuple
+        Of the tools that cut.
+    engagement : Engagement
+        N stations.
+    blank, left : HeightMap
+        Before and after.
+    table : LoadTable
+        Loads of each block.
+    """
+
+    plan: Plan = field(repr=False)
+    path: CuttingPath = field(repr=False)
+    numbers: tuple[int, ...]
+    tools: tuple[Tool, ...] = field(repr=False)
+    laws: tuple[ForceLaw, ...] = field(repr=False)
+    engagement: Engagement = field(repr=False)
+    blank: HeightMap = field(repr=False)
+    left: HeightMap = field(repr=False)
+    table: LoadTable = field(repr=False)
+
+    @cached_property
+    def tool(self) -> Indices:
+        """Index of each row's tool; -1 for rows that cut nothing at feed.  Shape (M,)."""
+        found = np.full(self.engagement.blocks, -1, dtype=np.intp)
+        fed = self.engagement.feed
+        found[self.engagement.block[fed]] = self.engagement.tool[fed]
+        return found
+
+    @cached_property
+    def feed_per_tooth(self) -> Floats:
+        """At the highest speed reached in each row; 0 where nothing is cut [m].  Shape (M,)."""
+        return self.chips(self.plan.v_peak, self.plan.turns)
+
+    @cached_property
+    def mean_speed(self) -> Floats:
+        """Along the path in each row [m/s]; 0 where nothing moves.  Shape (M,)."""
+        time = self.plan.motion.time
+        length = self.plan.path.moves.length * METRE
+        return np.divide(length, time, out=np.zeros(len(time)), where=time > 0)
+
+    @cached_property
+    def mean_feed_per_tooth(self) -> Floats:
+        """At the mean speed of each row; 0 where nothing is cut [m].  Shape (M,)."""
+        return self.chips(self.mean_speed, self.plan.turns)
+
+    def chips(self, speed: Floats, turns: Floats) -> Floats:
+        """f_z = v / (n N) of each row [m].
+
+        Parameters
+        ----------
+        speed : ndarray, shape (M,) or (P, M)
+            Along the path [m/s].
+        turns : ndarray, shape (M,) or (P, M)
+            Of the spindle [rev/min]; where it stands no chip is cut.
+        """
+        flutes = np.array([tool.flutes for tool in self.tools], dtype=np.float64)
+        teeth = np.where(self.tool >= 0, flutes[self.tool] * turns / 60, 0.0)
+        found: Floats = np.divide(speed, teeth, out=np.zeros(teeth.shape), where=teeth > 0)
+        return found
+
+    def loads(self, feeds: ArrayLike | None = None, speeds: ArrayLike | None = None) -> BlockLoads:
+        """Loads of each row for a population of feeds and speeds.
+
+        The speed along the path counts as what is programmed or, where that is less, what the
+        axes, arcs and tolerances allow: at least what the control reaches, and that wherever a
+        block is long enough to reach it.
+
+        Parameters
+        ----------
+        feeds, speeds : (M,) or (P, M) array, optional
+            F and S in the units of ``Moves``; the program's own by default.
+
+        Returns
+        -------
+        BlockLoads
+            Arrays of shape (M,) or (P, M).
+        """
+        return self.table.loads(self.commanded_feed_per_tooth(feeds, speeds))
+
+    def commanded_feed_per_tooth(
+        self, feeds: ArrayLike | None = None, speeds: ArrayLike | None = None
+    ) -> Floats:
+        """f_z of each row as :meth:`loads` takes it [m]; shape (M,) or (P, M)."""
+        path, moves = self.plan.path, self.plan.path.moves
+        feed = np.asarray(moves.feed if feeds is None else feeds, dtype=np.float64)
+        turns = np.asarray(moves.speed if speeds is None else speeds, dtype=np.float64)
+        turns = np.where(moves.direction == 0, 0.0, turns)
+        speed = path.factor * feed * np.where(path.motion == Motion.PER_TURN, turns, 1.0)
+        speed, turns = np.broadcast_arrays(np.minimum(speed, path.cap), turns)
+        return self.chips(speed, turns)
+
+    @cached_property
+    def block_loads(self) -> BlockLoads:
+        """Of the plan, at the highest speed reached in each row; arrays of shape (M,)."""
+        return self.table.loads(self.feed_per_tooth)
+
+    @cached_property
+    def station_loads(self) -> BlockLoads:
+        """The same of each station; arrays of shape (N,)."""
+        if not len(self.engagement):
+            return BlockLoads(**{item.name: np.zeros(0) for item in fields(BlockLoads)})
+        return self.table.station_loads(self.feed_per_tooth)
+
+    @cached_property
+    def in_material(self) -> Floats:
+        """Time of each station in the plan [s]; shape (N,)."""
+        found = self.engagement
+        length = self.path.pieces.length
+        whole = np.bincount(self.path.pieces.block, length, minlength=found.blocks)
+        share = found.length / np.maximum(whole[found.block], 1e-12)
+        seconds: Floats = np.minimum(share, 1.0) * self.plan.motion.time[found.block]
+        return seconds
+
+
+def cut_program(plan: Plan, job: CutJob) -> Cut:
+    """The cut of a planned program.
+
+    Raises
+    ------
+    ValueError
+        When the blank cannot be made, nothing cuts, or a cut has no tool of the job.
+    """
+    moves = plan.path.moves
+    listed = sorted(job.tools)
+    path = cutting_path(
+        moves, listed, chord=CHORD * job.resolution, offsets=job.offsets, offset=job.offset,
+        rapid_speeds=_rapid_speeds(plan.path.control),
+    )  # fmt: skip
+    tools = tuple(job.tools[number] for number in listed)
+    laws = tuple(job.laws[number] for number in listed)
+    blank = height_map(job.stock, job.resolution)
+    found, left = engage(path.pieces, tools, blank)
+    engagement = replace(found, blocks=len(moves))
+    return Cut(
+        plan=plan, path=path, numbers=tuple(listed), tools=tools, laws=laws,
+        engagement=engagement, blank=blank, left=left,
+        table=load_table(engagement, tools, laws, _greatest(plan, engagement, tools)),
+    )  # fmt: skip
+
+
+def _rapid_speeds(control: ControlParameters) -> Floats | None:
+    """Of X, Y and Z where each goes as fast as it can; an axis that is not there never moves."""
+    if control.rapid_mode != "independent":
+        return None
+    axes = control.axes
+    return np.array([axes[x].rapid_speed if x in axes else 1.0 for x in "XYZ"])
+
+
+def _greatest(plan: Plan, engagement: Engagement, tools: tuple[Tool, ...]) -> Floats:
+    """Feed for each tooth up to which loads are tabulated, for each tool [m]."""
+    fed = engagement.feed
+    block, tool = engagement.block[fed], engagement.tool[fed]
+    flutes = np.array([one.flutes for one in tools], dtype=np.float64)
+    teeth = flutes[tool] * plan.turns[block] / 60
+    chip = np.divide(plan.v_peak[block], teeth, out=np.zeros(len(teeth)), where=teeth > 0)
+    most = np.zeros(len(tools))
+    np.maximum.at(most, tool, chip)
+    return np.where(most > 0, ROOM * most, 1e-4)

@@ -1,0 +1,137 @@
+"""Tool life, electricity and cost of a cut, row by row; what is not known is NaN, with reason."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.cost import CostRates, PartCost, part_cost
+from pipeline.cutting.energy import Energy, EnergyParameters, energy, spindle_supply
+from pipeline.cutting.material import Material
+from pipeline.cutting.spindle_power import SpindleDrive, no_load_power
+from pipeline.cutting.tool_life import Condition, Taylor, cutting_speed, wear
+from pipeline.gcode.moves import Kind
+from pipeline.machine.motion import Motion
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_stations import Stations
+
+Floats = NDArray[np.float64]
+
+M_MIN = 60.0
+COOLANT_ON, COOLANT_OFF = (7, 8), (9,)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Life:
+    """Share of its tool's life that each row takes, and what to know of it.
+
+    Parameters
+    ----------
+    wear : ndarray, shape (M,)
+        [1]; 0 in air, NaN where the tool's life is not known.
+    unknown : dict of int to str
+        Tools (their index) whose life is not known: why.
+    beyond : dict of int to str
+        Tools that cut at speeds far from those of the tests.
+    """
+
+    wear: Floats
+    unknown: Mapping[int, str]
+    beyond: Mapping[int, str]
+
+
+def tool_life(cut: Cut, blocks: CutBlocks, arcs: Stations, material: Material) -> Life:
+    """Life that a cut takes of its tools, by Taylor's constants of the material."""
+    found = np.zeros(cut.engagement.blocks)
+    unknown: dict[int, str] = {}
+    beyond: dict[int, str] = {}
+    conditions = _conditions(cut, arcs)
+    for tool in np.unique(blocks.tool).tolist():
+        mine = blocks.tool == tool
+        rows = blocks.row[mine]
+        constants = material.tool_life(cut.tools[tool])
+        if constants is None:
+            found[rows] = np.nan
+            unknown[tool] = f"{material.name} has no constants for {cut.tools[tool].material}"
+            continue
+        v_c = cutting_speed(cut.tools[tool].diameter, blocks.speed[mine])
+        given = {name: values[rows] for name, values in conditions.items()}
+        found[rows] = wear(constants, blocks.seconds[mine], v_c, given)
+        if said := _beyond(constants, v_c):
+            beyond[tool] = said
+    return Life(wear=found, unknown=unknown, beyond=beyond)
+
+
+def _conditions(cut: Cut, arcs: Stations) -> dict[Condition, Floats]:
+    """Feed for each tooth, and mean depths of each row over its way in the material [m]."""
+    found = cut.engagement
+    length = np.bincount(found.block, found.length, minlength=found.blocks)
+    axial, radial = (
+        np.bincount(found.block, values * found.length, minlength=found.blocks)
+        / np.where(length > 0, length, 1.0)
+        for values in (found.axial_depth, arcs.radial)
+    )
+    return {"f_z": cut.mean_feed_per_tooth, "a_p": axial, "a_e": radial}
+
+
+def _beyond(constants: Taylor, v_c: Floats) -> str:
+    if not constants.speed_range_m_min or not len(v_c):
+        return ""
+    low, high = constants.speed_range_m_min
+    slowest, fastest = M_MIN * float(v_c.min()), M_MIN * float(v_c.max())
+    if slowest >= low and fastest <= high:
+        return ""
+    return (
+        f"cuts at {slowest:.0f} to {fastest:.0f} m/min, the constants are of tests at "
+        f"{low:g} to {high:g} m/min"
+    )
+
+
+def electricity(
+    cut: Cut, blocks: CutBlocks, parameters: EnergyParameters, drive: SpindleDrive
+) -> Energy:
+    """Electricity of each row [kWh]; arrays of shape (M,)."""
+    plan, moves = cut.plan, cut.plan.path.moves
+    share = np.divide(
+        plan.motion.time, plan.time, out=np.zeros(len(moves)), where=plan.time > 0
+    )  # fmt: skip
+    cutting = np.zeros(len(moves))
+    busy = np.divide(
+        blocks.seconds, plan.time[blocks.row], out=np.zeros(len(blocks)),
+        where=plan.time[blocks.row] > 0,
+    )  # fmt: skip
+    cutting[blocks.row] = blocks.mean_power * busy
+    turning = plan.turns > 0
+    no_load = np.where(turning, no_load_power(plan.turns / 60, drive), 0.0)
+    return energy(
+        parameters,
+        times=plan.time,
+        spindle_W=spindle_supply(cutting, no_load, drive.efficiency),
+        moving=np.where(plan.path.motion != Motion.STILL, share, 0.0),
+        coolant=_coolant(cut),
+    )
+
+
+def _coolant(cut: Cut) -> Floats:
+    """1 in rows where coolant is on (M7, M8 to M9 or the end); shape (M,)."""
+    moves = cut.plan.path.moves
+    code = np.where(moves.kind == Kind.M_CODE, moves.code, -1)
+    change = np.where(np.isin(code, COOLANT_ON), 1, np.where(np.isin(code, COOLANT_OFF), 0, -1))
+    change = np.where(moves.kind == Kind.END, 0, change)
+    last = np.maximum.accumulate(np.where(change >= 0, np.arange(len(change)), -1))
+    on: Floats = np.where(last >= 0, change[np.maximum(last, 0)], 0).astype(np.float64)
+    return on
+
+
+def cost_of(cut: Cut, rates: CostRates, life: Life, used: Energy | None) -> PartCost:
+    """Cost of each row; what is not known of tool life is NaN, unknown electricity counts 0."""
+    prices = np.array([tool.price / tool.edges for tool in cut.tools])
+    return part_cost(
+        rates,
+        times=cut.plan.time,
+        wear=life.wear,
+        life_prices=np.where(cut.tool >= 0, prices[cut.tool], 0.0),
+        energy_kWh=0.0 if used is None else used.block,
+    )

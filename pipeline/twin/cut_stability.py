@@ -1,0 +1,126 @@
+"""Stability of a program's blocks, and the lobes of the engagement that each tool fears most."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.directional import stiffness
+from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.frf import Dynamics
+from pipeline.cutting.immersions import Immersions, immersions
+from pipeline.cutting.stability import StabilityTable, margin, stability_table
+from pipeline.gcode.moves import RADIAN
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_dynamics import TipDynamics
+
+Floats = NDArray[np.float64]
+
+SLOWEST, FASTEST = 0.5, 1.3
+"""Speeds that are looked at, over the least and the greatest of the program."""
+MOST_POINTS = 200
+"""Blocks of a tool that are drawn, the least margins first."""
+LEAST = 1e-6
+"""Chip that a law that is not linear is taken at, where a tool cuts none [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stability:
+    """Margin of each row, shape (M,): limit over depth, less 1; inf in air, NaN not judged."""
+
+    margin: Floats
+    table: StabilityTable
+    stations: Immersions
+    laws: tuple[ForceLaw, ...]
+    dynamics: tuple[Dynamics | None, ...]
+    speeds: tuple[float, float]
+
+
+def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability | None:
+    """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled."""
+    tips = dynamics.of(cut.numbers)
+    turning = blocks.turns[blocks.turns > 0]
+    if not len(turning) or not any(tips[tool] is not None for tool in np.unique(blocks.tool)):
+        return None
+    speeds = (SLOWEST * float(turning.min()), FASTEST * float(turning.max()))
+    found = immersions(cut.path.pieces, cut.engagement)
+    # the tips move along the machine's axes, the path lies in those of the work offset
+    turned = cut.path.frame.rotation * RADIAN
+    found = replace(found, feed_direction=found.feed_direction + turned)
+    laws = tuple(
+        _straight(law, _chip(blocks, tool)) for tool, law in enumerate(cut.laws)
+    )  # fmt: skip
+    table = stability_table(found, tips, laws, cut.tools, speed_rpm=speeds)
+    turns = np.clip(cut.plan.turns, *speeds)
+    return Stability(
+        margin=table.margins(turns), table=table, stations=found, laws=laws,
+        dynamics=tuple(tips), speeds=speeds,
+    )  # fmt: skip
+
+
+def _chip(blocks: CutBlocks, tool: int) -> float:
+    chips = blocks.thickness[(blocks.tool == tool) & (blocks.thickness > 0)]
+    return float(np.median(chips)) if len(chips) else LEAST
+
+
+def _straight(law: ForceLaw, thickness: float) -> ForceLaw:
+    """A law that rises straight, as ``law`` does at a chip of that thickness."""
+    tangential, radial = stiffness(law, thickness)
+    return ForceLaw(K_tc=tangential, K_rc=radial)
+
+
+def lobe_figures(cut: Cut, found: Stability) -> list[dict[str, Any]]:
+    """For each tool the lobes of the engagement that it fears most, and its blocks that have it."""
+    table, stations = found.table, found.stations
+    known = np.array([one is not None for one in found.dynamics])
+    kept = np.flatnonzero(known[stations.tool])  # the stations that the table has
+    turns = np.clip(cut.plan.turns[table.block], *found.speeds)
+    cell = ((turns / 60 - table.lowest) / table.width).astype(np.intp)
+    cell = np.clip(cell, 0, table.limit.shape[1] - 1)
+    margins = margin(table.depth, table.limit[table.kind, cell])
+    figures = []
+    for tool in np.unique(stations.tool[kept]).tolist():
+        mine = np.flatnonzero((stations.tool[kept] == tool) & (turns > 0))
+        if not len(mine):
+            continue
+        worst = int(mine[np.argmin(margins[mine])])
+        same = mine[table.kind[mine] == table.kind[worst]]
+        head = {
+            "tool": cut.numbers[tool],
+            "label": f"T{cut.numbers[tool]} {cut.tools[tool].name}".strip(),
+            "line": int(cut.plan.path.moves.line[table.block[worst]]),
+            "entry_deg": round(float(np.degrees(stations.entry[kept[worst]])), 1),
+            "exit_deg": round(float(np.degrees(stations.exit[kept[worst]])), 1),
+        }
+        figures.append(head | _curve(table, int(table.kind[worst])) | {
+            "points": _points(cut, found, same[np.argsort(margins[same])], margins),
+        })  # fmt: skip
+    return figures
+
+
+def _curve(table: StabilityTable, kind: int) -> dict[str, Any]:
+    limit = table.limit[kind] * 1e3
+    middles = 60 * (table.lowest + table.width * (np.arange(len(limit)) + 0.5))
+    return {
+        "speeds_rpm": np.round(middles, 1).tolist(),
+        "depth_limit_mm": [float(f"{v:.4g}") if np.isfinite(v) else None for v in limit.tolist()],
+    }
+
+
+def _points(
+    cut: Cut, found: Stability, entries: NDArray[np.intp], margins: Floats
+) -> list[dict[str, Any]]:
+    """Speed and depth of the blocks of the table's ``entries``, each block once."""
+    table = found.table
+    _, first = np.unique(table.block[entries], return_index=True)
+    return [
+        {
+            "line": int(cut.plan.path.moves.line[table.block[e]]),
+            "speed_rpm": round(float(cut.plan.turns[table.block[e]]), 1),
+            "axial_depth_mm": float(f"{table.depth[e] * 1e3:.4g}"),
+            "margin": float(f"{margins[e]:.4g}"),
+        }
+        for e in entries[np.sort(first)][:MOST_POINTS].tolist()
+    ]

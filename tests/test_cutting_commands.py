@@ -1,0 +1,237 @@
+"""`kerf simulate` with a blank, tools and a material, as a process engineer uses it."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.report.page_reader import outline, words
+from tests.small_project import ROOT
+from tests.test_cli import kerf, refused
+
+RECORDINGS = os.environ.get("KERF_RECORDINGS")
+
+PART = """%
+O1000(SLOT)
+N10 G21 G17 G90 G40
+N20 T4 M6
+N30 G0 G54 X-10. Y20. S6000 M3
+N40 G43 Z5. H4
+N50 G1 Z-2. F300.
+N60 X70. F900.
+N70 G0 Z50.
+N80 M30
+%
+"""
+TOOLS = {"description": "made up", "tools": {
+    4: {"name": "12 <b>MM</b>", "kind": "flat", "diameter_mm": 12.0, "flutes": 3,
+        "stickout_mm": 40},
+}}  # fmt: skip
+CUT = ("--machine", "mill01", "--stock", "box:0,60,0,40,-10,0", "--tool-table", "tools.yaml",
+       "--material", "A6061", "--resolution", "0.5")  # fmt: skip
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("KERF_RECORDINGS", raising=False)
+    folder = tmp_path / "project"
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    (folder / "part.nc").write_text(PART)
+    (folder / "tools.yaml").write_text(yaml.safe_dump(TOOLS))
+    return folder
+
+
+def test_each_tool_is_told_with_its_units(project: Path) -> None:
+    done = kerf(project, "simulate", "part.nc", *CUT)
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    (head,) = [i for i, line in enumerate(lines) if line.split()[:2] == ["tool", "f_z"]]
+    assert {"load", "power", "torque", "deflection", "stability", "rate", "life", "cost"} <= set(
+        lines[head].split()
+    )
+    assert {"mm", "N", "kW", "um", "%", "cm3/min", "kWh"} <= set(lines[head + 1].split())
+    assert lines[head + 2].split()[0] == "T4" and lines[head + 3].split()[0] == "part"
+    assert "(simulated)" in done.stdout
+
+
+def test_the_json_holds_every_block_and_the_sums(project: Path) -> None:
+    assert kerf(project, "simulate", "part.nc", *CUT, "--json", "cut.json").exit_code == 0
+    document = json.loads((project / "cut.json").read_text())
+    cut = document["cut"]
+    assert document["total_time_s"] == pytest.approx(cut["summary"]["time_s"], abs=1e-3)
+    (slot,) = [b for b in cut["blocks"] if b["line"] == 8]
+    assert slot["feed_per_tooth_mm"] == pytest.approx(900 / 6000 / 3)
+    assert slot["peak_load_N"] == pytest.approx(1230 * 2 * 0.05 * (1 + 0.5**2) ** 0.5, rel=0.01)
+    assert cut["summary"]["volume_cm3"] == pytest.approx(60 * 12 * 2e-3, rel=0.01)
+    assert cut["stock"]["work_offset"] == "G54"
+    assert all(value == value for value in slot.values())
+
+
+def test_the_page_needs_nothing_and_escapes_names(project: Path) -> None:
+    assert kerf(project, "simulate", "part.nc", *CUT, "--limit-load", "100", "--json", "cut.json",
+                "--page", "cut.html").exit_code == 0  # fmt: skip
+    page = outline(project / "cut.html")
+    tags = [tag for tag, _ in page.tags]
+    assert "script" not in tags and "b" in tags  # the page's own
+    said = words(project / "cut.html")
+    assert "12 <b>MM</b>" in said and "beyond its limits" in said and "simulated" in said
+    assert "cut.json" in said  # where the numbers come from
+
+
+def test_without_its_options_nothing_is_cut(project: Path) -> None:
+    plain = kerf(project, "simulate", "part.nc", "--machine", "mill01", "--json", "times.json")
+    assert plain.exit_code == 0 and "cut of" not in plain.stdout
+    assert "cut" not in json.loads((project / "times.json").read_text())
+    cut = kerf(project, "simulate", "part.nc", *CUT).stdout
+    assert cut.startswith(plain.stdout)
+
+
+def test_a_table_and_costs_of_the_project_are_found_by_name(project: Path) -> None:
+    done = kerf(project, "simulate", "part.nc", "--machine", "mill01", "--stock",
+                "box:0,60,0,40,-10,0", "--tool-table", "shop", "--material", "steel_medium_carbon",
+                "--resolution", "0.5")  # fmt: skip
+    assert done.exit_code == 0 and "KRW" in done.stdout
+    assert "catalogue: k_c1.1" in done.stdout and "20 to 30 %" in done.stdout
+
+
+def test_inches_and_a_stated_offset(project: Path) -> None:
+    text = PART.replace("G21", "G20").replace("X-10.", "X-.4").replace("Y20.", "Y.8")
+    text = text.replace("Z5.", "Z.2").replace("Z-2.", "Z-.1").replace("X70.", "X3.")
+    (project / "inch.nc").write_text(text)
+    done = kerf(project, "simulate", "inch.nc", *CUT, "--work-offset", "G54", "--json", "c.json")
+    assert done.exit_code == 0, done.output
+    cut = json.loads((project / "c.json").read_text())["cut"]
+    assert cut["summary"]["axial_depth_mm"] == pytest.approx(2.54)
+
+
+def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path) -> None:
+    rows = ["frequency [Hz],real [m/N],imaginary [m/N]"]
+    for f in range(200, 3000, 5):
+        g = 1 / (2e7 * (1 - (f / 900) ** 2 + 2j * 0.03 * f / 900))
+        rows.append(f"{f},{g.real:.9e},{g.imag:.9e}")
+    for axis in "xy":
+        (project / f"{axis}.csv").write_text("\n".join(rows) + "\n")
+    words_ = ("--frf", "x=x.csv", "--frf", "y=y.csv", "--json", "c.json")
+    done = kerf(project, "simulate", "part.nc", *CUT, *words_)
+    assert done.exit_code == 0, done.output
+    cut = json.loads((project / "c.json").read_text())["cut"]
+    assert "x.csv, y.csv" in cut["dynamics"] and cut["lobes"]
+    assert cut["summary"]["stability_margin"] is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"--stock": None}, "--tool-table is given without --stock"),
+        ({"--tool-table": None}, "--stock is given without --tool-table"),
+        ({"--material": None}, "--stock is given without --material"),
+        ({"--stock": "box:0,60,0,40"}, "6 numbers"),
+        ({"--stock": "sphere:1"}, "box:X0"),
+        ({"--stock": "none.stl"}, "none.stl"),
+        ({"--tool-table": "lathe"}, "conf/tool/, which has"),
+        ({"--tool-table": "part.nc"}, "conf/tool/part.nc.yaml does not exist"),
+        ({"--tool-table": "broken.yaml"}, "is no YAML"),
+        ({"--tool-table": "wrong.yaml"}, "wrong.yaml"),
+        ({"--tool-table": "other.yaml"}, "T4 cuts and is not in the tool table"),
+        ({"--material": "cheese"}, "conf/material/, which has"),
+        ({"--resolution": "0"}, "--resolution 0 mm is out of its range"),
+        ({"--limit-load": "-5"}, "--limit-load -5 N must be above 0"),
+        ({"--work-offset": "G59"}, "'G59' is neither in the set-up nor in the program"),
+        ({"--frf": "x=none.csv"}, "none.csv does not exist"),
+        ({"--frf": "tools.yaml"}, "ending '.yaml'"),
+        ({"--frf": "q=tools.yaml"}, "'q'"),
+        ({"--page": "nowhere/p.html"}, "nowhere does not exist"),
+        ({"--page": "part.nc"}, "the program itself"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(project: Path, change: dict, said: str) -> None:
+    (project / "broken.yaml").write_text("tools: {1: [")
+    (project / "wrong.yaml").write_text("tools: {4: {kind: flat, diameter_mm: 12, teeth: 3}}")
+    (project / "other.yaml").write_text("tools: {5: {kind: flat, diameter_mm: 12, flutes: 3}}")
+    options = dict(zip(CUT[::2], CUT[1::2], strict=True)) | change
+    given = [word for pair in options.items() if pair[1] is not None for word in pair]
+    assert said in refused(project, "simulate", "part.nc", *given)
+
+
+def test_an_option_of_a_cut_alone_asks_for_the_blank(project: Path) -> None:
+    for words_ in (("--limit-load", "60"), ("--page", "p.html"), ("--resolution", "1"),
+                   ("--work-offset", "G54"), ("--frf", "x=x.csv")):  # fmt: skip
+        said = refused(project, "simulate", "part.nc", "--machine", "mill01", *words_)
+        assert f"{words_[0]} is given without --stock" in said
+
+
+def test_a_program_that_cuts_nothing_says_so(project: Path) -> None:
+    (project / "part.nc").write_text("G21 G0 X10.\nM30\n")
+    assert "no move cuts" in refused(project, "simulate", "part.nc", *CUT)
+    (project / "part.nc").write_text(PART)
+    beside = [w if w != CUT[3] else "box:500,560,0,40,-10,0" for w in CUT]
+    done = kerf(project, "simulate", "part.nc", *beside, "--page", "p.html")
+    assert done.exit_code == 0
+    assert "cuts nothing" in words(project / "p.html")
+
+
+def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
+    folder = project / "data/models/mill01"
+    folder.mkdir(parents=True)
+    found = {"material": "A6061", "tool": {"kind": "flat", "diameter_mm": 12, "flutes": 3},
+             "parameters": {"K_tc": {"value": 900.0, "determined": True}}}  # fmt: skip
+    (folder / "cutting.json").write_text(json.dumps(found))
+    done = kerf(project, "simulate", "part.nc", *CUT)
+    assert "forces of T4: identified: K_tc 900" in done.stdout
+    idle = {name: {"value": v} for name, v in (("p0", 100.0), ("p1", 1.0), ("p2", 0.5))}
+    found["spindle"] = {"no_load": {"coefficients": idle}}
+    before = _energy(project)
+    (folder / "cutting.json").write_text(json.dumps(found))
+    # 100 rev/s: 100 + 100 + 5000 W instead of what the machine's file says
+    conf = yaml.safe_load((project / "conf/machine/mill01.yaml").read_text())["spindle_drive"]
+    told = sum(p * 100.0**k for k, p in enumerate(conf["no_load_W"]))
+    blocks = json.loads((project / "c.json").read_text())["blocks"]
+    first = [block["type"] for block in blocks].index("spindle")
+    turning = sum(block["time_s"] for block in blocks[first:])
+    rise = (5200 - told) / conf["efficiency"] * turning / 3.6e6
+    assert _energy(project) - before == pytest.approx(rise, rel=1e-3)
+    (folder / "cutting.json").write_text("{")
+    assert "cutting.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)
+    (folder / "cutting.json").write_text("[]")
+    assert "holds no identified forces" in refused(project, "simulate", "part.nc", *CUT)
+
+
+def _energy(project: Path) -> float:
+    assert kerf(project, "simulate", "part.nc", *CUT, "--json", "c.json").exit_code == 0
+    found = json.loads((project / "c.json").read_text())["cut"]["summary"]["energy_kWh"]
+    return float(found)
+
+
+def test_the_page_and_the_numbers_are_the_same_each_time(project: Path) -> None:
+    for name in ("a", "b"):
+        assert kerf(project, "simulate", "part.nc", *CUT, "--json", "cut.json", "--page",
+                    f"{name}.html").exit_code == 0  # fmt: skip
+    assert (project / "a.html").read_bytes() == (project / "b.html").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_recorded_program_faces_what_lies_above_its_zero(project: Path, tmp_path: Path) -> None:
+    """NIST / MTC plate: a face mill takes 0.5 mm off 127 x 76.2 mm, and no rapid cuts."""
+    program = Path(RECORDINGS or "", "nist_box/programs/NIST_MTC_CRADA_PLATE-1.NC")
+    if RECORDINGS is None or not program.exists():
+        pytest.skip("KERF_RECORDINGS does not name the folder of nist_box")
+    diameters = {15: 76.2, 3: 12.7, 4: 6.35, 5: 3.175, 1: 2.3622, 7: 12.7, 23: 3.175}
+    tools = {number: {"kind": "drill" if number in (7, 23) else "flat", "diameter_mm": diameter,
+                      "flutes": 2} for number, diameter in diameters.items()}  # fmt: skip
+    (project / "plate.yaml").write_text(yaml.safe_dump({"tools": tools}))
+    done = kerf(project, "simulate", program, "--machine", "hurco", "--stock",
+                "box:0,127,-76.2,0,-12.7,0.5", "--tool-table", "plate.yaml", "--material", "A7075",
+                "--resolution", "0.5", "--json", "cut.json")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    cut = json.loads((project / "cut.json").read_text())["cut"]
+    faced = cut["by_tool"][0]
+    assert faced["tool"] == 15 and faced["volume_cm3"] == pytest.approx(
+        12.7 * 7.62 * 0.05, rel=1e-3
+    )
+    assert not any("rapids" in warning["what"] for warning in cut["warnings"])
+    assert cut["summary"]["blank_cm3"] - cut["summary"]["left_cm3"] == pytest.approx(
+        cut["summary"]["volume_cm3"], rel=1e-4
+    )
