@@ -40,8 +40,8 @@ class CuttingLimits:
         RMS error of the waveform in the plane, of the RMS force [%].
     """
 
-    peak_percent: float = 5.0
-    mean_percent: float = 5.0
+    peak_percent: float = 10.0
+    mean_percent: float = 10.0
     rms_percent: float = 20.0
 
     def __post_init__(self) -> None:

@@ -97,8 +97,8 @@ def test_no_reading_in_a_cut_was_taken_at_its_entry_or_exit(
 ) -> None:  # fmt: skip
     """The place of the tool is known: wholly engaged from X0 to the last radius of the blank.
 
-    Engagements alike within 5 % count as one: the arc is that much shorter 0.5 mm off, and the map
-    has cells of 0.5 mm.  What polls and sums leave unsure is left out by itself.
+    The engine takes engagements whose limits lie within a cell of 0.5 mm for the same: that is from
+    2.4 mm before a slot's arc is whole.  What polls and sums leave unsure is left out by itself.
     """
     bench = Bench(slots=[Slot(6000.0, feed, 3.0, override)], poll=poll, begin=begin, seed=seed)
     signals, raw = write_bench(tmp_path_factory.mktemp("log"), bench)
@@ -115,7 +115,8 @@ def test_no_reading_in_a_cut_was_taken_at_its_entry_or_exit(
     polled = log.times[cut] + first  # the log's time begins at its first poll
     at = np.clip((polled / DT).astype(int), 0, len(moved) - 1)
     assert cut.sum() > 0.8 * ((LENGTH - RADIUS) / (feed * override / 60) / log.period) - 12
-    assert moved[at].min() > -1.0 and moved[at].max() < LENGTH - RADIUS + 1.0
+    same = np.sqrt(2 * RADIUS * 0.5 - 0.5**2)
+    assert moved[at].min() > -same and moved[at].max() < LENGTH - RADIUS + same
     np.testing.assert_allclose(
         labelled.removal[cut], 12e-3 * 3e-3 * feed * override / 60e3, rtol=0.02
     )
