@@ -60,7 +60,8 @@ MISSING = {
     "cuts": (
         "the forces of the cut",
         "forces on a dynamometer in slots of known depth at three feeds or more, at 10 kHz, with "
-        "tool, material and spindle speed",
+        "tool, material and spindle speed; or, when nothing better exists, the load of the spindle "
+        "with the line of a program of known cuts",
     ),
 }
 

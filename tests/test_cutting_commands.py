@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.parameters import structure
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT
 from tests.test_cli import kerf, refused
@@ -191,7 +193,8 @@ def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
     blocks = json.loads((project / "c.json").read_text())["blocks"]
     first = [block["type"] for block in blocks].index("spindle")
     turning = sum(block["time_s"] for block in blocks[first:])
-    rise = (5200 - told) / conf["efficiency"] * turning / 3.6e6
+    drive = structure({"drive": conf}, "drive", SpindleDrive)
+    rise = (5200 - told) / (drive.efficiency * drive.motor_efficiency) * turning / 3.6e6
     assert _energy(project) - before == pytest.approx(rise, rel=1e-3)
     (folder / "cutting.json").write_text("{")
     assert "cutting.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)

@@ -155,6 +155,7 @@ def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
     assert "control" in control[0] and "the programs" in control[1]
     assert "feed drives" in drives[0] and "current" in drives[1]
     assert "forces" in cuts[0] and "dynamometer" in cuts[1]
+    assert "when nothing better exists, the load of the spindle with the line" in cuts[1]
     with pytest.raises(ValueError, match=r"fleet\.spindles names \['saw'\].*add it there"):
         Fleet(name="two", machines=("mill",), spindles=("saw",))
 

@@ -25,14 +25,20 @@ def swept_angle(a_e: ArrayLike, D: ArrayLike) -> Floats:
     Raises
     ------
     ValueError
-        When a depth does not lie between 0 and the diameter.
+        When a depth does not lie between 0 and the diameter, or that is not positive and finite.
 
     Examples
     --------
     >>> round(float(swept_angle(3.0, 6.0)) * 2 / np.pi, 6)
     1.0
     """
-    share = np.asarray(a_e, dtype=np.float64) / np.asarray(D, dtype=np.float64)
+    diameter = np.asarray(D, dtype=np.float64)
+    impossible = ~((diameter > 0) & np.isfinite(diameter))
+    if impossible.any():
+        raise ValueError(
+            f"chip: D = {diameter[impossible].flat[0]:g} m must be positive and finite"
+        )
+    share = np.asarray(a_e, dtype=np.float64) / diameter
     wrong = ~((share >= 0) & (share <= 1))
     if wrong.any():
         raise ValueError(
@@ -73,8 +79,40 @@ def immersion(a_e: ArrayLike, D: ArrayLike, side: Side) -> tuple[Floats, Floats]
     if side != "slot":
         raise ValueError(f"chip: side {side!r} is none of up, down, slot, centred")
     if not np.allclose(angle, np.pi, rtol=0, atol=1e-6):
-        raise ValueError("chip: a slot is as wide as the tool, but a_e is below the diameter")
+        narrow = (np.asarray(a_e, dtype=np.float64) / np.asarray(D, dtype=np.float64)).min()
+        raise ValueError(
+            f"chip: a slot is as wide as the tool, but a_e = {narrow:g} D: choose another side"
+        )
     return np.zeros_like(angle), np.full_like(angle, np.pi)
+
+
+def cutting_arcs(phi_st: ArrayLike, phi_ex: ArrayLike) -> tuple[Floats, Floats]:
+    """Parts of an arc in which a tooth cuts a chip: it does from 0 to pi of each turn.
+
+    Parameters
+    ----------
+    phi_st, phi_ex : array_like
+        Where teeth enter and leave [rad], at most 2 pi apart, in any turn.
+
+    Returns
+    -------
+    begin, end : ndarray, shape (2, ...)
+        Of the part in the turn of the entry and of that in the next, from 0 to pi; equal where
+        there is none.
+
+    Examples
+    --------
+    From 20 degrees before phi = 0 to 80 degrees behind it:
+
+    >>> np.degrees(cutting_arcs(np.radians(340.0), np.radians(440.0))).round(6).tolist()
+    [[180.0, 0.0], [180.0, 80.0]]
+    """
+    enter, leave = np.broadcast_arrays(
+        np.asarray(phi_st, dtype=np.float64), np.asarray(phi_ex, dtype=np.float64)
+    )
+    turn = np.floor(enter / (2 * np.pi))
+    zero = 2 * np.pi * np.stack([turn, turn + 1])  # phi = 0 in the turn of each part
+    return np.clip(enter - zero, 0, np.pi), np.clip(leave - zero, 0, np.pi)
 
 
 def thickness(f_z: ArrayLike, phi: ArrayLike, *, kappa: ArrayLike = np.pi / 2) -> Floats:
@@ -104,7 +142,8 @@ def mean_thickness(
     """h_m = f_z (2 a_e / D) sin(kappa) / phi_s [m], the mean over the angle in the material.
 
     Cut at the tool's side (up, down or slot).  What Twin2026 prints, f_z a_e / D, is for another
-    angle and gives 0.33 to 1.40 times the force of the true mean.
+    angle: phi_s / 2 times the true mean, 0.23 of it at a_e = 0.05 D and 1.57 in a slot.  With
+    m_c = 0.25 that is 0.33 and 1.40 times the force.
 
     Raises
     ------

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.amounts import amounts
 from pipeline.cutting.tool import Tool
 
 Floats = NDArray[np.float64]
@@ -116,8 +117,24 @@ class PartCost:
         Returns
         -------
         ndarray, shape (..., K)
+
+        Raises
+        ------
+        ValueError
+            When there is not one tool for each block, or an index is none of a tool.
         """
         block, index = self.block, np.asarray(tool)
+        if index.shape != block.shape[-1:]:
+            raise ValueError(
+                f"tool has the shape {index.shape}, there are {block.shape[-1]} blocks: give each "
+                "the index of its tool"
+            )
+        strange = ~np.isin(index, np.arange(tools))
+        if strange.any():
+            raise ValueError(
+                f"tool {index[strange][0]} of a block is none of {tools} tools: their indices are "
+                f"0 to {tools - 1}"
+            )
         return np.stack([block[..., index == k].sum(axis=-1) for k in range(tools)], axis=-1)
 
 
@@ -149,7 +166,7 @@ def part_cost(
     Raises
     ------
     ValueError
-        When one of them is negative.
+        When one of them is negative, infinite, or no number where that is not provided for.
 
     Examples
     --------
@@ -158,16 +175,13 @@ def part_cost(
     >>> float(cost.tool[0]), float(cost.time[0]), round(float(cost.change[0]), 3)
     (2.0, 1.0, 0.06)
     """
-    given = {"times": times, "wear": wear, "life_prices": life_prices, "energy_kWh": energy_kWh}
-    for name, values in given.items():
-        if np.any(np.asarray(values) < 0.0):
-            raise ValueError(f"{name} = {np.min(np.asarray(values))} must be 0 or more for a cost")
-    spent = np.asarray(times, dtype=np.float64)
-    shape = np.broadcast_shapes(spent.shape, np.shape(wear), np.shape(energy_kWh))
-    share = np.broadcast_to(np.asarray(wear, dtype=np.float64), shape)
+    spent, used = amounts("times", times), amounts("energy_kWh", energy_kWh)
+    share, price = amounts("wear", wear, unknown=True), amounts("life_prices", life_prices)
+    shape = np.broadcast_shapes(spent.shape, share.shape, used.shape)
+    share = np.broadcast_to(share, shape)
     return PartCost(
         time=np.broadcast_to(spent * rates.per_second, shape),
-        tool=share * np.asarray(life_prices, dtype=np.float64),
+        tool=share * price,
         change=share * (rates.tool_change * rates.per_second),
-        energy=np.broadcast_to(np.asarray(energy_kWh) * rates.energy_per_kWh, shape),
+        energy=np.broadcast_to(used * rates.energy_per_kWh, shape),
     )

@@ -56,8 +56,6 @@ def piece_room(elements: int, shape: Floats, height: float, bins: int) -> Floats
 
 def motion(f_z: float, slope: float) -> Floats:
     """Feed for each tooth [m], cosine and sine of the motion's slope; shape (3,)."""
-    if not -1.0 <= slope <= 1.0:
-        raise ValueError(f"waveform: slope = {slope} must be from -1 to 1: it is dz / ds")
     return np.array([f_z, np.sqrt(1.0 - slope**2), slope])
 
 
@@ -67,8 +65,6 @@ def divided(
     """Elements of the edge between two heights, with or without its side; their Gauss points."""
     from pipeline.cutting.edge_kernel import divide
 
-    if slices < 1:
-        raise ValueError(f"waveform: slices = {slices} must be at least 1")
     many = parts(tool, slope=slope, slices=slices)
     many[2] *= side
     elements, pairs = np.empty((many.sum(), 7)), np.empty((many.sum(), 2, 5))

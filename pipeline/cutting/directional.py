@@ -1,4 +1,4 @@
-"""How the force on the tool answers a displacement of the tool: the matrix of directions.
+"""How the force on the tool answers a displacement of the tool: the directional matrix.
 
 The chip of a tooth at phi grows by sin(phi) dx + cos(phi) dy when the tool stands off by (dx, dy)
 from where the tooth before it cut; with the forces of the linear law the force on the tool is
@@ -10,6 +10,11 @@ F = a_p A (dx, dy), in the frame of the cut (x along the feed, y to its left)
 (Altintas 2012, eq. 3.118, there with K_r over K_t and a factor 1/2).  Edge forces do not depend on
 the thickness of the chip: they have no part in it.  The matrix is turned into the machine's frame;
 with a spindle that turns anticlockwise (M4) y of the cut points to the right.
+
+Where the edge is not parallel to the axis (ball, corner), kappa being the angle between the axis
+and the edge's normal, the chip grows by sin(kappa) of that, and is dz / sin(kappa) wide: K_t stays,
+and K_r is the mean over the heights of K_rc sin(kappa) + K_ac cos(kappa), what radial and axial
+force have in the plane (as in :mod:`pipeline.cutting.waveform`).
 """
 
 from dataclasses import dataclass
@@ -33,7 +38,7 @@ class RegenerativeCut:
     Parameters
     ----------
     K_tc, K_rc : float
-        dF_t / dh and dF_r / dh for each depth of cut [N/m^2].
+        dF_t / dh and dF_r / dh for each depth of cut, in the plane [N/m^2].
     flutes : int
         Number of teeth, equally spaced.
     entry, exit : float
@@ -78,11 +83,23 @@ class RegenerativeCut:
     def of(
         cls, law: ForceLaw, tool: Tool, *, entry: float, exit: float, feed_direction: float = 0.0,
         direction: Literal[1, -1] = 1, thickness: float | None = None,
+        heights: tuple[float, float] | None = None,
     ) -> Self:  # fmt: skip
-        """The cut of a tool; ``thickness`` [m] is where a law that is not linear is taken."""
-        tangential, radial = stiffness(law, thickness)
+        """The cut of a tool.
+
+        ``thickness`` [m] is where a law that is not linear is taken; ``heights`` are those above
+        the tip between which the edge cuts [m], which ball, bull-nose and drill need.
+        """
+        if heights is None:
+            if tool.kind != "flat":
+                raise ValueError(
+                    f"cut: the forces of a tool of kind {tool.kind!r} depend on the part of its "
+                    "edge that cuts; give heights, from where to where above its tip"
+                )
+            heights = (0.0, tool.radius)
+        tangential, radial = in_plane(law, tool, *heights, thickness)
         return cls(
-            K_tc=tangential, K_rc=radial, flutes=tool.flutes, entry=entry, exit=exit,
+            K_tc=tangential, K_rc=float(radial), flutes=tool.flutes, entry=entry, exit=exit,
             feed_direction=feed_direction, direction=direction,
             lag=abs(tan(tool.helix)) / tool.radius,
         )  # fmt: skip
@@ -107,15 +124,57 @@ def stiffness(law: ForceLaw, thickness: float | None = None) -> tuple[float, flo
     ValueError
         When the law is not linear (m_c > 0) and no ``thickness`` [m] above 0 is given.
     """
+    factor = _slope(law, thickness)
+    return law.K_tc * factor, law.K_rc * factor
+
+
+def in_plane(
+    law: ForceLaw, tool: Tool, low: ArrayLike, high: ArrayLike, thickness: float | None = None
+) -> tuple[float, Floats]:
+    """dF_t / dh and dF_r / dh in the plane, of an edge between heights above the tip [N/m^2].
+
+    Raises
+    ------
+    ValueError
+        When a height ``high`` is not above its ``low`` >= 0 [m]; as :func:`stiffness`.
+    """
+    a, b = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    if not ((a >= 0.0) & (b > a) & np.isfinite(b)).all():
+        raise ValueError(
+            f"heights = {low!r}, {high!r}: the edge must cut from 0 m or more above the tip to more"
+        )
+    factor = _slope(law, thickness)
+    sine, cosine = (_height_integrals(tool, b) - _height_integrals(tool, a)) / (b - a)
+    radial: Floats = (law.K_rc * sine + law.K_ac * cosine) * factor
+    return law.K_tc * factor, radial
+
+
+def _height_integrals(tool: Tool, z: Floats) -> Floats:
+    """Integrals of sin(kappa) and cos(kappa) from the tip up to z [m]; shape (2,) + z's."""
+    if tool.kind == "drill":
+        half = tool.point_angle / 2
+        cone = np.minimum(z, tool.radius * cos(half) / sin(half))
+        return np.stack([cone * cos(half) + z - cone, cone * sin(half)])
+    corner = tool.corner_radius
+    if corner == 0.0:
+        return np.stack([z, np.zeros_like(z)])
+    w = 1.0 - np.minimum(z / corner, 1.0)  # cos(kappa)
+    sine = pi / 4 - (w * np.sqrt(1.0 - w * w) + np.arcsin(w)) / 2
+    rest = np.maximum(z - corner, 0.0)
+    return np.stack([corner * sine + rest, corner * (1.0 - w * w) / 2])
+
+
+def _slope(law: ForceLaw, thickness: float | None) -> float:
+    """(1 - m_c) h^(-m_c)."""
     if law.m_c == 0.0:
-        return law.K_tc, law.K_rc
+        return 1.0
     if thickness is None or not thickness > 0.0:
         raise ValueError(
             f"force_law.m_c = {law.m_c}: how the force grows depends on the chip's thickness, "
             f"which is {thickness}; give the mean thickness of the chip, above 0 m"
         )
-    factor = (1.0 - law.m_c) * thickness ** (-law.m_c)
-    return law.K_tc * factor, law.K_rc * factor
+    factor: float = (1.0 - law.m_c) * thickness ** (-law.m_c)
+    return factor
 
 
 def mean_matrix(cut: RegenerativeCut) -> Floats:

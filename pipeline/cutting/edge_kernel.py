@@ -29,24 +29,23 @@ ARC = pi / 2
 @compiled
 def place(part, p, shape, point):  # type: ignore[no-untyped-def]
     """Fill what is known of the edge's point at length ``p`` of a part; its height [m]."""
-    lag = 0.0
-    if part == FACE:
-        z = p * shape[CONE_COS]
-        point[SIN_KAPPA], point[COS_KAPPA] = shape[CONE_COS], shape[CONE_SIN]
-        point[ARM] = p * shape[CONE_SIN]
-    elif part == CORNER:
-        kappa = p / shape[CORNER_RADIUS]
-        point[SIN_KAPPA], point[COS_KAPPA] = sin(kappa), cos(kappa)
-        z = shape[CORNER_RADIUS] * (1.0 - point[COS_KAPPA])
-        point[ARM] = shape[RADIUS] - shape[CORNER_RADIUS] * (1.0 - point[SIN_KAPPA])
-        lag = shape[LAG] * z
-    else:
-        z = p
-        point[SIN_KAPPA], point[COS_KAPPA] = 1.0, 0.0
-        point[ARM] = shape[RADIUS]
-        lag = shape[LAG] * (z - shape[FACE_HEIGHT])
+    point[SIN_KAPPA], point[COS_KAPPA], point[ARM], z, lag = where(part, p, shape)
     point[COS_LAG], point[SIN_LAG] = cos(lag), sin(lag)
     return z
+
+
+@compiled
+def where(part, p, shape):  # type: ignore[no-untyped-def]
+    """Sine and cosine of kappa, distance from the axis, height [m] and lag at a place."""
+    if part == FACE:
+        z, arm = p * shape[CONE_COS], p * shape[CONE_SIN]
+        return shape[CONE_COS], shape[CONE_SIN], arm, z, 0.0
+    if part == CORNER:
+        corner = shape[CORNER_RADIUS]
+        sk, ck = sin(p / corner), cos(p / corner)
+        z = corner * (1.0 - ck)
+        return sk, ck, shape[RADIUS] - corner * (1.0 - sk), z, shape[LAG] * z
+    return 1.0, 0.0, shape[RADIUS], p, shape[LAG] * (p - shape[FACE_HEIGHT])
 
 
 @compiled
@@ -145,6 +144,23 @@ def chip(sine, sin_kappa, cos_kappa, cos_lag, sin_lag, motion, runout, differenc
     return thickness(
         each, sin_kappa * cos_lag, sin_kappa * sin_lag, sin_kappa * runout, differences
     )
+
+
+@compiled
+def cut_part(begin, end, h, after):  # type: ignore[no-untyped-def]
+    """Between which places a tooth has a chip of a course as if straight; equal ones if nowhere.
+
+    ``h`` and ``after`` are its thickness at the Gauss points between ``begin`` and ``end``.
+    """
+    middle, rise = 0.5 * (h + after), 0.5 * (after - h) / GAUSS
+    if middle >= abs(rise):
+        return begin, end
+    if middle <= -abs(rise):
+        return begin, begin
+    size = 0.5 * (1.0 + middle / abs(rise)) * (end - begin)
+    if rise > 0.0:
+        return end - size, end
+    return begin, begin + size
 
 
 @compiled

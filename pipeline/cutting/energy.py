@@ -1,14 +1,18 @@
 """Electricity of a program: spindle, feed drives, coolant, and what is always on.
 
-The spindle's drive takes (P_c + P_0(n)) / eta while it turns: cutting power and no-load losses over
-its efficiency.  What it takes to speed the spindle up, and gives back where the drive can, is left
-out: it belongs to the changes of speed, not to the blocks.
+The spindle's drive takes (P_c + P_0(n)) / (eta eta_m) while it turns: cutting power and no-load
+losses over the efficiency from the motor's shaft to the tool, and over that of motor and inverter.
+What it takes to speed the spindle up, and gives back where the drive can, is left out: it belongs
+to the changes of speed, not to the blocks.
 """
 
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from pipeline.cutting.amounts import amounts
+from pipeline.cutting.spindle_power import SpindleDrive, shaft_power
 
 Floats = NDArray[np.float64]
 
@@ -67,8 +71,8 @@ class Energy:
         return total
 
 
-def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, efficiency: float) -> Floats:
-    """Electrical power that the spindle's drive takes, (P_c + P_0) / eta [W].
+def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
+    """Electrical power that the spindle's drive takes, (P_c + P_0) / (eta eta_m) [W].
 
     Parameters
     ----------
@@ -76,23 +80,25 @@ def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, efficiency: float) ->
         P_c = F_t v_c at the tool [W].
     no_load : array_like
         P_0(n), what the spindle takes turning free [W]; 0 where it stands.
-    efficiency : float
-        eta of motor and drive [1].
+    drive : SpindleDrive
+        With its efficiencies eta and eta_m.
 
     Raises
     ------
     ValueError
-        When the efficiency is not above 0 and at most 1.
+        When a power is negative or not finite.
 
     Examples
     --------
-    >>> float(spindle_supply(900.0, 180.0, 0.9))
-    1200.0
+    >>> drive = SpindleDrive(
+    ...     rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0,
+    ...     efficiency=0.9, motor_efficiency=0.8,
+    ... )
+    >>> round(float(spindle_supply(900.0, 180.0, drive)), 6)
+    1500.0
     """
-    if not 0.0 < efficiency <= 1.0:
-        raise ValueError(f"efficiency = {efficiency} of the spindle must be above 0, at most 1")
-    supply: Floats = (np.asarray(cutting, dtype=np.float64) + np.asarray(no_load)) / efficiency
-    return supply
+    power = shaft_power(amounts("cutting", cutting), amounts("no_load", no_load), drive)
+    return power / drive.motor_efficiency
 
 
 def energy(
@@ -115,10 +121,10 @@ def energy(
     Raises
     ------
     ValueError
-        When a time or power is negative, or a share is not from 0 to 1.
+        When a time or power is negative or not finite, or a share is not from 0 to 1.
     """
-    spent, supply = _within("times", times), _within("spindle_W", spindle_W)
-    shares = _within("moving", moving, 1.0), _within("coolant", coolant, 1.0)
+    spent, supply = amounts("times", times), amounts("spindle_W", spindle_W)
+    shares = amounts("moving", moving, high=1.0), amounts("coolant", coolant, high=1.0)
     spent, supply, drives, pumps = np.broadcast_arrays(spent, supply, *shares)
     kWh = spent / KWH
     return Energy(
@@ -127,12 +133,3 @@ def energy(
         coolant=kWh * pumps * (parameters.coolant_kW * KW),
         base=kWh * (parameters.base_load_kW * KW),
     )
-
-
-def _within(name: str, value: ArrayLike, high: float = np.inf) -> Floats:
-    found = np.asarray(value, dtype=np.float64)
-    bad = ~((found >= 0.0) & (found <= high))
-    if bad.any():
-        upper = "" if high == np.inf else f", at most {high:g}"
-        raise ValueError(f"{name} = {found[bad].flat[0]} must be 0 or more{upper}")
-    return found

@@ -54,7 +54,7 @@ def in_plane_forces(
 
     Parameters
     ----------
-    theta : array_like, shape (T,)
+    theta : array_like, shape (...)
         Of the spindle, where tooth 0 is [rad].
     flutes : int
         Number of teeth N.
@@ -63,24 +63,41 @@ def in_plane_forces(
     K_t, K_e : float
         As :func:`tooth_forces`.
     phi_st, phi_ex : float
-        Where teeth enter and leave [rad].
+        Where teeth enter and leave [rad], at most 2 pi apart, in any turn.
 
     Returns
     -------
-    ndarray, shape (T, 2)
+    ndarray, shape (..., 2)
+
+    Raises
+    ------
+    ValueError
+        When there is no whole number of teeth.
     """
-    pitch = 2 * np.pi / flutes
-    phi = (np.asarray(theta, dtype=np.float64)[:, None] - pitch * np.arange(flutes)) % (2 * np.pi)
-    within = (phi >= phi_st) & (phi < phi_ex)
+    if not (flutes >= 1 and flutes % 1 == 0):
+        raise ValueError(f"force: flutes = {flutes} must be a whole number of at least 1")
+    tip = np.asarray(theta, dtype=np.float64)[..., None]
+    phi = (tip - 2 * np.pi / flutes * np.arange(flutes)) % (2 * np.pi)
+    within = (phi - phi_st) % (2 * np.pi) < phi_ex - phi_st
     tangential, radial = tooth_forces(K_t, K_e, d, chip_of_motion(f_z, 0.0, phi)) * within
     along = -tangential * np.cos(phi) - radial * np.sin(phi)
     across = tangential * np.sin(phi) - radial * np.cos(phi)
-    return np.stack([along.sum(axis=1), across.sum(axis=1)], axis=1)
+    return np.stack([along.sum(axis=-1), across.sum(axis=-1)], axis=-1)
 
 
 def cutting_load(forces: ArrayLike) -> Floats:
-    """sqrt(F_x^2 + F_y^2) [N] of forces whose last axis begins with x and y."""
+    """sqrt(F_x^2 + F_y^2) [N] of forces whose last axis begins with x and y.
+
+    Raises
+    ------
+    ValueError
+        When the last axis has less than both.
+    """
     forces = np.asarray(forces)
+    if not (forces.ndim and forces.shape[-1] >= 2):
+        raise ValueError(
+            f"force: forces have shape {forces.shape}: the last axis must hold F_x and F_y"
+        )
     return cast(Floats, np.hypot(forces[..., 0], forces[..., 1]))
 
 

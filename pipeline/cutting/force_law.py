@@ -28,6 +28,11 @@ class ForceLaw:
         Edge coefficients [N/m].
     m_c : float
         Exponent of the chip thickness [1]; 0 for the linear-edge model.
+
+    Raises
+    ------
+    ValueError
+        When a value is not finite or out of its range, or no coefficient is tangential.
     """
 
     K_tc: float
@@ -46,9 +51,14 @@ class ForceLaw:
                 )
         if not 0.0 <= self.m_c < 1.0:
             raise ValueError(f"force_law.m_c = {self.m_c} is out of its range, 0 to below 1")
-        if self.K_tc <= 0.0 and self.K_te <= 0.0:
+        for name, value in (("K_tc", self.K_tc), ("K_te", self.K_te)):
+            if value < 0.0:
+                raise ValueError(
+                    f"force_law.{name} = {value} must be at least 0: a cut does not drive its tool"
+                )
+        if self.K_tc == self.K_te == 0.0:
             raise ValueError(
-                f"force_law.K_tc = {self.K_tc} must be positive: a tool that cuts takes force"
+                "force_law.K_tc and force_law.K_te are both 0: a tool that cuts takes force"
             )
 
     @classmethod

@@ -26,7 +26,8 @@ class Immersions:
     depth : ndarray, shape (N,)
         Axial length of the edge in the material [m], above 0.
     entry, exit : ndarray, shape (N,)
-        [rad], as in :mod:`pipeline.cutting.engagement`, 0 <= entry < exit <= pi.
+        [rad], as in :mod:`pipeline.cutting.engagement`, 0 <= entry < exit <= pi; of the widest arc
+        that it can be.
     feed_direction : ndarray, shape (N,)
         From the machine's x [rad].
     direction : ndarray of int8, shape (N,)
@@ -36,6 +37,16 @@ class Immersions:
     unjudged : ndarray of bool, shape (B,)
         Blocks with a station in the material that is not milling with a spindle that turns:
         plunges, rapids.
+    lowest, highest : ndarray, shape (N,), optional
+        Between which heights above the tip the edge is in the material [m]; from the tip to
+        ``depth`` where they are not given.
+    bin : float
+        By how much the true arc may enter later, or leave earlier [rad].
+
+    Raises
+    ------
+    ValueError
+        When a depth or an arc is out of its range.
     """
 
     block: Indices
@@ -47,13 +58,36 @@ class Immersions:
     direction: NDArray[np.int8]
     blocks: int
     unjudged: NDArray[np.bool_]
+    lowest: Floats | None = None
+    highest: Floats | None = None
+    bin: float = 0.0
+
+    def __post_init__(self) -> None:
+        shallow = np.flatnonzero(~((self.depth > 0.0) & np.isfinite(self.depth)))
+        if len(shallow):
+            raise ValueError(
+                f"immersions: depth[{shallow[0]}] = {self.depth[shallow[0]]:g} must be above 0 m "
+                "and finite; leave out stations that are not in the material"
+            )
+        arc = (self.entry >= 0.0) & (self.entry < self.exit) & (self.exit <= pi + 1e-9)
+        wrong = np.flatnonzero(~(arc & np.isfinite(self.feed_direction)))
+        if len(wrong):
+            at = wrong[0]
+            raise ValueError(
+                f"immersions: station {at} has entry = {self.entry[at]:.6g}, exit = "
+                f"{self.exit[at]:.6g}, feed_direction = {self.feed_direction[at]:.6g} rad, which "
+                "must be 0 <= entry < exit <= pi and a direction"
+            )
+        if not 0.0 <= self.bin < pi:
+            raise ValueError(f"immersions: bin = {self.bin} rad must be from 0 to below pi")
 
 
 def immersions(path: ToolPath, engagement: Engagement) -> Immersions:
     """What of a program's engagement decides on chatter.
 
     Where teeth are in the material at several arcs or heights the least arc and height that hold
-    all of them count: more than is cut, as far as the chip has a thickness (0 to pi).
+    all of them count, as far as the chip has a thickness (0 to pi).  An arc ends somewhere within a
+    bin of the engagement's angles: ``bin`` says so, as the widest arc is not always the worst.
     """
     angles = engagement.angles
     half = pi / len(angles)
@@ -77,4 +111,7 @@ def immersions(path: ToolPath, engagement: Engagement) -> Immersions:
         direction=turning[kept],
         blocks=engagement.blocks,
         unjudged=unjudged,
+        lowest=np.where(engaged, engagement.lower, np.inf).min(axis=1, initial=np.inf)[kept],
+        highest=np.where(engaged, engagement.upper, 0.0).max(axis=1, initial=0.0)[kept],
+        bin=2 * half,
     )

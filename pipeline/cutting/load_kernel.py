@@ -53,9 +53,10 @@ def station_loads(  # type: ignore[no-untyped-def]
         motion[1] = sqrt(max(1.0 - slope[station] ** 2, 0.0))
         angles = forces.shape[1] // _coarseness(low, high)
         pitch = angles // differences.shape[0]
-        forces[last + 1 :, :pitch] = 0.0
         if runout > 0.0:
-            forces[: last + 1, :angles] = 0.0
+            forces[:, :angles] = 0.0
+        else:
+            forces[last + 1 :, :pitch] = 0.0
         for a in range(angles):
             tip = 2 * pi * (a + 0.5) / angles
             m = edge_pieces(tip, low, high, shape, elements[:n], motion, middles, pieces)

@@ -1,6 +1,6 @@
 """Stability lobes, zero-order solution (Altintas and Budak 1995; Altintas 2012, section 3.8.1).
 
-With the matrix of directions A at its mean over a turn, chatter at w has
+With the directional matrix A at its mean over a turn, chatter at w has
 F = a_p (1 - e^(-i w T)) A Phi(i w) F; for each eigenvalue lambda of A Phi the depth is
 a_p = 1 / (2 Re lambda), where Re lambda > 0, and the tooth period T follows from
 w T = 2 psi + 2 pi k, psi = atan2(Re lambda, -Im lambda), for each whole number of waves k >= 0.
@@ -55,7 +55,7 @@ class Lobes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Border:
-    """The stability border as G straight segments over the chatter frequency; shapes (G, 2).
+    """The stability boundary as G straight segments over the chatter frequency; shapes (G, 2).
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ def lobes(
     """
     from pipeline.cutting.lobes_kernel import lowest_lobes
 
-    speeds = np.atleast_1d(np.asarray(n, dtype=np.float64))
-    if not (np.isfinite(speeds).all() and (speeds > 0.0).all()):
-        raise ValueError(f"n: spindle speeds must be above 0 1/s, the least is {speeds.min():g}")
+    speeds = speeds_of(n)
+    if not len(speeds):
+        return Lobes(n=speeds, depth_limit=speeds.copy(), chatter_frequency=speeds.copy())
     edge = border(dynamics, cut, float(speeds.min()), float(speeds.max()), tolerance=tolerance)
     inverse, chatter = np.empty_like(speeds), np.empty_like(speeds)
     period = 1.0 / (cut.flutes * speeds)
@@ -118,17 +118,33 @@ def lobes(
     return Lobes(n=speeds, depth_limit=limit, chatter_frequency=chatter / (2 * np.pi))
 
 
+def speeds_of(n: ArrayLike) -> Floats:
+    """Spindle speeds [1/s] as an array of shape (S,), each above 0."""
+    speeds = np.atleast_1d(np.asarray(n, dtype=np.float64))
+    if speeds.ndim != 1:
+        raise ValueError(f"n has shape {speeds.shape}: give spindle speeds in one row")
+    if not (np.isfinite(speeds).all() and (speeds > 0.0).all()):
+        raise ValueError(f"n: spindle speeds must be above 0 1/s, the least is {speeds.min():g}")
+    return speeds
+
+
 def border(
     dynamics: Dynamics, cut: RegenerativeCut, slowest: float, fastest: float, *,
     tolerance: float = TOLERANCE,
 ) -> Border:  # fmt: skip
-    """The stability border for spindle speeds from ``slowest`` to ``fastest`` [1/s].
+    """The stability boundary for spindle speeds from ``slowest`` to ``fastest`` [1/s].
 
     Raises
     ------
     ValueError
-        When the tolerance is not above 0, or there is neither mode nor measured receptance.
+        When a speed or the tolerance is not above 0, or there is neither mode nor measured
+        receptance.
     """
+    if not 0.0 < slowest <= fastest < np.inf:
+        raise ValueError(
+            f"slowest = {slowest}, fastest = {fastest}: spindle speeds must be above 0 1/s, the "
+            "slowest first"
+        )
     if not tolerance > 0.0:
         raise ValueError(f"tolerance = {tolerance} must be above 0")
     if not isinstance(dynamics, FrequencyResponse) and not dynamics:

@@ -1,6 +1,6 @@
 """Lobes at given speeds, in cells of speed, and margins of a population, compiled.
 
-A segment of the stability border lies between two neighbouring chatter frequencies: ``omega``
+A segment of the stability boundary lies between two neighbouring chatter frequencies: ``omega``
 [rad/s] and ``share`` (phase of the regeneration over a turn, less whole waves, 0 to 1) at its two
 ends, ``inverse`` = 1 / depth [1/m] there, all of shape (G, 2) and straight between.  Lobe k has
 k whole waves within a tooth period.
@@ -20,7 +20,7 @@ def lowest_lobes(omega, share, inverse, period, out, chatter):  # type: ignore[n
     Parameters
     ----------
     omega, share, inverse : ndarray, shape (G, 2)
-        Segments of the border.
+        Segments of the boundary.
     period : ndarray, shape (S,)
         Tooth period [s].
     out, chatter : ndarray, shape (S,)

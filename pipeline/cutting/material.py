@@ -1,8 +1,8 @@
 """Materials: what it takes to cut them, with the source of every number.
 
 Groups are those of VDI 3323, 1 to 41, with the letter of ISO 513.  A group's k_c1.1 and m_c
-(Kienzle) hold within some 15 % for a material of the group; coefficients measured with a tool go
-first where there are some.
+(Kienzle) stand for all materials of the group, and no tolerance is given with them; coefficients
+measured with a tool go first where there are some.
 """
 
 from dataclasses import dataclass, field, fields

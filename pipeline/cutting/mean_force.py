@@ -12,6 +12,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.chip import cutting_arcs
 from pipeline.cutting.force_law import ForceLaw
 
 Floats = NDArray[np.float64]
@@ -23,7 +24,7 @@ COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
 def regressors(
     *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike, phi_ex: ArrayLike
 ) -> Floats:
-    """Mean forces on the tool for each coefficient of the linear-edge law.
+    """Mean forces for each coefficient of the linear-edge law; F_z is as on the workpiece.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ def regressors(
     a_p : array_like
         Axial depth of cut [m].
     phi_st, phi_ex : array_like
-        Where teeth enter and leave [rad]; of what lies outside 0 to pi nothing is cut.
+        Where teeth enter and leave [rad], at most 2 pi apart; nothing is cut from pi to 2 pi.
 
     Returns
     -------
@@ -45,7 +46,8 @@ def regressors(
     Raises
     ------
     ValueError
-        When teeth leave before they enter, or a value is negative or not finite.
+        When teeth leave before they enter or more than a turn later, or a value is negative or
+        not finite.
 
     Examples
     --------
@@ -79,7 +81,8 @@ def regressors(
         axis=-2,
     )
     share = (teeth * depth / (2 * np.pi) * (feed > 0))[..., None, None]
-    return cast(Floats, np.concatenate([share * feed[..., None, None] * chip, share * edge], -1))
+    parts = np.concatenate([share * feed[..., None, None] * chip, share * edge], -1)
+    return cast(Floats, parts.sum(axis=0))
 
 
 def mean_forces(
@@ -91,9 +94,10 @@ def mean_forces(
     phi_st: ArrayLike,
     phi_ex: ArrayLike,
 ) -> Floats:
-    """Mean F_x, F_y, F_z on the tool over a revolution [N]; shape (..., 3).
+    """Mean F_x, F_y, F_z over a revolution [N]; shape (..., 3).
 
-    Parameters are those of :func:`regressors`.
+    F_z is as on the workpiece, the others are on the tool.  Parameters are those of
+    :func:`regressors`.
 
     Raises
     ------
@@ -123,7 +127,7 @@ def mean_torque(
     _linear(law)
     teeth, feed, depth, entry, leave = _arguments(flutes, f_z, a_p, phi_st, phi_ex)
     each = law.K_tc * feed * (np.cos(entry) - np.cos(leave)) + law.K_te * (leave - entry)
-    torque = teeth * depth * np.asarray(radius) / (2 * np.pi) * each * (feed > 0)
+    torque = teeth * depth * np.asarray(radius) / (2 * np.pi) * each.sum(axis=0) * (feed > 0)
     return cast(Floats, torque)
 
 
@@ -136,14 +140,19 @@ def _linear(law: ForceLaw) -> None:
 
 
 def _arguments(*given: ArrayLike) -> list[Floats]:
+    """The arguments, with the arcs in parts as :func:`pipeline.cutting.chip.cutting_arcs`."""
     arrays = np.broadcast_arrays(*[np.asarray(one, dtype=np.float64) for one in given])
     teeth, feed, depth, entry, leave = arrays
     for name, values in zip(("flutes", "f_z", "a_p"), arrays[:3], strict=True):
         if not (np.isfinite(values).all() and (values >= 0).all()):
             wrong = values[~(np.isfinite(values) & (values >= 0))].flat[0]
             raise ValueError(f"mean forces: {name} = {wrong:g} must be finite and at least 0")
-    if not (np.isfinite(entry).all() and np.isfinite(leave).all() and (leave >= entry).all()):
+    with np.errstate(invalid="ignore"):
+        apart = leave - entry
+    wrong_arc = ~((apart >= 0) & (apart <= 2 * np.pi + 1e-12))
+    if wrong_arc.any():
         raise ValueError(
-            "mean forces: phi_ex must be finite and not below phi_st in any of the cuts"
+            f"mean forces: phi_st = {entry[wrong_arc].flat[0]:g} to phi_ex = "
+            f"{leave[wrong_arc].flat[0]:g} must be finite and 0 to 2 pi rad long"
         )
-    return [teeth, feed, depth, np.clip(entry, 0, np.pi), np.clip(leave, 0, np.pi)]
+    return [teeth, feed, depth, *cutting_arcs(entry, leave)]

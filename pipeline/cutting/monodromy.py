@@ -61,16 +61,21 @@ def monodromy(
     cut : RegenerativeCut
         Without depth and speed.
     n : float
-        Spindle speed [1/s].
+        Spindle speed, above 0 [1/s].
     depth : float
-        a_p [m].
+        a_p, 0 or more [m].
     steps : int
-        Of the cut.
+        Of the cut, 1 or more.
 
     Returns
     -------
     ndarray, shape (2 M + (R + 1) D, 2 M + (R + 1) D)
         M modes in D directions; R steps, ``steps`` or a few more.
+
+    Raises
+    ------
+    ValueError
+        When there is no mode, or a number is out of its range.
     """
     from pipeline.cutting.monodromy_kernel import pass_period
 
@@ -113,6 +118,7 @@ def _period(
 ) -> _Period:
     from pipeline.cutting.monodromy_kernel import fill_steps
 
+    _check(modes, n, depth, steps)
     used = sorted({mode.axis for mode in modes})
     axis = np.array([used.index(mode.axis) for mode in modes])
     omega = np.array([mode.omega for mode in modes])
@@ -132,7 +138,23 @@ def _period(
     fill_steps(omega, zeta, mass, axis, still, rest, 0.0, free, none, none.copy(), work)
     fill_steps(omega, zeta, mass, axis, np.ascontiguousarray(matrix), time, depth,
                here, ago, now, work)  # fmt: skip
+    if not all(np.isfinite(part).all() for part in (here, ago, now, free)):
+        raise ValueError(
+            f"n = {n:g} 1/s, depth = {depth:g} m: a tooth period moves the tip beyond all numbers; "
+            "ask for a higher speed or a lesser depth"
+        )
     return _Period(here=here, ago=ago, now=now, free=free[0], axis=axis, room=np.empty(size))
+
+
+def _check(modes: Sequence[Mode], n: float, depth: float, steps: int) -> None:
+    if not modes:
+        raise ValueError("modes: there is none, and what does not give way does not chatter")
+    if not 0.0 < n < np.inf:
+        raise ValueError(f"n = {n}: the spindle speed must be above 0 1/s and finite")
+    if not 0.0 <= depth < np.inf:
+        raise ValueError(f"depth = {depth} must be 0 m or more and finite")
+    if steps < 1:
+        raise ValueError(f"steps = {steps} must be at least 1")
 
 
 def _edges(cut: RegenerativeCut, depth: float, steps: int) -> Floats:

@@ -4,7 +4,7 @@ The state is that of the modes (displacement q and q' / w_n of each), then the t
 at the ends of the steps while the tooth before cut.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from pipeline.kernels import compiled
 
@@ -64,7 +64,7 @@ def _phi(X, norm, one, two, product):  # type: ignore[no-untyped-def]
     """Fill phi_1 and phi_2 of X, which is halved until its norm is small and doubled again."""
     size = X.shape[0]
     halvings = 0
-    while norm > 0.5:
+    while 0.5 < norm < inf:  # what is not finite the caller refuses
         norm *= 0.5
         halvings += 1
     scale = 0.5**halvings

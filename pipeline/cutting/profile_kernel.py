@@ -2,16 +2,16 @@
 
 Each tooth's edge is cut where it goes from one bin to the next and where it enters and leaves the
 material, exactly; each piece between is integrated at its middle, so that it errs by the square of
-a bin over 24, 0.03 % of its own force for 72 bins.
+a bin over 24, 0.03 % of its own force for 72 bins.  With runout a piece where a tooth begins to
+miss its chip counts or does not: up to 3 % of the greatest edge force (0.5 % in RMS), and up to
+0.4 % of the cutting part.
 """
 
 from math import ceil, cos, floor, pi, sin
 
 from pipeline.cutting.edge_kernel import (
     CONE_COS,
-    CONE_SIN,
     CORNER,
-    CORNER_RADIUS,
     FACE,
     FACE_HEIGHT,
     FROM,
@@ -19,7 +19,6 @@ from pipeline.cutting.edge_kernel import (
     LAG_FROM,
     LAG_TO,
     PART,
-    RADIUS,
     SIDE,
     TO,
     Z_FROM,
@@ -27,6 +26,7 @@ from pipeline.cutting.edge_kernel import (
     add_force,
     along,
     thickness,
+    where,
 )
 from pipeline.kernels import compiled
 
@@ -121,21 +121,8 @@ def _piece(tip, one, begin, end, low, high, shape, motion, middle, whole, out): 
         elif one[PART] == CORNER:
             begin, end = along(CORNER, begin, shape), along(CORNER, end, shape)
         p, out[WIDTH] = 0.5 * (begin + end), end - begin
-    out[SIN_KAPPA], out[COS_KAPPA], out[ARM], lag = _point(one[PART], p, shape)
+    out[SIN_KAPPA], out[COS_KAPPA], out[ARM], _, lag = where(one[PART], p, shape)
     out[SINE], out[COSINE] = (middle[0], middle[1]) if whole else (sin(tip - lag), cos(tip - lag))
     out[COS_LAG], out[SIN_LAG] = cos(lag), sin(lag)
     out[CHIP] = motion[1] * out[SINE] * out[SIN_KAPPA] - motion[2] * out[COS_KAPPA]
     return 1 if out[CHIP] > 0.0 else 0
-
-
-@compiled
-def _point(part, p, shape):  # type: ignore[no-untyped-def]
-    """Sine and cosine of kappa, distance from the axis and lag at a place on the edge."""
-    if part == FACE:
-        return shape[CONE_COS], shape[CONE_SIN], p * shape[CONE_SIN], 0.0
-    if part == CORNER:
-        corner = shape[CORNER_RADIUS]
-        sk, ck = sin(p / corner), cos(p / corner)
-        arm = shape[RADIUS] - corner * (1.0 - sk)
-        return sk, ck, arm, shape[LAG] * corner * (1.0 - ck)
-    return 1.0, 0.0, shape[RADIUS], shape[LAG] * (p - shape[FACE_HEIGHT])

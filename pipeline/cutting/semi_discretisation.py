@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.directional import RegenerativeCut
+from pipeline.cutting.lobes import speeds_of
 from pipeline.cutting.modes import Mode
 from pipeline.cutting.monodromy import spectral_radius
 
@@ -74,25 +75,28 @@ def depth_limits(
     Raises
     ------
     ValueError
-        When a parameter is out of its range.
-    RuntimeError
-        When 4096 steps do not reach the tolerance at a speed.
+        When a parameter is out of its range, or 4096 steps do not reach the tolerance at a speed:
+        some 100 waves of the highest mode within a cut are too many, as at 1 tooth a second.
     """
-    speeds = np.atleast_1d(np.asarray(n, dtype=np.float64))
+    speeds = speeds_of(n)
     if not modes:
         raise ValueError("modes: there is none, and what does not give way does not chatter")
-    if not (np.isfinite(speeds).all() and (speeds > 0.0).all()):
-        raise ValueError(f"n: spindle speeds must be above 0 1/s, the least is {speeds.min():g}")
-    if not highest > 0.0:
-        raise ValueError(f"highest = {highest}: the depth up to which is looked must be above 0 m")
+    if not 0.0 < highest < np.inf:
+        raise ValueError(
+            f"highest = {highest}: the depth up to which is looked must be above 0 m and finite"
+        )
     if not tolerance > 0.0:
         raise ValueError(f"tolerance = {tolerance} must be above 0")
     if depths < 2:
         raise ValueError(f"depths = {depths} must be at least 2")
     grid = np.geomspace(highest / 256, highest, depths)
     rows = [_refined(modes, cut, float(speed), grid, tolerance) for speed in speeds]
-    limit, error, steps = (np.array(column) for column in zip(*rows, strict=True))
-    return DepthLimits(n=speeds, depth_limit=limit, error=error, steps=steps)
+    return DepthLimits(
+        n=speeds,
+        depth_limit=np.array([row[0] for row in rows]),
+        error=np.array([row[1] for row in rows]),
+        steps=np.array([row[2] for row in rows], dtype=np.int64),
+    )
 
 
 def _refined(
@@ -102,6 +106,12 @@ def _refined(
     wave = max(mode.natural_frequency_Hz for mode in modes)
     span = min(cut.exit - cut.entry + cut.lag * grid[-1], cut.pitch) / (2 * pi * n)
     steps = max(LEAST_STEPS, ceil(STEPS_PER_WAVE * wave * span))
+    if 2 * steps > MOST_STEPS:
+        raise ValueError(
+            f"semi-discretisation: at {60 * n:.6g} rpm {wave * span:.0f} waves of the highest mode "
+            f"lie within a cut, too many for {MOST_STEPS} steps; ask for a higher speed, or for "
+            "the zero-order solution"
+        )
     coarse = _first_limit(modes, cut, n, grid, steps, tolerance)
     while 2 * steps <= MOST_STEPS:
         steps *= 2
@@ -114,7 +124,7 @@ def _refined(
         if error <= tolerance:
             return fine + (fine - coarse) / 3, error, steps
         coarse = fine
-    raise RuntimeError(
+    raise ValueError(
         f"semi-discretisation: at {60 * n:.6g} rpm {steps} steps do not settle the depth limit, "
         f"now {coarse * 1e3:.4g} mm; ask for a higher speed, or a tolerance above {tolerance:g}"
     )

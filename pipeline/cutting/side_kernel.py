@@ -8,7 +8,7 @@ counts, so that the forces change without jumps when runout or helix do.
 
 from math import ceil, cos, floor, pi, sin
 
-from pipeline.cutting.edge_kernel import GAUSS, thickness
+from pipeline.cutting.edge_kernel import GAUSS, cut_part, thickness
 from pipeline.kernels import compiled
 
 TURN = 2 * pi
@@ -82,15 +82,11 @@ def _slices(  # type: ignore[no-untyped-def]
         s, s2 = sine * cl - cosine * sl, sine * cl2 - cosine * sl2
         h = thickness(f_z * s, cl, sl, runout, differences)
         h2 = thickness(f_z * s2, cl2, sl2, runout, differences)
-        middle, rise = 0.5 * (h + h2), 0.5 * (h2 - h) / GAUSS
-        if middle <= -abs(rise):
+        start, stop = cut_part(low, high, h, h2)
+        if not stop > start:
             continue
-        if middle < abs(rise):
-            size = 0.5 * (1.0 + middle / abs(rise)) * (high - low)  # as if its course were straight
-            if rise > 0.0:
-                low = high - size
-            else:
-                high = low + size
+        if start > low or stop < high:
+            low, high = start, stop
             cl, sl, cl2, sl2 = _lags(low, high, lag, step)
             s, s2 = sine * cl - cosine * sl, sine * cl2 - cosine * sl2
             h = max(thickness(f_z * s, cl, sl, runout, differences), 0.0)

@@ -1,28 +1,31 @@
 """Margin to chatter for the blocks of a program, for many programs of speeds at once.
 
 What decides whether a station chatters, but its speed and its depth, is its class: tool, arc in the
-material, direction of the feed.  For each class the depth limit is tabulated in cells of spindle
-speed.  By the zero-order solution (:mod:`pipeline.cutting.lobes`, some 5 ms a class) a cell holds
-the least limit of all lobes within it, so that a look-up never promises more than they allow; but
-at low immersion the solution itself promises twice too much and more, where flip lobes are.  By
-semi-discretisation (:mod:`pipeline.cutting.semi_discretisation`, some 20 ms a cell) a cell holds
-the lesser of the limits at its two ends.
+material, direction of the feed, and of a ball or a corner the part of its edge.  A class is known
+between marks, its depth limit the least at all of them
+(:mod:`pipeline.cutting.stability_classes`),
+tabulated in cells of spindle speed.  By the zero-order solution (:mod:`pipeline.cutting.lobes`) a
+cell holds the least limit of all lobes within it; between marks the true limit may lie a little
+lower, by some percent at worst.  At low immersion the solution itself promises twice too much and
+more, where flip lobes are.  By semi-discretisation (:mod:`pipeline.cutting.semi_discretisation`,
+some 20 ms a cell and mark) a cell holds the lesser of the limits at its two ends.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
+from math import tan
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.directional import RegenerativeCut
+from pipeline.cutting.directional import RegenerativeCut, in_plane, stiffness
 from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.frf import Dynamics, FrequencyResponse
 from pipeline.cutting.immersions import Immersions
 from pipeline.cutting.lobes import border
 from pipeline.cutting.semi_discretisation import depth_limits
+from pipeline.cutting.stability_classes import SHARES, Corner, classes, corners
 from pipeline.cutting.tool import Tool
 
 Floats = NDArray[np.float64]
@@ -30,7 +33,9 @@ Method = Literal["zero_order", "semi_discretisation"]
 
 
 def margin(depth: ArrayLike, limit: ArrayLike) -> Floats:
-    """Depth limit over depth, less 1 [1]: 0 at the border, negative in chatter, inf in the air.
+    """Depth limit over depth, less 1 [1]: 0 at the limit, negative in chatter, inf in the air.
+
+    NaN where depth or limit is.
 
     Examples
     --------
@@ -38,8 +43,8 @@ def margin(depth: ArrayLike, limit: ArrayLike) -> Floats:
     array([ 0.5 , -0.25,   inf])
     """
     a_p, highest = np.broadcast_arrays(np.asarray(depth, float), np.asarray(limit, float))
-    over = np.full(a_p.shape, np.inf)
-    np.divide(highest, a_p, out=over, where=a_p > 0.0)
+    over = np.where(np.isnan(highest), np.nan, np.inf)
+    np.divide(highest, a_p, out=over, where=~(a_p <= 0.0))
     return over - 1.0
 
 
@@ -131,8 +136,7 @@ def stability_table(
     cells : int
         Of speed.
     angle_step_deg : float
-        Stations are one class when arcs, widened to multiples of this, and directions of feed,
-        rounded to them, are the same [deg]; from 0.1 to 45.
+        Between two marks of an arc's ends, twice that of the feed [deg]; from 0.1 to 45.
     thickness : float, optional
         Of the chip, where a law that is not linear is taken [m].
     method : {"zero_order", "semi_discretisation"}
@@ -153,40 +157,77 @@ def stability_table(
         raise ValueError(f"cells = {cells} must be at least 1")
     if not 0.1 <= angle_step_deg <= 45.0:
         raise ValueError(f"angle_step_deg = {angle_step_deg} is out of its range, 0.1 to 45")
+    many = int(stations.tool.max(initial=-1)) + 1
+    for name, given in (("dynamics", dynamics), ("laws", laws), ("tools", tools)):
+        if len(given) < many:
+            raise ValueError(
+                f"{name} has {len(given)} entries, and the stations name tool {many - 1}: give one "
+                "for each tool, counted from 0"
+            )
     known = np.array([one is not None for one in dynamics], dtype=np.bool_)
     kept = known[stations.tool] if len(known) else np.zeros(0, dtype=np.bool_)
     judged = ~stations.unjudged
     judged[stations.block[~kept]] = False
     step = np.deg2rad(angle_step_deg)
-    classes, kind = np.unique(_classes(stations, step)[kept], axis=0, return_inverse=True)
-    limit = np.empty((len(classes), cells))
-    for row, (tool, first, last, feed, sense) in zip(limit, classes.tolist(), strict=True):
-        given = dynamics[tool] or ()
-        cut = RegenerativeCut.of(
-            laws[tool], tools[tool], entry=first * step, exit=min(last * step, pi),
-            feed_direction=feed * step, direction=1 if sense > 0 else -1, thickness=thickness,
-        )  # fmt: skip
-        if method == "zero_order":
-            row[:] = _zero_order(given, cut, low, high, cells)
-        else:
-            highest = 4.0 * float(stations.depth.max())
-            row[:] = _semi_discretised(given, cut, low, high, cells, highest)
+    radial = _radial(stations, laws, tools, kept, thickness)
+    found, kind = np.unique(classes(stations, radial, step)[kept], axis=0, return_inverse=True)
+    limit = np.full((len(found), cells), np.inf)
+    highest = 4.0 * float(stations.depth.max(initial=0.0))
+    done: dict[tuple[int, int, Corner], Floats] = {}
+    for row, (tool, sense, *marks) in zip(limit, found.tolist(), strict=True):
+        for corner in corners(marks, step):
+            key = tool, sense, corner
+            if key not in done:
+                cut = _cut(laws[tool], tools[tool], sense, corner, thickness)
+                tip = dynamics[tool] or ()
+                if method == "zero_order":
+                    done[key] = _zero_order(tip, cut, low, high, cells)
+                else:
+                    done[key] = _semi_discretised(tip, cut, low, high, cells, highest)
+            np.minimum(row, done[key], out=row)
     return StabilityTable(
         lowest=low, width=(high - low) / cells, limit=limit, kind=kind.ravel().astype(np.int64),
         block=stations.block[kept].astype(np.int64), depth=stations.depth[kept], judged=judged,
     )  # fmt: skip
 
 
-def _classes(stations: Immersions, step: float) -> NDArray[np.int64]:
-    """Tool, entry, exit, direction of feed (its opposite is the same), spindle; shape (N, 5)."""
-    slack = 1e-6  # an angle on a multiple stays there
-    return np.stack([
-        stations.tool,
-        np.floor(stations.entry / step + slack),
-        np.ceil(stations.exit / step - slack),
-        np.round(np.mod(stations.feed_direction, pi) / step) % np.ceil(pi / step - slack),
-        stations.direction,
-    ], axis=1).astype(np.int64)  # fmt: skip
+def _radial(
+    stations: Immersions, laws: Sequence[ForceLaw], tools: Sequence[Tool],
+    kept: NDArray[np.bool_], thickness: float | None,
+) -> Floats:  # fmt: skip
+    """Least and greatest radial coefficient less the side's, over the tangential one; (N, 2).
+
+    That of the lowest and of the highest part of the edge as long as the depth.
+    """
+    depth = stations.depth
+    low = np.zeros_like(depth) if stations.lowest is None else np.maximum(stations.lowest, 0.0)
+    high = depth if stations.highest is None else stations.highest
+    radial = np.zeros((len(depth), 2))
+    for tool in np.unique(stations.tool[kept]).tolist():
+        mine = stations.tool == tool
+        a, b, length = low[mine], high[mine], depth[mine]
+        ends = [(a, a + length), (np.maximum(b - length, a), np.maximum(b, a + length))]
+        tangential, side = stiffness(laws[tool], thickness)
+        if not tangential > 0.0:
+            raise ValueError(
+                f"laws[{tool}].K_tc = {laws[tool].K_tc} must be positive: a force that does not "
+                "grow with the chip's thickness says nothing of chatter"
+            )
+        both = [in_plane(laws[tool], tools[tool], *end, thickness)[1] - side for end in ends]
+        radial[mine] = np.sort(np.transpose(both), axis=1) / tangential
+    return radial
+
+
+def _cut(
+    law: ForceLaw, tool: Tool, sense: int, corner: Corner, thickness: float | None
+) -> RegenerativeCut:
+    entry, exit, feed, share = corner
+    tangential, side = stiffness(law, thickness)
+    return RegenerativeCut(
+        K_tc=tangential, K_rc=side + tangential * share / SHARES, flutes=tool.flutes, entry=entry,
+        exit=exit, feed_direction=feed, direction=1 if sense > 0 else -1,
+        lag=abs(tan(tool.helix)) / tool.radius,
+    )  # fmt: skip
 
 
 def _zero_order(

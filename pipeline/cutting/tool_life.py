@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.amounts import amounts
+
 Floats = NDArray[np.float64]
 
 MINUTE = 60.0
@@ -169,8 +171,15 @@ def wear(
     Returns
     -------
     ndarray, shape (..., B)
+
+    Raises
+    ------
+    ValueError
+        As :func:`life`, and when a time is negative or no number.
     """
-    share: Floats = _not_negative("times", times) * _wear_rate(taylor, v_c, conditions)
+    spent = amounts("times", times)
+    with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time
+        share: Floats = np.where(spent > 0.0, spent * _wear_rate(taylor, v_c, conditions), 0.0)
     return share
 
 
@@ -187,7 +196,8 @@ def damage(
 
 def speed_for_life(taylor: Taylor, lasting: ArrayLike) -> Floats:
     """Cutting speed [m/s] at which a tool lasts ``lasting`` [s], at the reference conditions."""
-    speed: Floats = taylor.C * (_not_negative("lasting", lasting) / MINUTE) ** -taylor.n
+    with np.errstate(divide="ignore"):  # without end for a tool that need not last
+        speed: Floats = taylor.C * (amounts("lasting", lasting) / MINUTE) ** -taylor.n
     return speed
 
 
@@ -216,37 +226,40 @@ def minimum_cost_speed(taylor: Taylor, change_time: float, life_price: float, ra
     rate : float
         r, what machine and operator cost [1/s].
 
+    Returns
+    -------
+    float
+        Infinity when a new edge takes neither time nor money.
+
+    Raises
+    ------
+    ValueError
+        When time or price is negative, the rate is not positive, or one of them is not finite.
+
     Examples
     --------
     >>> carbide = Taylor(n=0.25, C_m_min=500.0)
     >>> round(minimum_cost_speed(carbide, 120.0, 0.0, 1.0) * 60, 1)  # lasts 3 times 2 minutes
     319.5
     """
-    if rate <= 0.0:
+    if not 0.0 < rate < np.inf:
         raise ValueError(
-            f"rate = {rate:g} must be positive: time that costs nothing has no optimum"
+            f"rate = {rate:g} must be positive and finite: time that costs nothing has no optimum"
         )
-    lasting = (1.0 / taylor.n - 1.0) * (change_time + life_price / rate)
-    return float(speed_for_life(taylor, lasting)) if lasting > 0.0 else float("inf")
+    lost = float(amounts("change_time", change_time))
+    lost += float(amounts("life_price", life_price)) / rate
+    return float(speed_for_life(taylor, (1.0 / taylor.n - 1.0) * lost))
 
 
 def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike]) -> Floats:
     """1 / T [1/s], see :func:`life`."""
-    load = _not_negative("v_c", v_c) / taylor.C
+    load = amounts("v_c", v_c) / taylor.C
     for name in ("f_z", "a_p", "a_e"):
         exponent, reference = (getattr(taylor, f"{name}_{end}") for end in ("exponent", "ref_mm"))
         if not exponent:
             continue
         if name not in conditions:
             raise ValueError(f"tool life depends on {name} here: give it, in metres")
-        load = load * (_not_negative(name, conditions[name]) / (reference * MM)) ** exponent
+        load = load * (amounts(name, conditions[name]) / (reference * MM)) ** exponent
     rate: Floats = load ** (1.0 / taylor.n) / MINUTE
     return rate
-
-
-def _not_negative(name: str, value: ArrayLike) -> Floats:
-    found = np.asarray(value, dtype=np.float64)
-    bad = ~((found >= 0.0) & (found < np.inf))
-    if bad.any():
-        raise ValueError(f"{name} = {found[bad].flat[0]} must be 0 or more, and finite")
-    return found

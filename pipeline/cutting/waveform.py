@@ -1,7 +1,8 @@
-"""Forces of milling on the tool over the angle of the spindle: helix, runout, corner radius.
+"""Forces of milling over the angle of the spindle: helix, runout, corner radius.
 
 Frame (Altintas, *Manufacturing Automation*, 2nd ed. 2012, section 2.7): x along the feed, y to the
-left of it, z up along the axis; phi as in :mod:`pipeline.cutting.engagement`.  On a tool with M3
+left of it, z up along the axis; phi as in :mod:`pipeline.cutting.engagement`.  F_x and F_y are on
+the tool, F_z is as on the workpiece.  With M3
 
     F_x = sum(-F_t cos(phi) - (F_r sin(kappa) + F_a cos(kappa)) sin(phi))
     F_y = sum( F_t sin(phi) - (F_r sin(kappa) + F_a cos(kappa)) cos(phi))
@@ -9,8 +10,8 @@ left of it, z up along the axis; phi as in :mod:`pipeline.cutting.engagement`.  
 
 so that F_z = sum F_a on the side of the tool (his eq. 2.40): positive pulls the tool out of its
 spindle and lifts the workpiece, as a right-hand helix with K_ac > 0 does; the thrust of a plunge is
-negative.  In z this is the force on the workpiece, or minus that of Engin and Altintas 2001 on the
-tool, whose coefficients hold as they are.  Spindle angle theta is where tooth 0 has its tip; tooth
+negative.  It is minus that of Engin and Altintas 2001 on the tool, whose coefficients hold as they
+are.  Spindle angle theta is where tooth 0 has its tip; tooth
 j follows j pitches later, and at a height z above the tip
 
     phi = theta - 2 pi j / N - z tan(helix) / R.
@@ -21,6 +22,7 @@ it and the surfaces of the last N teeth, min over m of m f_z sin(phi) + r_j - r_
 0 (Kline and DeVor 1983).  Teeth move on circles, not trochoids: an error of order f_z / R.
 """
 
+from math import floor, pi
 from typing import cast
 
 import numpy as np
@@ -55,11 +57,15 @@ def basis(
     slope: float = 0.0,
     slices: int = SLICES,
 ) -> Floats:
-    """Forces for each coefficient of the law, under constant engagement.
+    """Forces for each coefficient of the law, under constant engagement; F_z as on the workpiece.
 
-    Without runout a slice of length d [rad of lag] errs by d^4 / 4320 of its force, below 1e-6 in
-    all with 16 slices a radian or less; a slice where a tooth begins to miss its chip, which
-    runout brings, by d^2 / 12 or so.  Without helix and corner there is nothing to divide.
+    Errors are those of slices of length d [rad of lag].  Without runout each has d^4 / 4320 of its
+    force: with m_c = 0 and 16 slices below 1e-7 of the greatest force in all where the lag of the
+    edge's end is a radian, 6e-6 where it is 4.  With m_c = 0.25 the power of a chip that begins or
+    ends with nothing is not smooth: 2.5e-5 at 0.8 rad, 1.6e-4 at 4 rad.  With runout a slice where
+    a tooth begins to miss its chip errs by d^2 / 12 or so: 16 slices over 1.7 rad or less leave
+    below 0.7 % of the edge part (0.1 % in RMS) and 0.07 % of the cutting part.  Without helix and
+    corner there is nothing to divide.
 
     Parameters
     ----------
@@ -70,7 +76,7 @@ def basis(
     a_p : float
         Axial depth of cut [m].
     phi_st, phi_ex : float
-        Where teeth enter and leave [rad], the same at all heights.
+        Where teeth enter and leave [rad], at most 2 pi apart, the same at all heights.
     angles : array_like, shape (T,)
         Of the spindle [rad].
     m_c : float
@@ -152,9 +158,15 @@ def profile_basis(
     -------
     ndarray, shape (T, 4, 6)
         F_x, F_y, F_z and torque; else as :func:`basis`.
+
+    Raises
+    ------
+    ValueError
+        When a value is not finite or out of its range.
     """
     from pipeline.cutting.profile_kernel import profile_forces
 
+    _check(f_z, m_c, slope, slices)
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     if low.shape != high.shape or low.ndim != 1 or not len(low):
         raise ValueError(
@@ -188,7 +200,10 @@ def waveform(
     slope: float = 0.0,
     slices: int = SLICES,
 ) -> Floats:
-    """F_x, F_y, F_z on the tool [N] under constant engagement; shape (T, 3), see :func:`basis`."""
+    """F_x, F_y, F_z [N] under constant engagement; shape (T, 3).
+
+    F_z is as on the workpiece, the others are on the tool; else as :func:`basis`.
+    """
     each = _window(tool, f_z, a_p, phi_st, phi_ex, angles, law.m_c, slope, slices)
     return cast(Floats, each[:, :3] @ np.concatenate([law.cutting, law.edge]))
 
@@ -204,7 +219,10 @@ def profile_waveform(
     slope: float = 0.0,
     slices: int = 2 * SLICES,
 ) -> Floats:
-    """F_x, F_y, F_z [N] and torque [N m] at one station; (T, 4), see :func:`profile_basis`."""
+    """F_x, F_y, F_z [N] and torque [N m] at one station; shape (T, 4).
+
+    F_z is as on the workpiece, the others are on the tool; else as :func:`profile_basis`.
+    """
     each = profile_basis(
         tool, f_z=f_z, lower=lower, upper=upper, angles=angles, m_c=law.m_c, slope=slope,
         slices=slices,
@@ -220,32 +238,52 @@ def _window(
     from pipeline.cutting.side_kernel import side_forces
     from pipeline.cutting.waveform_kernel import window_forces
 
-    if not (np.isfinite(f_z) and np.isfinite(a_p) and a_p >= 0):
-        raise ValueError(f"waveform: f_z = {f_z} and a_p = {a_p} must be finite, a_p at least 0")
+    _check(f_z, m_c, slope, slices)
+    if not (np.isfinite(a_p) and a_p >= 0):
+        raise ValueError(f"waveform: a_p = {a_p} must be finite and at least 0")
     if not 0.0 <= phi_ex - phi_st <= 2 * np.pi + 1e-12:
         raise ValueError(
             f"waveform: phi_st = {phi_st} to phi_ex = {phi_ex} must be 0 to 2 pi rad long"
         )
-    if slope == 0.0:  # elsewhere there is no chip
-        phi_st, phi_ex = max(phi_st, 0.0), min(phi_ex, np.pi)
     theta = _angles(angles)
     out = np.zeros((len(theta), 4, 6))
-    if f_z > 0 and a_p > 0 and phi_ex > phi_st:
-        args = (motion(f_z, slope), tool.runout, 1.0 - m_c, radius_differences(tool))
-        shape = edge_shape(tool)
-        bottom = max(tool.corner_radius, shape[FACE_HEIGHT])
+    if not (f_z > 0 and a_p > 0):
+        return out
+    args = (motion(f_z, slope), tool.runout, 1.0 - m_c, radius_differences(tool))
+    shape = edge_shape(tool)
+    bottom = max(tool.corner_radius, shape[FACE_HEIGHT])
+    many, lag = slices if tool.helix else 1, shape[LAG]
+    for enter, leave in _windows(phi_st, phi_ex, slope):
         if bottom > 0.0 or slope < 0.0:
             elements, pairs = divided(tool, (0.0, a_p), slope=slope, slices=slices, side=False)
-            window_forces(theta, phi_st, phi_ex, shape, elements, pairs, *args, np.empty((2, 5)),
+            window_forces(theta, enter, leave, shape, elements, pairs, *args, np.empty((2, 5)),
                           out)  # fmt: skip
         if a_p > bottom and slope > -1.0:
-            many = slices if tool.helix else 1
-            lag = shape[LAG]
-            side_forces(theta, phi_st, phi_ex, a_p - bottom, tool.radius,
+            side_forces(theta, enter, leave, a_p - bottom, tool.radius,
                         lag * (bottom - shape[FACE_HEIGHT]), lag * (a_p - bottom) / many,
                         f_z * np.sqrt(1.0 - slope**2), *args[1:], np.empty((many, 4)), np.empty(6),
                         out)  # fmt: skip
     return out
+
+
+def _windows(phi_st: float, phi_ex: float, slope: float) -> list[tuple[float, float]]:
+    """Arcs where teeth may have a chip: from 0 to pi of each turn, on a slope anywhere."""
+    arcs = [(phi_st, phi_ex)]
+    if slope == 0.0:  # as chip.cutting_arcs, which is for many at once
+        zero = 2 * pi * floor(phi_st / (2 * pi))
+        arcs = [(max(phi_st - z, 0.0), min(phi_ex - z, pi)) for z in (zero, zero + 2 * pi)]
+    return [(begin, end) for begin, end in arcs if end > begin]
+
+
+def _check(f_z: float, m_c: float, slope: float, slices: int) -> None:
+    if not np.isfinite(f_z):
+        raise ValueError(f"waveform: f_z = {f_z} must be finite")
+    if not 0.0 <= m_c < 1.0:
+        raise ValueError(f"waveform: m_c = {m_c} is out of its range, 0 to below 1")
+    if not -1.0 <= slope <= 1.0:
+        raise ValueError(f"waveform: slope = {slope} must be from -1 to 1: it is dz / ds")
+    if not (slices >= 1 and slices % 1 == 0):
+        raise ValueError(f"waveform: slices = {slices} must be a whole number of at least 1")
 
 
 def _angles(angles: ArrayLike) -> Floats:

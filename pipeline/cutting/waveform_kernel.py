@@ -11,7 +11,6 @@ from pipeline.cutting.edge_kernel import (
     COS_LAG,
     FACE_HEIGHT,
     FROM,
-    GAUSS,
     LAG,
     LAG_FROM,
     LAG_TO,
@@ -22,6 +21,7 @@ from pipeline.cutting.edge_kernel import (
     add_force,
     along,
     chip,
+    cut_part,
     place_pair,
 )
 from pipeline.kernels import compiled
@@ -95,15 +95,11 @@ def _stretch(  # type: ignore[no-untyped-def]
     """Add the force on a stretch of one tooth's edge, as far as it has a chip."""
     h = _chip(sine, cosine, pair[0], motion, runout, differences[j])
     after = _chip(sine, cosine, pair[1], motion, runout, differences[j])
-    middle, rise = 0.5 * (h + after), 0.5 * (after - h) / GAUSS
-    if middle <= -abs(rise):
+    start, stop = cut_part(begin, end, h, after)
+    if not stop > start:
         return
-    if middle < abs(rise):
-        size = 0.5 * (1.0 + middle / abs(rise)) * (end - begin)  # as if its course were straight
-        if rise > 0.0:
-            begin = end - size
-        else:
-            end = begin + size
+    if start > begin or stop < end:
+        begin, end = start, stop
         place_pair(part, begin, end, shape, room)
         pair = room
         h = max(_chip(sine, cosine, pair[0], motion, runout, differences[j]), 0.0)

@@ -4,7 +4,12 @@ from typing import Any
 
 from pipeline.report.control_tables import files_table
 from pipeline.report.cutting_model import remainder_words, terms_table
-from pipeline.report.cutting_spindle import no_load_figures, spindle_table, spindle_words
+from pipeline.report.cutting_spindle import (
+    no_load_figures,
+    spindle_logs_table,
+    spindle_table,
+    spindle_words,
+)
 from pipeline.report.cutting_tables import (
     chain_table,
     coefficients_table,
@@ -31,6 +36,11 @@ LAW = (
 NO_FORCES = (
     "No force was recorded on a dynamometer, so no coefficient of a direction is known: a slot at "
     "three feeds or more, at 10 kHz, gives all of them."
+)
+LOAD_SERVES = (
+    "When there is no dynamometer, the load of the spindle serves: logged over MTConnect with the "
+    "line of a program of known cuts, and once without a cut, it gives the specific force, though "
+    "no coefficient of a direction."
 )
 WEAR = (
     "The edge coefficients are the part of the force that does not depend on the chip, that is "
@@ -71,7 +81,7 @@ def cutting_section(found: Facts) -> Section | None:
         blocks += [Heading(heading="How they were found", text=words), how]
     blocks += present(terms_table(found))
     blocks += present(cutting_recordings_table(found), _files_table(found))
-    spindle = present(spindle_table(found), no_load_figures(found))
+    spindle = present(spindle_table(found), no_load_figures(found), spindle_logs_table(found))
     said = spindle_words(found)
     if spindle or said:
         blocks += [Heading(heading="Power of the spindle", text=said), *spindle]
@@ -80,9 +90,10 @@ def cutting_section(found: Facts) -> Section | None:
 
 
 def _no_forces(document: dict[str, Any]) -> str:
-    """Why there are no coefficients."""
+    """Why there are no coefficients, and what serves where nothing better can be recorded."""
     reason = str(document.get("reason") or "").rstrip(".")
-    return f"No coefficient of the cut could be found: {reason}." if reason else NO_FORCES
+    said = f"No coefficient of the cut could be found: {reason}." if reason else NO_FORCES
+    return said if dig(document, "spindle") else f"{said} {LOAD_SERVES}"
 
 
 def _found_from(found: Facts) -> str:

@@ -14,10 +14,10 @@ from pipeline.report.drive_frame import UNITS, Band, band, plain
 from pipeline.report.drive_traces import readings
 from pipeline.report.facts import Facts
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import NARROW, counted, number, real
+from pipeline.report.numbers import NARROW, NOT_KNOWN, counted, number, real
 from pipeline.report.parts import Figure, Figures
 from pipeline.report.sources import dig, objects_of, rows_of, words_of
-from pipeline.report.tables import Table
+from pipeline.report.tables import MOST_ROWS, Cell, Table, cells, left_out, names
 
 TOP, HEIGHT = 18, 220  # px
 POINTS = 120  # of a curve that is drawn from its coefficients
@@ -68,7 +68,10 @@ def spindle_words(found: Facts) -> str:
     if not isinstance(spindle, dict) or not spindle:
         return ""
     recordings = words_of(spindle, "recordings")
-    said = [str(dig(spindle, key) or "").rstrip(".") for key in ("assumed", "reason")]
+    in_table = {str(row.get("reason")) for row in rows_of(spindle, "left_out")}
+    reasons = str(dig(spindle, "reason") or "").split("; ")
+    reason = "; ".join(one for one in reasons if one not in in_table)
+    said = [words.rstrip(".") for words in (str(dig(spindle, "assumed") or ""), reason)]
     rest = "".join(f" {words[0].upper()}{words[1:]}." for words in said if words)
     specific = dig(spindle, "specific_force")
     words = "From the load that the control shows"
@@ -81,6 +84,32 @@ def spindle_words(found: Facts) -> str:
         f"{words} each cm³ of chips a minute asks for {_watts(specific)}{NARROW}W at the tool: no "
         "dynamometer is needed to watch this one number, and it grows as the edge wears, with thin "
         f"chips most.{rest}"
+    )
+
+
+def spindle_logs_table(found: Facts) -> Table | None:
+    """What of each log is not used, and why; None when all of them are used whole."""
+    spindle = dig(found.cutting.document, "spindle")
+    lost = rows_of(spindle, "left_out")
+    notes = words_of(spindle, "notes")
+    if not lost and not notes:
+        return None
+    used = words_of(spindle, "recordings")
+    rows: list[tuple[str, str, str]] = []
+    for name in used:
+        of = [note.removeprefix(f"{name}: ") for note in notes if note.startswith(f"{name}: ")]
+        rows.append((name, "used", "; ".join(of) or "–"))
+    rows += [("–", "used", note) for note in notes if note.split(": ")[0] not in used]
+    for row in lost:
+        name, reason = (str(row.get(key) or NOT_KNOWN) for key in ("recording", "reason"))
+        rows.append((name, "left out", reason.removeprefix(f"{name} ")))
+    return Table(
+        caption=f"Logs of the spindle’s load: {number(len(used))} used, {number(len(lost))} left "
+        f"out{left_out(len(rows), MOST_ROWS)}",
+        heads=names("Log", "use", "what of it is not used, or why not"),
+        rows=[cells(Cell(text=name, code=True), *rest) for name, *rest in rows[:MOST_ROWS]],
+        sources=cutting_sources(found),
+        folded=len(rows) > 12,
     )
 
 

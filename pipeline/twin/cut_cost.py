@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.cost import CostRates, PartCost, part_cost
+from pipeline.cutting.cost import CostRates, PartCost, life_price, part_cost
 from pipeline.cutting.energy import Energy, EnergyParameters, energy, spindle_supply
 from pipeline.cutting.material import Material
 from pipeline.cutting.spindle_power import SpindleDrive, no_load_power
@@ -108,7 +108,7 @@ def electricity(
     return energy(
         parameters,
         times=plan.time,
-        spindle_W=spindle_supply(cutting, no_load, drive.efficiency),
+        spindle_W=spindle_supply(cutting, no_load, drive),
         moving=np.where(plan.path.motion != Motion.STILL, share, 0.0),
         coolant=_coolant(cut),
     )
@@ -127,7 +127,7 @@ def _coolant(cut: Cut) -> Floats:
 
 def cost_of(cut: Cut, rates: CostRates, life: Life, used: Energy | None) -> PartCost:
     """Cost of each row; what is not known of tool life is NaN, unknown electricity counts 0."""
-    prices = np.array([tool.price / tool.edges for tool in cut.tools])
+    prices = np.array([life_price(tool) for tool in cut.tools])
     return part_cost(
         rates,
         times=cut.plan.time,

@@ -68,7 +68,8 @@ def _chip(blocks: CutBlocks, tool: int) -> float:
 def _straight(law: ForceLaw, thickness: float) -> ForceLaw:
     """A law that rises straight, as ``law`` does at a chip of that thickness."""
     tangential, radial = stiffness(law, thickness)
-    return ForceLaw(K_tc=tangential, K_rc=radial)
+    slope = tangential / law.K_tc if law.K_tc else 1.0
+    return ForceLaw(K_tc=tangential, K_rc=radial, K_ac=law.K_ac * slope, K_te=law.K_te)
 
 
 def lobe_figures(cut: Cut, found: Stability) -> list[dict[str, Any]]:

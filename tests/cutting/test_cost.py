@@ -60,6 +60,32 @@ def test_a_tool_of_several_edges_costs_its_part_for_each_life() -> None:
     assert life_price(Tool(kind="flat", diameter_mm=50, flutes=5, price=90.0, edges=2)) == 45.0
 
 
+@pytest.mark.parametrize(
+    ("tool", "words"),
+    [
+        ([0, 1, 0], r"tool has the shape \(3,\), there are 2 blocks"),
+        (0, r"tool has the shape \(\), there are 2 blocks"),
+        ([0, 2], "tool 2 of a block is none of 2 tools: their indices are 0 to 1"),
+        ([-1, 0], "tool -1 of a block is none of 2 tools"),
+    ],
+)
+def test_blocks_without_a_tool_do_not_lose_their_cost(tool: object, words: str) -> None:
+    cost = part_cost(RATES, times=[10.0, 20.0], wear=0.0, life_prices=0.0)
+    with pytest.raises(ValueError, match=words):
+        cost.by_tool(tool, 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["times", "wear", "life_prices", "energy_kWh"])
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
+def test_what_is_no_amount_has_no_cost(name: str, bad: float) -> None:
+    given_ = {"times": 1.0, "wear": 0.1, "life_prices": 1.0, "energy_kWh": 1.0, name: [bad]}
+    if name == "wear" and np.isnan(bad):
+        assert np.isnan(part_cost(RATES, **given_).total)  # a life that is not known
+        return
+    with pytest.raises(ValueError, match=f"{name} = {bad} must be 0 or more, and finite"):
+        part_cost(RATES, **given_)
+
+
 def test_values_below_zero_are_refused() -> None:
     with pytest.raises(ValueError, match=r"cost\.labour_per_h = -1\.0 is out of its range"):
         CostRates(currency="EUR", labour_per_h=-1.0)

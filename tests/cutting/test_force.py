@@ -29,6 +29,31 @@ def test_four_teeth_in_a_slot_pull_steadily() -> None:
     assert np.allclose(forces, expected, rtol=1e-12, atol=0)
 
 
+def test_angles_may_have_any_shape() -> None:
+    cut = {"flutes": 2, "f_z": 5e-5, "d": 5e-4, "K_t": K_T, "K_e": K_E}
+    row = force.in_plane_forces([0.3, 1.2], **cut)
+    assert np.array_equal(force.in_plane_forces(1.2, **cut), row[1])
+    assert np.array_equal(force.in_plane_forces([[0.3], [1.2]], **cut), row[:, None])
+
+
+def test_arcs_go_past_a_turn() -> None:
+    cut = {"flutes": 3, "f_z": 5e-5, "d": 5e-4, "K_t": K_T, "K_e": K_E}
+    theta = np.linspace(0, 6.28, 300)
+    one = force.in_plane_forces(theta, phi_st=-0.083, phi_ex=1.517, **cut)
+    turned = force.in_plane_forces(theta, phi_st=2 * np.pi - 0.083, phi_ex=2 * np.pi + 1.517, **cut)
+    assert one.any() and np.allclose(one, turned, rtol=0, atol=1e-9)
+
+
+def test_what_has_no_force_is_named() -> None:
+    cut = {"f_z": 5e-5, "d": 5e-4, "K_t": K_T, "K_e": K_E}
+    for flutes in (0, -2, 2.5, np.inf):
+        with pytest.raises(ValueError, match=f"flutes = {flutes} must be a whole number"):
+            force.in_plane_forces(THETA, flutes=flutes, **cut)
+    for forces, shape in [(1.0, r"\(\)"), ([[1.0], [2.0]], r"\(2, 1\)")]:
+        with pytest.raises(ValueError, match=f"forces have shape {shape}"):
+            force.cutting_load(forces)
+
+
 def test_one_sample_is_not_one_tooth() -> None:
     """The chip is what the axis moves in a tooth period: half the feed, half the force."""
     phi = np.linspace(0.1, 3.0, 7)

@@ -34,7 +34,10 @@ def test_specific_force_falls_with_the_exponent(m_c: float, k_c11: float, h: flo
     [
         ({"K_tc": float("nan"), "K_rc": 0.0}, r"force_law\.K_tc = nan must be finite"),
         ({"K_tc": 1e9, "K_rc": 0.0, "m_c": 1.0}, r"force_law\.m_c = 1\.0 is out of its range"),
-        ({"K_tc": -1.0, "K_rc": 0.0}, r"force_law\.K_tc = -1\.0 must be positive"),
+        ({"K_tc": -1.0, "K_rc": 0.0}, r"force_law\.K_tc = -1\.0 must be at least 0"),
+        ({"K_tc": -1e9, "K_rc": 0.0, "K_te": 1.0}, r"force_law\.K_tc = -1000000000\.0 must be"),
+        ({"K_tc": 1e9, "K_rc": 0.0, "K_te": -1.0}, r"force_law\.K_te = -1\.0 must be at least 0"),
+        ({"K_tc": 0.0, "K_rc": 1e9}, "K_tc and force_law.K_te are both 0"),
     ],
 )
 def test_impossible_laws_are_named(values: dict[str, float], words: str) -> None:

@@ -54,6 +54,19 @@ def test_modes_to_universal_file_to_lobes_is_modes_to_lobes(tmp_path: Path) -> N
     np.testing.assert_allclose(of_file.depth_limit, of_csv.depth_limit, rtol=1e-6)
 
 
+def test_units_of_a_universal_file_are_factors_from_si(tmp_path: Path) -> None:
+    """Data set 164: times its factors SI comes to the file's units, here mm and kN."""
+    pyuff = pytest.importorskip("pyuff")
+    file = pyuff.UFF(str(tmp_path / "mm.uff"))
+    file.write_sets(pyuff.prepare_164(
+        units_code=9, units_description="mm, kN", temp_mode=1, length=1e3, force=1e-3, temp=1.0,
+        temp_offset=273.15,
+    ), "overwrite")  # fmt: skip
+    found = read_frf(written(tmp_path / "mm.uff")).receptance
+    # a value in mm/kN is 1e-3 m over 1e3 N
+    np.testing.assert_allclose(found, MEASURED.receptance * 1e-6, rtol=1e-9, atol=1e-24)
+
+
 @pytest.mark.parametrize(
     ("header", "derivative", "factor"),
     [
@@ -61,6 +74,9 @@ def test_modes_to_universal_file_to_lobes_is_modes_to_lobes(tmp_path: Path) -> N
         ("F (Hz);Re (µm/N);Im (µm/N)", 0, 1e6),
         ('"freq";"real [(mm/s)/N]";"imag [(mm/s)/N]"', 1, 1e3),
         ("frequency [Hz];real [m/s²/N];imaginary [m/s^2/N]", 2, 1.0),
+        ("frequency [Hz];real [mm/s²/N];imaginary [mm/s^2/N]", 2, 1e3),
+        ("frequency [Hz];real [mm/N];imaginary [mm/N]", 0, 1e3),
+        ("frequency [Hz];real [m/s/N];imaginary [m/s/N]", 1, 1.0),
         ("frequency [Hz];real [g/N];imaginary [g/N]", 2, 1 / 9.80665),
     ],
 )
@@ -128,6 +144,13 @@ def test_bad_files_are_one_sentence(tmp_path, name: str, text: str | None, messa
     with pytest.raises(ValueError, match=message) as caught:
         read_frf(file, direction=None if file.suffix in (".uff", ".unv") else "x")
     assert "\n" not in str(caught.value)
+
+
+def test_what_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="direction = 'z' is none: write x, y, xy or yx"):
+        write_frf(tmp_path / "z.csv", MEASURED, direction="z")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"x\.csv: cannot be written: No such file"):
+        write_frf(tmp_path / "gone" / "x.csv", MEASURED, direction="x")
 
 
 def test_a_csv_file_needs_its_direction(tmp_path: Path) -> None:

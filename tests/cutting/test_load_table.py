@@ -94,7 +94,7 @@ def test_between_and_beyond_the_nodes_it_lies_above(seed: int, f_z: float, helix
 
 
 @pytest.mark.parametrize("helix", [0.0, 30.0])
-@pytest.mark.parametrize("runout", [0.0, 15.0])
+@pytest.mark.parametrize("runout", [0.0, 15.0, 40.0])
 def test_error_of_the_default_nodes(runout: float, helix: float) -> None:
     """As the module says, over feeds from a twentieth of the greatest."""
     rng = np.random.default_rng(7)
@@ -108,8 +108,9 @@ def test_error_of_the_default_nodes(runout: float, helix: float) -> None:
         errors.append(rows(table.loads(feeds)) / rows(exact.loads(feeds)) - 1)
     error = np.array(errors)
     if runout:
-        assert np.sqrt((error**2).mean(axis=(0, 2))).max() < 0.015
-        assert np.abs(error[:, [0, 3, 5]]).max() < 0.05
+        assert np.sqrt((error**2).mean(axis=(0, 2))).max() < 0.03
+        assert error[:, 0].min() > -0.11 and error[:, 0].max() < 0.09
+        assert np.abs(error).max() < 0.31
     else:
         assert error.min() > -1e-9
         assert error.max() < 6e-3
@@ -124,6 +125,28 @@ def test_runout_is_in_the_nodes() -> None:
     assert np.abs(found / true - 1).max() < 0.03
     still = rows(load_table(blocks(profiles), [MILL], [LAW], MOST).loads(np.full(8, MOST)))
     assert (found[0] > still[0] * 1.02).all()  # one tooth takes more than its share
+
+
+@pytest.mark.parametrize("runout", [0.0, 15.0])
+def test_nothing_is_read_before_it_is_written(runout: float, monkeypatch) -> None:
+    """Whatever new arrays hold: not a number anywhere would spread to the loads."""
+    rng = np.random.default_rng(9)
+    profiles = [random_profile(rng) for _ in range(3)] + [arc(0.2, 0.5, 2e-3), arc(0, 0, 0)]
+    tools = [replace(MILL, runout_um=runout), Tool(kind="drill", diameter_mm=8.0, flutes=2)]
+    given_ = (blocks(profiles, tool=[0, 0, 1, 0, 0], slope=[0, -0.3, -1, 0, 0]), tools, [LAW, LAW])
+    clean = load_table(*given_, MOST)
+    fresh = np.empty
+
+    def poisoned(shape, dtype=np.float64, **how):
+        out = fresh(shape, dtype, **how)
+        if out.dtype.kind == "f":
+            out[...] = np.nan
+        return out
+
+    monkeypatch.setattr(np, "empty", poisoned)
+    found = load_table(*given_, MOST)
+    assert np.array_equal(found.values, clean.values)
+    assert np.isfinite(found.values).all() and found.values.any()
 
 
 def test_population_is_its_individuals() -> None:
@@ -236,32 +259,3 @@ def test_without_feed_nothing_is_cut() -> None:
     rubbing = table.peaks([1e-12] * 3)
     assert (rubbing > 10.0).all()  # edges rub however thin the chip is
     assert np.isnan(table.peaks([np.nan, 1e-5, 1e-5])).tolist() == [True, False, False]
-
-
-def test_a_program_that_cuts_nothing() -> None:
-    none = stations([], [], 3)
-    for tools, laws in (([], []), ([MILL], [LAW])):
-        table = load_table(none, tools, laws, MOST)
-        assert not rows(table.loads(np.full(3, MOST))).any()
-        assert not rows(table.loads(np.full((2, 3), MOST))).any()
-
-
-def test_what_does_not_go_together_is_named() -> None:
-    engagement = blocks([arc(0.2, 2.0, 2e-3)])
-    two = stations([arc(0.2, 2.0, 2e-3)] * 2, [0, 0], 1, tool=[0, 1])
-    for arguments, words in [
-        ((engagement, [MILL], [], MOST), "1 tools have 0 laws"),
-        ((engagement, [], [], MOST), "has tool 0, but there are 0 tools"),
-        ((engagement, [MILL], [LAW], 0.0), r"f_z_max = 0\.0 must be finite and positive"),
-        ((engagement, [MILL], [LAW], [MOST, MOST]), r"f_z_max has shape \(2,\)"),
-        ((two, [MILL, MILL], [LAW, LAW], MOST), "block 0 cuts with two tools"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            load_table(*arguments)
-    with pytest.raises(ValueError, match="nodes = 2"):
-        load_table(engagement, [MILL], [LAW], MOST, nodes=2)
-    table = load_table(engagement, [MILL], [LAW], MOST)
-    with pytest.raises(ValueError, match=r"f_z has shape \(2,\): give one feed for each of the 1"):
-        table.loads([1e-5, 1e-5])
-    with pytest.raises(ValueError, match=r"out has shape \(2,\), f_z has \(1,\)"):
-        table.peaks([1e-5], np.empty(2))

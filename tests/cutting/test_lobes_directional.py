@@ -1,4 +1,4 @@
-"""The matrix of directions against the forces written out, and its own symmetries."""
+"""The directional matrix against the forces written out, and its own symmetries."""
 
 from dataclasses import replace
 from math import pi
@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import simpson
 
 from pipeline.cutting.directional import RegenerativeCut, mean_matrix, step_means, stiffness
 from pipeline.cutting.force_law import ForceLaw, edge_forces
 from pipeline.cutting.tool import Tool
+from pipeline.cutting.waveform import basis
 from tests.cutting.chatter import DOWN, SLOT, STEADY
 
 angles = st.floats(0.0, 2 * pi)
@@ -121,6 +123,55 @@ def test_the_cut_of_a_tool() -> None:
     cut = RegenerativeCut.of(law, tool, entry=0.0, exit=pi)
     assert cut.lag == pytest.approx(100.0)  # tan 45 deg / 10 mm
     assert replace(cut, lag=0.0) == replace(SLOT, flutes=4)
+
+
+BALL = Tool(kind="ball", diameter_mm=8.0, flutes=2, helix_deg=30.0)
+BULL = replace(BALL, kind="bull_nose", corner_radius_mm=1.5)
+DRILL = replace(BALL, kind="drill", point_angle_deg=120.0, helix_deg=0.0)
+
+
+@pytest.mark.parametrize(
+    ("tool", "depth_mm"),
+    [(BALL, 0.5), (BALL, 4.0), (BALL, 6.0), (BULL, 0.4), (BULL, 3.0), (DRILL, 1.0), (DRILL, 5.0)],
+)
+def test_a_step_ahead_adds_the_forces_of_a_feed(tool: Tool, depth_mm: float) -> None:
+    """A tool that stands dx ahead cuts the chip of a feed dx: A's first column is the mean force.
+
+    :func:`basis` divides the edge and knows nothing of a mean slope.  128 slices of a corner are
+    1e-4 off near the tip, where sin(kappa) goes as a root; 720 angles of the spindle see where
+    teeth enter and leave as well as a helix spreads it, or as a straight edge's chip is 0 there.
+    """
+    a_p, entry = depth_mm * 1e-3, 0.0 if tool is DRILL else 0.9
+    law = ForceLaw.linear(K_tc=600.0, K_rc=200.0, K_ac=150.0)
+    angles = np.arange(720) * (2 * pi / 720)
+    forces = basis(
+        tool, f_z=1.0, a_p=a_p, phi_st=entry, phi_ex=pi, angles=angles, slices=128
+    )[:, :2, :3].mean(axis=0) @ law.cutting  # fmt: skip
+    cut = RegenerativeCut.of(law, tool, entry=entry, exit=pi, heights=(0.0, a_p))
+    scale = np.abs(forces).max() / a_p
+    np.testing.assert_allclose(mean_matrix(cut)[:, 0], forces / a_p, atol=1e-3 * scale)
+
+
+def test_a_shallow_ball_pushes_a_third_as_hard_off_the_wall() -> None:
+    """Mean of sin(kappa) over 0.5 mm of a ball of 8 mm, by Simpson's rule in the angle."""
+    law = ForceLaw.linear(K_tc=600.0, K_rc=200.0)
+    end = np.arccos(1 - 0.5 / 4)
+    kappa = np.linspace(0.0, end, 2001)
+    mean = simpson(np.sin(kappa) ** 2, x=kappa) / (1 - np.cos(end))
+    cut = RegenerativeCut.of(law, BALL, entry=0.0, exit=pi, heights=(0.0, 0.5e-3))
+    assert cut.K_rc / 200e6 == pytest.approx(mean, rel=1e-9)
+    assert mean == pytest.approx(0.327, abs=5e-4)
+    above = RegenerativeCut.of(law, BALL, entry=0.0, exit=pi, heights=(4e-3, 5e-3))
+    assert above.K_rc == pytest.approx(200e6, rel=1e-12)
+
+
+def test_an_edge_that_is_not_straight_needs_its_heights() -> None:
+    law = ForceLaw.linear(K_tc=600.0, K_rc=200.0)
+    with pytest.raises(ValueError, match=r"kind 'ball'.*give heights"):
+        RegenerativeCut.of(law, BALL, entry=0.0, exit=pi)
+    for heights in ((1e-3, 1e-3), (-1e-3, 1e-3), (0.0, np.nan)):
+        with pytest.raises(ValueError, match="the edge must cut from 0 m or more"):
+            RegenerativeCut.of(law, BALL, entry=0.0, exit=pi, heights=heights)
 
 
 @pytest.mark.parametrize(

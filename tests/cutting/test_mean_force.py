@@ -70,11 +70,30 @@ def test_arguments_broadcast_and_what_moves_away_is_not_cut() -> None:
     assert not regressors(flutes=2, f_z=0.0, a_p=1e-3, phi_st=0.0, phi_ex=1.0).any()
 
 
+@given(st.floats(-9.0, 9.0), st.floats(1e-3, 2 * np.pi))
+def test_arcs_may_lie_in_any_turn(phi_st: float, apart: float) -> None:
+    """Means of the forces at angles of the arc; the edges rub only where there is a chip."""
+    step = apart / 2000
+    phi = phi_st + (np.arange(2000) + 0.5) * step
+    t, r, a = edge_forces(LAW, CUT["f_z"] * np.sin(phi)) * CUT["a_p"]
+    along, across = -t * np.cos(phi) - r * np.sin(phi), t * np.sin(phi) - r * np.cos(phi)
+    expected = 3 * np.array([along, across, a, t * 6e-3]).sum(axis=1) * step / (2 * np.pi)
+    cut = {"phi_st": phi_st, "phi_ex": phi_st + apart, **CUT}
+    means, torque = mean_forces(LAW, **cut), mean_torque(LAW, radius=6e-3, **cut)
+    # edge forces begin and end between two angles, three times at most
+    near = 1.5 * 3 * np.hypot(8e8 * 8e-5 + 2e4, 3e8 * 8e-5 + 1.5e4) * 2e-3 * step / (2 * np.pi)
+    assert np.abs(means - expected[:3]).max() <= near
+    assert abs(torque - expected[3]) <= 6e-3 * near
+
+
 def test_bad_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="f_z = -1e-05 must be"):
         regressors(flutes=2, f_z=[1e-5, -1e-5], a_p=1e-3, phi_st=0.0, phi_ex=1.0)
-    with pytest.raises(ValueError, match="phi_ex must be finite and not below phi_st"):
+    with pytest.raises(ValueError, match=r"phi_st = 1 to phi_ex = 0\.5 must be finite"):
         regressors(flutes=2, f_z=1e-5, a_p=1e-3, phi_st=1.0, phi_ex=0.5)
+    for leave in (7.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match=f"phi_st = 0 to phi_ex = {leave:g} must be finite"):
+            regressors(flutes=2, f_z=1e-5, a_p=1e-3, phi_st=0.0, phi_ex=leave)
     with pytest.raises(ValueError, match=r"m_c = 0\.25"):
         law = ForceLaw.kienzle(k_c11=700.0, m_c=0.25, radial=0.3)
         mean_forces(law, phi_st=0.0, phi_ex=1.0, **CUT)

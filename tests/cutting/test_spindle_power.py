@@ -48,6 +48,27 @@ def test_force_comes_back_from_the_power_that_it_takes(torque: float, n: float, 
     assert cutting_power(torque, n) == pytest.approx(float(force) * np.pi * D * n, abs=1e-6)
 
 
+def test_power_and_force_of_a_worked_example() -> None:
+    """10 N m at 1200 rpm: 1256.64 W cut, 100 + 80 + 20 W to turn, 85 % of 1713.69 W at the shaft.
+
+    A mill of 20 mm then runs at 75.398 m/min; 1000 N at 10 mm are those 10 N m.
+    """
+    assert cutting_power(10.0, 20.0) == pytest.approx(1256.637, abs=1e-3)
+    assert motor_power(10.0, 20.0, DRIVE) == pytest.approx(1713.691, abs=1e-3)
+    assert tangential_force(1713.691, 20.0, 0.02, DRIVE) == pytest.approx(1000.0, abs=1e-3)
+
+
+def test_turning_never_gives_power_whatever_its_polynomial() -> None:
+    falling = replace(DRIVE, no_load_W=(100.0, -10.0))
+    assert no_load_power([5.0, 20.0], falling).tolist() == [50.0, 0.0]
+
+
+@pytest.mark.parametrize("D", [0.0, -0.01, np.nan, np.inf])
+def test_a_tool_without_a_diameter_has_no_force(D: float) -> None:
+    with pytest.raises(ValueError, match=f"D = {D} of the tool must be positive and finite"):
+        tangential_force(500.0, 20.0, [0.01, D], DRIVE)
+
+
 def test_near_standstill_there_is_no_force_to_tell() -> None:
     """As printed it is P / v_c, which grows without bound."""
     n = np.array([0.0, 1e-9, 4.9, 5.0])
@@ -61,6 +82,10 @@ def test_near_standstill_there_is_no_force_to_tell() -> None:
     [
         ({"rated_power_kW": 0.0}, "rated_power_kW = 0 must be positive"),
         ({"efficiency": 1.2}, r"efficiency = 1\.2 must be at most 1"),
+        ({"motor_efficiency": 1.2}, r"motor_efficiency = 1\.2 must be at most 1"),
+        ({"motor_efficiency": 0.0}, "motor_efficiency = 0 must be positive"),
+        ({"minimum_speed_rpm": 9000.0}, "minimum_speed_rpm = 9000 must be at most top_speed_rpm"),
+        ({"no_load_W": ()}, r"no_load_W is empty: write \[0\.0\]"),
         ({"base_speed_rpm": 9000.0}, "base_speed_rpm = 9000 must be at most top_speed_rpm = 8000"),
         ({"no_load_W": (1.0, np.inf)}, "no_load_W = .* must be finite"),
     ],

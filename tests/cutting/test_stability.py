@@ -67,11 +67,12 @@ def test_margins_never_exceed_the_lobes(cells: int) -> None:
     for row in [(0, 0, 1.0, 0, 180, 0, 1), (0, 1, 2.0, 0, 60, 215, -1)]:
         fine = pointwise(row, rpm)
         found = table(stations([row], 1), cells=cells).margins(rpm[:, None])[:, 0]
-        # tolerance of the lobes, on (limit / a_p)
+        # the lobes' own tolerance, 2e-4 of the depth and of the phase, which moves steep flanks
         assert (found + 1 <= (fine + 1) * (1 + 1e-3)).all()
         many = 40_000 // cells
         lowest = fine[: many * cells].reshape(cells, many).min(axis=1)
         if many * cells == 40_000:  # each cell holds whole speeds
+            # 1000 speeds a cell of 400 rpm: on a flank the last 0.4 rpm change the depth by 1 %
             np.testing.assert_allclose(found[many // 2 :: many] + 1, lowest + 1, rtol=0.01)
 
 
@@ -117,13 +118,128 @@ def test_half_the_depth_is_twice_the_limit_over_it() -> None:
     )
 
 
-def test_classes_widen_the_arc_and_forget_the_sense_of_the_feed() -> None:
-    """Four stations of two classes: an arc within the same multiples, a feed there and back."""
-    rows = [(0, 0, 1, 91, 178, 30, 1), (1, 0, 1, 94, 177, 31, 1), (2, 0, 1, 92, 176, 211, 1),
-            (3, 0, 1, 92, 176, 60, 1), (4, 0, 1, 90, 180, 30, 1)]  # fmt: skip
-    found = table(stations(rows, 5))
-    assert len(found.limit) == 2
-    assert found.kind.tolist() == [0, 0, 0, 1, 0]
+def test_classes_lie_between_marks_and_forget_the_sense_of_the_feed() -> None:
+    """Arcs between the same marks, a feed there and back; what lies on marks is its own class."""
+    rows = [(0, 0, 1, 91, 178, 31, 1), (1, 0, 1, 94, 177, 32, 1), (2, 0, 1, 92, 176, 211.5, 1),
+            (3, 0, 1, 92, 176, 60, 1), (4, 0, 1, 90, 180, 30, 1),
+            (5, 0, 1, 91, 178, 31, -1)]  # fmt: skip
+    found = table(stations(rows, 6))
+    kind = found.kind
+    assert len(found.limit) == 4 and kind[0] == kind[1] == kind[2]
+    assert len({*kind[[0, 3, 4, 5]].tolist()}) == 4
+    # the cut on the marks is one of those that stand for the class around it
+    assert (found.limit[kind[0]] <= found.limit[kind[4]]).all()
+
+
+def random_arcs(kind: str, many: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Up- or down-milling of any width, or arcs anywhere, off all marks [rad]."""
+    if kind == "free":
+        width = rng.uniform(0.02, 2.0, many)
+        entry = rng.uniform(0.0, pi - width)
+        return entry, entry + width
+    width = np.arccos(1 - 2 * rng.uniform(0.02, 0.98, many))
+    up = rng.random(many) < 0.5
+    return np.where(up, 0.0, pi - width), np.where(up, width, pi)
+
+
+@pytest.mark.parametrize("bins", [0, 72])
+@pytest.mark.parametrize("kind", ["free", "side"])
+@pytest.mark.parametrize("modes", [[X], [X, Y]], ids=["x", "xy"])
+def test_a_class_promises_no_more_than_the_true_arc_and_feed(modes, kind: str, bins: int) -> None:
+    """At any speed: the least depth, of 40 cuts whose forces cancel in part.
+
+    Between two marks the true limit may lie a little lower than at both: 0.15 % were seen in 2400
+    cuts.  The widest arc and the nearest feed alone promise up to 17 times too much.  With bins
+    the arc is known as a whole number of them.
+    """
+    rng = np.random.default_rng(1)
+    entry, exit = random_arcs(kind, 40, rng)
+    feed = rng.uniform(0.0, 2 * pi, 40)
+    true = [
+        border(modes, RegenerativeCut.of(LAW, FOUR, entry=e, exit=x, feed_direction=f),
+               RANGE[0] / 60, RANGE[1] / 60).least_depth
+        for e, x, f in zip(entry, exit, feed, strict=True)
+    ]  # fmt: skip
+    rows = [(k, 0, 1.0, *np.rad2deg(arc), 1) for k, arc in
+            enumerate(zip(entry, exit, feed, strict=True))]  # fmt: skip
+    program = stations(rows, 40)
+    if bins:
+        width = 2 * pi / bins
+        program = replace(
+            program, bin=width, entry=np.floor(entry / width) * width,
+            exit=np.minimum(np.ceil(exit / width) * width, pi),
+        )  # fmt: skip
+    found = stability_table(program, [modes], [LAW], [FOUR], speed_rpm=RANGE, cells=2)
+    ratio = found.limit.min(axis=1)[found.kind] / true
+    assert ratio.max() <= 1.01
+    # and not for nothing: half of them lose less than a third
+    assert np.median(ratio) > 0.66
+
+
+@pytest.mark.parametrize("K_ac", [0.0, 150.0])
+def test_a_ball_is_judged_by_the_part_of_its_edge_that_cuts(K_ac: float) -> None:
+    """In a slot, and at a wall above the tip, against the cut of just these heights."""
+    ball = Tool(kind="ball", diameter_mm=8.0, flutes=2)
+    law = ForceLaw.linear(K_tc=600.0, K_rc=200.0, K_ac=K_ac)
+    rng = np.random.default_rng(2)
+    low = np.where(rng.random(24) < 0.5, 0.0, rng.uniform(0.0, 3e-3, 24))
+    deep = rng.uniform(0.1e-3, 1.5e-3, 24)
+    entry = rng.uniform(0.0, 2.0, 24)
+    rows = [(k, 0, 1e3 * d, np.rad2deg(e), 180, 20, 1) for k, (d, e) in
+            enumerate(zip(deep, entry, strict=True))]  # fmt: skip
+    program = replace(stations(rows, 24), lowest=low, highest=low + deep)
+    found = stability_table(program, [TIP], [law], [ball], speed_rpm=RANGE, cells=2)
+    cuts = [
+        RegenerativeCut.of(law, ball, entry=e, exit=pi, feed_direction=np.deg2rad(20),
+                           heights=(a, a + d))
+        for a, d, e in zip(low, deep, entry, strict=True)
+    ]  # fmt: skip
+    true = np.array([border(TIP, cut, RANGE[0] / 60, RANGE[1] / 60).least_depth for cut in cuts])
+    ratio = found.limit.min(axis=1)[found.kind] / true
+    assert ratio.max() <= 1.01 and np.median(ratio) > 0.8
+
+
+def test_a_law_that_is_not_linear_is_taken_at_the_chip() -> None:
+    """K_c (1 - m_c) h^(-m_c): the table of the line with this slope; at another h another one."""
+    law = ForceLaw.kienzle(k_c11=1500.0, m_c=0.25, radial=0.4, axial=0.1)
+
+    def limit(law: ForceLaw, thickness: float | None) -> np.ndarray:
+        return stability_table(PROGRAM, [TIP, TIP], [law, law], [TWO, FOUR], speed_rpm=RANGE,
+                               cells=8, thickness=thickness).limit  # fmt: skip
+
+    for h in (2e-5, 1e-4):
+        slope = 0.75 * (h * 1e3) ** -0.25 * 1500.0
+        line = ForceLaw.linear(K_tc=slope, K_rc=0.4 * slope, K_ac=0.1 * slope)
+        np.testing.assert_allclose(limit(law, h), limit(line, None), rtol=1e-9)
+    with pytest.raises(ValueError, match=r"m_c = 0\.25.*give the mean thickness"):
+        limit(law, None)
+
+
+def test_what_the_stations_name_must_be_there() -> None:
+    full = {"dynamics": [TIP, TIP], "laws": [LAW, LAW], "tools": [TWO, FOUR]}
+    for name in full:
+        given = full | {name: full[name][:1]}
+        with pytest.raises(ValueError, match=f"{name} has 1 entries, and the stations name tool 1"):
+            stability_table(PROGRAM, *given.values(), speed_rpm=RANGE)
+    rubs = ForceLaw(K_tc=0.0, K_rc=0.0, K_te=1e3)
+    with pytest.raises(ValueError, match=r"laws\[0\]\.K_tc = 0\.0 must be positive"):
+        stability_table(PROGRAM, [TIP, TIP], [rubs, LAW], [TWO, FOUR], speed_rpm=RANGE)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"depth": [1e-3, 0.0, 1e-3, 1e-3]}, r"depth\[1\] = 0 must be above 0 m"),
+        ({"depth": [1e-3, 1e-3, np.nan, 1e-3]}, r"depth\[2\] = nan must be above 0 m"),
+        ({"exit": [3.0, 1.0, 3.0, 3.0]}, r"station 1 has entry = 1\.5708, exit = 1,"),
+        ({"feed_direction": [0.0, 0.0, 0.0, np.inf]}, "station 3 has .* feed_direction = inf"),
+        ({"bin": -0.1}, r"bin = -0\.1 rad"),
+    ],
+)
+def test_stations_that_cannot_be(change: dict, message: str) -> None:
+    given = {k: np.array(v) if isinstance(v, list) else v for k, v in change.items()}
+    with pytest.raises(ValueError, match=message):
+        replace(PROGRAM, **given)
 
 
 def test_a_tool_whose_dynamics_are_not_known_is_not_judged() -> None:
@@ -164,6 +280,11 @@ def test_an_air_program_has_no_limit() -> None:
 def test_margin_is_zero_at_the_border() -> None:
     assert margin(2e-3, 2e-3) == 0.0
     np.testing.assert_array_equal(margin([1e-3, 4e-3], 2e-3), [1.0, -0.5])
+    # not known is not air
+    np.testing.assert_array_equal(
+        margin([np.nan, 1.0, 0.0, 1.0], [1.0, np.nan, 1.0, np.inf]),
+        [np.nan, np.nan, np.inf, np.inf],
+    )
 
 
 @pytest.mark.parametrize("rpm", [3999.0, 20_001.0, np.nan])
@@ -190,6 +311,25 @@ def test_what_a_table_cannot_be(options: dict, message: str) -> None:
         stability_table(PROGRAM, [TIP], [LAW], [TWO], speed_rpm=(9000.0, 9000.0))
 
 
+def engagement(lower: np.ndarray, upper: np.ndarray, path: ToolPath, piece, slope) -> Engagement:
+    many = len(upper)
+    return Engagement(
+        piece=np.array(piece, np.int32), block=np.array(piece, np.int32),
+        tool=np.zeros(many, np.int32), along=np.zeros(many), length=np.ones(many), lower=lower,
+        upper=upper, volume=np.ones(many), slope=np.array(slope), feed=path.feed[piece], blocks=5,
+        resolution=1e-4,
+    )  # fmt: skip
+
+
+def pieces() -> ToolPath:
+    points = np.array([[0, 0, 0], [0, -1, 0], [0, -1, -1], [1, -1, -1], [2, -1, -1]], float)
+    return ToolPath(
+        start=points[:-1], end=points[1:], block=np.arange(4, dtype=np.int32),
+        tool=np.zeros(4, np.int32), feed=np.array([True, True, False, True]),
+        direction=np.array([1, 1, 1, -1], np.int8),
+    )  # fmt: skip
+
+
 def test_stations_of_an_engagement() -> None:
     """72 bins of 5 deg: a half-immersion cut along -y, a plunge, a rapid, a trailing edge."""
     upper = np.zeros((5, 72), np.float32)
@@ -199,29 +339,35 @@ def test_stations_of_an_engagement() -> None:
     upper[2, :36] = 1e-3
     upper[3, 40:50] = 1e-3  # behind the tool: no chip
     upper[4, 4:6], upper[4, 10:12] = 1e-3, 4e-3  # two arcs
-    points = np.array([[0, 0, 0], [0, -1, 0], [0, -1, -1], [1, -1, -1], [2, -1, -1]], float)
-    path = ToolPath(
-        start=points[:-1], end=points[1:], block=np.arange(4, dtype=np.int32),
-        tool=np.zeros(4, np.int32), feed=np.array([True, True, False, True]),
-        direction=np.array([1, 1, 1, -1], np.int8),
-    )  # fmt: skip
-    piece = np.array([0, 1, 2, 3, 3], np.int32)
-    found = immersions(path, Engagement(
-        piece=piece, block=piece, tool=np.zeros(5, np.int32), along=np.zeros(5),
-        length=np.ones(5), lower=lower, upper=upper, volume=np.ones(5),
-        slope=np.array([0.0, -1.0, 0.0, 0.0, 0.0]), feed=path.feed[piece], blocks=5,
-        resolution=1e-4,
-    ))  # fmt: skip
+    path = pieces()
+    found = immersions(
+        path, engagement(lower, upper, path, [0, 1, 2, 3, 3], [0.0, -1.0, 0.0, 0.0, 0.0])
+    )
     np.testing.assert_array_equal(found.block, [0, 3])
     np.testing.assert_allclose(np.rad2deg(found.entry), [90, 20], atol=1e-9)
     np.testing.assert_allclose(np.rad2deg(found.exit), [180, 60], atol=1e-9)
     np.testing.assert_allclose(found.depth, [2e-3, 4e-3], rtol=1e-6)
+    np.testing.assert_allclose(found.lowest, [1e-3, 0.0], atol=1e-9)
+    np.testing.assert_allclose(found.highest, [3e-3, 4e-3], rtol=1e-6)
+    assert found.bin == pytest.approx(np.deg2rad(5.0))
     np.testing.assert_allclose(found.feed_direction, [-pi / 2, 0.0], atol=1e-12)
     np.testing.assert_array_equal(found.direction, [1, -1])
     np.testing.assert_array_equal(found.unjudged, [False, True, True, True, False])
 
 
+def test_ramps_are_milling_up_to_a_steepness() -> None:
+    """Up to dz / ds = 0.7, some 45 deg; what is steeper drills and is not judged."""
+    path = pieces()
+    upper = np.zeros((4, 72), np.float32)
+    upper[:, :36] = 1e-3
+    steep = engagement(np.zeros_like(upper), upper, path, [0, 0, 3, 3], [-0.65, 0.65, -0.75, 0.75])
+    found = immersions(path, steep)
+    np.testing.assert_array_equal(found.block, [0, 0])
+    np.testing.assert_array_equal(found.unjudged, [False, False, False, True, False])
+
+
 def test_the_least_depth_of_a_class_is_in_its_table() -> None:
+    """Lobe minima are so narrow at low speed that a cell's ends, 31 rpm apart, miss 2 % at most."""
     found = table(stations([(0, 0, 1.0, 0, 180, 0, 1)], 1))
     cut = RegenerativeCut.of(LAW, TWO, entry=0.0, exit=pi)
     least = border(TIP, cut, RANGE[0] / 60, RANGE[1] / 60).least_depth

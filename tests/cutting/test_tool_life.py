@@ -59,6 +59,16 @@ def test_the_extended_law_is_the_plain_one_at_its_reference_and_scales_by_its_ex
         life(EXTENDED, 4.0, {"f_z": 0.1e-3})
 
 
+def test_each_exponent_belongs_to_its_own_condition() -> None:
+    """V T^n (f_z/f_0)^a (a_p/a_0)^b (a_e/e_0)^c = C, restated with all three."""
+    taylor = Taylor(
+        n=0.2, C_m_min=300.0, f_z_exponent=0.3, f_z_ref_mm=0.1, a_p_exponent=0.15, a_p_ref_mm=2.0,
+        a_e_exponent=0.1, a_e_ref_mm=5.0,
+    )  # fmt: skip
+    lasting = float(life(taylor, 4.0, {"f_z": 0.05e-3, "a_p": 6e-3, "a_e": 2e-3})) / MINUTE
+    assert 240.0 * lasting**0.2 * 0.5**0.3 * 3**0.15 * 0.4**0.1 == pytest.approx(300.0, rel=1e-12)
+
+
 def test_what_does_not_cut_does_not_wear() -> None:
     assert life(CARBIDE, 0.0) == np.inf
     assert wear(CARBIDE, 100.0, 0.0) == 0.0
@@ -127,8 +137,30 @@ def test_the_cheapest_speed_is_never_above_the_fastest() -> None:
     assert cheap < fast
     assert life(CARBIDE, fast) == pytest.approx(3 * 120.0, rel=1e-12)  # (1/n - 1) T_c
     assert maximum_rate_speed(CARBIDE, 0.0) == np.inf
-    with pytest.raises(ValueError, match="rate = 0 must be positive"):
-        minimum_cost_speed(CARBIDE, 120.0, 5.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("given_", "words"),
+    [
+        ((120.0, 5.0, 0.0), "rate = 0 must be positive"),
+        ((120.0, 5.0, np.nan), "rate = nan must be positive"),
+        ((120.0, 5.0, np.inf), "rate = inf must be positive and finite"),
+        ((np.nan, 5.0, 0.01), "change_time = nan must be 0 or more, and finite"),
+        ((-120.0, 50.0, 0.01), r"change_time = -120\.0 must be 0 or more"),
+        ((120.0, -1000.0, 0.01), r"life_price = -1000\.0 must be 0 or more"),
+        ((120.0, np.inf, 0.01), "life_price = inf must be 0 or more, and finite"),
+    ],
+)
+def test_what_has_no_optimum_is_refused_and_not_infinite(
+    given_: tuple[float, float, float], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        minimum_cost_speed(CARBIDE, *given_)
+
+
+def test_a_change_that_takes_less_than_no_time_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"change_time = -120\.0"):
+        maximum_rate_speed(CARBIDE, -120.0)
 
 
 @pytest.mark.parametrize(

@@ -174,6 +174,33 @@ def test_drill_takes_its_torque_whatever_its_point_is() -> None:
         assert np.allclose(thrust, -2 * 1e-4 * 4e-3 * np.sin(half), rtol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["flat", "bull_nose"])
+@pytest.mark.parametrize("phi_st", [-0.083, 2.0, 0.5])
+@pytest.mark.parametrize("apart", [1.6, 5.0])
+def test_arcs_may_lie_in_any_turn(kind: str, phi_st: float, apart: float) -> None:
+    """Entered before phi = 0, or left in the next turn, and named in any turn."""
+    tool = replace(MILL, kind=kind, corner_radius_mm=2.0 * (kind == "bull_nose"), runout_um=5.0)
+    cut = {"f_z": 5e-5, "a_p": 5e-3, "angles": turn(30)}
+
+    def inside(phi, z):
+        return (phi - phi_st) % TURN < apart
+
+    plain = plain_forces(LAW, tool, 5e-5, 0.0, 5e-3, inside, turn(30))[:, :3]
+    for turns in (-1, 0, 1, 2):
+        begin = phi_st + TURN * turns
+        found = waveform(LAW, tool, phi_st=begin, phi_ex=begin + apart, **cut)
+        # as in test_plain_restatement, with runout
+        assert np.abs(found - plain).max() <= 4e-3 * np.abs(plain).max()
+
+
+def test_an_arc_around_phi_0_has_its_force() -> None:
+    """Found where it is engaged from 355 degrees to 87: an arc ends past 2 pi there."""
+    cut = {"f_z": 5e-5, "a_p": 2e-3, "angles": [0.7]}
+    one = waveform(LAW, MILL, phi_st=-0.083, phi_ex=1.517, **cut)
+    other = waveform(LAW, MILL, phi_st=TURN - 0.083, phi_ex=TURN + 1.517, **cut)
+    assert one.any() and np.allclose(one, other, rtol=1e-12)
+
+
 def test_no_chip_no_force() -> None:
     cut = {"a_p": 1e-3, "phi_st": 0.0, "phi_ex": 1.0, "angles": turn(8)}
     assert not basis(MILL, f_z=0.0, **cut).any()
@@ -191,6 +218,30 @@ def test_bad_arguments_are_named() -> None:
         ({"angles": [[0.0]]}, "angles must be a row"),
         ({"slope": 2.0}, r"slope = 2\.0 must be from -1 to 1"),
         ({"slices": 0, "slope": -1.0}, "slices = 0"),
+        ({"slices": 0}, "slices = 0 must be a whole number of at least 1"),
+        ({"slices": -1}, "slices = -1"),
+        ({"slices": 2.5}, r"slices = 2\.5"),
+        ({"m_c": 2.0}, r"m_c = 2\.0 is out of its range"),
+        ({"m_c": float("nan")}, "m_c = nan is out of its range"),
+        ({"slope": 9.0, "f_z": 0.0}, r"slope = 9\.0"),
     ]:
         with pytest.raises(ValueError, match=words):
             basis(MILL, **cut | change)
+    with pytest.raises(ValueError, match="slices = 0"):
+        basis(replace(MILL, helix_deg=0.0), slices=0, **cut)
+
+
+@pytest.mark.parametrize(
+    ("lag", "m_c", "near"),
+    [(1.0, 0.0, 1e-7), (4.0, 0.0, 6e-6), (0.8, 0.25, 2.5e-5), (4.0, 0.25, 1.7e-4)],
+)
+def test_error_of_the_slices(lag: float, m_c: float, near: float) -> None:
+    """What the docstring of `basis` says of 16 slices."""
+    a_p = lag * MILL.radius / np.tan(MILL.helix)
+    error = 0.0
+    for phi_st, phi_ex in ((0.0, np.pi), (0.5, 2.0)):
+        cut = {"f_z": 5e-5, "a_p": a_p, "phi_st": phi_st, "phi_ex": phi_ex, "angles": turn(400),
+               "m_c": m_c}  # fmt: skip
+        exact, found = basis(MILL, slices=1000, **cut), basis(MILL, **cut)
+        error = max(error, (np.abs(found - exact) / np.abs(exact).max(axis=(0, 1))).max())
+    assert error < near

@@ -24,7 +24,11 @@ def turn(samples: int) -> np.ndarray:
 @pytest.mark.parametrize("helix", [-20.0, 0.0, 40.0])
 @pytest.mark.parametrize("runout", [0.0, 10.0, 60.0])
 def test_constant_profile_is_constant_engagement(kind, helix, runout) -> None:
-    """Of an arc from bin to bin; pieces are as long as a bin, and err by its square over 24."""
+    """Of an arc from bin to bin; pieces are as long as a bin, and err by its square over 24.
+
+    That is 3e-4.  At 60 um of runout edge parts begin and end within pieces, which count or not:
+    1.3 % measured.
+    """
     tool = replace(
         MILL, kind=kind, helix_deg=helix, runout_um=runout, runout_deg=50.0,
         corner_radius_mm=2.0 if kind == "bull_nose" else 0.0,
@@ -35,9 +39,9 @@ def test_constant_profile_is_constant_engagement(kind, helix, runout) -> None:
     found = profile_basis(tool, f_z=5e-5, lower=lower, upper=upper, angles=theta)
     cut = {"f_z": 5e-5, "a_p": 6e-3, "phi_st": phi_st, "phi_ex": phi_ex, "angles": theta}
     scale = np.abs(found).max(axis=(0, 1))
-    near = 0.05 if runout == 60.0 else 1e-3  # pieces where a tooth begins to miss count or not
-    assert (np.abs(found[:, :3] - basis(tool, slices=64, **cut)) / scale).max() < near
-    assert (np.abs(found[:, 3] - torque_basis(tool, slices=64, **cut)) / scale).max() < near
+    near = np.array([3.5e-4] * 3 + [2e-2 if runout == 60.0 else 3.5e-4] * 3)
+    assert (np.abs(found[:, :3] - basis(tool, slices=64, **cut)) <= near * scale).all()
+    assert (np.abs(found[:, 3] - torque_basis(tool, slices=64, **cut)) <= near * scale).all()
 
 
 def test_plain_restatement_of_an_uneven_profile() -> None:
@@ -104,3 +108,14 @@ def test_bad_profiles_are_named() -> None:
         profile_basis(MILL, f_z=1e-5, lower=np.zeros(3), upper=np.zeros(4), angles=[0.0])
     with pytest.raises(ValueError, match="height of the profile is not finite"):
         profile_basis(MILL, f_z=1e-5, lower=[0.0], upper=[np.nan], angles=[0.0])
+    good = {"f_z": 0.0, "lower": [0.0], "upper": [0.0], "angles": [0.0]}  # nothing is cut
+    for change, words in [
+        ({"f_z": np.nan}, "f_z = nan must be finite"),
+        ({"slope": 9.0}, r"slope = 9\.0 must be from -1 to 1"),
+        ({"slope": np.nan}, "slope = nan"),
+        ({"m_c": 2.0}, r"m_c = 2\.0 is out of its range"),
+        ({"m_c": np.nan}, "m_c = nan"),
+        ({"slices": 0}, "slices = 0"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            profile_basis(MILL, **good | change)

@@ -4,6 +4,7 @@ import re
 
 import pytest
 from cutting_folders import (
+    SPINDLE,
     coefficients,
     cut_parameter,
     recording,
@@ -141,6 +142,34 @@ def test_an_undetermined_specific_force_says_why(tmp_path):
     text = report(folders, tmp_path)
     assert "shows (a) no specific force could be had. No pass was long enough." in text
     assert "edges and all not determined – N/mm² record passes of 10 s" in text
+
+
+def test_logs_of_the_spindle_say_what_of_them_is_not_used(tmp_path):
+    note = "passes.txt: 2 of 9 lines that cut are not used (line 12, 14): too short"
+    lost = "idle.txt is a copy of free.txt: record another"
+    spindle = SPINDLE | {"recordings": ["free.txt", "passes.txt"], "notes": [note],
+                         "left_out": [{"recording": "idle.txt", "reason": lost}],
+                         "reason": f"{lost}; no pass was long enough"}  # fmt: skip
+    folders = empty_machine(tmp_path, "m", "recorded")
+    write_cutting(folders, spindle=spindle)
+    text = report(folders, tmp_path)
+    assert "Logs of the spindle’s load: 2 used, 1 left out" in text
+    assert "free.txt used – passes.txt used 2 of 9 lines that cut are not used (line 12" in text
+    assert "idle.txt left out is a copy of free.txt: record another" in text
+    assert text.count("a copy of free.txt") == 1 and "No pass was long enough." in text
+
+
+def test_logs_that_are_used_whole_have_no_table(page):
+    assert "Logs of the spindle" not in words(page)
+
+
+def test_without_a_dynamometer_and_without_logs_the_page_says_what_serves(tmp_path):
+    folders = empty_machine(tmp_path, "m", "recorded")
+    nothing = {"parameters": {}, "mean_force": {}, "recordings": [], "fit": {}, "methods": []}
+    write_cutting(folders, spindle={}, **nothing)
+    assert "the load of the spindle serves: logged over MTConnect" in report(folders, tmp_path)
+    write_cutting(folders, **nothing)
+    assert "the load of the spindle serves" not in report(folders, tmp_path)
 
 
 def test_a_machine_with_nothing_but_its_spindles_load_says_what_forces_would_take(tmp_path):

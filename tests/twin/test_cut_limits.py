@@ -1,11 +1,14 @@
 """Blocks against what binds them, what tools wear, and what the part costs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.cutting.cost import CostRates
 from pipeline.cutting.directional import RegenerativeCut
 from pipeline.cutting.energy import EnergyParameters
+from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.lobes import lobes
 from pipeline.cutting.material import Material
 from pipeline.cutting.modes import Mode
@@ -21,6 +24,7 @@ from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
 
 DRIVE = SpindleDrive(
     rated_power_kW=0.4, base_speed_rpm=3000, top_speed_rpm=10000, efficiency=0.8,
+    motor_efficiency=0.7,
     no_load_W=(20.0, 0.5),
 )  # fmt: skip
 RATES = CostRates(currency="EUR", labour_per_h=36.0, energy_per_kWh=0.5, tool_change_min=2.0)
@@ -117,7 +121,7 @@ def test_energy_is_that_of_spindle_drives_coolant_and_standing_by(cut):
     turning = plan.time * (moves.direction != 0)
     spindle = (
         (blocks.mean_power * blocks.seconds).sum() + (turning * (20 + 0.5 * plan.turns / 60)).sum()
-    ) / 0.8
+    ) / (0.8 * 0.7)
     coolant_on = (moves.line >= 7) & (moves.line < 12)
     joule = (
         spindle + 1500 * plan.total + 400 * plan.motion.time.sum()
@@ -154,6 +158,16 @@ def test_the_margin_of_a_slot_is_that_of_its_lobes(cut):
     exact = lobes(MODES, slot, [100.0]).depth_limit[0] / 2e-3 - 1
     assert found.margin[blocks.row[0]] <= exact + 1e-9
     assert found.margin[blocks.row[0]] == pytest.approx(exact, abs=0.05 * (1 + exact))
+
+
+def test_the_axial_coefficient_of_a_law_counts_for_stability(cut):
+    """A ball's axial force has a part in the plane; all three rise with the chip alike."""
+    law = ForceLaw.kienzle(k_c11=800.0, m_c=0.25, radial=0.5, axial=0.3)
+    tips = TipDynamics(source="made up", every=MODES)
+    found = stability(replace(cut, laws=(law, law)), cut_blocks(cut), tips)
+    for one in found.laws:
+        assert one.K_rc / one.K_tc == pytest.approx(0.5)
+        assert one.K_ac / one.K_tc == pytest.approx(0.3)
 
 
 def test_points_above_the_lobes_are_those_that_chatter(cut):

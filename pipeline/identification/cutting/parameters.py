@@ -24,6 +24,8 @@ HELIX_DEG = 10.0
 """Half an interval of the helix angle, at most."""
 RUNOUT = 0.1
 """Of the feed for each tooth: a runout is determined by a share of this much."""
+NORMAL = 1.96
+"""Standard deviations of half a 95 % interval."""
 WAVEFORM = "weighted least squares on the harmonics of the revolution"
 
 
@@ -60,18 +62,23 @@ def parameters(
 ) -> list[Parameter]:
     """Coefficients, runout and helix of a fit.
 
-    Where the mean forces alone say something else of a coefficient than the waveform does, the
-    model leaves something out, and the difference that their intervals do not explain widens its.
+    The mean forces of the same records should say the same of a coefficient as their waveform.
+    What lies between both is a sample of the difference of two errors of the model: their standard
+    deviation is that over the root of two, and widens the interval of the waveform's.  A
+    coefficient that only the mean forces determine is theirs.
     """
     half = np.array([sure.half_width(_unit(sure, name)) for name in COEFFICIENTS])
-    apart = np.array([one.value for one in means]) * SCALES - fit.values[:6]
-    theirs = np.array([one.half_width for one in means]) * SCALES
-    unexplained = np.sqrt(np.maximum(apart**2 - theirs**2 - half**2, 0.0))
+    apart = np.abs(np.array([one.value for one in means]) * SCALES - fit.values[:6])
+    unexplained = NORMAL * np.where(np.isfinite(apart), apart, 0.0) / np.sqrt(2.0)
     found = coefficients(
-        fit.values[:6], np.hypot(half, np.where(np.isfinite(unexplained), unexplained, 0.0)),
+        fit.values[:6], np.hypot(half, unexplained),
         float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts])), widest, WAVEFORM,
     )  # fmt: skip
-    return [*found, *_runout(fit, sure, widest), _helix(fit, sure)]
+    better = [
+        mean if mean.determined and not one.determined else one
+        for one, mean in zip(found, means, strict=True)
+    ]
+    return [*better, *_runout(fit, sure, widest), _helix(fit, sure)]
 
 
 def coefficients(

@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.spindle_power import power_curve
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int64]
@@ -104,7 +106,7 @@ def settled(
     return kept & (t - settle_s >= t[0])
 
 
-def motor_power(
+def shown_power(
     load_percent: ArrayLike, speed: ArrayLike, *, rated_W: float, base_speed: float,
     of: Literal["available", "rated"] = "available",
 ) -> Floats:  # fmt: skip
@@ -130,10 +132,10 @@ def motor_power(
 
     Examples
     --------
-    >>> float(motor_power(10.0, 25.0, rated_W=15e3, base_speed=50.0))
+    >>> float(shown_power(10.0, 25.0, rated_W=15e3, base_speed=50.0))
     750.0
     """
-    full = rated_W * np.minimum(1.0, np.abs(np.asarray(speed, dtype=np.float64)) / base_speed)
+    full = power_curve(speed, rated=rated_W, base_speed=base_speed)
     power: Floats = np.asarray(load_percent) / 100 * (full if of == "available" else rated_W)
     return power
 

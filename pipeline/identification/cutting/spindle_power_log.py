@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from pipeline.identification.cutting.spindle_power_levels import (
     Levels,
     levels,
-    motor_power,
     resolution,
     runs,
     settled,
+    shown_power,
 )
 
 Floats = NDArray[np.float64]
@@ -25,13 +25,13 @@ class LoadScale:
     Parameters
     ----------
     rated_power_kW : float
-        Of the motor [kW].
+        At the motor's shaft [kW].
     base_speed_rpm : float
         From which it gives that power [rpm].
     efficiency : float
-        Of the way from there to the tool [1].
+        Mechanical, from the motor's shaft to the tool [1].
     of : {"available", "rated"}
-        What 100 % are, see :func:`motor_power`.
+        What 100 % are, see :func:`shown_power`.
 
     Raises
     ------
@@ -53,8 +53,8 @@ class LoadScale:
                 )
 
     def power(self, load_percent: Floats | float, speed: Floats) -> Floats:
-        """Power at the nose [W], of loads [%] at speeds [rev/s]."""
-        return self.efficiency * motor_power(
+        """Power at the tool [W], of loads [%] at speeds [rev/s]."""
+        return self.efficiency * shown_power(
             load_percent, speed, rated_W=self.rated_power_kW * 1e3,
             base_speed=self.base_speed_rpm / 60, of=self.of,
         )  # fmt: skip

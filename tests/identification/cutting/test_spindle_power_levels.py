@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from pipeline.identification.cutting.spindle_power_levels import (
     levels,
-    motor_power,
     resolution,
     runs,
     settled,
+    shown_power,
 )
 from pipeline.identification.cutting.spindle_power_regression import regression
 
@@ -54,9 +54,9 @@ def test_settled_is_what_its_definition_says(speeds: list[float], settle_s: floa
 
 
 def test_load_is_power_of_what_the_motor_has_at_that_speed() -> None:
-    load = motor_power([50.0, 50.0, 50.0], [25.0, 50.0, 100.0], rated_W=10e3, base_speed=50.0)
+    load = shown_power([50.0, 50.0, 50.0], [25.0, 50.0, 100.0], rated_W=10e3, base_speed=50.0)
     np.testing.assert_allclose(load, [2500.0, 5000.0, 5000.0])
-    rated = motor_power(50.0, [25.0, 100.0], rated_W=10e3, base_speed=50.0, of="rated")
+    rated = shown_power(50.0, [25.0, 100.0], rated_W=10e3, base_speed=50.0, of="rated")
     np.testing.assert_allclose(rated, 5000.0)
 
 
