@@ -70,12 +70,8 @@ def corners(marks: list[int], step: float) -> list[Corner]:
 
 
 def _arcs(entries: list[int], exits: list[int], step: float) -> list[tuple[float, float]]:
-    """Arcs from each entry to each exit; of a narrow one its halves too, which may not cancel."""
-    ends = [(float(a), float(b)) for a, b in product(entries, exits)]
-    if entries[-1] >= exits[0]:
-        middle = (entries[0] + exits[-1]) / 2
-        ends += [(entries[0], middle), (middle, exits[-1])]
-    turned = [(a * step, min(b * step, pi)) for a, b in ends]
+    """Arcs from each entry to each exit."""
+    turned = [(a * step, min(b * step, pi)) for a, b in product(entries, exits)]
     return [(entry, exit) for entry, exit in turned if exit - entry > _SLACK * step]
 
 
