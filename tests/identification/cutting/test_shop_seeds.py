@@ -14,6 +14,7 @@ from multiprocessing import Pool
 
 import pytest
 import yaml
+from threadpoolctl import threadpool_limits
 
 from pipeline.identification.cutting.identify import identify_cut
 from pipeline.identification.cutting.parameters import parameters
@@ -66,8 +67,8 @@ def held(machine, folder, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
 def test_intervals_hold_the_truth_of_the_shop(machine, tmp_path):
-    with Pool(2) as pool:
-        found = pool.map(partial(held, machine, tmp_path), range(FIRST, FIRST + SEEDS))
+    with threadpool_limits(1), Pool(2) as pool:
+        found = pool.map(partial(held, machine, tmp_path), range(FIRST, FIRST + SEEDS), chunksize=1)
     inside = Counter(name for some, _ in found for name in some)
     told = Counter(name for _, some in found for name in some)
     lines = [f"{machine} {way} {name}: {inside[way, name]} of {n}\n" for (way, name), n in
