@@ -171,7 +171,8 @@ def interpret(
     ] = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
-    from pipeline.commands.programs import check_outputs, machine_setup, moves_table, read_moves
+    from pipeline.commands.outputs import check_outputs
+    from pipeline.commands.programs import machine_setup, moves_table, read_moves
 
     with _one_sentence(), _share("interpreting") as share:
         check_outputs(program, out)
@@ -223,8 +224,8 @@ def simulate(
     """
     from pipeline.commands.cutting import cut_document, cut_options, write_page
     from pipeline.commands.cutting_lines import cut_lines
+    from pipeline.commands.outputs import check_outputs
     from pipeline.commands.programs import (
-        check_outputs,
         simulate_program,
         simulated_document,
         simulated_lines,
@@ -233,11 +234,11 @@ def simulate(
     )
 
     with _one_sentence():
-        check_outputs(program, json, out, page)
         options = cut_options(
             stock=stock, tool_table=tool_table, material=material, limit_load=limit_load,
             resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
         )  # fmt: skip
+        check_outputs(program, json, out, page, inputs=options.files if options else ())
         with _share("planning") as share:
             simulated = simulate_program(program, machine, unit, share)
         document = simulated_document(simulated, program.stem, machine)

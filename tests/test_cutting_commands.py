@@ -147,11 +147,16 @@ def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path)
         ({"--frf": "q=tools.yaml"}, "'q'"),
         ({"--page": "nowhere/p.html"}, "nowhere does not exist"),
         ({"--page": "part.nc"}, "the program itself"),
+        ({"--limit-load": "inf"}, "must be above 0 and below 1e9"),
+        ({"--unit": "a"}, "has no units: leave --unit out"),
+        ({"--tool-table": "twice.yaml"}, "twice.yaml:3: 4 is written twice"),
     ],
 )
 def test_what_does_not_fit_is_one_sentence(project: Path, change: dict, said: str) -> None:
     (project / "broken.yaml").write_text("tools: {1: [")
     (project / "wrong.yaml").write_text("tools: {4: {kind: flat, diameter_mm: 12, teeth: 3}}")
+    four = "  4: {kind: flat, diameter_mm: 12, flutes: 3}\n"
+    (project / "twice.yaml").write_text(f"tools:\n{four}{four}")
     (project / "other.yaml").write_text("tools: {5: {kind: flat, diameter_mm: 12, flutes: 3}}")
     options = dict(zip(CUT[::2], CUT[1::2], strict=True)) | change
     given = [word for pair in options.items() if pair[1] is not None for word in pair]
@@ -173,6 +178,92 @@ def test_a_program_that_cuts_nothing_says_so(project: Path) -> None:
     done = kerf(project, "simulate", "part.nc", *beside, "--page", "p.html")
     assert done.exit_code == 0
     assert "cuts nothing" in words(project / "p.html")
+    assert "not where the program cuts: feed moves span X -10..70, Y 20..20" in done.stdout
+    assert "the blank X 500..560, Y 0..40, Z -10..0 mm" in done.stdout
+    assert "not known: stability, nothing is cut" in done.stdout
+    (project / "part.nc").write_text("%\nM30\n%\n")
+    assert "part.nc has no moves" in refused(project, "simulate", "part.nc", *CUT)
+
+
+def test_rapids_alone_go_through_the_material(project: Path) -> None:
+    text = PART.replace("G1 Z-2. F300.", "G0 Z-2.").replace("X70. F900.", "X70.")
+    (project / "part.nc").write_text(text)
+    done = kerf(project, "simulate", "part.nc", *CUT, "--json", "c.json", "--page", "p.html")
+    assert done.exit_code == 0, done.output
+    assert "warning: rapids go through the material, 1 block, line 8. Retract" in done.stdout
+    (project / "part.nc").write_text(text.replace("G0 Z-2.", "G0 Z2."))
+    assert "no move cuts" in refused(project, "simulate", "part.nc", *CUT)
+
+
+def _response(project: Path, name: str, natural: float, top: int) -> None:
+    rows = ["frequency [Hz],real [m/N],imaginary [m/N]"]
+    for f in range(20, top, 5):
+        g = 1 / (2e7 * (1 - (f / natural) ** 2 + 2j * 0.03 * f / natural))
+        rows.append(f"{f},{g.real:.9e},{g.imag:.9e}")
+    (project / name).write_text("\n".join(rows) + "\n")
+
+
+def test_a_response_along_one_axis_is_refused(project: Path) -> None:
+    _response(project, "x.csv", 900, 3000)
+    said = refused(project, "simulate", "part.nc", *CUT, "--frf", "x=x.csv")
+    assert "nothing is measured along y" in said and "--frf y=FILE" in said
+
+
+def test_a_response_without_its_mode_is_no_margin(project: Path) -> None:
+    _response(project, "x.csv", 9000, 60)
+    words_ = ("--frf", "x=x.csv", "--frf", "y=x.csv", "--json", "c.json")
+    done = kerf(project, "simulate", "part.nc", *CUT, *words_)
+    assert done.exit_code == 0, done.output
+
+    def refuse(name: str) -> None:
+        raise AssertionError(name)
+
+    cut = json.loads((project / "c.json").read_text(), parse_constant=refuse)["cut"]
+    assert cut["summary"]["stability_margin"] is None
+    assert "not known: stability, the dynamics of the tips give no limit" in done.stdout
+
+
+def test_modes_along_one_axis_are_warned_of(project: Path) -> None:
+    path = project / "conf/machine/mill01.yaml"
+    kept = [line for line in path.read_text().splitlines() if "{direction: y" not in line]
+    path.write_text("\n".join(kept) + "\n")
+    done = kerf(project, "simulate", "part.nc", *CUT)
+    assert "the tips of T4 have no modes along y" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("outputs", "said"),
+    [
+        (("--json", "tools.yaml"), "tools.yaml is read for the cut"),
+        (("--json", "conf/new.yaml"), "which is read"),
+        (("--json", "a.json", "--page", "./a.json"), "a.json is named for two outputs"),
+        (("--json", "a.json", "--page", "/proc/x.html"), "/proc/x.html cannot be written"),
+    ],
+)
+def test_outputs_replace_nothing(project: Path, outputs: tuple[str, ...], said: str) -> None:
+    before = sorted(project.iterdir())
+    table = (project / "tools.yaml").read_bytes()
+    assert said in refused(project, "simulate", "part.nc", *CUT, *outputs)
+    assert sorted(project.iterdir()) == before
+    assert (project / "tools.yaml").read_bytes() == table
+
+
+def test_a_spindle_that_stands_cuts_no_chip(project: Path) -> None:
+    (project / "part.nc").write_text(PART.replace(" S6000 M3", ""))
+    done = kerf(project, "simulate", "part.nc", *CUT, "--limit-load", "60", "--json", "c.json",
+                "--page", "p.html")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    total = json.loads((project / "c.json").read_text())["cut"]["summary"]
+    assert all(total[key] is None for key in ("peak_load_N", "torque_Nm", "power_kW"))
+    assert "not known: load, torque and power where the spindle stands" in done.stdout
+
+
+def test_tools_with_one_law_share_its_line(project: Path) -> None:
+    tools = {**TOOLS["tools"], 5: TOOLS["tools"][4]}
+    (project / "tools.yaml").write_text(yaml.safe_dump({"tools": tools}))
+    again = "T5 M6\nS6000 M3\nG0 X-10. Y5.\nG43 Z5. H4\nG1 Z-2. F300.\nX70.\nG0 Z50.\nN80 M30"
+    (project / "part.nc").write_text(PART.replace("N80 M30", again))
+    assert "forces of T4, T5: " in kerf(project, "simulate", "part.nc", *CUT).stdout
 
 
 def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:

@@ -16,7 +16,7 @@ from pipeline.cutting.material import Material
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.cutting.tool_table import ToolTable
 from pipeline.parameters import ParametersError, structure
-from pipeline.twin.cut_dynamics import TipDynamics, TipModes
+from pipeline.twin.cut_dynamics import TipDynamics, TipModes, rigid_directions
 from pipeline.twin.cut_laws import identified_law, identified_no_load
 
 T = TypeVar("T")
@@ -68,7 +68,17 @@ class CutOptions:
                 "size of what counts on the part"
             )
         if self.limit_load is not None and not 0.0 < self.limit_load < 1e9:
-            raise ValueError(f"--limit-load {self.limit_load:g} N must be above 0")
+            raise ValueError(
+                f"--limit-load {self.limit_load:g} N must be above 0 and below 1e9: leave it out "
+                "where there is no limit"
+            )
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """What is read for the cut; no output may replace it."""
+        named = [word for word in (self.stock, self.tool_table, self.material)
+                 if word.lower().endswith((".stl", ".yaml", ".yml"))]  # fmt: skip
+        return tuple(Path(word) for word in (*named, *(w.rpartition("=")[2] for w in self.frf)))
 
 
 def cut_options(
@@ -177,10 +187,31 @@ def _read(name: str, folder: str, what: str, wanted: type[T]) -> T:
             f"{path} does not exist: name a {what} of conf/{folder}/, which has {known}"
         )
     try:
-        values = yaml.safe_load(path.read_text())
+        text = path.read_text()
+        values = yaml.safe_load(text)
+        twice = _twice(yaml.compose(text, Loader=yaml.SafeLoader))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    if twice is not None:
+        raise ValueError(
+            f"{path}:{twice.start_mark.line + 1}: {twice.value} is written twice: leave one out"
+        )
     return _structured(values, str(path), wanted)
+
+
+def _twice(node: yaml.Node | None) -> yaml.ScalarNode | None:
+    """The first key of a mapping that it has already; YAML would take the last in silence."""
+    if not isinstance(node, yaml.MappingNode):
+        return None
+    seen: set[str] = set()
+    for key, value in node.value:
+        if isinstance(key, yaml.ScalarNode):
+            if key.value in seen:
+                return key
+            seen.add(key.value)
+        if (found := _twice(value)) is not None:
+            return found
+    return None
 
 
 def _structured(values: Any, where: str, wanted: type[T]) -> T:
@@ -227,7 +258,14 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
                 )
             parts.append(read_frf(path, direction=direction if said else None))  # type: ignore[arg-type]
         names = ", ".join(Path(word.rpartition("=")[2]).name for word in frf)
-        return TipDynamics(source=f"measured, {names}, taken for every tool", every=joined(parts))
+        whole = joined(parts)
+        if rigid := rigid_directions(whole):
+            raise ValueError(
+                f"--frf {names}: nothing is measured along {' and '.join(rigid)}, which would "
+                f"count as rigid: give --frf {rigid[0]}=FILE too, the same file where the tip "
+                "gives way alike"
+            )
+        return TipDynamics(source=f"measured, {names}, taken for every tool", every=whole)
     modes = _section(sections, "dynamics", TipModes)
     return None if modes is None else TipDynamics.of_modes(modes)
 

@@ -22,12 +22,17 @@ def cut_lines(cut: Mapping[str, Any]) -> Iterator[str]:
     for warning in cut["warnings"]:
         lines = ", ".join(map(str, warning["lines"][:SAID]))
         more = ", ..." if len(warning["lines"]) > SAID else ""
-        where = f", {warning['blocks']} blocks, line {lines}{more}" if lines else ""
+        where = f", {_many(warning['blocks'], 'block')}, line {lines}{more}" if lines else ""
         yield f"  warning: {warning['what']}{where}. {warning['do']}"
     for one in cut["left_out"]:
-        yield f"  left out: {one['reason']}, {one['rows']} moves, the first in {one['first']}"
+        moves = _many(one["rows"], "move")
+        yield f"  left out: {one['reason']}, {moves}, the first in {one['first']}"
     for one in cut["not_known"]:
         yield f"  not known: {one['what']}, {one['why']}"
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 SAID = 6

@@ -24,7 +24,6 @@ from pipeline.twin.simulation import blocks, summary, write_trace
 
 __all__ = [
     "axes_table",
-    "check_outputs",
     "moves_table",
     "read_moves",
     "simulate_program",
@@ -87,25 +86,6 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     lines = max(len(program), 1)
     setup = replace(setup, folders=(*setup.folders, path.resolve().parent))
     return interpret(program, setup, lambda done: share(min(done / lines, 1.0)))
-
-
-def check_outputs(program: Path, *outputs: Path | None) -> None:
-    """Refuse files that cannot be written, or would replace the program.
-
-    Raises
-    ------
-    ValueError
-        With the file's name.
-    """
-    for path in outputs:
-        if path is None:
-            continue
-        if path.resolve() == program.resolve():
-            raise ValueError(f"{path} is the program itself: name another file to write")
-        if path.is_dir():
-            raise ValueError(f"{path} is a folder: name a file in it")
-        if not path.parent.is_dir():
-            raise ValueError(f"{path.parent} does not exist: make that folder first")
 
 
 def moves_table(moves: Moves) -> pd.DataFrame:
@@ -205,10 +185,10 @@ def _control(
     found = DATA / "models" / machine / "control.json"
     records = sections.get("control_records", {})
     units = records.get("units", {})
+    if unit is not None and not units:
+        raise ValueError(f"{machine} has no units: leave --unit out")
     if unit is not None and unit not in units:
-        raise ValueError(
-            f"{machine} has no unit {unit!r}: name one of {', '.join(units) or 'none'}"
-        )
+        raise ValueError(f"{machine} has no unit {unit!r}: name one of {', '.join(units)}")
     if found.exists():
         name = records.get("default_unit", "") if unit is None else unit
         return control_of_unit(read_controls(found), name), True
@@ -262,4 +242,4 @@ def _axis_line(axis: dict[str, Any]) -> str:
 
 def write_document(document: dict[str, Any], path: Path) -> None:
     """Write the JSON of ``kerf simulate``."""
-    path.write_text(json.dumps(document, indent=1) + "\n")
+    path.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -120,12 +120,31 @@ def _verdict(document: dict[str, Any]) -> tuple[str, str, list[str]]:
     if not rows_of(document, "cut", "by_tool"):
         return "failed", "cuts nothing", [NOTHING]
     if grave:
-        return "failed", "beyond its limits", _sentences(grave) + unsaid
+        return "failed", "beyond its limits", _nearest(document) + _sentences(grave) + unsaid
     if warnings:
-        return "attention", "look first", _sentences(warnings) + unsaid
+        return "attention", "look first", _nearest(document) + _sentences(warnings) + unsaid
     if real(dig(document, "cut", "limits", "load_N")) is None:
-        return "unknown", "no limit given", ["No limit of the load was given.", *unsaid]
-    return "passed", "within its limits", ["No block passes a limit that is known.", *unsaid]
+        given = ["No limit of the load was given."]
+        return "unknown", "no limit given", given + _nearest(document) + unsaid
+    within = ["No block passes a limit that is known."]
+    return "passed", "within its limits", within + _nearest(document) + unsaid
+
+
+def _nearest(document: dict[str, Any]) -> list[str]:
+    """Which block takes the largest share of what binds it; nothing where none is known."""
+    known = [
+        (used, row) for row in rows_of(document, "cut", "worst")
+        if row.get("binds") and (used := real(row.get("used"))) is not None
+    ]  # fmt: skip
+    if not known:
+        return []
+    used, row = max(known, key=lambda pair: pair[0])
+    where = "Furthest beyond its limit" if used > 1 else "Nearest to its limit"
+    binds = str(row["binds"]).removesuffix(" limit")
+    guessed = binds == "stability" and dig(document, "cut", "dynamics_measured") is not True
+    what = binds if binds == "stability" else f"the {binds}"
+    doubt = ", by dynamics that were not measured" if guessed else ""
+    return [f"{where} is {what}: {share(used)} in line {row.get('line')}{doubt}."]
 
 
 def _sentences(warnings: list[dict[str, Any]]) -> list[str]:

@@ -15,6 +15,8 @@ from pipeline.report.numbers import (
 from pipeline.report.sources import Source, dig, rows_of
 from pipeline.report.tables import Cell, Head, Table, cells, names, numbers
 
+NOTHING = 1e-6  # of the greatest of its kind: less is rounding
+FORCES = ("peak_load_N", "axial_force_N")
 MOST_SPANS = 8  # stretches of lines that a warning names
 NONE = "–"
 
@@ -34,6 +36,16 @@ def _figure(value: Any, digits: int = 3) -> str:
     return NONE if known is None else number(value if isinstance(value, int) else known, digits)
 
 
+def _cleared(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows with 0 for forces that are nothing but rounding beside the greatest."""
+    sizes = [abs(x) for row in rows for key in FORCES if (x := real(row.get(key))) is not None]
+    least = NOTHING * max(sizes, default=0.0)
+    return [
+        row | {key: 0 for key in FORCES if (x := real(row.get(key))) is not None and abs(x) < least}
+        for row in rows
+    ]
+
+
 def tool_name(number_: Any, name: Any = "") -> str:
     """``T4 12MM ENDMILL``."""
     return f"T{number_} {name}".strip()
@@ -41,7 +53,7 @@ def tool_name(number_: Any, name: Any = "") -> str:
 
 def forces_table(document: dict[str, Any], sources: list[Source]) -> Table:
     """By tool: chip, load, torque, power, deflection, stability, at the worst of its blocks."""
-    rows = rows_of(document, "cut", "by_tool")
+    rows = _cleared(rows_of(document, "cut", "by_tool"))
     return Table(
         caption="By tool: the worst of its blocks, at the highest feed that a block reaches",
         heads=[

@@ -3,11 +3,13 @@
 from typing import Any
 
 from pipeline.report.cutting_tables import cutting_sources
+from pipeline.report.drive_verdict import joined
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import TOGETHER, counted, number, real
 from pipeline.report.sources import dig, rows_of, words_of
 from pipeline.report.tables import Table, cells, names, numbers
 
+MOST_FEEDS = 4  # feeds of a set of conditions that are named
 TERMS = {
     "runout": "runout",
     "helix": "helix angle",
@@ -61,12 +63,24 @@ def remainder_words(document: dict[str, Any]) -> str:
 
 def _conditions(row: dict[str, Any]) -> str:
     speed, depth = (real(row.get(key)) for key in ("speed_rpm", "axial_depth_mm"))
-    feeds = row.get("holds_for_mm")
-    ends = [real(x) for x in feeds] if isinstance(feeds, list) and len(feeds) == 2 else []
+    learnt, ends = (_known(row.get(key)) for key in ("feeds_per_tooth_mm", "holds_for_mm"))
+    used = f"used from {ends[0]:g} to {ends[1]:g}" if len(ends) == 2 else ""
     said = [
         f"{number(round(speed))}{TOGETHER}rev/min" if speed is not None else "",
         f"{depth:g}{TOGETHER}mm deep" if depth is not None else "",
-        f"{number(ends[0])} to {number(ends[1])}{TOGETHER}mm a tooth"
-        if ends and None not in ends else "",
-    ]  # fmt: skip
+        f"learnt at {_feeds(learnt)}{TOGETHER}mm a tooth" if learnt else "",
+        used if learnt or not used else f"{used}{TOGETHER}mm a tooth",
+    ]
     return ", ".join(words for words in said if words)
+
+
+def _known(values: Any) -> list[float]:
+    """The numbers of a list, each once, from the least on."""
+    every = values if isinstance(values, list) else []
+    return sorted({x for value in every if (x := real(value)) is not None})
+
+
+def _feeds(feeds: list[float]) -> str:
+    if len(feeds) > MOST_FEEDS:
+        return f"{len(feeds)} feeds from {feeds[0]:g} to {feeds[-1]:g}"
+    return joined([f"{feed:g}" for feed in feeds])

@@ -17,6 +17,7 @@ from pipeline.report.tables import (
     sources,
 )
 
+ALL_OTHERS = 2  # recordings of a fit that are counted where they are all the others
 OPEN = 12  # rows of components that need not be unfolded
 NOTE = (
     "Errors of the resultant force in the plane of the feed, over one mean revolution: RMS of "
@@ -75,18 +76,21 @@ def _runs_table(
             *numbers(("model", "%"), ("plain guess", "%"), group="Mean error"),
             Head(name="verdict"), *names(*(["why"] if why else [])),
         ],
-        rows=[_run_row(run, limits, cross, alone, why) for run in runs[:MOST_ROWS]],
+        rows=[
+            _run_row(run, limits, _fitted_on(run, found.cutting) if cross else None, alone, why)
+            for run in runs[:MOST_ROWS]
+        ],
         sources=prediction_sources(found),
         folded=len(runs) > 40,
     )  # fmt: skip
 
 
 def _run_row(
-    run: CutRun, limits: Limits, cross: bool, alone: bool, why: bool
+    run: CutRun, limits: Limits, fitted_on: str | None, alone: bool, why: bool
 ) -> list[Cell]:  # fmt: skip
     return cells(
         Cell(text=run.recording or NOT_KNOWN, code=True),
-        *([", ".join(run.fitted_on) or NOT_KNOWN] if cross else []),
+        *([fitted_on] if fitted_on is not None else []),
         *condition_cells(run.conditions),
         _marked(_or_void(run.size("rms")), run, "rms", limits),
         *([_or_void(run.size("rms", "mechanics"))] if alone else []),
@@ -102,6 +106,14 @@ def _run_row(
         _verdict(run),
         *([_why(run, limits) or "–"] if why else []),
     )
+
+
+def _fitted_on(run: CutRun, cutting: Cutting) -> str:
+    """Recordings that the fit was made on; their number where they are all the others."""
+    others = {r.recording for r in cutting.runs if r.role == "training"} - {run.recording}
+    if len(others) >= ALL_OTHERS and set(run.fitted_on) == others:
+        return f"the {len(others)} others learnt from"
+    return ", ".join(run.fitted_on) or NOT_KNOWN
 
 
 def _beyond(run: CutRun, kind: str, limits: Limits) -> bool:

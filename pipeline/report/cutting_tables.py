@@ -13,7 +13,7 @@ from pipeline.report.cutting_units import (
 )
 from pipeline.report.drive_methods import ALIKE, METHODS
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, number, real
+from pipeline.report.numbers import NOT_KNOWN, counted, number, real
 from pipeline.report.sources import Source, dig, objects_of, rows_of, words_of
 from pipeline.report.tables import (
     MOST_ROWS,
@@ -43,6 +43,9 @@ MEANINGS = {
     "kienzle.axial": "Kienzle: axial over tangential force",
 }
 """What the parameters of the cut mean, for people."""
+
+UNCONVERGED = 1.5
+"""A search whose error is more than that many times the other's has not found the optimum."""
 
 CHAIN = {"natural_frequency": "natural frequency of dynamometer and workpiece",
          "damping": "its damping ratio", "delay": "delay of the channel"}  # fmt: skip
@@ -164,6 +167,12 @@ def cutting_methods_words(cutting: Cutting) -> str:
     spent = [real(row.get("evaluations")) for row in pair]
     if len(errors) < len(pair):
         return ""
+    if errors[1] > UNCONVERGED * errors[0]:
+        after = f" after {counted(round(spent[1]), 'evaluation')}" if spent[1] else ""
+        return (
+            f"Least squares errs by {number(errors[0], 3)} % of the RMS force; the genetic search "
+            f"had not converged{after} ({number(errors[1], 3)} %)."
+        )
     if abs(errors[0] - errors[1]) <= ALIKE * max(errors):
         text = f"Least squares and the genetic search are alike within {100 * ALIKE:g} %"
     else:

@@ -7,6 +7,10 @@ from pipeline.report.sources import dig
 
 MOST_NAMED = 5  # parameters that are named in the head of the page
 ERROR_WORDS = {"rms": "RMS force", "peak": "peak force", "mean": "mean force"}
+REFRAIN = (
+    "Do not plan cuts with these forces yet: see How well forces are predicted on the machine’s "
+    "page, and "
+)
 KEEP = "Keep a recording at another feed or depth out of cutting_records.training, to judge by."
 
 
@@ -46,8 +50,8 @@ def _failed(cutting: Cutting, failed: list[CutRun]) -> PartVerdict:
         status="failed",
         sentence="Cutting forces are not predicted within their limits: on "
         f"{where} {errors}{bracketed(why)}.",
-        todo="Do not plan cuts with these forces yet: look at the revolutions below, and record "
-        "the failed conditions again with a new edge and the tool clamped anew.",
+        todo=f"{REFRAIN}record the failed conditions again with a new edge and the tool clamped "
+        "anew.",
     )
 
 
@@ -56,10 +60,17 @@ def _unjudged(cutting: Cutting) -> PartVerdict:
     part = ""
     if cutting.telling:
         part = f" On {recordings_words(cutting)} {errors_words(cutting, cutting.telling)}."
+    beyond = any(
+        (error := run.size(kind)) is not None
+        and (limit := cutting.limit(kind)) is not None
+        and error > limit
+        for run in cutting.telling for kind in ERRORS
+    )  # fmt: skip
     return PartVerdict(
         status="unknown",
         sentence=f"The cutting forces were not judged: {why.rstrip('.')}.{part}",
-        todo=KEEP,
+        todo=f"{REFRAIN}{KEEP[0].lower()}{KEEP[1:]}" if beyond else KEEP,
+        reserved=beyond,
     )
 
 

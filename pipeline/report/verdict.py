@@ -45,12 +45,13 @@ WORKED_S = 3600.0  # a day with less work than this says nothing about its stops
 class Verdict:
     """What the lead reads: one word's ``status``, ``sentences``, then ``notes`` in order of weight.
 
-    ``todo`` is what to do now, a sentence.
+    ``todo`` is what to do now, a sentence; ``because`` the sentence that gives its reason.
     """
 
     status: Status
     sentences: list[str]
     todo: str
+    because: str
     notes: list[str]
 
     @property
@@ -63,14 +64,17 @@ def verdict(found: Facts) -> Verdict:
     """The headline of one machine, made from its facts alone."""
     grave, notes = _grave(found), _notes(found)
     judged, ranked = combined(_parts(found))
-    status, todo = judged.status, judged.todo
+    status, todo, because = judged.status, judged.todo, judged.sentence
     said = [part.sentence for part in ranked]
-    if status == "passed" and (grave or _mild(found)):
-        status = "attention"
+    if status == "passed" and (doubts := grave or _mild(found)):
+        status, because = "attention", doubts[0]
     sentences = [*said[:1], *grave, *said[1:]]
-    if grave and status != "failed":
-        todo = _repair(found) or todo
-    return Verdict(status=status, sentences=sentences[:2], todo=todo, notes=sentences[2:] + notes)
+    if grave and status != "failed" and (repair := _repair(found)):
+        todo, because = repair, grave[0]
+    return Verdict(
+        status=status, sentences=sentences[:2], todo=todo, because=because,
+        notes=sentences[2:] + notes,
+    )  # fmt: skip
 
 
 def _parts(found: Facts) -> list[PartVerdict]:
@@ -168,8 +172,9 @@ def _grave(found: Facts) -> list[str]:
         said.append(f"The judgement is worthless: the model also learnt from {days}.")
     if found.reading.unreadable:
         names = ", ".join(f.file for f in found.reading.unreadable[:3])
-        files = counted(len(found.reading.unreadable), "file")
-        said.append(f"{files} could not be read at all: {names}.")
+        files = counted(many := len(found.reading.unreadable), "file")
+        more = f" and {many - 3} more" if many > 3 else ""
+        said.append(f"{files} could not be read at all: {names}{more}.")
     if found.reading.unbalanced:
         names = ", ".join(f.file for f in found.reading.unbalanced[:3])
         said.append(f"Records were lost without a reason in {names}.")

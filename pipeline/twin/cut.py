@@ -25,7 +25,7 @@ from pipeline.gcode.setup import Vector
 from pipeline.machine.control import ControlParameters
 from pipeline.machine.motion import Motion
 from pipeline.machine.nck import Plan
-from pipeline.twin.cutting_path import CuttingPath, cutting_path
+from pipeline.twin.cutting_path import CuttingPath, cutting_path, nothing_cut
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -206,6 +206,8 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
     laws = tuple(job.laws[number] for number in listed)
     blank = height_map(job.stock, job.resolution)
     found, left = engage(path.pieces, tools, blank)
+    if not len(found) and not path.pieces.feed.any():
+        raise ValueError(nothing_cut(moves, path.left_out))
     engagement = replace(found, blocks=len(moves))
     return Cut(
         plan=plan, path=path, numbers=tuple(listed), tools=tools, laws=laws,

@@ -17,7 +17,7 @@ from pipeline.twin.cut_cost import cost_of, electricity, tool_life
 from pipeline.twin.cut_dynamics import TipDynamics
 from pipeline.twin.cut_laws import ToolLaw
 from pipeline.twin.cut_limits import cut_limits
-from pipeline.twin.cut_stability import lobe_figures, stability
+from pipeline.twin.cut_stability import Stability, lobe_figures, stability
 from pipeline.twin.cut_stations import stations
 from pipeline.twin.cut_tools import Found, block_rows, by_tool, summary
 from pipeline.twin.cut_trace import cut_trace
@@ -102,11 +102,11 @@ def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
         "warnings": [
             *cut_warnings(
                 cut, blocks, found.limits, basis.limit_load,
-                measured=basis.dynamics is not None and basis.dynamics.measured,
+                dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
             ),
             *_worn(found),
         ],
-        "not_known": _not_known(found, basis, stable is not None),
+        "not_known": _not_known(found, basis, stable),
         "left_out": [vars(one) for one in cut.path.left_out],
         "basis": _basis(cut, blocks, basis),
         "notes": _notes(cut, found, basis),
@@ -161,7 +161,7 @@ def _worn(found: Found) -> list[dict[str, Any]]:
     return told
 
 
-def _not_known(found: Found, basis: CutBasis, stable: bool) -> list[dict[str, str]]:
+def _not_known(found: Found, basis: CutBasis, stable: Stability | None) -> list[dict[str, str]]:
     cut = found.cut
     names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(found.blocks.tool).tolist()}
     unknown = found.life.unknown
@@ -169,9 +169,10 @@ def _not_known(found: Found, basis: CutBasis, stable: bool) -> list[dict[str, st
     told: list[tuple[str, bool, str]] = [
         ("share of the spindle’s drive", basis.drive is None,
          "the machine’s file has no section spindle_drive"),
-        ("stability", not stable,
-         "the machine’s file has no section dynamics for the tools that cut and no --frf was given"
-         if basis.dynamics is None else "no tool that mills has known dynamics"),
+        ("stability", not np.isfinite(found.limits.margin).any(),
+         _why_no_margin(found, basis, stable)),
+        ("load, torque and power where the spindle stands", bool((found.blocks.turns <= 0).any()),
+         "a tool that does not turn cuts no chip"),
         ("deflection", bool(stiff), f"{', '.join(stiff)} without stickout_mm in the tool table"),
         ("cost", basis.rates is None, "conf/cost/ is not composed: add it to conf/config.yaml"),
         ("energy", found.energy is None,
@@ -183,6 +184,21 @@ def _not_known(found: Found, basis: CutBasis, stable: bool) -> list[dict[str, st
     return [{"what": what, "why": why} for what, missing, why in told if missing]
 
 
+def _why_no_margin(found: Found, basis: CutBasis, stable: Stability | None) -> str:
+    if not len(found.blocks):
+        return "nothing is cut"
+    if basis.dynamics is None:
+        return (
+            "the machine’s file has no section dynamics for the tools that cut and no --frf was "
+            "given"
+        )
+    if not (found.blocks.turns > 0).any():
+        return "the spindle stands in every cut"
+    if stable is not None and np.isposinf(found.limits.margin).any():
+        return "the dynamics of the tips give no limit: a response’s band must hold its modes"
+    return "no tool that mills has known dynamics"
+
+
 def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> list[dict[str, str]]:
     rows = [
         ("blank", basis.stock, f"in mm, in the work coordinates of {cut.path.frame.name}"),
@@ -190,13 +206,14 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> list[dict[str, str]]
         ("tools", basis.table, ""),
         ("material", basis.material.name, basis.material.source),
     ]
+    alike: dict[tuple[str, str], list[str]] = {}
     for tool in np.unique(blocks.tool).tolist():
-        number = cut.numbers[tool]
-        law = basis.laws[number]
-        words = f"{law.kind}: {_law_words(law)}"
-        rows.append(
-            (f"forces of T{number}", words, "; ".join(filter(None, (law.source, law.caution))))
+        law = basis.laws[cut.numbers[tool]]
+        source = "; ".join(filter(None, (law.source, law.caution)))
+        alike.setdefault((f"{law.kind}: {_law_words(law)}", source), []).append(
+            f"T{cut.numbers[tool]}"
         )
+    rows += [(f"forces of {', '.join(named)}", *said) for said, named in alike.items()]
     if basis.limit_load is not None:
         rows.append(("limit of the load", f"{basis.limit_load:g} N", "--limit-load"))
     if basis.drive is not None:

@@ -3,8 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from pipeline.cutting.frf import Dynamics
-from pipeline.cutting.modes import Mode
+import numpy as np
+
+from pipeline.cutting.frf import Dynamics, FrequencyResponse
+from pipeline.cutting.modes import DIRECTIONS, Mode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,3 +51,12 @@ class TipDynamics:
     def of(self, numbers: Sequence[int]) -> list[Dynamics | None]:
         """For each of the tools with these numbers; None where nothing is known."""
         return [self.tools.get(number, self.every) for number in numbers]
+
+
+def rigid_directions(found: Dynamics) -> list[str]:
+    """Directions of the machine in which nothing is said to give way."""
+    if isinstance(found, FrequencyResponse):
+        moving = [bool(np.any(found.receptance[:, i, i])) for i in range(len(DIRECTIONS))]
+    else:
+        moving = [any(mode.direction == name for mode in found) for name in DIRECTIONS]
+    return [name for name, moves in zip(DIRECTIONS, moving, strict=True) if not moves]

@@ -60,11 +60,12 @@ def cut_limits(
         Of stability, by row.
     """
     unknown = np.full(len(blocks), np.nan)
+    peak = np.where(blocks.turns > 0, blocks.peak, np.nan)  # no chip, no load that a law tells
     power = unknown if drive is None else _drive_share(blocks, drive)
     stable = unknown if margin is None else margin[blocks.row]
     with np.errstate(divide="ignore"):
         shares = np.stack([
-            unknown if limit_load is None else blocks.peak / limit_load,
+            unknown if limit_load is None else peak / limit_load,
             power,
             1.0 / (1.0 + stable),
         ])  # fmt: skip
@@ -74,7 +75,7 @@ def cut_limits(
     return CutLimits(
         drive=power,
         margin=stable,
-        deflection=_deflection(cut, blocks),
+        deflection=_deflection(cut, blocks, peak),
         used=np.where(used > -np.inf, used, np.nan),
         binds=np.where(used > -np.inf, np.array(BINDS)[which], ""),
     )
@@ -87,10 +88,10 @@ def _drive_share(blocks: CutBlocks, drive: SpindleDrive) -> Floats:
     return np.where(blocks.turns > 0, share, np.nan)
 
 
-def _deflection(cut: Cut, blocks: CutBlocks) -> Floats:
+def _deflection(cut: Cut, blocks: CutBlocks, peak: Floats) -> Floats:
     found = np.full(len(blocks), np.nan)
     for tool in np.unique(blocks.tool).tolist():
         mine = blocks.tool == tool
         if cut.tools[tool].stickout is not None and cut.tools[tool].kind != "drill":
-            found[mine] = tip_deflection(cut.tools[tool], blocks.peak[mine])
+            found[mine] = tip_deflection(cut.tools[tool], peak[mine])
     return found

@@ -121,7 +121,7 @@ def _points(
             "line": int(cut.plan.path.moves.line[table.block[e]]),
             "speed_rpm": round(float(cut.plan.turns[table.block[e]]), 1),
             "axial_depth_mm": float(f"{table.depth[e] * 1e3:.4g}"),
-            "margin": float(f"{margins[e]:.4g}"),
+            "margin": float(f"{margins[e]:.4g}") if np.isfinite(margins[e]) else None,
         }
         for e in entries[np.sort(first)][:MOST_POINTS].tolist()
     ]

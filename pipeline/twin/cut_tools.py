@@ -71,12 +71,13 @@ def summary(found: Found) -> dict[str, Any]:
 def _values(found: Found, mine: Flags, rows: Flags) -> dict[str, Any]:
     """Worst values of the blocks ``mine`` (K,) and sums over the ``rows`` (M,)."""
     b, limits, plan = found.blocks, found.limits, found.cut.plan
+    turning = b.turns > 0
     fed = rows & np.isin(plan.path.moves.kind, CUTTING)
     at_feed, inside = float(plan.motion.time[fed].sum()), float(b.seconds[mine].sum())
     volume = float(b.volume[mine].sum())
 
     def most(values: Floats, factor: float = 1.0, of: Callable[..., Any] = np.max) -> float | None:
-        known = values[mine][~np.isnan(values[mine])]
+        known = values[mine & ~np.isnan(values)]
         return figure(factor * float(of(known))) if len(known) else None
 
     return {
@@ -85,16 +86,16 @@ def _values(found: Found, mine: Flags, rows: Flags) -> dict[str, Any]:
         "at_feed_s": figure(at_feed),
         "in_material_s": figure(inside),
         "air_share": figure(max(0.0, 1 - inside / at_feed)) if at_feed > 0 else None,
-        "feed_per_tooth_mm": most(b.feed_per_tooth, MM),
-        "chip_thickness_mm": most(b.thickness, MM),
+        "feed_per_tooth_mm": most(_turning(b, b.feed_per_tooth), MM),
+        "chip_thickness_mm": most(_turning(b, b.thickness), MM),
         "axial_depth_mm": most(b.axial_depth, MM),
         "radial_depth_mm": most(b.radial_depth, MM),
-        "peak_load_N": most(b.peak),
-        "mean_load_N": _mean(b.mean[mine], b.seconds[mine]),
-        "axial_force_N": most(b.axial),
-        "torque_Nm": most(b.torque),
-        "peak_torque_Nm": most(b.peak_torque),
-        "power_kW": most(b.power, KW),
+        "peak_load_N": most(_turning(b, b.peak)),
+        "mean_load_N": _mean(b.mean[mine & turning], b.seconds[mine & turning]),
+        "axial_force_N": most(_turning(b, b.axial)),
+        "torque_Nm": most(_turning(b, b.torque)),
+        "peak_torque_Nm": most(_turning(b, b.peak_torque)),
+        "power_kW": most(_turning(b, b.power), KW),
         "drive_share": most(limits.drive),
         "deflection_um": most(limits.deflection, UM),
         "stability_margin": most(limits.margin, of=np.min),
@@ -105,6 +106,11 @@ def _values(found: Found, mine: Flags, rows: Flags) -> dict[str, Any]:
         "energy_kWh": None if found.energy is None else figure(_sum(found.energy.block, rows)),
         "cost": None if found.cost is None else _cost(found.cost, rows, found.energy is not None),
     }
+
+
+def _turning(blocks: CutBlocks, values: Floats) -> Floats:
+    """NaN where the spindle stands: what goes into the material then is no chip."""
+    return np.where(blocks.turns > 0, values, np.nan)
 
 
 def _mean(values: Floats, seconds: Floats) -> float | None:
@@ -143,18 +149,18 @@ def block_rows(found: Found) -> list[dict[str, Any]]:
         ("used", limits.used),
         ("speed_rpm", b.turns),
         ("reached_feed_mm_min", b.feed),
-        ("feed_per_tooth_mm", b.feed_per_tooth * MM),
-        ("chip_thickness_mm", b.thickness * MM),
+        ("feed_per_tooth_mm", _turning(b, b.feed_per_tooth) * MM),
+        ("chip_thickness_mm", _turning(b, b.thickness) * MM),
         ("axial_depth_mm", b.axial_depth * MM),
         ("radial_depth_mm", b.radial_depth * MM),
         ("entry_deg", np.degrees(b.entry)),
         ("exit_deg", np.degrees(b.exit)),
-        ("peak_load_N", b.peak),
-        ("mean_load_N", b.mean),
-        ("axial_force_N", b.axial),
-        ("torque_Nm", b.torque),
-        ("peak_torque_Nm", b.peak_torque),
-        ("power_kW", b.power * KW),
+        ("peak_load_N", _turning(b, b.peak)),
+        ("mean_load_N", _turning(b, b.mean)),
+        ("axial_force_N", _turning(b, b.axial)),
+        ("torque_Nm", _turning(b, b.torque)),
+        ("peak_torque_Nm", _turning(b, b.peak_torque)),
+        ("power_kW", _turning(b, b.power) * KW),
         ("drive_share", limits.drive),
         ("deflection_um", limits.deflection * UM),
         ("stability_margin", limits.margin),

@@ -3,22 +3,26 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_dynamics import TipDynamics, rigid_directions
 from pipeline.twin.cut_limits import CutLimits
 
 Rows = NDArray[np.intp]
 
 
 def cut_warnings(
-    cut: Cut, blocks: CutBlocks, limits: CutLimits, limit_load: float | None, *, measured: bool
-) -> list[dict[str, Any]]:
+    cut: Cut, blocks: CutBlocks, limits: CutLimits, limit_load: float | None, *,
+    dynamics: TipDynamics | None, drive: SpindleDrive | None, stock: str,
+) -> list[dict[str, Any]]:  # fmt: skip
     """Each with ``what`` it is, what to ``do``, its ``lines``, and whether it is ``grave``.
 
-    Chatter is grave only where the tips' dynamics were ``measured``.
+    Chatter is grave only where the tips' ``dynamics`` were measured.
     """
+    measured = dynamics is not None and dynamics.measured
     found = cut.engagement
     deep = found.resolution * (1 + 1e-6)
     rapid = np.unique(found.block[~found.feed & (found.axial_depth > deep)]).astype(np.intp)
@@ -28,7 +32,9 @@ def cut_warnings(
                  "Retract further, or move around the blank.", grave=True),
         _warning(cut, standing, "the spindle stands while the tool is fed into the material",
                  "Program S and M3 before it.", grave=True),
-        _warning(cut, blocks.row[limits.drive > 1], "the spindle’s drive cannot give the power",
+        _too_fast(cut, blocks, drive),
+        _warning(cut, blocks.row[(limits.drive > 1) & np.isfinite(limits.drive)],
+                 "the spindle’s drive cannot give the power",
                  "Lower feed or depth, or another speed.", grave=True),
         _warning(cut, blocks.row[limits.margin < 0],
                  "blocks chatter" if measured else "blocks may chatter",
@@ -44,6 +50,7 @@ def cut_warnings(
         over = blocks.row[blocks.peak > limit_load]
         what = f"the load passes its limit of {limit_load:g} N"
         told.insert(1, _warning(cut, over, what, "Lower the feed of these blocks.", grave=True))
+    told += [_missed(cut, blocks, stock), *_rigid(cut, blocks, dynamics)]
     return [one for one in told if one is not None]
 
 
@@ -54,6 +61,63 @@ def _warning(
         return None
     lines = list(dict.fromkeys(cut.plan.path.moves.line[np.sort(rows)].tolist()))
     return {"what": what, "do": do, "lines": lines, "blocks": len(rows), "grave": grave}
+
+
+def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> dict[str, Any] | None:
+    if drive is None:
+        return None
+    over = blocks.turns > drive.top_speed_rpm * (1 + 1e-9)
+    fastest = float(blocks.turns[over].max(initial=0.0))
+    what = f"{fastest:g} rev/min is above the top speed {drive.top_speed_rpm:g} of the drive"
+    return _warning(cut, blocks.row[over], what, "Lower S.", grave=True)
+
+
+def _missed(cut: Cut, blocks: CutBlocks, stock: str) -> dict[str, Any] | None:
+    """Said where moves at feed exist and none of them meets the blank."""
+    blank, pieces = cut.blank, cut.path.pieces
+    if len(blocks) or not pieces.feed.any():
+        return None
+    ends = np.concatenate([pieces.start[pieces.feed], pieces.end[pieces.feed]])
+    rows, columns = blank.heights.shape
+    low = [blank.x0, blank.y0, blank.floor]
+    high = [
+        blank.x0 + columns * blank.cell, blank.y0 + rows * blank.cell, float(blank.heights.max()),
+    ]  # fmt: skip
+    fed, held = _spans(ends.min(axis=0), ends.max(axis=0)), _spans(low, high)
+    inch = " Is the STL in inch? It is read in mm." if stock.lower().endswith(".stl") else ""
+    return {
+        "what": f"the blank {stock} is not where the program cuts: feed moves span {fed} mm, "
+                f"the blank {held} mm",
+        "do": f"Give the blank in the coordinates of {cut.path.frame.name}, or name another work "
+              f"offset.{inch}",
+        "lines": [], "blocks": None, "grave": True,
+    }  # fmt: skip
+
+
+def _spans(low: ArrayLike, high: ArrayLike) -> str:
+    """Ranges [mm] of points [m]."""
+    ends = zip("XYZ", np.asarray(low) * 1e3, np.asarray(high) * 1e3, strict=True)
+    return ", ".join(f"{axis} {round(a, 2) + 0:g}..{round(b, 2) + 0:g}" for axis, a, b in ends)
+
+
+def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[dict[str, Any]]:
+    """Tools whose tip is known along one axis only: the other counts as rigid."""
+    if dynamics is None:
+        return []
+    tips = dynamics.of(cut.numbers)
+    stiff: dict[str, list[str]] = {}
+    for tool in np.unique(blocks.tool).tolist():
+        for name in rigid_directions(tip) if (tip := tips[tool]) else ():
+            stiff.setdefault(name, []).append(f"T{cut.numbers[tool]}")
+    return [
+        {
+            "what": f"the tips of {', '.join(tools)} have no modes along {name}: they count as "
+                    "rigid there, and the stability may be far off",
+            "do": f"Write the modes along {name} in the machine’s section dynamics too.",
+            "lines": [], "blocks": None, "grave": False,
+        }
+        for name, tools in stiff.items()
+    ]  # fmt: skip
 
 
 def _too_deep(cut: Cut, blocks: CutBlocks) -> Rows:

@@ -89,19 +89,20 @@ def cutting_path(
     Raises
     ------
     ValueError
-        When nothing in the program cuts, or a cut has no tool or one that is not in ``tools``.
+        When nothing in the program moves with a tool of ``tools``, or a cut has no tool or one
+        that is not in ``tools``.
     """
     moving: Flags = np.isin(moves.kind, MOVES) & (moves.length > 0)
     cutting: Flags = np.isin(moves.kind, CUTS) & moving
     left_out, reasons = _not_computed(moves, moving, cutting)
     cutting &= ~left_out
     _check_tools(moves, cutting, tools)
-    if not cutting.any():
-        said = f" ({reasons[0].reason})" if reasons else ""
-        raise ValueError(f"{moves.files[0]}: no move cuts{said}: nothing is in the material")
-    frame = work_frame(moves, int(np.argmax(cutting)), offsets, offset)
     known = np.isin(moves.tool, list(tools))
     rows = np.flatnonzero(moving & ~left_out & known)
+    if not len(rows):
+        raise ValueError(nothing_cut(moves, reasons))
+    first = int(np.argmax(cutting)) if cutting.any() else int(rows[0])
+    frame = work_frame(moves, first, offsets, offset)
     start, end, row = _chords(moves, rows, chord / METRE)
     if rapid_speeds is not None:
         start, end, row = _dog_legs(moves, start, end, row, rapid_speeds)
@@ -116,6 +117,15 @@ def cutting_path(
         direction=moves.direction[row],
     )
     return CuttingPath(pieces=pieces, frame=frame, left_out=tuple(reasons))
+
+
+def nothing_cut(moves: Moves, left_out: Sequence[LeftOut]) -> str:
+    """What is said of a program that has nothing in the material."""
+    if not np.isin(moves.kind, MOVES).any():
+        name = moves.files[0] if len(moves.files) else "the program"
+        return f"{name} has no moves: name a program that cuts"
+    said = f" ({left_out[0].reason})" if left_out else ""
+    return f"{moves.files[0]}: no move cuts{said}: nothing is in the material"
 
 
 def _not_computed(

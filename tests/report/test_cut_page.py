@@ -129,6 +129,20 @@ def test_the_verdict_is_that_of_its_warnings(tmp_path, warnings, limit, word):
     assert word in words(page(tmp_path, document))
 
 
+def test_the_verdict_names_the_largest_share_of_a_limit_first(tmp_path):
+    document = made()
+    document["cut"]["worst"] = [BLOCK, BLOCK | {"line": 7, "binds": "stability", "used": 3.0}]
+    said = words(page(tmp_path, document)).replace("\u202f", " ")
+    first = "Furthest beyond its limit is stability: 300 % in line 7"
+    assert said.index(first) < said.index("The load passes its limit in 4 blocks.")
+
+
+def test_forces_of_rounding_are_nothing(tmp_path):
+    document = made()
+    document["cut"]["by_tool"] = [TOOL | {"axial_force_N": 2.22e-13}]
+    assert "2.22" not in words(page(tmp_path, document))
+
+
 @pytest.mark.parametrize("key", sorted(made()["cut"]))
 @pytest.mark.parametrize("value", ["absent", None, [], {}, "text"])
 def test_a_document_that_lacks_a_part_still_makes_a_page(tmp_path, key, value):

@@ -117,6 +117,16 @@ def test_the_search_that_comes_closer_is_said_with_its_price(tmp_path, errors, s
     assert f"least squares {errors[0]:.3f} 40 kept genetic search {errors[1]:.3f} 8 000 –" in text
 
 
+def test_a_search_that_is_far_off_had_not_converged(tmp_path):
+    folders = empty_machine(tmp_path, "m", "recorded")
+    write_cutting(folders, methods=[
+        {"method": "least_squares", "rms_error_percent": 5.73, "evaluations": 154},
+        {"method": "genetic", "rms_error_percent": 35.3, "evaluations": 691}])  # fmt: skip
+    text = report(folders, tmp_path)
+    assert "the genetic search had not converged after 691 evaluations (35.3 %)." in text
+    assert "for each evaluation" not in text
+
+
 def test_recordings_carry_conditions_use_and_reason(page):
     text = words(page)
     assert "Recordings of the cut: 2 learnt from, 2 judged, 1 left out" in text
@@ -205,7 +215,8 @@ def test_what_was_learnt_beside_mechanics_says_where_it_holds(page):
     assert (
         "Beside mechanics the model holds what mechanics leave over, by the angle of the spindle. "
         "That part was learnt, not understood, and is used only where it was learnt: 6 000 "
-        "rev/min, 3 mm deep, 0.0250 to 0.150 mm a tooth." in words(page)
+        "rev/min, 3 mm deep, learnt at 0.05 and 0.075 mm a tooth, used from 0.025 to 0.15."
+        in words(page)
     )
 
 

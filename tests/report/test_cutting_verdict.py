@@ -104,6 +104,15 @@ def test_forces_that_fail_put_a_passed_machine_under_reservation(tmp_path):
     assert "Passed, with reservations" in head and "Do not plan cuts with these forces yet" in head
 
 
+def test_the_index_gives_the_reason_of_a_reservation_not_what_passed(tmp_path):
+    folders = with_cutting(machine(tmp_path, "m", days=4), [cut_run(600, 31.0), cut_run(900, 4.0)])
+    write_report([folders], FLEET, None, tmp_path / "out")
+    index = words(tmp_path / "out" / "index.html")
+    assert "see How well forces are predicted on the machine’s page" in index
+    assert "on 1 of 2 judged recordings the RMS force is wrong by up to" in index
+    assert "thermal model passed" not in index
+
+
 def test_the_index_carries_the_verdict_of_cuts_alone(tmp_path):
     write_report([with_cutting(empty_machine(tmp_path, "rig", "recorded"))], FLEET, None,
                  tmp_path / "out")  # fmt: skip

@@ -69,6 +69,7 @@ def test_a_spindle_cannot_turn_faster_than_its_top_speed(cut):
     found = document(cut, drive=slow)
     (warning,) = [w for w in found["warnings"] if "drive" in w["what"]]
     assert warning["lines"] == [11] and warning["grave"]  # the slot of T2 at 8000 rev/min
+    assert warning["what"].startswith("8000 rev/min is above the top speed 7000")
 
 
 def test_deflection_is_that_of_a_cantilever(cut):

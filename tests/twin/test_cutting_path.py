@@ -195,7 +195,7 @@ def test_what_is_not_computed_is_counted_and_named(cut, reason):
     [
         ("G1 X5 F100\nM30", "no tool is in the spindle.*program T and M6"),
         ("T7 M6\nG1 X5 F100\nM30", "T7 cuts and is not in the tool table, which has T1, T2"),
-        ("T1 M6\nG0 X5\nM30", "no move cuts"),
+        ("T1 M6\nM30", "has no moves"),
         ("T1 M6\nS100 M3\nG31 X5 F100\nM30", r"no move cuts \(probing"),
     ],
 )
