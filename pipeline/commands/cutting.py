@@ -23,7 +23,6 @@ T = TypeVar("T")
 
 RESOLUTION = 0.2
 """Of the blank where none is said [mm]."""
-NEEDED = ("stock", "tool_table", "material")
 REMEDY = {
     "stock": "give the blank, box:X0,X1,Y0,Y1,Z0,Z1 in mm, cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl",
     "tool_table": "name a table of conf/tool/ or a YAML file",
