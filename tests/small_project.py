@@ -16,7 +16,8 @@ from pipeline.stages.__main__ import run
 ROOT = Path(__file__).parents[1]
 MACHINE = "mill01"
 MONDAY, WEDNESDAY, THURSDAY = "2026-01-05", "2026-01-07", "2026-01-08"
-PATHS = ("data/raw", "data/truth", "data/golden", "data/models", "data/metrics")
+PATHS = ("data/raw", "data/truth", "data/golden", "data/models", "data/parts", "data/trials",
+         "data/metrics")  # fmt: skip
 
 
 @contextmanager
@@ -41,7 +42,8 @@ def new_project(folder: Path) -> Path:
         for path in PATHS:
             Path(path).mkdir(parents=True)
     change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE], spindles=[MACHINE],
-           controls=[MACHINE], drives=[MACHINE], cuts=[MACHINE])  # fmt: skip
+           controls=[MACHINE], drives=[MACHINE], cuts=[MACHINE], optimised=[MACHINE],
+           trials=[MACHINE])  # fmt: skip
     change(folder, f"machine.{MACHINE}.shop", weeks=1)
     change(folder, f"machine.{MACHINE}.spindle", training_from=MONDAY, training_to=WEDNESDAY)
     change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])

@@ -17,7 +17,10 @@ from pipeline.registry import register
 from tests.fuzz.seeds import LOGS
 from tests.small_project import MACHINE, MONDAY, ROOT, build, change, inside, new_project
 
-COMMANDS = ("ingest", "status", "report", "fleet", "golden", "promote", "interpret", "simulate")
+COMMANDS = (
+    "ingest", "status", "report", "fleet", "golden", "promote", "interpret", "simulate", "check",
+    "optimise",
+)  # fmt: skip
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ ROOMS = (
     "cutting",
     "gcode",
     "machine",
+    "optimisation",
     "search",
     "thermal",
     "twin",

@@ -114,7 +114,7 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
     active.symlink_to("recorded.yaml")
     with inside(project):
         run("compose", "conf", "params.yaml")
-        change(project, "fleet", machines=[machine], controls=[], drives=[], cuts=[])
+        change(project, "fleet", machines=[machine], controls=[], drives=[], cuts=[], optimised=[])
         for stage, folders in (("ingest", ("raw", "signals")), ("clean", ("signals", "clean"))):
             run(f"{stage}@{machine}", *(f"data/{folder}/{machine}" for folder in folders))
     said = held_against_the_tables(project, machine)

@@ -146,18 +146,34 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
 
 def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
     some = ("mill",)
-    fleet = Fleet(
-        name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some, cuts=some
-    )
+    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some,
+                  cuts=some, optimised=some)  # fmt: skip
     assert missing(fleet, "mill") == []
-    heat, control, drives, cuts = missing(fleet, "lathe")
+    heat, control, drives, cuts, parts = missing(fleet, "lathe")
     assert "thermal model" in heat[0] and "temperature" in heat[1]
     assert "control" in control[0] and "the programs" in control[1]
     assert "feed drives" in drives[0] and "current" in drives[1]
     assert "forces" in cuts[0] and "dynamometer" in cuts[1]
     assert "when nothing better exists, the load of the spindle with the line" in cuts[1]
+    assert "faster or cheaper" in parts[0] and "tool table, material and limits" in parts[1]
     with pytest.raises(ValueError, match=r"fleet\.spindles names \['saw'\].*add it there"):
         Fleet(name="two", machines=("mill",), spindles=("saw",))
+
+
+@pytest.mark.parametrize(
+    ("lists", "said"),
+    [
+        ({"optimised": ("mill",)}, r"fleet\.optimised names \['mill'\], which fleet\.controls"),
+        ({"trials": ("mill",)}, r"fleet\.trials names \['mill'\], which fleet\.optimised"),
+        (
+            {"controls": ("mill",), "optimised": ("mill",), "trials": ("mill",)},
+            r"fleet\.trials names \['mill'\], which fleet\.simulated",
+        ),
+    ],
+)
+def test_a_list_that_needs_another_says_so(lists: dict[str, tuple[str, ...]], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Fleet(name="one", machines=("mill",), **lists)
 
 
 def test_a_number_or_the_name_of_what_holds_it() -> None:

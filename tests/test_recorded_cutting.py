@@ -31,7 +31,12 @@ def documents(tmp_path_factory):
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     with inside(folder):
         fleet = replace(
-            use_fleet("recorded"), machines=(MACHINE,), spindles=(), controls=(), drives=()
+            use_fleet("recorded"),
+            machines=(MACHINE,),
+            spindles=(),
+            controls=(),
+            drives=(),
+            optimised=(),
         )
         assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] >= [1]
         run("compose", "conf", "params.yaml")

@@ -33,7 +33,14 @@ def documents(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded-drives")
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     with inside(folder):
-        fleet = replace(use_fleet("recorded"), machines=MACHINES, spindles=(), controls=(), cuts=())
+        fleet = replace(
+            use_fleet("recorded"),
+            machines=MACHINES,
+            spindles=(),
+            controls=(),
+            cuts=(),
+            optimised=(),
+        )
         assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] >= [1, 1]
         run("compose", "conf", "params.yaml")
         found = {}

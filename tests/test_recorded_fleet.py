@@ -31,8 +31,8 @@ def build(project: Path) -> None:
         run("validate@mazak01", "data/signals/mazak01/manifest.json", "data/clean/mazak01",
             *found, "data/golden", f"{MODEL}/validation.json", f"{MODEL}/predictions.parquet",
             "data/metrics/mazak01.json")  # fmt: skip
-        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth")),
-            "reports")  # fmt: skip
+        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth",
+                                               "parts", "trials")), "reports")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,18 @@ from typing import Any, TypeVar
 import yaml
 
 from pipeline.commands.fleet import CONF, DATA
-from pipeline.commands.programs import Simulated
+from pipeline.commands.programs import Controlled, Simulated
 from pipeline.cutting.cost import CostRates
 from pipeline.cutting.energy import EnergyParameters
 from pipeline.cutting.material import Material
 from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.stock import stock_of
 from pipeline.cutting.tool_table import ToolTable
 from pipeline.parameters import ParametersError, structure
+from pipeline.twin.cut import CutJob, cut_program
+from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_dynamics import TipDynamics, TipModes, rigid_directions
-from pipeline.twin.cut_laws import identified_law, identified_no_load
+from pipeline.twin.cut_laws import identified_law, identified_no_load, tool_laws
 
 T = TypeVar("T")
 
@@ -120,16 +123,22 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dic
     ValueError
         When blank, tools or material are not known, or a cut has no tool.
     """
-    from pipeline.cutting.stock import stock_of
-    from pipeline.twin.cut import CutJob, cut_program
-    from pipeline.twin.cut_document import CutBasis, document_of
-    from pipeline.twin.cut_laws import tool_laws
+    job, basis = cut_job(simulated.on, machine, options)
+    return document_of(cut_program(simulated.plan, job), basis)
 
+
+def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
+    """What is cut from what with what, and what that is judged by.
+
+    Raises
+    ------
+    ValueError
+        When blank, tools or material are not known.
+    """
     table = read_tools(options.tool_table)
     material = read_material(options.material)
-    sections = simulated.parameters["machine"][machine]
-    found = DATA / "models" / machine / "cutting.json"
-    known = _document(found) if found.exists() else {}
+    sections = on.parameters["machine"][machine]
+    known = model_document(machine, "cutting.json") or {}
     laws = tool_laws(table.tools, options.material, material, identified_law(known))
     drive, drive_source = _drive(sections, machine, known)
     job = CutJob(
@@ -137,7 +146,7 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dic
         tools=table.tools,
         laws={number: one.law for number, one in laws.items()},
         resolution=options.resolution * 1e-3,
-        offsets=simulated.setup.work_offsets,
+        offsets=on.setup.work_offsets,
         offset=options.work_offset,
     )
     basis = CutBasis(
@@ -146,13 +155,13 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dic
         material=material,
         laws=laws,
         limit_load=options.limit_load,
-        rates=_section(simulated.parameters, "cost", CostRates),
-        energy=_section(sections, "energy", EnergyParameters),
+        rates=section(on.parameters, "cost", CostRates),
+        energy=section(sections, "energy", EnergyParameters),
         drive=drive,
         drive_source=drive_source,
         dynamics=_dynamics(sections, options.frf),
     )
-    return document_of(cut_program(simulated.plan, job), basis)
+    return job, basis
 
 
 def read_tools(name: str) -> ToolTable:
@@ -222,7 +231,8 @@ def _structured(values: Any, where: str, wanted: type[T]) -> T:
         raise ValueError(f"{where}: {said}") from error
 
 
-def _section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:
+def section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:
+    """The section ``name`` as ``wanted``; None where there is none."""
     return structure(sections, name, wanted) if sections.get(name) else None
 
 
@@ -231,7 +241,7 @@ def _drive(
 ) -> tuple[SpindleDrive | None, str]:
     """The spindle's drive with the no-load power that was identified, where there is one."""
     drive, source = (
-        _section(sections, "spindle_drive", SpindleDrive),
+        section(sections, "spindle_drive", SpindleDrive),
         f"conf/machine/{machine}.yaml",
     )
     idle = identified_no_load(known)
@@ -265,11 +275,21 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
                 "gives way alike"
             )
         return TipDynamics(source=f"measured, {names}, taken for every tool", every=whole)
-    modes = _section(sections, "dynamics", TipModes)
+    modes = section(sections, "dynamics", TipModes)
     return None if modes is None else TipDynamics.of_modes(modes)
 
 
-def _document(path: Path) -> dict[str, Any]:
+def model_document(machine: str, name: str) -> dict[str, Any] | None:
+    """The JSON ``name`` that was identified of a machine; None where there is none.
+
+    Raises
+    ------
+    ValueError
+        When it is broken.
+    """
+    path = DATA / "models" / machine / name
+    if not path.exists():
+        return None
     try:
         found = json.loads(path.read_text())
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

@@ -162,7 +162,8 @@ def use_fleet(name: str) -> Fleet:
         said = " ".join(str(error).split()).removeprefix("params.yaml, ")
         raise ValueError(f"{folder}/{name}.yaml is no fleet: {said}") from error
     _composed(f"fleet={name}")  # refuses machines that are not known
-    (DATA / "truth").mkdir(parents=True, exist_ok=True)  # empty where nothing is simulated
+    for folder_of_some in ("truth", "parts", "trials"):  # empty where no machine has any
+        (DATA / folder_of_some).mkdir(parents=True, exist_ok=True)
     link = folder / "active.yaml"
     if not (link.is_symlink() and link.readlink() == Path(f"{name}.yaml")):
         link.unlink(missing_ok=True)
@@ -292,6 +293,8 @@ def write_report(out: Path) -> Path:
         DATA / "models",
         DATA / "golden",
         DATA / "truth",
+        DATA / "parts",
+        DATA / "trials",
         out,
         fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str),

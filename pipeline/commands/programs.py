@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.commands.fleet import DATA, machine_parameters
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import AXES, Kind, Moves
-from pipeline.gcode.program import read_program
+from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control import ControlParameters
 from pipeline.machine.nck import Plan
@@ -37,19 +37,31 @@ Share = Callable[[float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Simulated:
-    """A program on a machine, and whose control it was: identified, or as in conf/machine/.
+class Controlled:
+    """A machine with its control: identified, or as in conf/machine/.
 
-    ``axes`` is what each axis makes of it; empty where no drives were identified.  ``parameters``
-    are all that conf/ composes to with this machine.
+    ``parameters`` are all that conf/ composes to with this machine.
     """
 
-    plan: Plan
+    control: ControlParameters
     identified: bool
     origin: str
-    axes: list[dict[str, Any]]
     setup: Setup
     parameters: dict[str, Any]
+
+    @property
+    def source(self) -> str:
+        """Where the control is from, as documents say it."""
+        return "identified" if self.identified else "conf/machine"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulated:
+    """A program on a machine; ``axes`` is what each axis makes of it, where drives are known."""
+
+    plan: Plan
+    axes: list[dict[str, Any]]
+    on: Controlled
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
@@ -79,13 +91,28 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     ValueError
         When the file does not exist, or a word in it cannot be followed.
     """
+    program = program_at(path)
+    lines = max(len(program), 1)
+    return interpret(program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0)))
+
+
+def program_at(path: Path) -> Program:
+    """The program in a file.
+
+    Raises
+    ------
+    ValueError
+        When there is none.
+    """
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
-    program = read_program(path)
-    lines = max(len(program), 1)
-    setup = replace(setup, folders=(*setup.folders, path.resolve().parent))
-    return interpret(program, setup, lambda done: share(min(done / lines, 1.0)))
+    return read_program(path)
+
+
+def setup_beside(setup: Setup, path: Path) -> Setup:
+    """The set-up that also finds subprograms in the program's folder."""
+    return replace(setup, folders=(*setup.folders, path.resolve().parent))
 
 
 def moves_table(moves: Moves) -> pd.DataFrame:
@@ -133,16 +160,25 @@ def simulate_program(path: Path, machine: str, unit: str | None, share: Share) -
     ValueError
         When machine, control or unit is not known, or the program cannot be followed.
     """
+    on = machine_control(machine, unit)
+    plan = planned_program(read_moves(path, on.setup, share), on.control)
+    return Simulated(plan=plan, axes=axes_table(plan, machine), on=on)
+
+
+def machine_control(machine: str, unit: str | None) -> Controlled:
+    """The machine with its control, as :func:`simulate_program` takes it.
+
+    Raises
+    ------
+    ValueError
+        When machine, control or unit is not known.
+    """
     parameters = machine_parameters(machine)
     sections = parameters["machine"][machine]
     control, identified = _control(machine, sections, unit)
-    setup = _setup(sections)
-    moves = read_moves(path, setup, share)
-    origin = str(sections["identity"].get("origin", "recorded"))
-    plan = planned_program(moves, control)
-    return Simulated(
-        plan=plan, identified=identified, origin=origin, axes=axes_table(plan, machine),
-        setup=setup, parameters=parameters,
+    return Controlled(
+        control=control, identified=identified, setup=_setup(sections), parameters=parameters,
+        origin=str(sections["identity"].get("origin", "recorded")),
     )  # fmt: skip
 
 
@@ -204,8 +240,8 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
     """The JSON of ``kerf simulate``: totals, and every block."""
     return summary(simulated.plan, name) | {
         "machine": machine,
-        "origin": simulated.origin,
-        "control": "identified" if simulated.identified else "conf/machine",
+        "origin": simulated.on.origin,
+        "control": simulated.on.source,
         "axes": simulated.axes,
         "blocks": blocks(simulated.plan),
     }

@@ -50,6 +50,11 @@ class Tool:
         Of a new tool, or of an insert's set of edges, in the currency of the costs.
     edges : int
         Lives that one price buys (regrinds, edges of an insert).
+    feed_per_tooth_mm, cutting_speed_m_min : tuple of float, optional
+        Least and greatest that its maker allows in the material that is cut: f_z of each tooth or
+        lip [mm], v_c at the full diameter [m/min].
+    top_speed_rpm : float, optional
+        What its maker, or its holder's, lets it turn at most [rev/min].
     name : str
         For people.
 
@@ -74,6 +79,9 @@ class Tool:
     material: Literal["carbide", "hss"] = "carbide"
     price: float = 0.0
     edges: int = 1
+    feed_per_tooth_mm: tuple[float, ...] | None = None
+    cutting_speed_m_min: tuple[float, ...] | None = None
+    top_speed_rpm: float | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -86,6 +94,8 @@ class Tool:
                 raise ValueError(
                     f"tool.{item.name} = {value} is out of its range, {low:g} to {high:g}"
                 )
+        for name, high in _SPANS.items():
+            _check_span(name, getattr(self, name), high)
         if self.kind == "bull_nose" and not 0 < self.corner_radius_mm <= self.diameter_mm / 2:
             raise ValueError(
                 f"tool.corner_radius_mm = {self.corner_radius_mm} of a bull-nose end mill must be "
@@ -163,4 +173,15 @@ _RANGES: dict[str, tuple[float, float]] = {
     "runout_deg": (-360.0, 360.0),
     "price": (0.0, 1e12),
     "edges": (1, 1000),
+    "top_speed_rpm": (1.0, 1e6),
 }
+_SPANS = {"feed_per_tooth_mm": 10.0, "cutting_speed_m_min": 10_000.0}
+"""Least and greatest of what a maker allows, and what neither passes."""
+
+
+def _check_span(name: str, span: tuple[float, ...] | None, high: float) -> None:
+    if span is not None and not (len(span) == 2 and 0.0 <= span[0] <= span[1] <= high and span[1]):
+        raise ValueError(
+            f"tool.{name} = {list(span)} must be two numbers from 0 to {high:g}, the least first, "
+            "the greatest above 0"
+        )

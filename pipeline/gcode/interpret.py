@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.gcode.block import Block
 from pipeline.gcode.calls import Calls, ErrorAt, Variables
 from pipeline.gcode.execute import block_of, carry_out
@@ -72,6 +75,11 @@ class Interpreter:
         As :func:`interpret` takes them.
     compiled : bool
         Whether stretches of plain lines are left to compiled code; the moves are the same.
+
+    Attributes
+    ----------
+    executed : ndarray of bool, shape (L + 1,)
+        Lines of the program's own file that were carried out until now, that of line n is n.
     """
 
     def __init__(
@@ -82,7 +90,8 @@ class Interpreter:
         *,
         compiled: bool = True,
     ) -> None:
-        self.setup, self.progress = setup, progress
+        self.setup, self.progress, self.program = setup, progress, program
+        self.executed: NDArray[np.bool_] = np.zeros(len(program) + 1, dtype=np.bool_)
         self.limit = setup.block_limit + len(program)
         # the reader of Siemens lines remembers what it read: it has to read them all
         self.compiled = compiled and setup.dialect != "siemens"
@@ -125,6 +134,7 @@ class Interpreter:
             after = run_plain(level.source.program, line, stop, self.run, self.variables)
             if after > line:
                 self._count(after - line, after - 1)
+                self._follow(line, after)
                 level.line = after
                 if self.run.state.motion != self.run.cycle.code:
                     self.run.cycle.code = CANCELLED
@@ -133,7 +143,12 @@ class Interpreter:
         level.line = line + 1
         statement = level.source.statement(line)
         if statement.skip is None or statement.skip not in self.setup.block_skip:
+            self._follow(line, line + 1)
             self._execute(statement)
+
+    def _follow(self, line: int, stop: int) -> None:
+        if self.calls.here.source.program is self.program:
+            self.executed[line:stop] = True
 
     def _execute(self, statement: Statement) -> None:
         self.variables.line = statement.line

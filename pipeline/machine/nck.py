@@ -22,7 +22,7 @@ from pipeline.machine.path import Path, limited_path
 from pipeline.machine.row_motion import RowMotion, motion_times, motion_totals, row_motion
 from pipeline.machine.spindle import spindle_waits
 
-__all__ = ["Path", "Plan", "limited_path", "plan", "row_times", "totals"]
+__all__ = ["Path", "Plan", "limited_path", "plan", "row_times", "totals", "waits"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,11 +151,26 @@ def row_times(
     """
     feed, turns = _commands(path, feeds, speeds, feed_override, rapid_override)
     time = motion_times(path, feed, turns)
-    wait = np.zeros(feed.shape)
-    wait += path.pause
-    _add_waits(path, turns, time, wait)
-    time += wait
+    time += waits(path, turns, time)
     return time
+
+
+def waits(path: Path, turns: Floats, motion_time: Floats) -> Floats:
+    """Standstill after each row for a population [s]; shape (P, M).
+
+    Parameters
+    ----------
+    path : Path
+        From :func:`limited_path`.
+    turns : (1 or P, M) array
+        Speed of the spindle, at least 0 [rev/min].
+    motion_time : (P, M) array
+        How long each row moves [s].
+    """
+    wait = np.zeros(motion_time.shape)
+    wait += path.pause
+    _add_waits(path, turns, motion_time, wait)
+    return wait
 
 
 def totals(

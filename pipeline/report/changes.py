@@ -11,6 +11,7 @@ from pipeline.report.drive_units import in_shop_units
 from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
 from pipeline.report.numbers import NOT_KNOWN, moment, number, real
+from pipeline.report.part_program_verdict import part_changes
 from pipeline.report.sources import dig, objects_of
 from pipeline.report.verdict import Verdict
 
@@ -40,6 +41,9 @@ KEYS = {
     "cut_rms_percent": ("Error of cutting forces (RMS), worst recording", "%"),
     "cut_peak_percent": ("Error of peak cutting forces, worst recording", "%"),
     "cuts_judged": ("Cuts judged", ""),
+    "parts": ("Part programs optimised", ""),
+    "parts_before_s": ("Their time as programmed", "s"),
+    "parts_after_s": ("Their time optimised", "s"),
 }
 """Key figures that are compared: name and unit as shown."""
 
@@ -78,6 +82,7 @@ def key_figures(found: Facts, judged: Verdict) -> dict[str, Any]:
         "programs": len(found.control.programs) or None,
         **_drive_figures(found),
         **cutting_figures(found.cutting),
+        **part_changes(found.parts),
         "parameters": _parameters(found.model.thermal) | {
             f"control {name}": p for name, p in _parameters(found.control.control).items()
         } | {

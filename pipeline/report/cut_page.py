@@ -3,12 +3,11 @@
 The document is what ``kerf simulate --json`` writes with a stock; nothing else is read.
 """
 
-from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from pipeline.report import cut_engagement_figure, cut_load_figure
+from pipeline.report.alone import LonePage, rendered, source_of
 from pipeline.report.cut_engagement_figure import engagement_figure
 from pipeline.report.cut_load_figure import load_figure
 from pipeline.report.cut_point_figures import (
@@ -29,28 +28,9 @@ from pipeline.report.cut_tables import (
 from pipeline.report.cut_trace import cut_trace
 from pipeline.report.numbers import counted, duration, number, real
 from pipeline.report.parts import Figure, Figures, Section, present
-from pipeline.report.sources import Source, dig, rows_of, shown
+from pipeline.report.sources import Source, dig, rows_of
 
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
-
-
-@dataclass(frozen=True, kw_only=True)
-class CutPage:
-    """Head, verdict, key figures (name, value, aside) and sections of the page.
-
-    ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.
-    """
-
-    program: str
-    machine: str
-    about: str
-    origin: str
-    status: str
-    word: str
-    sentences: list[str]
-    key_figures: list[tuple[str, str, str]]
-    sections: list[Section] = field(default_factory=list)
-    credit: str = ""
 
 
 def write_cut_page(document: dict[str, Any], out: Path, source: Path | None = None) -> None:
@@ -66,29 +46,12 @@ def write_cut_page(document: dict[str, Any], out: Path, source: Path | None = No
             f"{out} cannot be drawn: the document holds no cut, give --stock, --tool-table and "
             "--material"
         )
-    sources = [_source(source)] if source is not None else []
+    sources = [source_of(source)] if source is not None else []
     page = cut_page(document, sources)
-    out.write_text(_rendered(page), encoding="utf-8", newline="\n")
+    out.write_text(rendered(page, "cut.html.j2"), encoding="utf-8", newline="\n")
 
 
-def _rendered(page: CutPage) -> str:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("cut.html.j2").render(page=page)
-
-
-def _source(path: Path) -> Source:
-    return Source(path=shown(path), sha256=sha256(path.read_bytes()).hexdigest())
-
-
-def cut_page(document: dict[str, Any], sources: list[Source]) -> CutPage:
+def cut_page(document: dict[str, Any], sources: list[Source]) -> LonePage:
     """What stands on the page of a document, in the order in which its reader needs it."""
     status, word, sentences = _verdict(document)
     sections = [
@@ -99,7 +62,7 @@ def cut_page(document: dict[str, Any], sources: list[Source]) -> CutPage:
     ]
     stock = str(dig(document, "cut", "stock", "text") or "")
     material = str(dig(document, "cut", "material", "name") or "")
-    return CutPage(
+    return LonePage(
         program=str(document.get("program") or ""),
         machine=str(document.get("machine") or ""),
         about=f"Cut of {stock} in {material} on {document.get('machine')}",

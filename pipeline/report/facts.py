@@ -10,6 +10,7 @@ from pipeline.report.cutting_facts import Cutting, cutting_facts
 from pipeline.report.driven import Driven, driven
 from pipeline.report.folders import MachineFolders
 from pipeline.report.modelled import Modelled, modelled, spindle_prefix
+from pipeline.report.part_program_facts import PartPrograms, part_programs
 from pipeline.report.reading import Reading, reading
 from pipeline.report.sources import Shelf
 from pipeline.report.working import NO_RECORD, Day, Working, working
@@ -27,6 +28,7 @@ class Facts:
     control: Controlled
     drives: Driven
     cutting: Cutting
+    parts: PartPrograms
 
     @property
     def without_spindle(self) -> bool:
@@ -81,6 +83,7 @@ def facts(folders: MachineFolders) -> Facts:
         control=controlled(folders, shelf),
         drives=driven(folders, shelf),
         cutting=cutting_facts(folders, shelf),
+        parts=part_programs(folders, shelf),
     )
 
 

@@ -24,6 +24,10 @@ class MachineFolders:
         File ``data/golden/<machine>.json``; may be absent.
     truth : Path or None
         JSON of what a simulated machine really is; None for recorded machines.
+    parts : Path or None
+        Folder ``data/parts/<machine>`` of optimised programs; may be absent.
+    trial : Path or None
+        JSON of what the simulated shop floor made of them; None where none was cut.
     description : str
         What machine it is, in a sentence.
     origin : {"simulated", "recorded"}
@@ -41,6 +45,8 @@ class MachineFolders:
     golden: Path
     origin: Literal["simulated", "recorded"]
     truth: Path | None = None
+    parts: Path | None = None
+    trial: Path | None = None
     description: str = ""
     credit: str = ""
     missing: tuple[tuple[str, str], ...] = ()

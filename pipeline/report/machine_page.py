@@ -18,6 +18,8 @@ from pipeline.report.facts import Facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.model_sections import golden_section, thermal_section
 from pipeline.report.numbers import TOGETHER, counted, fixed, hours, moment, number, percent, signed
+from pipeline.report.part_program_section import part_programs_section
+from pipeline.report.part_program_verdict import part_key_figures
 from pipeline.report.parts import Section, absent, present
 from pipeline.report.program_section import programs_section
 from pipeline.report.record_tables import (
@@ -60,6 +62,7 @@ def machine_page(
         control_section(found),
         times_section(found),
         programs_section(found),
+        part_programs_section(found),
         drives_section(found),
         following_section(found),
         cutting_section(found),
@@ -97,6 +100,7 @@ def _key_figures(found: Facts) -> list[tuple[str, str, str]]:
             f"limit ±{fixed(found.control.limit, 0)} %")] if times is not None else []),
         *_drive_figures(found),
         *cutting_key_figures(found.cutting),
+        *part_key_figures(found.parts),
         ("Time ACTIVE", f"{hours(active)} h" if found.working.days else "not known",
          f"on {counted(len(days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records) if r.files else "not known",

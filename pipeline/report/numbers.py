@@ -46,6 +46,16 @@ def number(value: Any, digits: int = 3) -> str:
     return text.replace(",", NARROW).replace("-", "−")
 
 
+def asked(value: Any, digits: int = 6) -> str:
+    """``value`` as a person states it: no digits that say nothing.
+
+    >>> asked(60.0), asked(0.05), asked(1e4)
+    ('60', '0.05', '10\u202f000')
+    """
+    x = real(value)
+    return NOT_KNOWN if x is None else number(int(x)) if x == int(x) else f"{x:.{digits}g}"
+
+
 def _superscript(exponent: int) -> str:
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 

@@ -19,6 +19,7 @@ from pipeline.report.numbers import (
     percent,
     real,
 )
+from pipeline.report.part_program_verdict import loading_words, warning_words
 from pipeline.report.part_verdict import PartVerdict, combined
 from pipeline.report.reading import WHOLE, Gap, rule_words
 from pipeline.report.sources import dig, objects_of, rows_of, words_of
@@ -71,6 +72,8 @@ def verdict(found: Facts) -> Verdict:
     sentences = [*said[:1], *grave, *said[1:]]
     if grave and status != "failed" and (repair := _repair(found)):
         todo, because = repair, grave[0]
+    if status == "passed" and (loading := loading_words(found.parts)):
+        todo = f"{todo} {loading}"
     return Verdict(
         status=status, sentences=sentences[:2], todo=todo, because=because,
         notes=sentences[2:] + notes,
@@ -242,7 +245,7 @@ def _unjudged(found: Facts) -> list[str]:
 
 def _notes(found: Facts) -> list[str]:
     """What else is unusual, most important first."""
-    said = _mild(found) + _unjudged(found)
+    said = warning_words(found.parts) + _mild(found) + _unjudged(found)
     parameters = objects_of(found.model.thermal, "parameters")
     undetermined = [name for name, p in parameters.items() if not p.get("determined")]
     if undetermined:

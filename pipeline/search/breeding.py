@@ -36,23 +36,52 @@ def offspring(
         Source of chance.
     """
     pairs = (settings.children + 1) // 2
-    rate = 1.0 / unit.shape[1] if settings.mutation_rate is None else settings.mutation_rate
-    parents, crossing, mutating = _parents(costs, pairs, rate, settings, rng)
-    before = unit.take(parents, axis=0)
-    first, second = before[:pairs], before[pairs:]
+    parents, crossing, mutating = _parents(
+        costs, pairs, mutation_rate(unit.shape[1], settings), settings, rng
+    )
+    children = bred(unit.take(parents, axis=0), crossing, mutating, settings, rng)
+    return children[: settings.children]
+
+
+def mutation_rate(genes: int, settings: GeneticSettings) -> float:
+    """Share of the genes that mutate [1]; where none is set, one gene of each individual."""
+    return 1.0 / genes if settings.mutation_rate is None else settings.mutation_rate
+
+
+def bred(
+    parents: Floats, crossing: float | Floats, mutating: float | Floats,
+    settings: GeneticSettings, rng: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Children of pairs of parents, shape (2 N, D), in the unit cube.
+
+    Parameters
+    ----------
+    parents : ndarray, shape (2 N, D)
+        In the unit cube; the first N cross with the others.
+    crossing : float or ndarray, shape (N, 1)
+        Probability that a pair crosses.
+    mutating : float or ndarray, shape (2 N, 1)
+        Probability that a gene mutates.
+    settings : GeneticSettings
+        Which crossover, and how wide its steps and those of mutation are.
+    rng : numpy.random.Generator
+        Source of chance.
+    """
+    pairs = len(parents) // 2
+    first, second = parents[:pairs], parents[pairs:]
     crossed = rng.random(first.shape) < settings.gene_rate
     crossed &= rng.random((pairs, 1)) < crossing
     if settings.crossover == "sbx":
         children = simulated_binary(first, second, crossed, settings.crossover_eta, rng)
     else:
         children = blend(first, second, crossed, settings.alpha, rng)
-    children = children.reshape(before.shape)
-    mutated = rng.random(before.shape) < mutating
-    if rate > 0:
-        _no_copies(mutated, children, before, rng)
+    children = children.reshape(parents.shape)
+    mutated = rng.random(parents.shape) < mutating
+    if settings.mutation_rate != 0:
+        _no_copies(mutated, children, parents, rng)
     genes = mutated.ravel().nonzero()[0]
     children.put(genes, polynomial(children.take(genes), settings.mutation_eta, rng))
-    return children[: settings.children]
+    return children
 
 
 def _parents(

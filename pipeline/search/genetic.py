@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.search.box import Box
 from pipeline.search.breeding import offspring
+from pipeline.search.first import first_population
 from pipeline.search.genetic_settings import GeneticSettings
 from pipeline.search.result import Callback, Cost, Course, Ending, SearchResult
 
@@ -66,26 +67,13 @@ def minimise(
         stall_gain=settings.stall_gain, callback=callback,
     )  # fmt: skip
     rng = np.random.default_rng(settings.seed)
-    unit = _first(box, settings.population, start, rng)
+    unit = first_population(box, settings.population, start, rng, setting="genetic.population")
     costs = course.evaluate(unit)
     unit, costs = _best(unit, costs, settings.population)
     while not (stopped := course.stopped(ending)):
         children = offspring(unit, costs, settings, rng)
         unit, costs = _survivors(unit, costs, children, course.evaluate(children), settings)
     return course.result(unit, costs, stopped)
-
-
-def _first(box: Box, many: int, start: ArrayLike | None, rng: np.random.Generator) -> Floats:
-    """The first population in the unit cube, shape (P, D): ``start``, then a Latin hypercube."""
-    given = np.empty((0, len(box))) if start is None else box.unit(start)
-    if len(given) > many:
-        raise ValueError(
-            f"start has {len(given)} individuals, more than the population of {many}: "
-            "give fewer, or raise genetic.population"
-        )
-    free = many - len(given)
-    strata = rng.permuted(np.tile(np.arange(free), (len(box), 1)), axis=1).T
-    return np.concatenate([given, (strata + rng.random((free, len(box)))) / max(free, 1)])
 
 
 def _survivors(

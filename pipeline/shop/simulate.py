@@ -16,6 +16,7 @@ from pipeline.shop.parameters import DAY, ShopParameters
 from pipeline.shop.schedule import Shop, working_day
 from pipeline.shop.thermocouples import Recorder, write_thermocouples
 from pipeline.shop.timeline import Timeline
+from pipeline.shop.trial_parts import write_parts
 
 
 def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
@@ -27,8 +28,8 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
         ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
         ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``dynamometer/<test>.csv``,
-        ``cutting/<program>.nc``, ``cutting/<run>.txt``.  Made if it is missing; files of the same
-        names are replaced.
+        ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``parts/<name>.nc``.  Made if it is
+        missing; files of the same names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``.
     parameters : ShopParameters
@@ -58,6 +59,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     ledger.control = write_control(out, parameters)
     ledger.drives = write_drives(out, parameters)
     ledger.cutting = write_cutting(out, parameters)
+    write_parts(out, parameters)
     ledger.heat = {
         "generated_J": round(machine.generated), "to_air_J": round(machine.to_air),
         "to_chiller_J": round(machine.to_chiller),

@@ -216,6 +216,65 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
     )  # fmt: skip
 
 
+def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
+    """The same way through the same blank under another plan: other feeds, speeds and rows.
+
+    Neither the engagement nor the table depends on feeds and speeds.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of M rows.
+    plan : Plan
+        Of the same moves and others that do not cut.
+    rows : array_like of int, shape (M,)
+        Row of the plan that each row of ``cut`` has become, rising.
+
+    Raises
+    ------
+    ValueError
+        When a row has no place, or a row with a cut moves otherwise than before.
+    """
+    place, moves = np.asarray(rows, dtype=np.intp), plan.path.moves
+    before = cut.plan.path.moves
+    if place.shape != (len(before),) or (np.diff(place, prepend=-1) < 1).any() or (
+        len(place) and place[-1] >= len(moves)
+    ):  # fmt: skip
+        raise ValueError(
+            f"recut: {place.shape} places for {len(before)} rows in a plan of {len(moves)}: give "
+            "each row one, rising"
+        )
+    cutting = np.unique(cut.path.pieces.block)
+    other = (moves.length[place[cutting]] != before.length[cutting]) | (
+        moves.tool[place[cutting]] != before.tool[cutting]
+    )
+    if other.any():
+        wrong = cutting[np.argmax(other)]
+        raise ValueError(
+            f"recut: line {before.line[wrong]} moves {before.length[wrong]:g} mm with "
+            f"T{before.tool[wrong]} in the cut and otherwise in the plan: give the same moves"
+        )
+    pieces, found, row = cut.path.pieces, cut.engagement, place.astype(np.int32)
+    return replace(
+        cut,
+        plan=plan,
+        path=replace(cut.path, pieces=replace(pieces, block=row[pieces.block])),
+        engagement=replace(found, block=row[found.block], blocks=len(moves)),
+        table=_placed(cut.table, place, len(moves)),
+    )
+
+
+def _placed(table: LoadTable, place: Indices, rows: int) -> LoadTable:
+    """The table with its blocks at other rows; those between cut nothing."""
+    values = np.zeros((table.values.shape[0], rows, table.values.shape[2]))
+    values[:, place] = table.values
+    scale, exponent, length = np.ones(rows), np.ones(rows), np.zeros(rows)
+    scale[place], exponent[place] = table.scale, table.exponent
+    length[place] = table.length
+    block = place.astype(np.int32)[table.block]
+    return replace(table, values=values, block=block, scale=scale, exponent=exponent, length=length)
+
+
 def _rapid_speeds(control: ControlParameters) -> Floats | None:
     """Of X, Y and Z where each goes as fast as it can; an axis that is not there never moves."""
     if control.rapid_mode != "independent":

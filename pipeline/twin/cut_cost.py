@@ -110,11 +110,11 @@ def electricity(
         times=plan.time,
         spindle_W=spindle_supply(cutting, no_load, drive),
         moving=np.where(plan.path.motion != Motion.STILL, share, 0.0),
-        coolant=_coolant(cut),
+        coolant=coolant_on(cut),
     )
 
 
-def _coolant(cut: Cut) -> Floats:
+def coolant_on(cut: Cut) -> Floats:
     """1 in rows where coolant is on (M7, M8 to M9 or the end); shape (M,)."""
     moves = cut.plan.path.moves
     code = np.where(moves.kind == Kind.M_CODE, moves.code, -1)

@@ -18,7 +18,7 @@ from pipeline.twin.cut_dynamics import TipDynamics
 from pipeline.twin.cut_laws import ToolLaw
 from pipeline.twin.cut_limits import cut_limits
 from pipeline.twin.cut_stability import Stability, lobe_figures, stability
-from pipeline.twin.cut_stations import stations
+from pipeline.twin.cut_stations import Stations, stations
 from pipeline.twin.cut_tools import Found, block_rows, by_tool, summary
 from pipeline.twin.cut_trace import cut_trace
 from pipeline.twin.cut_warnings import cut_warnings
@@ -67,8 +67,27 @@ class CutBasis:
     dynamics: TipDynamics | None = None
 
 
-def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
-    """The cut as it stands under ``cut`` in the JSON of ``kerf simulate``."""
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A cut with everything that is known of it.
+
+    Parameters
+    ----------
+    found : Found
+        Blocks, life, energy, limits, cost.
+    arcs : Stations
+        Of its stations.
+    stable : Stability or None
+        None where no dynamics are known.
+    """
+
+    found: Found
+    arcs: Stations
+    stable: Stability | None
+
+
+def judged(cut: Cut, basis: CutBasis) -> Judged:
+    """The cut judged by what ``basis`` holds; what that does not hold is not known."""
     arcs = stations(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
     stable = None if basis.dynamics is None else stability(cut, blocks, basis.dynamics)
@@ -84,6 +103,13 @@ def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
         ),
         cost=None if basis.rates is None else cost_of(cut, basis.rates, life, used),
     )  # fmt: skip
+    return Judged(found=found, arcs=arcs, stable=stable)
+
+
+def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
+    """The cut as it stands under ``cut`` in the JSON of ``kerf simulate``."""
+    of = judged(cut, basis)
+    found, blocks, arcs, stable = of.found, of.found.blocks, of.arcs, of.stable
     rows = block_rows(found)
     return {
         "stock": {
@@ -106,10 +132,10 @@ def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
             ),
             *_worn(found),
         ],
-        "not_known": _not_known(found, basis, stable),
+        "not_known": not_known(of, basis),
         "left_out": [vars(one) for one in cut.path.left_out],
         "basis": _basis(cut, blocks, basis),
-        "notes": _notes(cut, found, basis),
+        "notes": notes(of, basis),
         "trace": cut_trace(cut, arcs),
         "lobes": [] if stable is None else lobe_figures(cut, stable),
         "drive": None if basis.drive is None else _drive(blocks, rows, basis.drive),
@@ -161,7 +187,9 @@ def _worn(found: Found) -> list[dict[str, Any]]:
     return told
 
 
-def _not_known(found: Found, basis: CutBasis, stable: Stability | None) -> list[dict[str, str]]:
+def not_known(of: Judged, basis: CutBasis) -> list[dict[str, str]]:
+    """What is not known of a cut, and why."""
+    found, stable = of.found, of.stable
     cut = found.cut
     names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(found.blocks.tool).tolist()}
     unknown = found.life.unknown
@@ -237,7 +265,9 @@ def _law_words(found: ToolLaw) -> str:
     )
 
 
-def _notes(cut: Cut, found: Found, basis: CutBasis) -> list[str]:
+def notes(of: Judged, basis: CutBasis) -> list[str]:
+    """What a reader has to know of a cut's numbers."""
+    found, cut = of.found, of.found.cut
     cautions = dict.fromkeys(
         basis.laws[cut.numbers[tool]].caution for tool in np.unique(found.blocks.tool).tolist()
     )

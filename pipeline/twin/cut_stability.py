@@ -38,13 +38,19 @@ class Stability:
     speeds: tuple[float, float]
 
 
-def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability | None:
-    """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled."""
+def stability(
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, speeds: tuple[float, float] | None = None
+) -> Stability | None:
+    """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled.
+
+    Lobes are looked at between ``speeds`` [rev/min]; by default around those of the program.
+    """
     tips = dynamics.of(cut.numbers)
     turning = blocks.turns[blocks.turns > 0]
     if not len(turning) or not any(tips[tool] is not None for tool in np.unique(blocks.tool)):
         return None
-    speeds = (SLOWEST * float(turning.min()), FASTEST * float(turning.max()))
+    if speeds is None:
+        speeds = (SLOWEST * float(turning.min()), FASTEST * float(turning.max()))
     found = immersions(cut.path.pieces, cut.engagement)
     # the tips move along the machine's axes, the path lies in those of the work offset
     turned = cut.path.frame.rotation * RADIAN

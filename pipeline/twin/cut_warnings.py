@@ -50,7 +50,7 @@ def cut_warnings(
         over = blocks.row[blocks.peak > limit_load]
         what = f"the load passes its limit of {limit_load:g} N"
         told.insert(1, _warning(cut, over, what, "Lower the feed of these blocks.", grave=True))
-    told += [_missed(cut, blocks, stock), *_rigid(cut, blocks, dynamics)]
+    told += [missed(cut, stock), *_rigid(cut, blocks, dynamics)]
     return [one for one in told if one is not None]
 
 
@@ -72,10 +72,10 @@ def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> dict[s
     return _warning(cut, blocks.row[over], what, "Lower S.", grave=True)
 
 
-def _missed(cut: Cut, blocks: CutBlocks, stock: str) -> dict[str, Any] | None:
+def missed(cut: Cut, stock: str) -> dict[str, Any] | None:
     """Said where moves at feed exist and none of them meets the blank."""
     blank, pieces = cut.blank, cut.path.pieces
-    if len(blocks) or not pieces.feed.any():
+    if (cut.tool >= 0).any() or not pieces.feed.any():
         return None
     ends = np.concatenate([pieces.start[pieces.feed], pieces.end[pieces.feed]])
     rows, columns = blank.heights.shape

@@ -63,3 +63,32 @@ def test_tools_that_a_program_uses_and_their_places() -> None:
 def test_what_is_no_table_is_refused(values: dict[str, object], words: str) -> None:
     with pytest.raises(ParametersError, match=words):
         structure({"tool": values}, "tool", ToolTable)
+
+
+MADE_FOR = {"kind": "flat", "diameter_mm": 6, "flutes": 2}
+
+
+def test_what_a_maker_allows_is_read_as_pairs() -> None:
+    spans = {"feed_per_tooth_mm": [0.02, 0.05], "cutting_speed_m_min": [80, 150.5]}
+    values = {"tools": {3: MADE_FOR | spans | {"top_speed_rpm": 20000}}}
+    tool = structure({"tool": values}, "tool", ToolTable).tool(3)
+    assert tool.feed_per_tooth_mm == (0.02, 0.05)
+    assert tool.cutting_speed_m_min == (80.0, 150.5)
+    assert tool.top_speed_rpm == 20000.0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"feed_per_tooth_mm": [0.05, 0.02]}, r"feed_per_tooth_mm = \[0.05, 0.02\].*least first"),
+        ({"feed_per_tooth_mm": [0.05]}, "feed_per_tooth_mm.*two numbers"),
+        ({"feed_per_tooth_mm": [0.0, 0.0]}, "greatest above 0"),
+        ({"feed_per_tooth_mm": [-0.01, 0.1]}, "from 0 to 10"),
+        ({"cutting_speed_m_min": [100.0, float("nan")]}, "cutting_speed_m_min"),
+        ({"cutting_speed_m_min": [100.0, 1e6]}, "from 0 to 10000"),
+        ({"top_speed_rpm": 0.0}, "top_speed_rpm = 0.0 is out of its range"),
+    ],
+)
+def test_what_a_maker_cannot_mean_is_refused(change: dict[str, object], words: str) -> None:
+    with pytest.raises(ParametersError, match=words):
+        structure({"tool": {"tools": {3: MADE_FOR | change}}}, "tool", ToolTable)

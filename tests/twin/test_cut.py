@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.stock import Box
+from pipeline.twin.cut import recut
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_stations import stations
 from pipeline.twin.cut_trace import cut_trace
@@ -142,3 +143,44 @@ class TestTrace:
 def test_a_blank_beside_the_path_is_not_cut():
     cut = cut_of(SLOT, stock=Box(x_mm=(0, 60), y_mm=(100, 150), z_mm=(-10, 0)))
     assert len(cut_blocks(cut)) == 0 and len(cut.engagement) == 0
+
+
+@pytest.fixture(scope="module")
+def cut():
+    return cut_of(pocket())
+
+
+class TestRecut:
+    """The same way and blank under other feeds, speeds and rows."""
+
+    def test_it_is_the_cut_of_the_other_program(self, cut):
+        """An S word on a line of its own is a row more; the rest is cut anew for comparison."""
+        text = pocket().replace("F600", "F450\nS7000")
+        anew = cut_of(text)
+        before, after = cut.plan.path.moves, anew.plan.path.moves
+        assert len(after) == len(before) + 1
+        rows = np.arange(len(before))
+        rows[before.line >= before.line[np.argmax(before.feed == 600)]] += 1
+        found = recut(cut, anew.plan, rows)
+        # both tables have chords below 0.6 % of what they stand for, at other feeds
+        for name in ("peak", "mean", "torque", "axial"):
+            here, there = (getattr(one.block_loads, name) for one in (found, anew))
+            assert here == pytest.approx(there, rel=0.012, abs=1e-9)
+        assert found.in_material == pytest.approx(anew.in_material)
+        assert np.array_equal(found.tool, anew.tool)
+        assert np.array_equal(found.station_loads.peak > 0, anew.station_loads.peak > 0)
+        assert len(cut_blocks(found)) == len(cut_blocks(cut))
+
+    def test_the_same_plan_is_the_same_cut(self, cut):
+        again = recut(cut, cut.plan, np.arange(len(cut.plan.path)))
+        assert np.array_equal(again.block_loads.peak, cut.block_loads.peak)
+        assert np.array_equal(again.table.values, cut.table.values)
+
+    def test_rows_without_a_place_and_other_moves_are_named(self, cut):
+        many = len(cut.plan.path)
+        for rows in (np.arange(many - 1), np.arange(many)[::-1], np.arange(many) + 1):
+            with pytest.raises(ValueError, match=rf"{many} rows in a plan of {many}"):
+                recut(cut, cut.plan, rows)
+        other = cut_of(pocket().replace("X45", "X44"))
+        with pytest.raises(ValueError, match=r"line 7 moves 30 mm with T1 in the cut"):
+            recut(cut, other.plan, np.arange(many))

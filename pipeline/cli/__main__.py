@@ -1,0 +1,5 @@
+"""``python -m pipeline.cli …`` is ``kerf …``."""
+
+from pipeline.cli import main
+
+main()

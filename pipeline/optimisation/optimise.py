@@ -1,0 +1,293 @@
+"""From a program to one that is faster or cheaper inside its limits.
+
+The direct solution comes first; it is exact where blocks do not interact.  A genetic search goes on
+from it in the fast planner and the load table.  What both find is written as text, read again, and
+judged by the whole twin: speeds that the control reaches, loads by tooth passing, servo.  Rows that
+the table promised too little for get less feed, and the search begins again.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import Moves
+from pipeline.gcode.program import Program, parse_program
+from pipeline.optimisation.baselines import Method, baselines, method_of
+from pipeline.optimisation.certainty import CertainFeeds, Exceedance, certain_feeds, exceedance
+from pipeline.optimisation.decision import Decision
+from pipeline.optimisation.direct import direct
+from pipeline.optimisation.editable import Editable
+from pipeline.optimisation.editable_blocks import editable_blocks
+from pipeline.optimisation.full_twin import Full, full_twin
+from pipeline.optimisation.genetic import improve
+from pipeline.optimisation.job import Interrupted, Job, Progress
+from pipeline.optimisation.pareto import Front, pareto
+from pipeline.optimisation.problem import Problem, problem_of
+from pipeline.optimisation.proof import Proof, prove
+from pipeline.optimisation.settings import OBJECTIVES, Objective
+from pipeline.optimisation.split import split_blocks
+from pipeline.optimisation.uncertainty import Uncertainty, uncertainty
+from pipeline.twin.cut import Cut, cut_program
+from pipeline.twin.cut_warnings import missed
+from pipeline.twin.program import planned_program
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 4
+"""Of tightening what the whole twin finds beyond the limit."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Result:
+    """What an optimisation found.
+
+    Parameters
+    ----------
+    job : Job
+        What was asked.
+    moves, before : Moves, Cut
+        Of the program as it was.
+    problem : Problem
+        Its last form, after tightening.
+    direct : Decision
+        The direct solution.
+    answer : Full
+        The answer with its text, as the whole twin sees it.
+    proof : Proof
+        That only F and S changed.
+    methods : tuple of Method
+        The answer beside the baselines.
+    front : Front or None
+        Of the objectives, when it was asked for.
+    uncertain : Uncertainty or None
+        What is not known well; None without a load limit.
+    nominal : Method or None
+        The direct solution that takes every value as known.
+    risk : Exceedance or None
+        Of the load limit, by the answer.
+    tightened : int
+        Rounds in which the whole twin asked for less feed.
+    evaluated : int
+        Evaluations of the whole twin.
+    interrupted : bool
+        Whether the search was ended early.
+    """
+
+    job: Job = field(repr=False)
+    moves: Moves = field(repr=False)
+    before: Cut = field(repr=False)
+    problem: Problem = field(repr=False)
+    direct: Decision = field(repr=False)
+    answer: Full = field(repr=False)
+    proof: Proof
+    methods: tuple[Method, ...]
+    front: Front | None = None
+    uncertain: Uncertainty | None = None
+    nominal: Method | None = None
+    risk: Exceedance | None = None
+    tightened: int = 0
+    evaluated: int = 0
+    interrupted: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """What one round of searching found; ``written`` is the direct solution's, rounded."""
+
+    direct: Decision
+    written: Floats | None
+    answer: Full
+    front: Front | None
+    evaluations: int
+
+
+def optimise(job: Job, progress: Progress | None = None) -> Result:
+    """The best program that keeps the limits of ``job``.
+
+    Raises
+    ------
+    ValueError
+        When the program cannot be followed, nothing is cut, a tool is not in the table, nothing
+        limits a feed, or no feed and speed keep the limits.
+    Interrupted
+        When the search was ended before anything kept the limits.
+    """
+    return _Course(job, progress or _alone).result()
+
+
+def _alone(what: str, share: float) -> bool:
+    return False
+
+
+class _Course:
+    """An optimisation under way."""
+
+    def __init__(self, job: Job, progress: Progress) -> None:
+        self.job, self._progress = job, progress
+        self.interrupted = False
+        self.evaluated = 0
+        self.program, self.moves, self.before = _as_programmed(job)
+        self.editable: Editable = editable_blocks(self.program, self.moves)
+        self.uncertain, self.certain = self._certainty()
+        self.f_z = None if self.certain is None else self.certain.f_z.copy()
+
+    def ends(self, what: str, share: float) -> bool:
+        """Tell what is under way; whether the search was asked to end."""
+        self.interrupted = self._progress(what, share) or self.interrupted
+        return self.interrupted
+
+    def result(self) -> Result:
+        """Search, judge by the whole twin, tighten where it asks for it, and compare."""
+        tightened = 0
+        while True:
+            problem = self._problem(self.f_z)
+            found = self._search(problem)
+            answer, done = found.answer, self.evaluated >= self.job.settings.search.full
+            if answer.kept or done or tightened >= ROUNDS or self.f_z is None:
+                break
+            self.f_z = self.f_z * answer.tightening
+            tightened += 1
+        if not answer.kept:
+            raise ValueError(answer.why_not)
+        self.ends("comparing", 0.8)
+        risk = self._risk(answer)
+        return Result(
+            job=self.job, moves=self.moves, before=self.before, problem=problem,
+            direct=found.direct, answer=answer, proof=self._proof(answer),
+            methods=self._methods(problem, found), front=found.front, uncertain=self.uncertain,
+            nominal=self._nominal(), risk=risk,
+            tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
+        )  # fmt: skip
+
+    def _certainty(self) -> tuple[Uncertainty | None, CertainFeeds | None]:
+        limit, settings = self.job.limits.load_N, self.job.settings.certainty
+        if limit is None:
+            return None, None
+        if self.ends("drawing what is uncertain", 0.05):
+            raise Interrupted
+        known = uncertainty(
+            self.job.basis.laws, self.job.cut.tools, self.job.identified, self.job.judged, settings
+        )
+        margin = self.job.limits.margins.load
+        return known, certain_feeds(self.before, limit, margin, known, settings)
+
+    def _problem(self, f_z: Floats | None) -> Problem:
+        job = self.job
+        return problem_of(self.before, job.basis, job.limits, self.editable, f_z_load=f_z)
+
+    @property
+    def objective(self) -> Objective:
+        """What the direct solution is for: a front begins with the fastest."""
+        return "time" if self.job.objective == "pareto" else self.job.objective
+
+    def _search(self, problem: Problem) -> "_Found":
+        """The direct solution, the best that the whole twin keeps, and the front."""
+        if self.ends("solving block by block", 0.2):
+            raise Interrupted
+        grouping, settings = self.job.settings.grouping, self.job.settings.search
+        found = direct(problem, self.objective, grouping)
+        elite, front, evaluations = [found], None, 1
+        if not self.ends("searching", 0.3):
+            if self.job.objective == "pareto":
+                front = self._front(problem, found)
+                elite = [front.decisions[front.knee]]
+            else:
+                better = improve(problem, found, self.objective, settings, self._each)
+                evaluations += better.evaluations
+                elite.append(better.decision)
+        self.ends("whole twin", 0.6)
+        judged = [self._full(problem, one) for one in elite]
+        kept = [one for one in judged if one.kept] or judged
+        index = OBJECTIVES.index(self.objective)
+        return _Found(
+            direct=found, written=judged[0].objectives if front is None else None, front=front,
+            answer=min(kept, key=lambda one: float(one.objectives[index])),
+            evaluations=evaluations,
+        )  # fmt: skip
+
+    def _front(self, problem: Problem, fastest: Decision) -> Front:
+        values = problem.evaluate_rows(fastest.row_feeds[None], fastest.row_speeds[None])
+        known = [o for o, v in zip(OBJECTIVES, values.objectives[0], strict=True) if np.isfinite(v)]
+        grouping = self.job.settings.grouping
+        starts = [fastest, *(direct(problem, one, grouping) for one in known if one != "time")]
+        return pareto(problem, starts, tuple(known), self.job.settings.search, self._each)
+
+    def _each(self, generation: int, _: Floats, __: object) -> bool:
+        share = generation / self.job.settings.search.generations
+        return self.ends("searching", 0.3 + 0.3 * min(share, 1.0))
+
+    def _full(self, problem: Problem, decision: Decision) -> Full:
+        self.evaluated += 1
+        certain = None if self.certain is None else self.certain.f_z
+        return full_twin(self.job, self.program, self.moves, problem, decision, certain)
+
+    def _proof(self, answer: Full) -> Proof:
+        name, split = self.job.program.name, self.job.settings.grouping.split
+        proof = prove(self.job.program.data, answer.text, name, name, self.job.setup, splits=split)
+        if not proof.same:
+            raise ValueError(
+                f"{name}: the rewritten program does not prove to be the same "
+                f"({proof.first}): keep the program as it is and report this"
+            )
+        return proof
+
+    def _risk(self, answer: Full) -> Exceedance | None:
+        limit, settings = self.job.limits.load_N, self.job.settings.certainty
+        if limit is None or self.uncertain is None:
+            return None
+        return exceedance(
+            answer.cut, answer.cut.feed_per_tooth, limit, self.uncertain, settings,
+            seed=settings.seed + 1,
+        )  # fmt: skip
+
+    def _methods(self, problem: Problem, found: "_Found") -> tuple[Method, ...]:
+        """The answer beside the direct solution as it would be written, and the baselines."""
+        answer = found.answer
+        final = Method(
+            name="answer", decision=answer.decision, objectives=answer.objectives, violation=0.0,
+            evaluations=found.evaluations,
+        )  # fmt: skip
+        first = method_of(problem, "direct", found.direct, 1)
+        if found.written is not None:
+            first = replace(first, objectives=found.written)
+        if self.interrupted:
+            return first, final
+        settings = self.job.settings.search
+        others = baselines(
+            problem, found.direct.groups, self.objective, settings, self._compared
+        )  # fmt: skip
+        return (*others[:1], first, *others[1:], final)
+
+    def _compared(self, _: int, __: Floats, ___: object) -> bool:
+        return self.ends("comparing", 0.85)
+
+    def _nominal(self) -> Method | None:
+        """What taking every value as known would give."""
+        if self.certain is None or self.interrupted:
+            return None
+        problem = self._problem(self.certain.nominal)
+        found = direct(problem, self.objective, self.job.settings.grouping)
+        return method_of(problem, "nominal", found, 1)
+
+
+def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
+    """Program (its long blocks split, when that is asked for), moves and cut."""
+    program = job.program
+    moves = interpret(program, job.setup)
+    cut = cut_program(planned_program(moves, job.control), job.cut)
+    if not (cut.tool >= 0).any():
+        raise ValueError(_nothing_cut(job, cut))
+    if not job.settings.grouping.split:
+        return program, moves, cut
+    data = split_blocks(program, moves, cut, job.settings.grouping)
+    program = parse_program(data, program.name)
+    moves = interpret(program, job.setup)
+    return program, moves, cut_program(planned_program(moves, job.control), job.cut)
+
+
+def _nothing_cut(job: Job, cut: Cut) -> str:
+    said = missed(cut, job.basis.stock)
+    why = "no move at feed is in the material" if said is None else said["what"]
+    return f"{job.program.name}: nothing is cut: {why}: give the blank that the program cuts"

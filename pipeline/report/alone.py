@@ -1,0 +1,46 @@
+"""A page of its own, for one program: its parts, and how it is written."""
+
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+
+from pipeline.report.parts import Section
+from pipeline.report.sources import Source, shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class LonePage:
+    """Head, verdict, key figures (name, value, aside) and sections of the page.
+
+    ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.
+    """
+
+    program: str
+    machine: str
+    about: str
+    origin: str
+    status: str
+    word: str
+    sentences: list[str]
+    key_figures: list[tuple[str, str, str]]
+    sections: list[Section] = field(default_factory=list)
+    credit: str = ""
+
+
+def rendered(page: LonePage, template: str) -> str:
+    """The page's HTML; all text is escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(page=page)
+
+
+def source_of(path: Path) -> Source:
+    """The file that a page stands on, with its hash."""
+    return Source(path=shown(path), sha256=sha256(path.read_bytes()).hexdigest())

@@ -1,0 +1,130 @@
+"""A few evaluations around a good start: a poll along every axis, and the step that it suggests.
+
+Each round asks for both neighbours of the best individual along each axis at once (compass search,
+Kolda, Lewis and Torczon 2003), then for what the parabola through each three points promises, all
+axes together and halfway.  Where the axes hardly act on each other one round is nearly all of it.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.search.box import Box
+from pipeline.search.result import Callback, Cost, Course, Ending, SearchResult
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+SHORTER = 0.25
+"""Of the step, when a turn around all axes has found nothing better."""
+FARTHEST = 4.0
+"""Steps that a parabola may lead to."""
+
+
+def compass(
+    cost: Cost,
+    low: ArrayLike,
+    high: ArrayLike,
+    start: ArrayLike,
+    *,
+    evaluations: int,
+    step: float = 0.1,
+    log: ArrayLike | None = None,
+    callback: Callback | None = None,
+) -> SearchResult:
+    """The least cost near ``start`` that so many evaluations find; never above the start's.
+
+    Parameters
+    ----------
+    cost : callable
+        Costs, shape (P,), of individuals, shape (P, D); one that is not finite counts as the worst.
+    low, high, start : array_like, shape (D,)
+        Bounds, in the parameters' units, and where it begins.
+    evaluations : int
+        At most, at least 1: the start's own.  Axes for which a round has none left have their turn
+        in the next.
+    step : float
+        Of the first round, as a share of the box, above 0 to 1.
+    log : array_like of bool, optional
+        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
+    callback : callable, optional
+        Called after each round with its number, the best individual and its cost; True ends it.
+
+    Returns
+    -------
+    SearchResult
+        Its generations are rounds; it stopped by ``limit`` when the evaluations were used up.
+
+    Raises
+    ------
+    ValueError
+        When bounds, start, counts or the cost's answer do not fit together.
+
+    Examples
+    --------
+    >>> def cost(x):
+    ...     return ((x - [0.2, 0.7]) ** 2).sum(axis=1)
+    >>> found = compass(cost, [0, 0], [1, 1], [0.5, 0.5], evaluations=7)
+    >>> found.x.round(12).tolist(), found.evaluations
+    ([0.2, 0.7], 7)
+    """
+    if evaluations < 1 or not 0 < step <= 1:
+        raise ValueError(
+            f"compass.evaluations = {evaluations} must be at least 1, and compass.step = {step} "
+            "lie above 0, at most 1"
+        )
+    box = Box.of(low, high, log)
+    course = Course(cost=cost, box=box)
+    unit = box.unit(start)
+    best = float(course.evaluate(unit)[0])
+    place, turn, idle = unit[0], 0, 0
+    free = np.flatnonzero(box.high > box.low)
+    ending = Ending(generations=evaluations + 1, callback=callback)
+    while not (stopped := course.stopped(ending)):
+        left = evaluations - course.evaluations
+        many = min(len(free), (left - 1) // 2)
+        if many < 1 or step < np.finfo(np.float64).eps:
+            stopped = "limit"
+            break
+        axes = np.roll(free, -turn)[:many]
+        polled = _neighbours(place, axes, step)
+        costs = course.evaluate(polled)
+        promised = _promised(place, axes, polled, best, costs, step)[: left - len(polled)]
+        polled = np.concatenate([polled, promised])
+        costs = np.concatenate([costs, course.evaluate(promised)])
+        turn, idle = turn + many, idle + many
+        k = int(costs.argmin())
+        if costs[k] < best:
+            place, best, idle = polled[k], float(costs[k]), 0
+        elif idle >= len(free):
+            step, idle = SHORTER * step, 0
+    return course.result(place[None], np.array([best]), stopped)
+
+
+def _neighbours(place: Floats, axes: Rows, step: float) -> Floats:
+    """Below and above along each axis, inside the cube; shape (2 N, D)."""
+    polled = np.tile(place, (2 * len(axes), 1))
+    each = np.arange(len(axes))
+    polled[2 * each, axes] = np.maximum(place[axes] - step, 0.0)
+    polled[2 * each + 1, axes] = np.minimum(place[axes] + step, 1.0)
+    return polled
+
+
+def _promised(
+    place: Floats, axes: Rows, polled: Floats, best: float, costs: Floats, step: float
+) -> Floats:
+    """Where all axes are at the least of their parabolas, and halfway there; shape (2, D)."""
+    each = np.arange(len(axes))
+    x = np.stack([polled[2 * each, axes], place[axes], polled[2 * each + 1, axes]])
+    f = np.stack([costs[0::2], np.full(len(axes), best), costs[1::2]])
+    lowest = x[f.argmin(axis=0), each]
+    with np.errstate(all="ignore"):
+        left, right = (f[1] - f[0]) / (x[1] - x[0]), (f[2] - f[1]) / (x[2] - x[1])
+        bent = (right - left) / (x[2] - x[0])
+        vertex = 0.5 * (x[0] + x[1]) - 0.5 * left / bent
+    valley = np.isfinite(vertex) & (bent > 0)
+    reach = np.clip(vertex, x[1] - FARTHEST * step, x[1] + FARTHEST * step)
+    target = np.where(valley, np.clip(reach, 0.0, 1.0), lowest)
+    full, half = place.copy(), place.copy()
+    full[axes] = target
+    half[axes] = 0.5 * (place[axes] + target)
+    return np.stack([full, half])

@@ -1,0 +1,32 @@
+"""Stage: the simulated shop floor cuts parts by their programs before and after.
+
+It is told the two texts and the limit of the load, and nothing that the twin knows.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial import trials
+from pipeline.shop.trial_parts import shop_part
+
+SEEDS = range(20)
+"""Each is a part of its own: batch of material, mounting and edge of the tool."""
+
+
+def trial(written: Path, cut: Path, *, shop: ShopParameters) -> None:
+    """Cut the parts whose programs are in ``written``, before and after; one JSON for all."""
+    known, found = shop_part(shop), {}
+    for path in sorted(written.glob("*.json")):
+        if path.stem != known.program.name:
+            raise ValueError(
+                f"{path.stem} is no part of the shop floor, which makes {known.program.name}: take "
+                f"{shop.machine} out of fleet.trials"
+            )
+        before, after = (path.with_suffix(end).read_bytes() for end in (".before.nc", ".nc"))
+        limit = json.loads(path.read_text())["limits"].get("load_N", known.limit_load_N)
+        job = replace(known.job(shop), limit_load_N=limit)
+        found[path.stem] = trials(before, after, job, shop, SEEDS)
+    document = {"machine": shop.machine, "origin": "simulated", "parts": found}
+    cut.write_text(json.dumps(document, indent=1) + "\n")

@@ -1,0 +1,146 @@
+"""Parts of a machine: what a person may write, what becomes of it, what lies on disk after."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pipeline.cutting.cost import CostRates
+from pipeline.cutting.material import Material
+from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.tool_table import ToolTable
+from pipeline.gcode.setup import Setup
+from pipeline.optimisation.part import Part, Parts
+from pipeline.optimisation.part_files import part_metrics, write_part
+from pipeline.optimisation.part_job import Catalogue, MachineModels, part_job, spindle_drive
+from pipeline.optimisation.settings import CutLimit, OptimisationSettings
+from pipeline.parameters import ParametersError, structure
+from tests.twin.cut_parts import CONTROL
+
+ROOT = Path(__file__).parents[2]
+PART: dict[str, Any] = {
+    "program": "parts/O1.nc", "stock": "box:0,60,0,40,-10,0", "tool_table": "mine",
+    "material": "A6061",
+}  # fmt: skip
+DRIVE = SpindleDrive(
+    rated_power_kW=12.0, base_speed_rpm=2500.0, top_speed_rpm=12000.0, no_load_W=(80.0, 2.4)
+)
+
+
+def catalogue() -> Catalogue:
+    def of(path: str, wanted: type) -> Any:
+        values = yaml.safe_load((ROOT / f"conf/{path}.yaml").read_text())
+        return structure({"a": values}, "a", wanted)
+
+    return Catalogue(tools={"mine": of("tool/mill01", ToolTable)},
+                     materials={"A7075": of("material/A7075", Material),
+                                "A6061": of("material/A6061", Material)},
+                     rates=of("cost/default", CostRates))  # fmt: skip
+
+
+def cutting(material: str = "A6061") -> dict[str, Any]:
+    """As identified with a tool of 12 mm and three teeth."""
+    known = {"determined": True, "unit": "N/mm2"}
+    return {
+        "material": material, "tool": {"kind": "flat", "diameter_mm": 12.0, "flutes": 3},
+        "parameters": {"K_tc": {"value": 7e8, **known}},
+        "spindle": {"no_load": {"coefficients": {"p0": {"value": 55.0}, "p1": {"value": 1.5}}}},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"program": "/etc/passwd"}, "must be a file below the machine's raw records"),
+        ({"program": "../mill02/O1.nc"}, "must be a file below the machine's raw records"),
+        ({"program": ""}, "must be a file below the machine's raw records"),
+        ({"program": "parts/O 1 (front).nc"}, r"'O 1 \(front\)' names files and a heading"),
+        ({"name": "../O1"}, "names files and a heading"),
+        ({"resolution_mm": 0}, "out of its range, 0.001 to 100"),
+        ({"objective": "money"}, "'money' is none of time, cost, energy, wear, pareto"),
+        ({"limits": {"load_N": -1}}, "load_N = -1 must be positive"),
+        ({"limits": {"lod_N": 1}}, "lod_N"),
+    ],
+)
+def test_a_part_that_is_none_is_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(ParametersError, match=said):
+        structure({"parts": {"programs": [PART | change]}}, "parts", Parts)
+
+
+def test_files_are_called_after_the_program_or_as_they_are_told() -> None:
+    assert Part(**PART).label == "O1"
+    spaced = PART | {"program": "programs/REV-A OP2 (Front).NC", "name": "BOX-OP2"}
+    assert Part(**spaced).label == "BOX-OP2"
+
+
+def test_no_two_parts_write_the_same_file() -> None:
+    with pytest.raises(ValueError, match="two programs called O1: rename one"):
+        Parts(programs=(Part(**PART), Part(**PART | {"program": "other/O1.nc"})))
+    with pytest.raises(ValueError, match=r"parts\.programs is empty"):
+        Parts(programs=())
+
+
+def job_of(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
+    program = tmp_path / "parts/O1.nc"
+    program.parent.mkdir(exist_ok=True)
+    program.write_text("%\nO1\nM30\n%\n")
+    limits = CutLimit(load_N=60.0)
+    part = Part(**(PART | {"limits": limits} | change))
+    parts = Parts(programs=(part,), drive=DRIVE)
+    return part_job(
+        tmp_path / part.program, part, parts, models, catalogue(), Setup(), OptimisationSettings()
+    )
+
+
+def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:
+    bare = job_of(tmp_path, MachineModels(control=CONTROL))
+    assert bare.basis.limit_load == bare.limits.load_N == 60.0
+    assert bare.cut.resolution == pytest.approx(2e-4)
+    assert bare.basis.laws[4].kind == "measured"  # by Sim2023
+    assert bare.basis.drive == DRIVE and bare.basis.dynamics is None
+    assert bare.setup.folders == (tmp_path / "parts",)  # where subprograms lie
+    known = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting()))
+    assert known.basis.laws[4].kind == "identified"
+    assert known.basis.drive.no_load_W == (55.0, 1.5)
+    assert "no-load power identified" in known.basis.drive_source
+    other = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting("C45")))
+    assert other.basis.laws[4].kind == "measured"
+
+
+def test_without_a_drive_nothing_is_made_of_its_no_load_power() -> None:
+    assert spindle_drive(None, "a file", cutting()) == (None, "a file")
+    assert spindle_drive(DRIVE, "a file", {}) == (DRIVE, "a file")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"tool_table": "hers"}, "'hers', which conf/tool/ does not have: it has mine"),
+        ({"material": "wood"}, "'wood', which conf/material/ does not have: it has A6061, A7075"),
+        ({"program": "parts/O2.nc"}, "O2.nc does not exist: name a program of the machine"),
+        ({"stock": "sphere:1"}, "sphere"),
+    ],
+)
+def test_what_a_part_names_must_be_there(tmp_path: Path, change: dict[str, str], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        job_of(tmp_path, MachineModels(control=CONTROL), **change)
+
+
+def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) -> None:
+    before, after = b"%\r\nO1 (\xe9)\r\nG1X1.F100.\r\n", b"%\r\nO1 (\xe9)\r\nG1X1.F200.\r\n"
+    document = {
+        "currency": "KRW", "proof": {"same": True}, "certainty": {"exceedance": 0.00712345},
+        "before": {"time_s": 29.4812, "cost": None, "peak_load_N": 71.234},
+        "after": {"time_s": 24.51, "cost": 76.4, "peak_load_N": True},
+    }  # fmt: skip
+    write_part("O1", before, after, document, tmp_path / "new")
+    assert (tmp_path / "new/O1.before.nc").read_bytes() == before
+    assert (tmp_path / "new/O1.nc").read_bytes() == after
+    assert json.loads((tmp_path / "new/O1.json").read_text()) == document
+    assert part_metrics({"O1": document, "O2": {"certainty": None}}) == {
+        "O1_before_time_s": 29.48, "O1_before_peak_load_N": 71.23, "O1_after_time_s": 24.51,
+        "O1_after_cost_KRW": 76.4, "O1_exceedance": 0.007123, "O1_same_geometry": True,
+        "O2_same_geometry": False,
+    }  # fmt: skip

@@ -1,0 +1,298 @@
+"""What counts as inside all limits: a restatement, ranges, stability, changes of S, what binds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.cutting.deflection import tip_deflection
+from pipeline.machine.nck import plan
+from pipeline.optimisation.groups import Groups
+from pipeline.optimisation.problem import CONSTRAINTS
+from pipeline.optimisation.settings import CutLimit, Margins
+from pipeline.twin.cut_blocks import cut_blocks
+from pipeline.twin.cut_document import document_of
+from pipeline.twin.cut_limits import cut_limits
+from pipeline.twin.cut_stability import stability
+from tests.optimisation.problem_parts import (
+    DRIVE,
+    DYNAMICS,
+    NO_MARGINS,
+    ROOMY,
+    TEN,
+    TOOLS,
+    TWO_TOOLS,
+    all_editable,
+    basis_of,
+    cut_on,
+    own,
+    problem_on,
+    waiting_control,
+)
+from tests.twin.cut_parts import CONTROL, SLOT
+
+LIMITS = CutLimit(
+    load_N=300.0, deflection_um=20.0, chip_um=(5.0, 90.0), torque_Nm=2.0, power_share=0.15,
+    cutting_speed_m_min=(15.0, 250.0), feed_mm_min=(50.0, 2500.0), speed_rpm=(1000.0, 9500.0),
+    margins=NO_MARGINS,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def cut():
+    return cut_on(TWO_TOOLS)
+
+
+@pytest.fixture(scope="module")
+def problem(cut):
+    editable = all_editable(cut.plan.path.moves)
+    drilled = cut.plan.path.moves.tool == 3  # what keeps F and S is judged when a problem is made
+    block = np.where(drilled, -1, editable.block)
+    return problem_on(cut, LIMITS, editable=replace(editable, block=block))
+
+
+def kept(cut, feeds, speeds):
+    """The greatest share of LIMITS that F and S take, by what is judged of their cut."""
+    turns = np.where(cut.plan.path.moves.direction == 0, 0.0, speeds)
+    path = cut.plan.path
+    long = replace(path, acceleration=np.full(len(path), 1e9), corner=np.full(len(path), 1e3))
+    blocks = cut_blocks(replace(cut, plan=plan(long, feeds=feeds, speeds=speeds)))
+    limits = cut_limits(cut, blocks, limit_load=None, drive=DRIVE, margin=None)
+    bends = [tip_deflection(cut.tools[t], p) if cut.tools[t].kind != "drill" else 0.0
+             for t, p in zip(blocks.tool, blocks.peak, strict=True)]  # fmt: skip
+    v_c = np.pi * turns[blocks.row] * np.array([tool.diameter for tool in cut.tools])[blocks.tool]
+    fed = np.isin(path.moves.kind, (1, 2)) & (path.moves.tool != 3)
+    ratios = [
+        blocks.peak / 300.0, np.array(bends) / 20e-6, blocks.thickness / 90e-6,
+        5e-6 / blocks.thickness, blocks.torque / 2.0, limits.drive / 0.15, v_c / 250.0, 15.0 / v_c,
+        turns[blocks.row] / 9500.0, 1000.0 / turns[blocks.row], feeds[fed] / 2500.0,
+        50.0 / feeds[fed],
+    ]  # fmt: skip
+    return max(float(ratio.max()) for ratio in ratios)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.2, 2.0))
+def test_there_is_no_violation_just_inside_all_limits(problem, seed, wide):
+    cut, rng = problem.cut, np.random.default_rng(seed)
+    moves = cut.plan.path.moves
+    drilled = moves.tool == 3
+    feeds = moves.feed * np.where(drilled, 1.0, np.exp(rng.uniform(-wide, wide, len(moves))))
+    speeds = moves.speed * np.exp(rng.uniform(-0.3, 0.3, len(moves)))
+    nearest = kept(cut, feeds, speeds)
+    found = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis]).violation[0]
+    if abs(nearest - 1) > 5e-3:  # torque's chords lie above its stations'
+        assert (found == 0.0) == (nearest < 1)
+
+
+def test_the_restatement_is_kept_by_some_and_not_by_others(problem):
+    """Else the property above would compare nothing."""
+    feeds, speeds = own(problem)
+    assert kept(problem.cut, feeds, speeds) < 0.995 < 1.005 < kept(problem.cut, 3 * feeds, speeds)
+
+
+def test_a_row_at_its_greatest_feed_is_inside_and_a_little_more_is_not(cut):
+    problem = problem_on(cut, CutLimit(load_N=100.0))
+    feeds, speeds = own(problem)
+    most = np.where(problem.cuts, problem.f_z_high, 0.0)
+    at_limit = most * speeds * problem.flutes * 1e3
+    for share, inside in ((1.0, True), (1 + 1e-6, False)):
+        asked = np.where(problem.cuts, at_limit * share, feeds)
+        violation = problem.evaluate_rows(asked[np.newaxis], speeds[np.newaxis]).violation[0]
+        assert (violation == 0.0) == inside
+    # every row that cuts passes its bound by a millionth
+    assert violation == pytest.approx(problem.cuts.sum() * 1e-6, rel=1e-3)
+
+
+def test_violation_adds_up_what_passes_limits_as_a_share():
+    cut = cut_on(SLOT)
+    problem = problem_on(cut, replace(ROOMY, feed_mm_min=(100.0, 400.0), speed_rpm=(1e3, 4e3)))
+    feeds, speeds = own(problem)  # a plunge at F300 in air, a slot at F600, both at S6000
+    violation = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis]).violation[0]
+    assert violation == pytest.approx((600 / 400 - 1) + (6000 / 4000 - 1))  # air may turn so fast
+    rows = np.ones((1, len(problem)))
+    slow = problem.evaluate_rows(80.0 * rows, 500.0 * rows).violation[0]
+    assert slow == pytest.approx(2 * (100 / 80 - 1) + (1000 / 500 - 1))
+
+
+def test_groups_spread_to_rows(problem):
+    moves = problem.cut.plan.path.moves
+    groups = Groups(
+        feed=problem.editable.block, speed=np.where(problem.editable.speed, 0, -1),
+        own_feed=moves.feed, own_speed=moves.speed,
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    feeds, speeds = rng.uniform(100, 900, (5, groups.feeds)), rng.uniform(3e3, 9e3, (5, 1))
+    by_group = problem.evaluate(groups, feeds, speeds)
+    by_row = problem.evaluate_rows(groups.row_feeds(feeds), groups.row_speeds(speeds))
+    np.testing.assert_array_equal(by_group.objectives, by_row.objectives)
+    np.testing.assert_array_equal(by_group.violation, by_row.violation)
+
+
+def test_ranges_that_nobody_gave_hold_the_program_and_what_the_machine_can(cut):
+    limits = CutLimit(load_N=100.0)
+    problem = problem_on(cut, limits)
+    fed = problem.editable.block >= 0
+    assert set(problem.feed_low[fed]) == {15.0}  # a tenth of the drill's F150
+    assert set(problem.feed_high[fed]) == {10000.0}  # of the axes
+    turning = problem.editable.speed
+    assert set(problem.speed_low[turning]) == {100.0}  # of the drive
+    assert set(problem.speed_high) == {10000.0}
+    no_drive = problem_on(cut, limits, drive=None)
+    assert set(no_drive.speed_low[turning]) == {1500.0}
+    assert set(no_drive.speed_high[turning]) == {9000.0}
+    slow = problem_on(cut_on(TWO_TOOLS, control=waiting_control(maximum_speed=9500.0)), limits)
+    assert set(slow.speed_high) == {9500.0}
+
+
+def test_tools_have_ranges_of_their_own():
+    tools = TOOLS | {1: replace(TEN, cutting_speed_m_min=(60.0, 220.0), top_speed_rpm=6500.0)}
+    margins = Margins(cutting_speed=0.1)
+    problem = problem_on(cut_on(TWO_TOOLS, tools=tools), CutLimit(load_N=100.0, margins=margins))
+    moves, cuts = problem.cut.plan.path.moves, problem.cuts
+    mine = cuts & (moves.tool == 1)
+    turns = 66.0 / (np.pi * 0.010), 198.0 / (np.pi * 0.010)
+    assert problem.speed_low[mine] == pytest.approx(turns[0])
+    assert problem.speed_high[mine] == pytest.approx(min(turns[1], 6500.0))
+    assert set(problem.speed_high[~mine]) == {10000.0}
+
+
+def test_feeds_for_each_turn_are_judged_by_the_minute():
+    text = SLOT.replace("X70 F600", "G95 X70 F0.1")
+    limits = replace(ROOMY, feed_mm_min=(100.0, 500.0), speed_rpm=(100.0, 9e3))
+    problem = problem_on(cut_on(text), limits)
+    feeds, speeds = own(problem)  # 0.1 mm/rev at S6000: 600 mm/min
+    found = [problem.evaluate_rows(feeds[np.newaxis], share * speeds[np.newaxis]).violation[0]
+             for share in (1.0, 0.8)]  # fmt: skip
+    assert found == [pytest.approx(0.2), 0.0]
+    row = problem.blocks.row[-1]
+    assert problem.feed_per_tooth(feeds, speeds)[row] == pytest.approx(0.05e-3)
+
+
+def test_margins_of_stability_are_those_of_the_cuts_own_table(cut):
+    """In other cells of speed: a margin is the least within its cell, some 20 rev/min wide."""
+    blocks = cut_blocks(cut)
+    own_table = stability(cut, blocks, DYNAMICS)
+    problem = problem_on(cut, CutLimit(load_N=100.0), dynamics=DYNAMICS)
+    rows = np.flatnonzero(np.isfinite(own_table.margin))
+    assert len(rows) == 4  # two passes of each end mill
+    for speed in (5000.0, 6800.0, 8300.0):
+        around = speed + np.linspace(-45, 45, 40)[:, np.newaxis] * np.ones(len(problem))
+        near = own_table.table.margins(around)[:, rows]
+        found = problem.chatter.margins(np.full(len(problem), speed))[rows]
+        assert (found >= near.min(axis=0) - 1e-9).all() and (found <= near.max(axis=0) + 1e-9).all()
+    margins = problem.chatter.margins(own(problem)[1])
+    assert margins[rows] == pytest.approx(own_table.margin[rows], rel=0.2)
+
+
+def test_below_a_tenth_of_the_fastest_the_least_limit_of_all_speeds_counts(cut):
+    limits = replace(ROOMY, speed_rpm=(50.0, 9000.0))
+    problem = problem_on(cut, limits, dynamics=DYNAMICS)
+    rows = np.ones(len(problem))
+    slow = problem.chatter.margins(np.array([[60.0], [500.0]]) * rows)
+    swept = problem.chatter.margins(np.linspace(900, 9000, 2000)[:, np.newaxis] * rows)
+    np.testing.assert_array_equal(slow, np.tile(swept.min(axis=0), (2, 1)))
+
+
+def test_speeds_that_chatter_are_no_answer(cut):
+    limits = replace(ROOMY, margins=Margins(stability=0.3))
+    problem = problem_on(cut, limits, dynamics=DYNAMICS)
+    speeds = np.linspace(3000, 9000, 61)[:, np.newaxis] * np.ones(len(problem))
+    stable = problem.stable(speeds)
+    assert stable.shape == (61, len(problem)) and stable.any() and not stable.all()
+    feeds = np.tile(own(problem)[0], (61, 1))
+    found = problem.evaluate_rows(feeds, speeds).violation
+    np.testing.assert_array_equal(found == 0.0, stable.all(axis=1))
+    assert problem_on(cut, ROOMY).stable(speeds).all()  # nothing is known
+
+
+def test_a_change_of_speed_is_none_or_large_enough(cut):
+    problem = problem_on(cut, replace(ROOMY, least_speed_change_rpm=200.0))
+    feeds, speeds = own(problem)
+    line = problem.cut.plan.path.moves.line
+
+    def found(first, then):
+        """S of T1 before and from line 8 on."""
+        changed = np.where(line < 8, first, np.where(line < 10, then, speeds))
+        return problem.evaluate_rows(feeds[np.newaxis], changed[np.newaxis]).violation[0]
+
+    assert found(5000.0, 5000.0) == found(5000.0, 5200.0) == found(5200.0, 5000.0) == 0.0
+    assert found(5000.0, 5150.0) == pytest.approx(1 - 150 / 200)
+    assert found(7900.0, 7900.0) == 0.0  # T2 turns 8000: another tool
+
+
+def exact(text: str) -> str:
+    """All blocks end at a standstill, so that a wait changes no motion."""
+    return text.replace("T1 M6\n", "T1 M6\nG61\n", 1)
+
+
+@pytest.mark.parametrize("wait", ["at_code", "next_line", "before_cutting"])
+def test_an_added_word_is_waited_for_as_if_it_stood_in_the_program(wait):
+    control = waiting_control(spindle_wait=wait, speed_change_waits=True)
+    problem = problem_on(cut_on(exact(SLOT), control=control))
+    moves = problem.cut.plan.path.moves
+    speeds = np.where(moves.line >= 6, 7500.0, moves.speed)  # from X70 on
+    assert moves.line[problem.blocks.row[-1]] == 6
+    found = problem.evaluate_rows(moves.feed[np.newaxis], speeds[np.newaxis]).objectives[0]
+    written = cut_on(exact(SLOT).replace("X70", "S7500 X70"), control=control)
+    summary = document_of(written, basis_of(written))["summary"]
+    assert found[0] == pytest.approx(written.plan.total, rel=1e-9)
+    assert found[[2, 3]] == pytest.approx(
+        [summary["energy_kWh"], summary["tool_life_share"]], rel=5e-6
+    )  # documents have six digits
+    before = problem.evaluate_rows(moves.feed[np.newaxis], moves.speed[np.newaxis]).objectives[0, 0]
+    longer = float(problem.speed_change_time(6000.0, 7500.0))
+    # the next line comes after the slot, which takes longer than the spindle
+    assert found[0] - before == pytest.approx(0.0 if wait == "next_line" else longer, abs=1e-9)
+
+
+def test_the_time_of_a_change_has_a_closed_form():
+    control = waiting_control(speed_change_waits=True)
+    problem = problem_on(cut_on(SLOT, control=control))
+    up = (4000 - 2000) / 3000 + (6000**2 - 4000**2) / (2 * 3000 * 4000) + 0.1
+    down = (4000 - 2000) / 2500 + (6000**2 - 4000**2) / (2 * 2500 * 4000) + 0.1
+    found = problem.speed_change_time([2000.0, 6000.0, 3000.0], [6000.0, 2000.0, 3000.0])
+    np.testing.assert_allclose(found, [up, down, 0.0])
+    for other in (CONTROL, waiting_control(), waiting_control(spindle_wait="none",
+                                                             speed_change_waits=True)):  # fmt: skip
+        assert problem_on(cut_on(SLOT, control=other)).speed_change_time(2000.0, 6000.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("limits", "feed", "speed", "name"),
+    [
+        ({"load_N": 110.0}, 1.0, 6000.0, "load limit"),
+        ({"deflection_um": 4.0}, 1.0, 6000.0, "deflection"),
+        ({"roughness_um": 0.05}, 1.0, 6000.0, "roughness"),
+        ({"chip_um": (0.0, 60.0)}, 1.0, 6000.0, "greatest chip"),
+        ({"torque_Nm": 0.3}, 1.0, 6000.0, "spindle torque"),
+        ({"chip_um": (40.0, 400.0)}, 0.0, 6000.0, "least chip"),
+        ({"cutting_speed_m_min": (10.0, 250.0)}, 0.5, 250e3 / np.pi / 10, "cutting speed"),
+        ({"speed_rpm": (3000.0, 7000.0)}, 0.5, 7000.0, "spindle speed"),
+        ({"speed_rpm": (3000.0, 7000.0)}, 0.5, 5000.0, None),
+    ],
+)
+def test_what_a_row_is_at(limits, feed, speed, name):
+    """F between the bounds of f_z: 0 at the least, 1 at the greatest."""
+    problem = problem_on(cut_on(SLOT), replace(ROOMY, **limits), drive=None)
+    row = problem.blocks.row[-1]
+    f_z = problem.f_z_low[row] + feed * (min(problem.f_z_high[row], 1e-4) - problem.f_z_low[row])
+    feeds = np.full(len(problem), max(f_z, 1e-6) * speed * problem.flutes[row] * 1e3)
+    found = problem.binding(feeds, np.full(len(problem), speed))
+    assert (CONSTRAINTS[found[row]] if found[row] >= 0 else None) == name
+    assert (found[~problem.cuts] == -1).all()
+
+
+def test_a_row_at_the_drives_power_or_torque():
+    problem = problem_on(cut_on(SLOT), ROOMY, drive=replace(DRIVE, rated_power_kW=0.01))
+    row = problem.blocks.row[-1]
+    for speed, name in ((2000.0, "spindle torque"), (6000.0, "spindle power")):
+        speeds = np.full(len(problem), speed)
+        f_z = problem.power_f_z(speeds)[row]
+        feeds = np.full(len(problem), f_z * speed * problem.flutes[row] * 1e3)
+        assert CONSTRAINTS[problem.binding(feeds, speeds)[row]] == name
+        violation = problem.evaluate_rows(feeds[np.newaxis] * [[1.0], [1.001]],
+                                          np.tile(speeds, (2, 1))).violation  # fmt: skip
+        assert violation[0] == 0.0 < violation[1]

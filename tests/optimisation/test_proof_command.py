@@ -1,0 +1,99 @@
+"""``kerf check``: what it prints, and how it ends."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from pipeline.cli import app
+from pipeline.gcode.setup import Setup
+from pipeline.optimisation.proof import prove, with_proof_comment
+
+BEFORE = b"%\nG21 G90\nS3000 M3\nG1 X10 F100\nY5\nM30\n%\n"
+AFTER = BEFORE.replace(b"S3000", b"S2500").replace(b"F100", b"F80").replace(b"Y5", b"Y5 F120")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "before.nc").write_bytes(BEFORE)
+    return tmp_path
+
+
+def check(folder: Path, after: bytes | None, *words: str) -> Result:
+    if after is not None:
+        (folder / "after.nc").write_bytes(after)
+    done = CliRunner().invoke(
+        app, ["check", str(folder / "before.nc"), str(folder / "after.nc"), *words]
+    )
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done
+
+
+def test_a_table_of_what_differs_and_the_hash(folder: Path) -> None:
+    done = check(folder, AFTER)
+    proof = prove(BEFORE, AFTER, "", "", Setup())
+    assert done.exit_code == 0 and done.stderr == ""
+    assert [" ".join(line.split()) for line in done.stdout.splitlines()] == [
+        "line before.nc -> after.nc",
+        "3 S3000 -> S2500",
+        "4 F100 -> F80",
+        "5 - -> F120",
+        "1 F changed, 1 F added, 1 S changed, 0 S added",
+        "4 moves are the same to the last bit, but for feed and speed",
+        f"proof sha256 {proof.sha256}",
+    ]
+
+
+def test_the_first_block_that_differs(folder: Path) -> None:
+    done = check(folder, AFTER.replace(b"X10", b"X11"))
+    assert done.exit_code == 1
+    assert done.stdout.splitlines()[-3:] == [
+        "not the same, first in line 4: it differs in more than its F and S words",
+        "  before.nc: G1 X10 F100",
+        "  after.nc: G1 X11 F80",
+    ]
+
+
+def test_a_proof_comment_is_looked_at(folder: Path) -> None:
+    signed = with_proof_comment(AFTER, prove(BEFORE, AFTER, "", "", Setup()))
+    assert check(folder, signed).exit_code == 0
+    at = signed.index(b"SHA256 ") + 7
+    false = signed[:at] + (b"0" if signed[at : at + 1] != b"0" else b"1") + signed[at + 1 :]
+    done = check(folder, false)
+    assert done.exit_code == 1 and "its proof comment has another hash" in done.stdout
+
+
+def test_points_on_the_way_only_when_asked_for(folder: Path) -> None:
+    after = AFTER.replace(b"G1 X10", b"G1 X4.5 F90\nG1 X10")
+    assert check(folder, after).exit_code == 1
+    done = check(folder, after, "--splits")
+    assert done.exit_code == 0 and "1 points put in" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("after", "words", "said"),
+    [
+        (None, (), "after.nc does not exist: name a part program"),
+        (b"", (), "after.nc is empty: name a part program"),
+        (BEFORE, ("--dialect", "heidenhain"), "dialect is 'heidenhain': choose"),
+        (BEFORE, ("--machine", "no_such"), "no_such"),
+    ],
+)
+def test_what_cannot_be_read_is_one_sentence(folder: Path, after, words, said: str) -> None:
+    done = check(folder, after, *words)
+    assert done.exit_code == 2 and done.stdout == ""
+    assert done.stderr.startswith("kerf: ") and done.stderr.count("\n") == 1
+    assert said in done.stderr
+
+
+def test_a_folder_is_no_program(folder: Path) -> None:
+    (folder / "after.nc").mkdir()
+    assert "after.nc is no file" in check(folder, None).stderr
+
+
+def test_junk_is_one_sentence(folder: Path) -> None:
+    (folder / "before.nc").write_bytes(bytes(range(256)))
+    done = check(folder, bytes(range(256)))
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1

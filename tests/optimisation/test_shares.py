@@ -1,0 +1,120 @@
+"""Genes of shares: they keep the limits, they come back as they were, and 1 is the greatest F."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.optimisation.decision import Decision
+from pipeline.optimisation.direct import direct
+from pipeline.optimisation.groups import Groups
+from pipeline.optimisation.problem import Problem
+from pipeline.optimisation.settings import Grouping
+from pipeline.optimisation.shares import Shares, group_bounds
+from pipeline.twin.cut_dynamics import TipDynamics
+from tests.optimisation.problem_parts import MODES
+from tests.optimisation.zigzags import FREE, PAPER, zigzag_problem
+
+LIMITS = {"paper": PAPER, "free": FREE}
+
+
+@cache
+def shares_of(limits: str, seed: int) -> tuple[Problem, Decision, Shares]:
+    problem = zigzag_problem(seed, LIMITS[limits])
+    start = direct(problem, "cost", Grouping())
+    return problem, start, Shares.of(problem, start)
+
+
+def random_genes(shares: Shares, many: int, seed: int) -> np.ndarray:
+    chance = np.random.default_rng(seed).random((many, len(shares.low)))
+    return shares.low + chance * (shares.high - shares.low)
+
+
+@given(limits=st.sampled_from(sorted(LIMITS)), seed=st.integers(0, 3), chance=st.integers(0, 999))
+@settings(deadline=None)
+def test_whatever_the_genes_the_limits_are_kept(limits: str, seed: int, chance: int) -> None:
+    problem, start, shares = shares_of(limits, seed)
+    feeds, speeds = shares.decoded(random_genes(shares, 8, chance))
+    low, high = group_bounds(problem, start.groups, speeds)
+    possible = (low <= high).all(axis=1)
+    # slow spindles may lack the torque for the least F; the faster half of the range has it
+    assert possible[(speeds > 4500).all(axis=1)].all()
+    violation = problem.evaluate(start.groups, feeds, speeds).violation
+    assert (violation[possible] == 0).all() and (violation[~possible] > 0).all()
+
+
+@pytest.mark.parametrize("limits", sorted(LIMITS))
+def test_a_decision_comes_back_from_its_genes(limits: str) -> None:
+    _, start, shares = shares_of(limits, 1)
+    feeds, speeds = shares.decoded(shares.encoded(start.feeds[None], start.speeds[None]))
+    assert (speeds[0] == start.speeds).all()
+    # a logarithm and its inverse
+    assert feeds[0] == pytest.approx(start.feeds, rel=1e-12)
+
+
+@given(chance=st.integers(0, 999))
+@settings(deadline=None)
+def test_genes_come_back_from_their_decision(chance: int) -> None:
+    _, _, shares = shares_of("paper", 2)
+    genes = random_genes(shares, 5, chance)
+    again = shares.decoded(shares.encoded(*shares.decoded(genes)))
+    for one, other in zip(shares.decoded(genes), again, strict=True):
+        assert other == pytest.approx(one, rel=1e-12)
+
+
+def test_one_is_the_greatest_feed_and_zero_the_least() -> None:
+    problem, start, shares = shares_of("paper", 1)
+    many = start.groups.feeds
+    genes = np.tile(shares.high, (2, 1))
+    genes[0, :many] = 0.0
+    feeds, speeds = shares.decoded(genes)
+    beyond = np.tile(feeds[1], (many, 1))
+    beyond[np.arange(many), np.arange(many)] *= 1.001
+    below = np.tile(feeds[0], (many, 1))
+    below[np.arange(many), np.arange(many)] *= 0.9
+    for tried in (beyond, below):
+        found = problem.evaluate(start.groups, tried, np.tile(speeds[0], (many, 1)))
+        assert (found.violation > 0).all()
+    assert (feeds[0] < feeds[1]).all()
+
+
+def test_speeds_are_whole_or_as_the_start_had_them() -> None:
+    problem, start, _ = shares_of("paper", 1)
+    odd = Decision(groups=start.groups, feeds=start.feeds, speeds=start.speeds - 0.4)
+    shares = Shares.of(problem, odd)
+    _, kept = shares.decoded(shares.encoded(odd.feeds[None], odd.speeds[None]))
+    assert (kept == odd.speeds).all()
+    genes = random_genes(shares, 200, 0)
+    _, speeds = shares.decoded(genes)
+    assert ((speeds == np.round(speeds)) | (speeds == odd.speeds)).all()
+
+
+def test_speeds_have_the_range_of_all_their_rows() -> None:
+    _, start, shares = shares_of("paper", 1)
+    many = start.groups.feeds
+    assert (shares.low[many:] == 1000).all() and (shares.high[many:] == 8000).all()
+    narrow = zigzag_problem(1, replace(PAPER, speed_rpm=(5000.2, 5000.8)))
+    held = Shares.of(narrow, replace(start, speeds=np.full(len(start.speeds), 5000.5)))
+    assert (held.low[many:] == 5000.5).all() and (held.high[many:] == 5000.5).all()
+
+
+def test_lobes_are_kept_too() -> None:
+    stiff = tuple(replace(mode, stiffness_N_m=25e6) for mode in MODES)
+    problem = zigzag_problem(0, FREE, dynamics=TipDynamics(source="made up", every=stiff))
+    moves = problem.cut.plan.path.moves
+    groups = Groups(
+        feed=problem.editable.block, speed=np.where(problem.editable.speed, 0, -1),
+        own_feed=moves.feed, own_speed=moves.speed,
+    )  # fmt: skip
+    start = Decision(groups=groups, feeds=np.full(groups.feeds, 100.0), speeds=np.array([9500.0]))
+    shares = Shares.of(problem, start)
+    feeds, speeds = shares.decoded(random_genes(shares, 400, 0))
+    low, high = group_bounds(problem, groups, speeds)
+    possible = (low <= high).all(axis=1)
+    stable = problem.stable(groups.row_speeds(speeds)).all(axis=1)
+    assert 0 < stable.sum() < 400 and not possible[~stable].any()
+    violation = problem.evaluate(groups, feeds, speeds).violation
+    assert (violation[possible] == 0).all() and (violation[~stable] > 0).all()

@@ -1,0 +1,197 @@
+"""What is drawn of coefficients, runout, depth and model: their spreads and what they share."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.tool import Tool
+from pipeline.optimisation.draws import draws_of
+from pipeline.optimisation.settings import Certainty
+from pipeline.optimisation.uncertainty import NORMAL, uncertainty
+from pipeline.twin.cut_laws import ToolLaw
+
+LAW = ForceLaw.linear(K_tc=700.0, K_rc=200.0, K_ac=100.0, K_te=30.0, K_re=20.0, K_ae=2.0)
+MILL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
+MANY = 4096
+HALF = {"K_tc": 60.0, "K_rc": 80.0, "K_ac": 30.0, "K_te": 6.0, "K_re": 5.0}
+NAMES = [*HALF, "K_ae"]
+
+
+def parameter(value, half) -> dict:
+    return {"value": value, "interval_95": [value - half, value + half], "determined": True}
+
+
+def document() -> dict:
+    """As cutting.json: K_ae is not determined, K_tc and K_te are known to be opposed."""
+    values = dict(zip(NAMES, [700.0, 200.0, 100.0, 30.0, 20.0, None], strict=True))
+    rows = {name: parameter(values[name], half) for name, half in HALF.items()}
+    rows["K_ae"] = {"value": None, "interval_95": None, "determined": False}
+    rows["runout"] = {"value": 8.0, "interval_95": [5.0, 12.0], "determined": True}
+    matrix = np.eye(7)
+    matrix[1, 4] = matrix[4, 1] = -0.6
+    return {
+        "parameters": rows,
+        "correlation": {"names": ["along", *NAMES], "matrix": matrix.tolist()},
+        "prediction": {"values": [7e8, 2e8, 1e8, 3e4, 2e4, 5e3, 0.0, 0.0]},
+    }
+
+
+def identified(tool=MILL, certainty=None, documents=None):
+    law = ToolLaw(law=replace(LAW, K_ae=0.0), kind="identified", source="this machine")
+    found = document() if documents is None else documents
+    return uncertainty({1: law}, {1: tool}, found, None, certainty or Certainty())
+
+
+def others(**kinds: str):
+    """Two tools of sources that are named."""
+    laws = {
+        int(number[1:]): ToolLaw(law=LAW, kind="measured", source=source)
+        for number, source in kinds.items()
+    }
+    return uncertainty(laws, dict.fromkeys(laws, MILL), None, None, Certainty())
+
+
+def coefficients(uncertain, number=1):
+    return draws_of(uncertain, MANY, 0).tools[number].coefficients
+
+
+def test_identified_coefficients_have_their_intervals_and_correlation():
+    drawn = coefficients(identified())
+    half = np.array(list(HALF.values())) * [1e6, 1e6, 1e6, 1e3, 1e3]
+    assert drawn[:, :5].std(axis=0) == pytest.approx(half / NORMAL, rel=0.02)
+    assert drawn[:, :5].mean(axis=0) == pytest.approx(
+        [7e8, 2e8, 1e8, 3e4, 2e4], abs=0.01 * float(half.max()), rel=0.003
+    )
+    share = np.corrcoef(drawn[:, :5].T)
+    expected = np.eye(5)
+    expected[0, 3] = expected[3, 0] = -0.6
+    assert share == pytest.approx(expected, abs=0.03)  # 1 / sqrt(4096) is 0.016
+
+
+def test_what_was_not_determined_is_drawn_about_the_fits_value():
+    """Nominal loads count K_ae as none; the fit took 5 N/mm and says little of it."""
+    drawn = coefficients(identified())[:, 5]
+    assert drawn.mean() == pytest.approx(5e3, rel=0.03)
+    assert drawn.std() == pytest.approx(5e3, rel=0.03)
+    told = [row for row in identified().rows() if row["what"].startswith("K_ae")]
+    assert told[0]["source"] == "not determined by the records"
+
+
+def test_others_coefficients_err_together():
+    drawn = coefficients(others(t1="A", t2="A")) / np.concatenate([LAW.cutting, LAW.edge])
+    assert drawn.std(axis=0) == pytest.approx([0.1] * 6, rel=0.03)
+    share = np.corrcoef(drawn.T)[np.triu_indices(6, 1)]
+    assert share == pytest.approx(np.full(15, 0.8), abs=0.03)
+
+
+@pytest.mark.parametrize(("source", "common"), [("A", 0.8), ("B", 0.0)])
+def test_tools_of_one_source_err_together_and_of_two_do_not(source: str, common: float):
+    draws = draws_of(others(t1="A", t2=source), MANY, 0)
+    one, other = (draws.tools[number].coefficients[:, 0] for number in (1, 2))
+    assert np.corrcoef(one, other)[0, 1] == pytest.approx(common, abs=0.04)
+
+
+def test_a_cut_never_drives_its_tool():
+    law = ToolLaw(law=LAW, kind="catalogue", source="a book")
+    known = uncertainty({1: law}, {1: MILL}, None, None, Certainty(catalogue=1.0))
+    drawn = coefficients(known)
+    assert drawn[:, [0, 3]].min() == 0.0 < drawn[:, 0].max()
+
+
+class TestRunout:
+    """Offsets of the tool's axis, as known of its mounting."""
+
+    def sizes(self, uncertain):
+        offsets = draws_of(uncertain, MANY, 0).tools[1].offsets
+        angle = np.arctan2(offsets[:, 1], offsets[:, 0])
+        # at any angle: means of cosines over 4096 draws are below 4 / sqrt(2 * 4096)
+        for k in (1, 2, 3):
+            assert abs(np.exp(1j * k * angle).mean()) < 0.05
+        return np.hypot(*offsets.T) * 1e6
+
+    def test_unknown_ones_are_rayleighs(self):
+        size = self.sizes(others(t1="A"))
+        for share in (0.1, 0.5, 0.9, 0.99):
+            exact = 3.0 * np.sqrt(-2 * np.log(1 - share))
+            assert np.quantile(size, share) == pytest.approx(exact, rel=0.03)
+
+    def test_the_tables_stands(self):
+        known = identified(replace(MILL, runout_um=6.0))
+        assert self.sizes(known) == pytest.approx(np.full(MANY, 6.0))
+
+    def test_another_mounting_adds_to_an_identified_one(self):
+        spread = (12.0 - 8.0) / NORMAL  # the upper half of an interval that ends at 0
+        exact = 8.0**2 + spread**2 + 2 * 3.0**2
+        assert (self.sizes(identified()) ** 2).mean() == pytest.approx(exact, rel=0.03)
+
+    def test_a_single_tooth_has_none(self):
+        known = identified(replace(MILL, flutes=1))
+        assert not draws_of(known, 64, 0).tools[1].offsets.any()
+
+
+def test_depth_is_of_each_tool_and_the_model_of_the_part():
+    draws = draws_of(others(t1="A", t2="A"), MANY, 0)
+    depths = [draws.tools[number].depth for number in (1, 2)]
+    assert [d.std() * 1e6 for d in depths] == pytest.approx([10.0, 10.0], rel=0.03)
+    assert abs(np.corrcoef(*depths)[0, 1]) < 0.04
+    assert draws.model.mean() == pytest.approx(1.0, abs=1e-3)
+    assert draws.model.std() == pytest.approx(0.02, rel=0.03)
+
+
+def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
+    rows = [
+        {"role": role, "components": {"resultant": {"peak_error_percent": error}}}
+        for role, error in (("judged", 3.0), ("judged", -5.0), ("training", 90.0))
+    ]
+    law = {1: ToolLaw(law=LAW, kind="measured", source="A")}
+    for least, expected in ((0.02, np.sqrt((9 + 25) / 2) / 100), (0.1, 0.1)):
+        known = uncertainty(law, {1: MILL}, None, {"recordings": rows}, Certainty(model=least))
+        assert known.model == pytest.approx(expected)
+
+
+def test_what_tools_share_is_said_once():
+    rows = others(t1="A", t2="A", t7="B").rows()
+    assert [row["what"] for row in rows if row["source"] == "A"] == ["coefficients (T1, T2)"]
+    assert "runout (T1, T2, T7)" in [row["what"] for row in rows]
+    assert all(set(row) == {"what", "value", "spread", "source"} for row in rows)
+
+
+def test_the_same_seed_is_the_same_bytes_and_the_first_are_the_first():
+    known = identified()
+    one, again, other = (draws_of(known, 256, seed) for seed in (5, 5, 6))
+    for name in ("coefficients", "offsets", "depth"):
+        here = getattr(one.tools[1], name)
+        assert here.tobytes() == getattr(again.tools[1], name).tobytes()
+        assert here.tobytes() != getattr(other.tools[1], name).tobytes()
+        assert np.array_equal(getattr(one.first(10).tools[1], name), here[:10])
+    assert len(one.first(10)) == 10
+
+
+def test_a_law_without_its_tool_is_named():
+    law = ToolLaw(law=LAW, kind="measured", source="A")
+    with pytest.raises(ValueError, match="T4 has a force law and is no tool"):
+        uncertainty({4: law}, {1: MILL}, None, None, Certainty())
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
+        st.sampled_from(["K_tc", "value", "interval_95", "names", "matrix", "values", "role"]),
+        inner, max_size=3,
+    ),
+    max_leaves=8,
+)  # fmt: skip
+KEYS = ("parameters", "correlation", "prediction", "recordings")
+
+
+@given(st.dictionaries(st.sampled_from(KEYS), JSON))
+@settings(max_examples=60, deadline=None)
+def test_documents_of_another_form_are_not_known(found):
+    law = ToolLaw(law=LAW, kind="identified", source="this machine")
+    known = uncertainty({1: law}, {1: MILL}, found, found, Certainty())
+    drawn = draws_of(known, 16, 0).tools[1]
+    assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()

@@ -1,0 +1,132 @@
+"""What the pages say of optimised part programs, and of what the shop floor cut."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from drive_folders import section
+from optimise_documents import optimised
+from page_reader import words
+from report_folders import FLEET, empty_machine, machine
+
+from pipeline.report.folders import MachineFolders
+from pipeline.report.pages import write_report
+
+KEY = "part-programs"
+
+
+def cuts(above_before: int = 20, above_after: int = 0, seeds: int = 20) -> dict[str, Any]:
+    """What the simulated shop floor says of one part."""
+
+    def side(seconds: float, peak: float, above: int) -> dict[str, Any]:
+        return {"time_s": {"mean": seconds, "min": seconds - 0.1, "max": seconds + 0.1},
+                "peak_load_N": {"mean": peak, "max": peak + 1.5}, "above": above}  # fmt: skip
+
+    return {"seeds": seeds, "before": side(29.9, 73.0, above_before),
+            "after": side(24.6, 56.4, above_after)}  # fmt: skip
+
+
+def with_parts(
+    root: Path, folders: MachineFolders, documents: dict[str, dict], trial: dict | None = None
+) -> MachineFolders:
+    """``folders`` with the documents of optimised programs, and of their trial cuts."""
+    parts = root / "parts" / folders.name
+    parts.mkdir(parents=True)
+    for label, document in documents.items():
+        (parts / f"{label}.json").write_text(json.dumps(document))
+    cut = root / "trials" / f"{folders.name}.json"
+    if trial is not None:
+        cut.parent.mkdir(parents=True, exist_ok=True)
+        cut.write_text(json.dumps({"parts": trial}))
+    return MachineFolders(**{**vars(folders), "parts": parts, "trial": cut if trial else None})
+
+
+def page(tmp_path: Path, documents: dict[str, dict], trial: dict | None = None, **other) -> Path:
+    folders = with_parts(tmp_path, machine(tmp_path, "m", days=3, **other), documents, trial)
+    write_report([folders], FLEET, None, tmp_path / "out")
+    return tmp_path / "out" / "m.html"
+
+
+def test_predicted_stands_beside_cut(tmp_path: Path) -> None:
+    text = words(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, 1)}))
+    assert "Time, s 29.48 29.90 24.51 24.60" in text
+    assert "Peak load, N 71.2 73.0 57.9 56.4" in text
+    assert "Above the limit of 60.0 N – 20 of 20 0.71 % 1 of 20" in text
+    # 24.51 / 24.60 - 1
+    assert "it took −17.7 % of time, which was predicted with an error of −0.4 %" in text
+    assert "passed the limit of the load in 1 of them, the program as it was in 20" in text
+
+
+def test_each_program_is_told_with_gain_price_and_proof(tmp_path: Path) -> None:
+    found = page(tmp_path, {"SLOT": optimised(), "BORE": optimised(name="BORE")})
+    text = words(found)
+    assert "SLOT least cost 29.48 24.51 −16.9 % 120.1 76.40 −36.4 % 71.2 57.9 60.0 proved" in text
+    assert "in 0.71 % of parts (0.30 % to 1.4 %), 1 % is allowed; being that sure costs" in text
+    assert "3 moves stayed as programmed: threads keep their feed" in text
+    assert "a1" * 32 in text and "Load along the way of BORE" in text
+    assert "cut on the simulated shop floor" not in section(found, KEY)
+
+
+def test_the_head_says_which_program_to_load(tmp_path: Path) -> None:
+    better = optimised(name="BORE")
+    better["gain"]["cost_percent"] = -40.2
+    found = words(page(tmp_path, {"SLOT": optimised(), "BORE": better}))
+    assert "Nothing to repair: the model may serve. Load" in found
+    assert "parts/m/BORE.nc: 40 % cheaper inside its limits, and 1 more program below." in found
+
+
+@pytest.mark.parametrize("gain", [-0.99, 0.0, 5.0, None])
+def test_a_gain_below_a_percent_changes_no_program(tmp_path: Path, gain: float | None) -> None:
+    document = optimised()
+    document["gain"]["cost_percent"] = gain
+    text = words(page(tmp_path, {"SLOT": document}))
+    assert "What to do now Nothing to repair: the model may serve. " in text
+    assert "Load parts" not in text and "SLOT.nc: " not in text
+
+
+def test_a_program_that_is_not_proved_must_not_be_loaded(tmp_path: Path) -> None:
+    document = optimised()
+    document["proof"] |= {"same": False, "first": "SLOT.nc:14: X10. became X1."}
+    text = words(page(tmp_path, {"SLOT": document}))
+    assert "SLOT.nc: it is not proved to make the same moves." in text
+    assert "inside its limits" not in text
+    assert "First difference: SLOT.nc:14: X10. became X1." in text
+
+
+@pytest.mark.parametrize(("above", "loads"), [(0, True), (1, True), (2, False), (20, False)])
+def test_trial_cuts_beyond_the_limit_speak_against_a_program(
+    tmp_path: Path, above: int, loads: bool
+) -> None:
+    """At 1 % of 20 cuts one may pass by chance (18 % of such trials), two hardly (2 %)."""
+    text = words(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, above)}))
+    refused = f"on the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
+    assert (refused in text) is not loads
+    assert ("36 % cheaper inside its limits" in text) is loads
+
+
+def test_a_failed_machine_is_not_told_to_load_a_program(tmp_path: Path) -> None:
+    text = words(page(tmp_path, {"SLOT": optimised()}, passed=False))
+    assert "Failed" in text and "inside its limits" not in text.partition("On this page")[0]
+
+
+def test_what_is_not_known_does_not_break_the_page(tmp_path: Path) -> None:
+    documents = {"A": {}, "B": {"proof": None, "before": [], "gain": 3, "held": "x"}}
+    text = words(page(tmp_path, documents, {"A": {"seeds": "many"}, "B": {"after": {"above": 1}}}))
+    assert "not proved" in text
+
+
+def test_a_machine_without_programs_has_no_section_and_no_key_figure(tmp_path: Path) -> None:
+    write_report([empty_machine(tmp_path, "m")], FLEET, None, tmp_path / "out")
+    said = (tmp_path / "out/report.json").read_text() + words(tmp_path / "out/m.html")
+    assert "parts_before_s" not in said and "Part programs" not in said
+
+
+def test_the_next_report_says_what_changed(tmp_path: Path) -> None:
+    folders = with_parts(tmp_path, machine(tmp_path, "m", days=3), {"SLOT": optimised()})
+    write_report([folders], FLEET, None, tmp_path / "one")
+    document = optimised()
+    document["after"]["time_s"] = 22.51
+    (tmp_path / "parts/m/SLOT.json").write_text(json.dumps(document))
+    write_report([folders], FLEET, tmp_path / "one", tmp_path / "two")
+    assert "Their time optimised 24.5 s 22.5 s −2.00 s" in words(tmp_path / "two/m.html")

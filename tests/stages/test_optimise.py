@@ -1,0 +1,117 @@
+"""Parts from conf to the report: optimised, cut on the simulated shop floor, told."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import cattrs
+import pytest
+import yaml
+
+from pipeline.machine.control import ControlParameters
+from pipeline.parameters import structure
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial_parts import write_parts
+from pipeline.stages import trial as trial_stage
+from pipeline.stages.__main__ import run
+from tests.small_project import MACHINE, build, change, inside, new_project, params
+
+pytestmark = pytest.mark.slow
+PARTS, WORDS = f"data/parts/{MACHINE}", re.compile(rb"[FS][-+0-9.]+")
+LIMIT = 420.0  # in N, another than what the shop floor would suggest
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A mill with its part, and a control as conf/machine has it: nothing else was identified."""
+    folder = new_project(tmp_path_factory.mktemp("parts") / "project")
+    change(folder, "optimisation.search", population=12, generations=4, baseline=60)
+    change(folder, "optimisation.certainty", draws=256)
+    values = params(folder)
+    control = structure(values, f"machine.{MACHINE}.control", ControlParameters)
+    models = folder / "data/models" / MACHINE
+    models.mkdir(parents=True)
+    (models / "control.json").write_text(json.dumps({"control": {"": cattrs.unstructure(control)}}))
+    shop = structure(values, f"machine.{MACHINE}.shop", ShopParameters)
+    write_parts(folder / "data/raw" / MACHINE, shop)
+    part = values["machine"][MACHINE]["parts"]["programs"][0]
+    part["limits"]["load_N"] = LIMIT
+    change(folder, f"machine.{MACHINE}.parts", programs=[part], dynamics=None)
+    build(folder, "optimise")
+    return folder
+
+
+def document(project: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(next((project / PARTS).glob("*.json")).read_text())
+    return found
+
+
+def test_programs_before_and_after_differ_in_f_and_s_alone(project: Path) -> None:
+    before, after = (
+        next((project / PARTS).glob(f"O*[0-9]{end}")).read_bytes() for end in (".before.nc", ".nc")
+    )
+    raw = next((project / "data/raw" / MACHINE / "parts").glob("*.nc")).read_bytes()
+    assert before == raw != after
+
+    def rest(text: bytes) -> list[bytes]:
+        return [WORDS.sub(b"", line).replace(b" ", b"") for line in text.splitlines()]
+
+    assert rest(before) == rest(after)
+
+
+def test_the_document_keeps_its_limits_and_is_proved(project: Path) -> None:
+    found = document(project)
+    assert found["after"]["beyond"] == 0 and found["after"]["peak_load_N"] <= LIMIT
+    assert found["certainty"]["exceedance"] <= 0.02  # asked for was 0.01, of 256 draws
+    assert found["proof"]["same"] is True
+    assert found["after"]["time_s"] < 0.9 * found["before"]["time_s"]
+    assert found["methods"][0]["method"] == "as programmed"
+
+
+def test_metrics_are_those_of_the_document(project: Path) -> None:
+    metrics = json.loads((project / f"data/metrics/{MACHINE}_optimise.json").read_text())
+    found, (label,) = document(project), {p.stem for p in (project / PARTS).glob("*.json")}
+    assert metrics[f"{label}_after_time_s"] == pytest.approx(found["after"]["time_s"], rel=1e-3)
+    assert metrics[f"{label}_same_geometry"] is True
+    assert list(metrics) == sorted(metrics)
+
+
+def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trial_stage, "SEEDS", range(2))
+    build(project, "trial")
+    cut = json.loads((project / f"data/trials/{MACHINE}.json").read_text())
+    (told,) = cut["parts"].values()
+    found = document(project)
+    assert cut["origin"] == "simulated" and told["seeds"] == 2
+    assert told["limit_load_N"] == LIMIT == found["limits"]["load_N"]
+    assert told["after"]["time_s"]["mean"] < told["before"]["time_s"]["mean"]
+    for place in ("signals", "clean", "golden", "truth"):
+        (project / "data" / place).mkdir(exist_ok=True)
+    with inside(project):
+        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth",
+                                              "parts", "trials")), "reports")  # fmt: skip
+    page = (project / f"reports/{MACHINE}.html").read_text()
+    assert "cut on the simulated shop floor 2 times" in page
+
+
+def test_a_part_that_the_shop_floor_does_not_make_is_refused(project: Path, tmp_path: Path) -> None:
+    (tmp_path / "O9.json").write_text("{}")
+    with (
+        inside(project),
+        pytest.raises(ValueError, match=r"O9 is no part of the shop floor, which makes O\d+: take"),
+    ):
+        run(f"trial@{MACHINE}", str(tmp_path), str(tmp_path / "out.json"))
+
+
+def test_a_wrong_part_is_one_sentence_with_its_path(project: Path) -> None:
+    values = params(project)
+    part = values["machine"][MACHINE]["parts"]["programs"][0]
+    values["machine"][MACHINE]["parts"]["programs"] = [part | {"limits": {"load_N": 0}}]
+    broken = project.parent / "broken"
+    broken.mkdir()
+    (broken / "params.yaml").write_text(yaml.safe_dump(values))
+    with inside(broken), pytest.raises(ValueError, match=r"load_N = 0 must be .*limits"):
+        run(f"optimise@{MACHINE}", "raw", "models", "parts", "metrics.json")

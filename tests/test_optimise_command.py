@@ -1,0 +1,313 @@
+"""`kerf optimise`, as a process engineer uses it."""
+
+import json
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.report.page_reader import outline, words
+from tests.small_project import ROOT
+from tests.test_cli import kerf, refused
+
+PART = """%
+O1000(SLOT)
+N10 G21 G17 G90 G40
+N20 T1 M6
+N30 G0 G54 X-10. Y20. S3000 M3
+N40 G43 Z5. H4
+N50 G1 Z-1. F300.
+N60 X30. F120.
+N65 X70.
+N66 Y25.
+N67 X-10.
+N70 G0 Z50.
+N80 M30
+%
+"""
+STOCK = "box:0,60,0,40,-10,0"
+GIVEN = {
+    "--machine": "mill01", "--stock": STOCK, "--tool-table": "sim2023", "--material": "A6061",
+    "--resolution": "0.5", "--objective": "time", "--limit-load": "60",
+}  # fmt: skip
+OUT = ("--out", "better.nc", "--json", "better.json", "--page", "better.html")
+WRITTEN = OUT[1::2]
+
+
+def given(**changes: str | None) -> list[str]:
+    """The options, some changed, those that are None left out."""
+    options = GIVEN | {f"--{name.replace('_', '-')}": value for name, value in changes.items()}
+    return [word for pair in options.items() if pair[1] is not None for word in pair]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with a program, and what the command makes of it."""
+    folder = new(tmp_path_factory.mktemp("optimised"))
+    done = kerf(folder, "optimise", "part.nc", *given(), "--feed", "50", "1000", "--speed", "1000",
+                "8000", *OUT)  # fmt: skip
+    assert done.exit_code == 0, done.output
+    (folder / "said.txt").write_text(done.stdout)
+    return folder
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return new(tmp_path / "project")
+
+
+def new(folder: Path) -> Path:
+    """A project that searches as tests do."""
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    config = folder / "conf/config.yaml"
+    config.write_text(config.read_text().replace("budget: default", "budget: quick"))
+    (folder / "part.nc").write_text(PART)
+    return folder
+
+
+def test_only_f_and_s_differ_in_the_program_that_is_written(made: Path) -> None:
+    done = kerf(made, "check", "part.nc", "better.nc", "--machine", "mill01")
+    assert done.exit_code == 0, done.output
+    assert (made / "better.nc").read_bytes() != (made / "part.nc").read_bytes()
+
+
+def test_time_and_cost_are_those_that_simulate_tells_of_both_programs(made: Path) -> None:
+    """Two ways to the same numbers: the document, and `kerf simulate` of the two files."""
+    document = json.loads((made / "better.json").read_text())
+    cut = [w for w in given(objective=None) if w != "--objective"]
+    for which, name in (("before", "part.nc"), ("after", "better.nc")):
+        done = kerf(made, "simulate", name, *cut, "--json", "s.json")
+        assert done.exit_code == 0, done.output
+        told = json.loads((made / "s.json").read_text())["cut"]["summary"]
+        found = document[which]
+        assert found["time_s"] == told["time_s"] and found["cost"] == told["cost"]["sum"]
+        for key in ("energy_kWh", "tool_life_share", "peak_load_N"):
+            assert found[key] == told[key]
+
+
+def test_gains_groups_and_loads_of_the_document_agree_with_its_totals(made: Path) -> None:
+    document = json.loads((made / "better.json").read_text())
+    before, after = document["before"], document["after"]
+    assert after["time_s"] < before["time_s"]  # chosen so that there is something to gain
+    gain = 100 * (after["time_s"] / before["time_s"] - 1)
+    assert document["gain"]["time_percent"] == pytest.approx(gain, abs=1e-3 * abs(gain))
+    for which in ("before", "after"):
+        groups = document["groups"]
+        assert sum(g[f"time_{which}_s"] for g in groups) <= document[which]["time_s"] * (1 + 1e-6)
+        peak = max(g[f"peak_load_{which}_N"] for g in groups)
+        assert peak == pytest.approx(document[which]["peak_load_N"], rel=1e-5)  # six digits
+        loads = [v for v in document["trace"][which]["load_N"] if v is not None]
+        assert max(loads) == pytest.approx(peak, rel=1e-3)  # four digits
+    assert after["beyond"] == 0 and after["peak_load_N"] <= 60
+    assert document["certainty"]["exceedance"] <= document["certainty"]["interval_95"][1]
+    fed = [g for g in document["groups"] if g["first_line"] <= 8 <= g["last_line"]]
+    assert fed[0]["feed_before"] == 120.0 and fed[0]["speed_before"] == 3000.0
+    assert fed[0]["tool"] == 1 and fed[0]["feed_unit"] == "mm/min"
+
+
+def test_the_way_at_feed_is_that_of_the_program(made: Path) -> None:
+    trace = json.loads((made / "better.json").read_text())["trace"]
+    way = 6 + 40 + 40 + 5 + 80  # Z5 to Z-1, to X30, X70, Y25, X-10
+    for which in ("before", "after"):
+        assert trace[which]["total_mm"] == pytest.approx(way, abs=1e-3)
+    assert trace["before"]["line"] == trace["after"]["line"]
+    cut = [v is not None for v in trace["before"]["load_N"]]
+    assert cut == [v is not None for v in trace["after"]["load_N"]]
+    step = trace["before"]["way_mm"][1]
+    # teeth cut from 3 mm before the blank, the tool's radius, until its centre leaves it at X60;
+    # the height map's cells of 0.5 mm blur both ends
+    first = [k for k, inside in enumerate(cut[: int(91 / step)]) if inside]
+    assert first[0] * step == pytest.approx(6 + 10 - 3, abs=1.0)
+    assert (first[-1] + 1) * step == pytest.approx(6 + 10 + 60, abs=1.0)
+    assert trace["tools"] == [[1, 0.0, 1.0]]
+
+
+def test_words_and_hashes_are_those_of_the_files(made: Path) -> None:
+    from hashlib import sha256
+
+    document = json.loads((made / "better.json").read_text())
+    proof = document["proof"]
+    assert proof["same"] is True
+    for key, name in (("before_sha256", "part.nc"), ("after_sha256", "better.nc")):
+        assert proof[key] == sha256((made / name).read_bytes()).hexdigest()
+    pairs = zip(PART.split(), (made / "better.nc").read_text().split(), strict=False)
+    counts = document["words"]
+    assert sum(counts.values()) >= 1
+    if counts["F_added"] + counts["S_added"] == 0:  # else words do not stand in pairs
+        assert sum(a != b for a, b in pairs) == sum(counts.values())
+
+
+def test_what_is_said_holds_gain_limits_and_proof(made: Path) -> None:
+    said, document = (made / "said.txt").read_text(), json.loads((made / "better.json").read_text())
+    assert "part.nc on mill01 (simulated)" in said
+    for word in ("before    after", "certainty: P(load > 60 N)", "its price", "direct",
+                 "as programmed", "binds: ", "words: ", document["proof"]["sha256"],
+                 "not known: deflection", "wrote better.nc, better.json, better.html"):  # fmt: skip
+        assert word in said, word
+    assert f"{document['gain']['time_percent']:+.1f} %" in said
+
+
+def test_the_page_stands_on_the_json_and_loads_nothing(made: Path) -> None:
+    text = words(made / "better.html")
+    assert "better.json" in text and "simulated" in text.lower()
+    assert "script" not in [tag for tag, _ in outline(made / "better.html").tags]
+
+
+def test_the_same_seed_makes_the_same_bytes(made: Path) -> None:
+    before = [(made / name).read_bytes() for name in WRITTEN]
+    done = kerf(made, "optimise", "part.nc", *given(), "--feed", "50", "1000", "--speed", "1000",
+                "8000", *OUT)  # fmt: skip
+    assert done.exit_code == 0
+    assert [(made / name).read_bytes() for name in WRITTEN] == before
+    assert done.stderr == ""  # no bar where nobody looks
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"stock": None}, "--stock is missing: give the blank"),
+        ({"tool_table": None}, "--tool-table is missing: name a table"),
+        ({"material": None}, "--material is missing: name a material"),
+        ({"tool_table": "other.yaml"}, "T1 cuts and is not in the tool table"),
+        ({"tool_table": "lathe"}, "conf/tool/, which has"),
+        ({"stock": "box:0,60,0,40,0,0"}, "nothing is cut: the blank box:0,60,0,40,0,0"),
+        ({"stock": "box:500,560,0,40,-10,0"}, "the blank X 500..560"),
+        ({"objective": "beauty"}, "--objective beauty is none of time, cost"),
+        ({"limit_load": "-5"}, "--limit-load -5 N must be above 0"),
+        ({"limit_load": "0.0001"}, "raise --limit-load"),
+        ({"limit_deflection": "0"}, "--limit-deflection 0 must be positive"),
+        ({"limit_torque": "-1"}, "--limit-torque -1 must be positive"),
+        ({"limit_roughness": "inf"}, "--limit-roughness inf must be positive and finite"),
+        ({"power_share": "0"}, "--power-share 0 must be positive"),
+        ({"least_speed_change": "-1"}, "--least-speed-change -1"),
+        ({"stability_margin": "1.5"}, "--stability-margin 1.5 is out of its range"),
+        ({"epsilon": "0"}, "--epsilon 0.0 is out of its range, 0.0001 to"),
+        ({"seed": "-1"}, "--seed -1 is out of its range"),
+        ({"speeds": "all"}, "--speeds all is neither own nor blocks"),
+        ({"machine": "lathe9"}, "conf/machine/lathe9.yaml does not exist"),
+        ({"resolution": "0"}, "--resolution 0 mm is out of its range"),
+        ({"unit": "a"}, "has no units: leave --unit out"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence_and_nothing_is_written(
+    project: Path, changes: dict, said: str
+) -> None:
+    (project / "other.yaml").write_text("tools: {5: {kind: flat, diameter_mm: 12, flutes: 3}}")
+    before = sorted(project.rglob("*"))
+    assert said in refused(project, "optimise", "part.nc", *given(**changes), *OUT)
+    assert sorted(project.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("ranges", "said"),
+    [
+        (("--feed", "500", "100"), "--feed [500.0, 100.0] must be two numbers, the least first"),
+        (("--speed", "-1", "8000"), "--speed [-1.0, 8000.0] must be two numbers"),
+        (("--chip", "5", "nan"), "--chip [5.0, nan] must be two numbers"),
+        (("--cutting-speed", "0", "0"), "--cutting-speed [0.0, 0.0] must be two numbers"),
+        (("--feed", "4000", "5000"), "part.nc:"),
+    ],
+)
+def test_a_range_that_is_none_is_one_sentence(
+    project: Path, ranges: tuple[str, ...], said: str
+) -> None:
+    before = sorted(project.rglob("*"))
+    assert said in refused(project, "optimise", "part.nc", *given(), *ranges, *OUT)
+    assert sorted(project.rglob("*")) == before
+
+
+def test_without_a_file_for_the_program_it_says_so(project: Path) -> None:
+    said = refused(project, "optimise", "part.nc", *given(), "--json", "better.json")
+    assert "--out is missing: name a file for the optimised program" in said
+    assert not (project / "better.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("outputs", "said"),
+    [
+        (("--out", "part.nc"), "part.nc is the program itself"),
+        (("--out", "conf/better.nc"), "which is read"),
+        (("--out", "b.nc", "--json", "./b.nc"), "b.nc is named for two outputs"),
+        (("--out", "b.nc", "--page", "nowhere/b.html"), "nowhere does not exist"),
+    ],
+)
+def test_outputs_replace_nothing(project: Path, outputs: tuple[str, ...], said: str) -> None:
+    assert said in refused(project, "optimise", "part.nc", *given(), *outputs)
+    assert (project / "part.nc").read_text() == PART and not (project / "b.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (PART.replace("N66 Y25.", "N66 G12.7 Y25."), "part.nc:10"),
+        (PART.replace("G1 Z-1. F300.", "G0 Z5.").replace(" F120.", ""), "no move cuts"),
+        ("%\nM30\n%\n", "no moves"),
+    ],
+)
+def test_a_program_that_cannot_be_followed_or_cuts_nothing(
+    project: Path, text: str, said: str
+) -> None:
+    (project / "part.nc").write_text(text)
+    assert said in refused(project, "optimise", "part.nc", *given(), *OUT)
+    assert not (project / "better.nc").exists()
+
+
+def test_nothing_that_limits_a_feed_is_refused(project: Path) -> None:
+    said = refused(project, "optimise", "part.nc", *given(limit_load=None), *OUT)
+    assert "part.nc:" in said and not (project / "better.nc").exists()
+
+
+def command(project: Path) -> list[str]:
+    return [sys.executable, "-m", "pipeline.cli", "optimise", "part.nc", *given(), "--feed", "50",
+            "1000", *OUT]  # fmt: skip
+
+
+def watched(project: Path, share: float | None) -> tuple[int, bytes]:
+    """Exit status, and what a person sees who presses Ctrl-C at the first bar of ``share`` %."""
+    ours, theirs = pty.openpty()
+    done = subprocess.Popen(
+        command(project), cwd=project, stdout=subprocess.DEVNULL, stderr=theirs,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100"}, start_new_session=True,
+    )  # fmt: skip
+    os.close(theirs)
+    seen, sent, begin = b"", share is None, time.monotonic()
+    while time.monotonic() - begin < 300:
+        try:
+            part = os.read(ours, 4096)
+        except OSError:  # the other end is closed
+            break
+        seen += part
+        if not sent and f"{share:.0f}%".encode() in seen:
+            done.send_signal(signal.SIGINT)
+            sent = True
+    os.close(ours)
+    return done.wait(timeout=300), seen
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_the_best_so_far(project: Path) -> None:
+    config = project / "conf/optimisation/default.yaml"
+    config.write_text(config.read_text().replace("generations: 40", "generations: 100000"))
+    budget = project / "conf/budget/quick.yaml"
+    budget.write_text(budget.read_text().replace("generations: 10", "generations: 100000"))
+    status, seen = watched(project, 30)
+    assert status == 130
+    assert b"ending with the best so far" in seen and b"searching" in seen
+    assert json.loads((project / "better.json").read_text())["interrupted"] is True
+    assert "interrupted" in words(project / "better.html")
+    done = kerf(project, "check", "part.nc", "better.nc", "--machine", "mill01")
+    assert done.exit_code == 0
+
+
+@pytest.mark.slow
+def test_ctrl_c_before_there_is_anything_writes_nothing(project: Path) -> None:
+    before = sorted(p for p in project.rglob("*") if p.suffix != ".pyc")
+    status, seen = watched(project, 0)
+    assert status == 130 and b"nothing is written" in seen
+    assert sorted(p for p in project.rglob("*") if p.suffix != ".pyc") == before
