@@ -182,6 +182,8 @@ def test_the_same_seed_makes_the_same_bytes(made: Path) -> None:
         ({"limit_load": "-5"}, "--limit-load -5 N must be above 0"),
         ({"limit_load": "0.0001"}, "raise --limit-load"),
         ({"limit_deflection": "0"}, "--limit-deflection 0 must be positive"),
+        ({"limit_deflection": "20"}, "--limit-deflection 20 cannot be kept: T1 has no stickout_mm"),
+        ({"power_share": "0.5", "machine": "hurco"}, "--power-share 0.5 cannot be kept"),
         ({"limit_torque": "-1"}, "--limit-torque -1 must be positive"),
         ({"limit_roughness": "inf"}, "--limit-roughness inf must be positive and finite"),
         ({"power_share": "0"}, "--power-share 0 must be positive"),
@@ -211,7 +213,7 @@ def test_what_does_not_fit_is_one_sentence_and_nothing_is_written(
         (("--speed", "-1", "8000"), "--speed [-1.0, 8000.0] must be two numbers"),
         (("--chip", "5", "nan"), "--chip [5.0, nan] must be two numbers"),
         (("--cutting-speed", "0", "0"), "--cutting-speed [0.0, 0.0] must be two numbers"),
-        (("--feed", "4000", "5000"), "part.nc:"),
+        (("--feed", "4000", "5000"), "widen --feed or --speed, or raise --limit-load"),
     ],
 )
 def test_a_range_that_is_none_is_one_sentence(
@@ -220,6 +222,16 @@ def test_a_range_that_is_none_is_one_sentence(
     before = sorted(project.rglob("*"))
     assert said in refused(project, "optimise", "part.nc", *given(), *ranges, *OUT)
     assert sorted(project.rglob("*")) == before
+
+
+def test_a_range_of_feeds_from_nothing_on_has_no_least(project: Path) -> None:
+    """The answer is that of the least feed which stands where no range is given."""
+    done = kerf(project, "optimise", "part.nc", *given(), "--feed", "0", "1000", *OUT)
+    assert done.exit_code == 0, done.output
+    text = (project / "better.nc").read_bytes()
+    least = 0.1 * 120  # of the program's least F
+    again = kerf(project, "optimise", "part.nc", *given(), "--feed", f"{least}", "1000", *OUT)
+    assert again.exit_code == 0 and (project / "better.nc").read_bytes() == text
 
 
 def test_without_a_file_for_the_program_it_says_so(project: Path) -> None:

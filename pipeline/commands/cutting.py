@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,11 +16,12 @@ from pipeline.cutting.material import Material
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.cutting.stock import stock_of
 from pipeline.cutting.tool_table import ToolTable
+from pipeline.optimisation.part_job import spindle_drive
 from pipeline.parameters import ParametersError, structure
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_dynamics import TipDynamics, TipModes, rigid_directions
-from pipeline.twin.cut_laws import identified_law, identified_no_load, tool_laws
+from pipeline.twin.cut_laws import identified_law, tool_laws
 
 T = TypeVar("T")
 
@@ -140,7 +141,9 @@ def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, 
     sections = on.parameters["machine"][machine]
     known = model_document(machine, "cutting.json") or {}
     laws = tool_laws(table.tools, options.material, material, identified_law(known))
-    drive, drive_source = _drive(sections, machine, known)
+    drive, drive_source = spindle_drive(
+        section(sections, "spindle_drive", SpindleDrive), f"conf/machine/{machine}.yaml", known
+    )
     job = CutJob(
         stock=stock_of(options.stock),
         tools=table.tools,
@@ -234,20 +237,6 @@ def _structured(values: Any, where: str, wanted: type[T]) -> T:
 def section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:
     """The section ``name`` as ``wanted``; None where there is none."""
     return structure(sections, name, wanted) if sections.get(name) else None
-
-
-def _drive(
-    sections: dict[str, Any], machine: str, known: dict[str, Any]
-) -> tuple[SpindleDrive | None, str]:
-    """The spindle's drive with the no-load power that was identified, where there is one."""
-    drive, source = (
-        section(sections, "spindle_drive", SpindleDrive),
-        f"conf/machine/{machine}.yaml",
-    )
-    idle = identified_no_load(known)
-    if drive is None or idle is None:
-        return drive, source
-    return replace(drive, no_load_W=idle), f"{source}; no-load power identified on this machine"
 
 
 def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:

@@ -49,6 +49,9 @@ OPTION = {
     "certainty.epsilon": "--epsilon",
     "certainty.seed": "--seed",
     "search.seed": "--seed",
+    "feed_mm_min": "--feed",
+    "speed_rpm": "--speed",
+    "chip_um": "--chip",
 }
 """What a person writes for what the settings are called."""
 
@@ -136,7 +139,7 @@ def _named_as_options() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        named = re.sub(r"\b\w+\.\w+( =)?", _option, str(error))
+        named = re.sub(r"\b(?:\w+\.)?\w+( =)?", _option, str(error))
         raise ValueError(named) from error
 
 

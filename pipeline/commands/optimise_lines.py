@@ -77,7 +77,7 @@ def _methods(document: Mapping[str, Any]) -> Iterator[str]:
     rows += [
         [
             one["method"],
-            "kept" if one["feasible"] else "passed",
+            "inside" if one["feasible"] else "beyond",
             _number(one["time_s"], 1, 4),
             _number(one["cost"], 1, 4),
             _number(one["energy_kWh"]),

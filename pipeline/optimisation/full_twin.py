@@ -20,10 +20,12 @@ from pipeline.twin.program import planned_program
 
 Floats = NDArray[np.float64]
 
-SLACK = 1e-3
+SLACK = 1e-4
 """Over a limit, as a share, that counts as rounding."""
 STEP = 0.98
 """Of a feed, to see how loads grow with it."""
+ROWS = 256
+"""Whose waveforms are computed: those of the greatest loads."""
 LEAST = 0.5
 """What feeds are lowered to in one round at most."""
 
@@ -101,7 +103,7 @@ def full_twin(
     rows = matching_rows(moves, after)
     cut = recut(problem.cut, planned_program(after, job.control), rows)
     found = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
-    verified = verify(cut, drives=job.drives)
+    verified = verify(cut, drives=job.drives, rows=ROWS)
     tightening = np.ones(len(moves))
     if certain is not None:
         tightening = _tightening(problem.cut, certain, cut.feed_per_tooth[rows], verified, rows)

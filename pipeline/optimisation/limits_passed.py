@@ -3,9 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.bounds import feed_for_marks
 from pipeline.optimisation.settings import CutLimit
+from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import Judged
 
 Floats = NDArray[np.float64]
@@ -46,6 +48,30 @@ def passed_by_limit(of: Judged, limits: CutLimit) -> dict[str, Flags]:
             low, high = limit if isinstance(limit, tuple) else (0.0, limit)
             out[name] = (values > high * (1 + ROUNDING)) | (values < low * (1 - ROUNDING))
     return out
+
+
+def check_judged(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
+    """Refuse limits that nothing is known for, rather than to pass over them in silence.
+
+    Raises
+    ------
+    ValueError
+        When the deflection of a tool that cuts, or the spindle's drive, is not known.
+    """
+    if limits.deflection_um is not None:
+        for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
+            tool = cut.tools[index]
+            if tool.stickout is None and tool.kind != "drill":
+                raise ValueError(
+                    f"limits.deflection_um = {limits.deflection_um:g} cannot be kept: "
+                    f"T{cut.numbers[index]} has no stickout_mm in the tool table: write it there, "
+                    "or leave the limit out"
+                )
+    if limits.power_share < 1.0 and drive is None:
+        raise ValueError(
+            f"limits.power_share = {limits.power_share:g} cannot be kept: the machine's file has "
+            "no section spindle_drive: write it there, or leave the limit out"
+        )
 
 
 def _cutting_speed(of: Judged, tools: tuple[Tool, ...]) -> Floats:

@@ -44,6 +44,10 @@ class ModalWords:
         Lines with a word of the letter and no such visit, ascending.
     uncertain : bool
         Whether those may be executed between any two visits.
+    optional : ndarray of bool, shape (K,)
+        Whether the line begins with ``/``: it may be left out at the machine.
+    loose_optional : bool
+        Whether one of the loose lines does.
     """
 
     letter: str
@@ -54,6 +58,8 @@ class ModalWords:
     own: Floats = field(repr=False)
     loose: Rows = field(repr=False)
     uncertain: bool
+    optional: Flags = field(repr=False)
+    loose_optional: bool
 
     @classmethod
     def along(
@@ -69,6 +75,7 @@ class ModalWords:
         return cls(
             letter=letter, visit=visit, line=line, row=row, sets=has[line] & (line > 0),
             own=values[row], loose=loose, uncertain=words.winding and len(loose) > 0,
+            optional=words.optional[line], loose_optional=bool(words.optional[loose].any()),
         )  # fmt: skip
 
     def handed_on(self, keeps: Flags, may: Flags) -> Flags:
@@ -82,14 +89,15 @@ class ModalWords:
             Those whose line may be written into.
         """
         bound, needed = np.zeros(len(self.line), dtype=np.bool_), False
-        ends = (self.sets | may).tolist()
-        keeping, writable = keeps.tolist(), may.tolist()
+        ends = (self.sets | (may & ~self._depends())).tolist()
+        keeping, writable, optional = keeps.tolist(), may.tolist(), self.optional.tolist()
         for k in range(len(ends) - 1, -1, -1):
+            past = needed and optional[k]  # where the line is left out
             if keeping[k] and not writable[k]:
-                needed = not ends[k]
+                needed = past or not ends[k]
             elif needed:
                 bound[k] = True
-                needed = not ends[k]
+                needed = past or not ends[k]
         return bound
 
     def written(self, wanted: Floats, may: Flags) -> Mapping[int, float]:
@@ -109,10 +117,13 @@ class ModalWords:
         """
         values: dict[int, float] = {}
         known, value = True, 0.0
-        columns = (self.line, self.own, wanted, self.sets, may, self._loose_before())
-        for line, own, want, sets, writes, loose in zip(
+        columns = (
+            self.line, self.own, wanted, self.sets, may, self._loose_before(), self.optional
+        )  # fmt: skip
+        for line, own, want, sets, writes, loose, optional in zip(
             *(column.tolist() for column in columns), strict=True
         ):
+            past = known, value
             if not known and loose:
                 known, value = not self.uncertain, np.nan
             if sets and writes:
@@ -127,7 +138,21 @@ class ModalWords:
                 values[line] = want
             if sets or line in values:
                 known, value = want == own, want
+            if optional and past != (known, value) and not (known and past[0]):
+                known, value = False, np.nan  # it depends on whether the line is left out
         return values
+
+    def _depends(self) -> Flags:
+        """Visits whose own value depends on whether lines with ``/`` are left out (K,)."""
+        if self.loose_optional:
+            return ~self.sets
+        found, depends = np.zeros(len(self.line), dtype=np.bool_), False
+        for k, (sets, optional) in enumerate(
+            zip(self.sets.tolist(), self.optional.tolist(), strict=True)
+        ):
+            depends = optional if sets else depends
+            found[k] = depends and not sets
+        return found
 
     def _loose_before(self) -> Flags:
         """Visits before which a loose word may have been executed (K,)."""

@@ -29,9 +29,9 @@ Rows = NDArray[np.intp]
 AT = 0.98
 """Share of a limit from which a row counts as at it: words of F and S are rounded."""
 ORDER = np.array([
-    *HIGH, LEAST_CHIP, POWER, STABILITY, CUTTING_SPEED, SPINDLE_SPEED, FEED,
+    *HIGH, LEAST_CHIP, POWER, STABILITY, FEED, CUTTING_SPEED, SPINDLE_SPEED,
 ])  # fmt: skip
-"""Of several limits that a row is at, the first is told."""
+"""Of several limits that a row is at, the first is told: at the end of F no S makes it faster."""
 
 
 def shares(problem: "Problem", feeds: Floats, speeds: Floats) -> Floats:

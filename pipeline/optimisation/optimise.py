@@ -23,6 +23,7 @@ from pipeline.optimisation.editable_blocks import editable_blocks
 from pipeline.optimisation.full_twin import Full, full_twin
 from pipeline.optimisation.genetic import improve
 from pipeline.optimisation.job import Interrupted, Job, Progress
+from pipeline.optimisation.limits_passed import check_judged
 from pipeline.optimisation.pareto import Front, pareto
 from pipeline.optimisation.problem import Problem, problem_of
 from pipeline.optimisation.proof import Proof, prove
@@ -129,6 +130,7 @@ class _Course:
         self.interrupted = False
         self.evaluated = 0
         self.program, self.moves, self.before = _as_programmed(job)
+        check_judged(self.before, job.limits, job.basis.drive)
         self.editable: Editable = editable_blocks(self.program, self.moves)
         self.uncertain, self.certain = self._certainty()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
@@ -140,14 +142,14 @@ class _Course:
 
     def result(self) -> Result:
         """Search, judge by the whole twin, tighten where it asks for it, and compare."""
-        tightened = 0
+        problem, tightened = self._problem(), 0
         while True:
-            problem = self._problem(self.f_z)
             found = self._search(problem)
             answer, done = found.answer, self.evaluated >= self.job.settings.search.full
             if answer.kept or done or tightened >= ROUNDS or self.f_z is None:
                 break
             self.f_z = self.f_z * answer.tightening
+            problem = problem.with_load(self.f_z)
             tightened += 1
         if not answer.kept:
             raise ValueError(answer.why_not)
@@ -157,7 +159,7 @@ class _Course:
             job=self.job, moves=self.moves, before=self.before, problem=problem,
             direct=found.direct, answer=answer, proof=self._proof(answer),
             methods=self._methods(problem, found), front=found.front, uncertain=self.uncertain,
-            nominal=self._nominal(), risk=risk,
+            nominal=self._nominal(problem), risk=risk,
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
@@ -173,9 +175,9 @@ class _Course:
         margin = self.job.limits.margins.load
         return known, certain_feeds(self.before, limit, margin, known, settings)
 
-    def _problem(self, f_z: Floats | None) -> Problem:
+    def _problem(self) -> Problem:
         job = self.job
-        return problem_of(self.before, job.basis, job.limits, self.editable, f_z_load=f_z)
+        return problem_of(self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z)
 
     @property
     def objective(self) -> Objective:
@@ -263,13 +265,13 @@ class _Course:
     def _compared(self, _: int, __: Floats, ___: object) -> bool:
         return self.ends("comparing", 0.85)
 
-    def _nominal(self) -> Method | None:
+    def _nominal(self, problem: Problem) -> Method | None:
         """What taking every value as known would give."""
         if self.certain is None or self.interrupted:
             return None
-        problem = self._problem(self.certain.nominal)
-        found = direct(problem, self.objective, self.job.settings.grouping)
-        return method_of(problem, "nominal", found, 1)
+        nominal = problem.with_load(self.certain.nominal)
+        found = direct(nominal, self.objective, self.job.settings.grouping)
+        return method_of(nominal, "nominal", found, 1)
 
 
 def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:

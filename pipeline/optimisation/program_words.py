@@ -105,6 +105,11 @@ class ProgramWords:
         return found
 
     @cached_property
+    def optional(self) -> Flags:
+        """Lines that begin with ``/`` and may be left out at the machine (L + 1,)."""
+        return self._has(self.program.tokens.kind == Kind.SKIP)
+
+    @cached_property
     def winding(self) -> bool:
         """Whether lines may be left out or come again: jumps, loops, calls, block skip."""
         tokens = self.program.tokens

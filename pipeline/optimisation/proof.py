@@ -4,22 +4,36 @@ Two questions, answered without the code that writes words.  Are the texts the s
 but for numbers of F and S words and such words added at the end of a line's words, and only where
 F is a feed and S a speed?  And do both programs, interpreted with the same set-up, make the same
 moves to the last bit: positions, arcs, planes, feed modes, tools, frames, spindle direction, M
-codes, dwells, path modes?  And are all lines with other words executed?  The proof's hash is one of what is the same, so that either program
-alone gives it again.
+codes, dwells, path modes; by the same lines, and with the switch for ``/`` either way?  A word in
+a line that is never executed is a difference, since nothing tells what it means.  The proof's hash
+is one of what is the same, so that either program alone gives it again.
 """
 
 import hashlib
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.proof_comment import proof_line, with_comment, without_comment
-from pipeline.optimisation.proof_executed import followed, of_kept, without_proof
+from pipeline.optimisation.proof_executed import (
+    followed,
+    left_out,
+    of_kept,
+    other_way,
+    read,
+    switches,
+)
 from pipeline.optimisation.proof_moves import moves_difference, moves_digest
-from pipeline.optimisation.proof_splits import merged, splits_of
+from pipeline.optimisation.proof_splits import Splits, merged, splits_of
 from pipeline.optimisation.proof_text import Difference, shown, text_difference, text_digest
 from pipeline.optimisation.word_changes import WordChange
+
+Flags = NDArray[np.bool_]
 
 __all__ = ["Difference", "Proof", "prove", "with_proof_comment"]
 
@@ -108,21 +122,58 @@ def prove(
     )
     if not proof.same:
         return proof
-    one, run = followed(Program(b"".join(lines), name_before), setup)
-    other, other_run = followed(Program(b"".join(others), name_after), setup)
-    whole = other if found is None else merged(other, found)
-    if not isinstance(whole, Moves):
-        texts = [shown(b"".join(text[whole[0] - 1 : whole[0]])) for text in (lines, kept)]
-        first = Difference(whole[0], texts[0], texts[1], whole[1])
-        return replace(proof, same=False, first=first, moves=len(one))
-    first = _in_lines(moves_difference(one, whole), one, lines, kept)
-    first = first or without_proof(changes, lines, kept, run, of_kept(other_run, found))
+    texts = _Texts(lines, others, kept, changes, found, (name_before, name_after))
+    first, one, whole = texts.compared(setup)
     if first is not None:
         return replace(proof, same=False, first=first, moves=len(one))
     sha256 = _sha256(lines, one)
     first = _wrong_hash(told, place, sha256, _sha256(kept, whole))
     agreed = "" if first is not None else sha256
     return replace(proof, same=first is None, first=first, moves=len(one), sha256=agreed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Texts:
+    """Two programs whose texts are the same but for F and S words: what they make is compared."""
+
+    lines: list[bytes]
+    others: list[bytes]
+    kept: list[bytes]
+    changes: tuple[WordChange, ...]
+    splits: Splits | None
+    names: tuple[str, str]
+
+    def compared(self, setup: Setup) -> tuple[Difference | None, Moves, Moves]:
+        """The first difference with the switch for ``/`` either way; the moves as it is set."""
+        run: Flags = np.zeros(len(self.lines) + 1, dtype=np.bool_)
+        found, first = [], None
+        for one in switches(self.lines, setup):
+            try:
+                first, *moves = self._made(one, run)
+            except GcodeError:
+                if one is setup:
+                    raise
+                continue  # it is no program that way
+            found.append(moves)
+            if first is not None:
+                break
+        if self.changes:
+            first = first or left_out(self.changes, self.lines, self.kept, run)
+            first = first or read(self.lines, self.kept, run)
+        return first, found[0][0], found[0][1]
+
+    def _made(self, setup: Setup, run: Flags) -> tuple[Difference | None, Moves, Moves]:
+        """The first difference of what is made, and the moves; ``run`` gets executed lines."""
+        lines, kept = self.lines, self.kept
+        one, executed = followed(Program(b"".join(lines), self.names[0]), setup)
+        other, after = followed(Program(b"".join(self.others), self.names[1]), setup)
+        run |= executed
+        whole = other if self.splits is None else merged(other, self.splits)
+        if not isinstance(whole, Moves):
+            texts = [shown(b"".join(text[whole[0] - 1 : whole[0]])) for text in (lines, kept)]
+            return Difference(whole[0], texts[0], texts[1], whole[1]), one, other
+        first = _in_lines(moves_difference(one, whole), one, lines, kept)
+        return first or other_way(lines, kept, executed, of_kept(after, self.splits)), one, whole
 
 
 def with_proof_comment(text: bytes, proof: Proof) -> bytes:

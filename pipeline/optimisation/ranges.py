@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_FEED = 0.1
-"""Of the least F of a program, where no range is given."""
+"""Of the least F of a program, where no range is given, or one from 0 on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,11 +123,12 @@ def _feeds(
 ) -> tuple[Floats, Floats]:  # fmt: skip
     moves, free = cut.plan.path.moves, editable.block >= 0
     own = feeds_per_minute(cut, moves.feed, cut.plan.turns)
+    low = LEAST_FEED * float(own[free].min(initial=np.inf)) if free.any() else 0.0
     if limits.feed_mm_min is not None:
-        low, high = limits.feed_mm_min
+        least, high = limits.feed_mm_min
+        low = least or min(low, high)  # a feed of 0 is none
     else:
         axes = cut.plan.path.control.axes
-        low = LEAST_FEED * float(own[free].min(initial=np.inf)) if free.any() else 0.0
         fastest = max(axis.cutting_speed for letter, axis in axes.items() if letter in LINEAR)
         high = max(fastest, float(own[free].max(initial=0.0)))
     return (

@@ -31,6 +31,10 @@ class SpeedChanges:
         Rows before which an S word could be added while the spindle turns, and be waited for.
     until : ndarray of intp, shape (A,)
         Row that waits for each of them.
+    standstill : float
+        What a standstill before a wait takes: filters run empty, check of position [s].
+    standing : ndarray, shape (A,)
+        Part of it that the program takes there anyway [s].
     pairs : ndarray of intp, shape (N, 2)
         Rows of one tool, with no other between them in which the spindle turns, whose S may change.
     lead : ndarray, shape (N,)
@@ -41,6 +45,8 @@ class SpeedChanges:
     waiting: AuxiliaryParameters
     added: Rows = field(repr=False)
     until: Rows = field(repr=False)
+    standstill: float
+    standing: Floats = field(repr=False)
     pairs: Rows = field(repr=False)
     lead: Floats = field(repr=False)
 
@@ -52,12 +58,13 @@ class SpeedChanges:
     def time(self, before: ArrayLike, after: ArrayLike) -> Floats:
         """Wait for a change of S [s] from one speed to another [rev/min], shapes that broadcast.
 
-        Where the axes move on meanwhile, the most that it can be.
+        The most that it can be: from a path that runs on, and where no axis moves meanwhile.
         """
         old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
         if not self.waits:
             return np.zeros(old.shape)
-        return np.where(new == old, 0.0, self._change(old, new) + self.waiting.spindle_delay)
+        most = self._change(old, new) + self.waiting.spindle_delay + self.standstill
+        return np.where(new == old, 0.0, most)
 
     def add_waits(self, turns: Floats, time: Floats, wait: Floats) -> None:
         """Add to ``wait`` what added S words are waited for; all of shape (P, M), in s but turns.
@@ -67,11 +74,13 @@ class SpeedChanges:
         """
         if not self.waits or not len(self.added):
             return
-        needed = self.time(turns[:, self.added - 1], turns[:, self.added])
+        old, new = turns[:, self.added - 1], turns[:, self.added]
+        needed = self._change(old, new) + self.waiting.spindle_delay
         passed = np.cumsum(np.hstack([np.zeros((len(time), 1)), time + wait]), axis=1)
         needed -= passed[:, self.until] - passed[:, self.added]
-        standing = np.maximum(self.until - 1, self.added)
-        np.add.at(wait.T, standing, np.maximum(needed, 0.0).T)
+        needed = np.maximum(needed, 0.0) + self.standstill - self.standing
+        where = np.maximum(self.until - 1, self.added)
+        np.add.at(wait.T, where, np.where(new == old, 0.0, needed).T)
 
     def ramp(self, before: ArrayLike, after: ArrayLike) -> Floats:
         """How long a spindle that is not waited for has another speed than it should [s].
@@ -144,13 +153,25 @@ def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Sp
     same = moves.tool[pairs[:, 0]] == moves.tool[pairs[:, 1]]
     pairs = pairs[same & free[pairs].any(axis=1)]
     lead = leads(plan, editable, cuts)[pairs[:, 1]]
+    known = until < len(moves)
+    standstill = float(path.control.filters[1].sum()) + path.control.settle_time
     return SpeedChanges(
         waiting=path.control.auxiliary,
-        added=rows[until < len(moves)],
-        until=until[until < len(moves)],
+        added=rows[known],
+        until=until[known],
+        standstill=standstill,
+        standing=np.minimum(_pauses(path)[until[known]], standstill),
         pairs=pairs,
         lead=np.where(pairs[:, 1] == pairs[:, 0] + 1, lead, np.inf),
     )
+
+
+def _pauses(path: Path) -> Floats:
+    """Standstill of the last row that moves before each row, all of it where none does; (M,)."""
+    moving = np.append(-1, np.flatnonzero(path.moving))
+    last = moving[np.searchsorted(moving, np.arange(len(path))) - 1]
+    pauses: Floats = np.where(last >= 0, path.pause[last], np.inf)
+    return pauses
 
 
 def leads(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Floats:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.engagement import Engagement
 from pipeline.gcode.moves import METRE, FeedMode, Kind, Moves
-from pipeline.gcode.program import Program, Word
+from pipeline.gcode.program import Line, Program, Word
 from pipeline.optimisation.program_words import ProgramWords
 from pipeline.optimisation.rounding import FeedText
 from pipeline.optimisation.settings import Grouping
@@ -21,6 +21,8 @@ Rows = NDArray[np.intp]
 
 SECONDS = 60.0
 """In a minute."""
+STANDING = frozenset("NFSTM")
+"""Words that move no axis and leave the meaning of coordinates alone."""
 PLAIN_G = (1.0, 90.0)
 """G codes that a line may have that is split."""
 
@@ -56,7 +58,13 @@ def split_blocks(program: Program, moves: Moves, cut: Cut, grouping: Grouping) -
 
 
 def splittable(program: Program, moves: Moves) -> Rows:
-    """Rows of straight cuts whose line could be split, ascending."""
+    """Rows of straight cuts whose line could be split, ascending.
+
+    None where lines that move begin with ``/``: where such a line is left out at the machine, the
+    next way begins elsewhere, and a point on it would lie beside it.
+    """
+    if any(_may_be_left_out(line) for line in program.lines):
+        return np.zeros(0, dtype=np.intp)
     words, visits = ProgramWords(program), Visits.among(moves)
     unit = FeedText.of(words, moves).unit
     alone = np.bincount(visits.of, minlength=len(visits.line)) == 1
@@ -70,6 +78,10 @@ def splittable(program: Program, moves: Moves) -> Rows:
         ],
         dtype=np.intp,
     )
+
+
+def _may_be_left_out(line: Line) -> bool:
+    return line.skip is not None and any(word.letter not in STANDING for word in line.words)
 
 
 def changes_along(

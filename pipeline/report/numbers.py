@@ -41,7 +41,8 @@ def number(value: Any, digits: int = 3) -> str:
         mantissa, exponent = f"{x:.{digits - 1}e}".split("e")
         text = f"{mantissa} × 10{_superscript(int(exponent))}"
     else:
-        decimals = max(0, digits - 1 - math.floor(math.log10(abs(x))))
+        order = int(f"{x:.{digits - 1}e}".split("e")[1])  # of what is shown: 0.997 is 1.0
+        decimals = max(0, digits - 1 - order)
         text = f"{x:,.{decimals}f}"
     return text.replace(",", NARROW).replace("-", "−")
 

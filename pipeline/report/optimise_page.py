@@ -107,13 +107,14 @@ def _verified(document: dict[str, Any]) -> list[str]:
         return []
     line, tightened = (real(dig(document, "verified", k)) for k in ("peak_line", "tightened"))
     where = "" if line is None else f" in line {line:.0f}"
+    behind = dig(document, "verified", "following_um")
+    servo = "the servo, " if isinstance(behind, dict) else ""
     said = (
-        "The answer was put through the whole twin, with the servo’s speeds and the waveform of "
-        f"the load: its highest load is {number(peak)}{NARROW}N{where}."
+        f"The answer was put through the whole twin, with {servo}the feeds that the control "
+        f"reaches and the waveform of the load: its highest load is {number(peak)}{NARROW}N{where}."
     )
     if tightened:
         said += f" Feeds were lowered for that in {counted(int(tightened), 'round')}."
-    behind = dig(document, "verified", "following_um")
     axes = behind.items() if isinstance(behind, dict) else ()
     told = [f"{axis} {number(um)}" for axis, um in axes if real(um) is not None]
     return [f"{said} The axes lag by at most {', '.join(told)}{NARROW}µm." if told else said]
@@ -273,11 +274,13 @@ def _proof_text(document: dict[str, Any]) -> list[str]:
     parts = [f"{number(int(n))} {key[0]} {key[2:]}" for key, n in of.items() if real(n)]
     told = "" if many is None else f": {counted(many, 'word')} ({', '.join(parts)})"
     told = told.replace(" ()", "")
+    machine = str(document.get("machine") or "")
+    command = "kerf check BEFORE AFTER" + (f" --machine {machine}" if machine else "")
     move = "The moves" if moves is None else f"All {number(int(moves))} moves"
     return [
         f"Only F and S words changed{told}; every other byte of the program is as it was. {move}, "
         "modal states, tools, offsets and codes are the same to the last bit, compared by a "
-        "check that shares nothing with what wrote the program: kerf check BEFORE AFTER."
+        f"check that shares nothing with what wrote the program: {command}."
     ]
 
 

@@ -116,7 +116,11 @@ def binding_table(document: dict[str, Any], sources: list[Source]) -> Table | No
         rows.append(cells(sentence(limit_name(row.get("limit"))), figure(row.get("blocks")),
                           figure(seconds), share(part)))  # fmt: skip
     heads = [*names("What binds"), *numbers(("blocks", ""), ("their time", "s"), ("of all", ""))]
-    return Table(caption="What holds the program back", heads=heads, rows=rows, sources=sources)
+    return Table(
+        caption="What holds the program back", heads=heads, rows=rows, sources=sources,
+        note="Blocks that cut; the rest of the time is air and waits. Nothing binds where the aim "
+        "is best inside the limits, or where a block shares its F with others.",
+    )  # fmt: skip
 
 
 def groups_table(document: dict[str, Any], sources: list[Source]) -> Table | None:

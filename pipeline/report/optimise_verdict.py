@@ -129,7 +129,11 @@ def _binds(document: dict[str, Any]) -> list[str]:
     first = max(rows, key=lambda row: real(row.get("time_s")) or 0.0)
     blocks = first.get("blocks")
     where = f", in {counted(blocks, 'block')}" if isinstance(blocks, int) else ""
-    return [f"What holds it back longest is the {limit_name(first['limit'])}{where}."]
+    name = limit_name(first["limit"])
+    sure = real(dig(document, "certainty", "epsilon"))
+    if name == "load limit" and sure is not None:
+        name += ", as surely as asked"
+    return [f"What holds it back longest is the {name}{where}."]
 
 
 def changed_words(document: dict[str, Any]) -> int | None:

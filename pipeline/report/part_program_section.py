@@ -9,6 +9,7 @@ from pipeline.report.numbers import NARROW, counted, real, signed
 from pipeline.report.optimise_load_figure import load_figure, tool_spans, way_load
 from pipeline.report.optimise_tables import (
     binding_table,
+    figure,
     gain_table,
     groups_table,
     methods_table,
@@ -17,14 +18,9 @@ from pipeline.report.optimise_tables import (
 )
 from pipeline.report.optimise_verdict import verdict
 from pipeline.report.part_program_facts import PartProgram
-from pipeline.report.part_program_tables import (
-    cut_table,
-    overview_table,
-    trial_gain,
-    trial_time_error,
-)
+from pipeline.report.part_program_tables import cut_table, overview_table, trial_time_error
 from pipeline.report.parts import Block, Figure, Figures, Heading, Section, present
-from pipeline.report.sources import rows_of
+from pipeline.report.sources import dig, rows_of
 from pipeline.report.tables import sources
 
 WHAT = (
@@ -72,12 +68,12 @@ def _load(found: Facts, one: PartProgram) -> Figures | None:
     if one.limit is not None:
         legend.append(optimise_load_figure.OVER)
     words = f"Load along the way of {one.label}, as programmed and optimised"
-    figure = Figure(
+    picture = Figure(
         svg=load_figure(before, after, one.limit, tool_spans(one.document), words),
         caption=f"{words}: the highest force on the tool in the plane, predicted.",
         sources=sources(found.shelf, one.path),
     )
-    return Figures(figures=[figure], legend=legend, kind="one")
+    return Figures(figures=[picture], legend=legend, kind="one")
 
 
 def _cut(one: PartProgram) -> list[str]:
@@ -90,10 +86,11 @@ def _cut(one: PartProgram) -> list[str]:
         f"Cut on the simulated shop floor {cuts[1]} times, it passed the limit of the load in "
         f"{cuts[0]} of them, the program as it was in {before[0]}"
     )
-    if (shorter := trial_gain(one)) is not None and error is not None:
+    times = [figure(dig(one.cut, which, "time_s", "mean"), 4) for which in ("after", "before")]
+    if error is not None:
         said += (
-            f"; it took {signed(shorter)}{NARROW}% of time, which was predicted with an error of "
-            f"{signed(error)}{NARROW}%"
+            f"; it took {times[0]}{NARROW}s instead of {times[1]}{NARROW}s, and its time was "
+            f"predicted with an error of {signed(error)}{NARROW}%"
         )
     return [f"{said}."]
 

@@ -106,9 +106,3 @@ def trial_time_error(one: PartProgram) -> float | None:
     predicted = real(dig(one.document, "after", "time_s"))
     cut = real(dig(one.cut, "after", "time_s", "mean"))
     return None if predicted is None or not cut else 100 * (predicted / cut - 1)
-
-
-def trial_gain(one: PartProgram) -> float | None:
-    """Change of the mean time that both programs took on the simulated shop floor [%]."""
-    before, after = (real(dig(one.cut, which, "time_s", "mean")) for which in ("before", "after"))
-    return None if after is None or not before else 100 * (after / before - 1)

@@ -248,6 +248,23 @@ def test_an_added_word_is_waited_for_as_if_it_stood_in_the_program(wait):
     assert found[0] - before == pytest.approx(0.0 if wait == "next_line" else longer, abs=1e-9)
 
 
+@pytest.mark.parametrize("wait", ["at_code", "before_cutting"])
+def test_an_added_word_stops_a_path_that_runs_on(wait):
+    """The check of position and the filters, and what braking to the standstill takes."""
+    control = replace(
+        waiting_control(spindle_wait=wait, speed_change_waits=True), settle_time=0.2,
+        cutting_filter=(0.03, 0.02),
+    )  # fmt: skip
+    text = SLOT.replace("X70 F600", "X30 F600\nX70")
+    problem = problem_on(cut_on(text, control=control))
+    moves = problem.cut.plan.path.moves
+    speeds = np.where(moves.line >= 6, 7500.0, moves.speed)  # from X70 on
+    found = problem.evaluate_rows(moves.feed[np.newaxis], speeds[np.newaxis]).objectives[0, 0]
+    written = cut_on(text.replace("X70", "S7500 X70"), control=control).plan.total
+    braking = 600 / 60 / 5000  # s, from 600 mm/min and back at 5000 mm/s^2
+    assert found == pytest.approx(written - braking, abs=braking)
+
+
 def test_the_time_of_a_change_has_a_closed_form():
     control = waiting_control(speed_change_waits=True)
     problem = problem_on(cut_on(SLOT, control=control))
@@ -283,6 +300,15 @@ def test_what_a_row_is_at(limits, feed, speed, name):
     found = problem.binding(feeds, np.full(len(problem), speed))
     assert (CONSTRAINTS[found[row]] if found[row] >= 0 else None) == name
     assert (found[~problem.cuts] == -1).all()
+
+
+def test_a_row_at_the_ends_of_both_f_and_s_is_at_that_of_f():
+    """Another S would not make it faster."""
+    limits = replace(ROOMY, speed_rpm=(3000.0, 7000.0), feed_mm_min=(1.0, 700.0))
+    problem = problem_on(cut_on(SLOT), limits, drive=None)
+    for speed in (3000.0, 7000.0):
+        found = problem.binding(np.full(len(problem), 700.0), np.full(len(problem), speed))
+        assert CONSTRAINTS[found[problem.blocks.row[-1]]] == "feed"
 
 
 def test_a_row_at_the_drives_power_or_torque():

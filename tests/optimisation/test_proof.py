@@ -125,6 +125,43 @@ def test_what_f_and_s_do_elsewhere_is_found_in_the_moves(case: str) -> None:
     assert proof.first.line == line and said in proof.first.reason
 
 
+NO_RUN = {
+    "behind the end": ("S300 M3\nG1 X1 F90\nM30\nX2 F80\n", ("F80", "F70"), 4, "not executed"),
+    "jumped over": ("G1 X1 F90\nGOTO9\nX2 F80\nN9 X3\n", ("F80", "F70"), 3, "not executed"),
+    "a subprogram that nothing calls": (
+        "G1 X1 F90\nM30\nO7\nX2 F80\nM99\n", ("F80", "F70"), 4, "not executed",
+    ),
+    "behind the tape": ("%\nG1 X1 F90\nM30\n%\nF80\n", ("F80", "F70"), 5, "not executed"),
+    "a feed that a variable keeps": (
+        "G1 X1 F90\n#500=#4109\nX2\n", ("F90", "F70"), 2, "it reads the F or S in force",
+    ),
+    "a question that is answered the same": (
+        "G1 X1 F90\nIF[#4109GT200]GOTO9\nX2\nN9 X3\n", ("F90", "F70"), 2, "it reads the F",
+    ),
+    "the feed of tapping where a line is left out": (
+        "S300 M3\nG1 X1 F90\n/F80\nG84 X2 Z-1 R1\n", ("F90", "F70"), 4, "F or S is bound",
+    ),
+    "the speed of tapping where a line is left out": (
+        "S300 M3\nG1 X1 F90\n/ S200\nG84 X2 Z-1 R1\n", ("S300", "S400"), 4, "F or S is bound",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", NO_RUN)
+def test_words_that_the_moves_do_not_speak_for_are_differences(case: str) -> None:
+    before, pair, line, said = NO_RUN[case]
+    assert proof_of(before, before).same
+    proof = proof_of(changed(pair, before=before), before)
+    assert not proof.same and proof.first is not None and proof.sha256 == ""
+    assert proof.first.line == line and said in proof.first.reason
+
+
+@pytest.mark.parametrize("skip", [(), (1,), (2,)])
+def test_a_line_that_may_be_left_out_has_a_feed_as_any_other(skip: tuple[int, ...]) -> None:
+    before = "S300 M3\nG1 X1 F90\n/X2 F80\nX3\n"
+    assert proof_of(before.replace("F80", "F70"), before, block_skip=skip).same
+
+
 def test_the_first_difference_is_told_with_both_texts() -> None:
     proof = proof_of(changed(("X10 Y5", "X10 Y6"), ("F80 X6", "F80 X7"), ("F100", "F90")))
     assert str(proof.first) == (

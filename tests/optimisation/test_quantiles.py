@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, norm
 
-from pipeline.optimisation.quantiles import clopper_pearson, quantiles, share_above
+from pipeline.optimisation.quantiles import (
+    aimed_share,
+    clopper_pearson,
+    quantiles,
+    share_above,
+)
 
 
 def lognormal(many: int, spread: float = 0.1):
@@ -46,6 +51,17 @@ def test_a_share_is_never_less_than_what_is_counted():
     ordered = np.sort(np.concatenate([lognormal(1022), [5.0, 5.0]]))
     assert share_above(ordered, 4.9) >= 2 / 1024
     assert share_above(np.zeros(100), 1.0) == 0.0
+
+
+@pytest.mark.parametrize("share", [0.3, 0.05, 0.01, 0.002])
+def test_a_share_that_was_aimed_at_is_rarely_that_of_a_greater_probability(share: float):
+    """1 sample in 20; random ones err more than Sobol's, and counts are of whole draws."""
+    random, limit = np.random.default_rng(1), np.exp(0.1 * norm.ppf(1 - share))
+    samples = np.exp(0.1 * np.sort(random.standard_normal((400, 512)), axis=1))
+    aimed = aimed_share(share, 512)
+    found = np.array([share_above(one, limit) for one in samples])
+    assert 0 < aimed < share
+    assert (found <= aimed).mean() < 0.1
 
 
 @given(many=st.integers(1, 2000), part=st.floats(0, 1))

@@ -1,5 +1,7 @@
 """Programs with other F and S words: what is written, and that nothing else is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -214,3 +216,26 @@ def test_a_siemens_program() -> None:
     feeds, speeds = any_answer(editable, moves, np.random.default_rng(0), own=0.0)
     made = rewrite(program, moves, editable, feeds, speeds, setup)
     assert made.changes and prove(before, made.text, "P.mpf", "Q.mpf", setup).same
+
+
+@pytest.mark.parametrize(
+    "between", ["/X3 F77\n", "/X3 F77\nX4\n", "/F77\nX4\n", "/S500 X3 F77\n"],
+)  # fmt: skip
+def test_tapping_takes_its_own_f_and_s_where_a_line_before_it_is_left_out(between: str) -> None:
+    """What it reads with the line, and without: both stay, whatever the others get."""
+    data = f"S3000 M3\nG1 X1 F90\nX2 F95\n{between}G84 X5 Z-1 R1\nG80\nG1 X9 F60 S900\n".encode()
+    program = Program(data, "P.nc")
+    for seed in range(5):
+        for skip in ((), (1,)):
+            moves = interpret(program, SETUP)
+            editable = editable_blocks(program, moves)
+            answer = any_answer(editable, moves, np.random.default_rng(seed))
+            text = rewrite(program, moves, editable, *answer, SETUP).text
+            told = [
+                interpret(Program(one, "P.nc"), replace(SETUP, block_skip=skip))
+                for one in (data, text)
+            ]
+            taps = [moves.line == data.count(b"\n", 0, data.index(b"G84")) + 1 for moves in told]
+            for name in ("feed", "speed"):
+                own, now = (getattr(m, name)[t] for m, t in zip(told, taps, strict=True))
+                assert (own == now).all()

@@ -116,3 +116,12 @@ def test_a_step_in_the_blank_is_where_the_block_is_split() -> None:
     # parts that take less than 5 s (25 mm) are none
     coarse = split_blocks(program, moves, cut, Grouping(split=True, least_block_s=5.0))
     assert coarse.decode("ascii") == text
+
+
+@pytest.mark.parametrize(("line", "splits"), [("/X20 Y5", False), ("/G91", False), ("/M8", True)])
+def test_no_way_is_split_that_begins_elsewhere_where_a_line_is_left_out(
+    line: str, splits: bool
+) -> None:
+    text = f"G21 G90\nS3000 M3\nG0 X0 Y0\n{line}\nG1 X50 Y30 F100\nM30\n"
+    program, moves = read(text.encode("ascii"))
+    assert (len(splittable(program, moves)) > 0) is splits

@@ -47,7 +47,7 @@ def test_the_summary_says_what_a_process_engineer_asks(tmp_path):
                  "The highest predicted load is 57.9 N of 60 N.",
                  "in 0.71 % of parts (0.30 % to 1.4 %), 1 % is allowed",
                  "being that sure costs 2.9 % of time",
-                 "What holds it back longest is the load limit, in 9 blocks.",
+                 "What holds it back longest is the load limit, as surely as asked, in 9 blocks.",
                  "Only F and S words changed: 26 words", "Not known: stability."):  # fmt: skip
         assert word in text, word
 

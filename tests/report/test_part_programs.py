@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cutting_folders import cut_run, write_cutting, write_cutting_validation
 from drive_folders import section
 from optimise_documents import optimised
 from page_reader import words
@@ -54,7 +55,8 @@ def test_predicted_stands_beside_cut(tmp_path: Path) -> None:
     assert "Peak load, N 71.2 73.0 57.9 56.4" in text
     assert "Above the limit of 60.0 N – 20 of 20 0.71 % 1 of 20" in text
     # 24.51 / 24.60 - 1
-    assert "it took −17.7 % of time, which was predicted with an error of −0.4 %" in text
+    assert "it took 24.60 s instead of 29.90 s, and its time was predicted with an error of" in text
+    assert "an error of −0.4 %. 3 moves" in text
     assert "passed the limit of the load in 1 of them, the program as it was in 20" in text
 
 
@@ -103,6 +105,25 @@ def test_trial_cuts_beyond_the_limit_speak_against_a_program(
     refused = f"on the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
     assert (refused in text) is not loads
     assert ("36 % cheaper inside its limits" in text) is loads
+
+
+def test_a_program_that_passes_a_limit_is_not_to_be_loaded(tmp_path: Path) -> None:
+    document = optimised()
+    document["after"]["beyond"] = 2
+    text = words(page(tmp_path, {"SLOT": document}))
+    assert "2 blocks pass a limit." in text and "cheaper inside its limits" not in text
+
+
+@pytest.mark.parametrize("passed", [True, False])
+def test_loads_that_rest_on_forces_that_failed_are_doubted(tmp_path: Path, passed: bool) -> None:
+    folders = machine(tmp_path, "m", days=3)
+    write_cutting(folders)
+    write_cutting_validation(folders, [cut_run(600, 4.0 if passed else 31.0)])
+    folders = with_parts(tmp_path, folders, {"SLOT": optimised()})
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = words(tmp_path / "out" / "m.html")
+    assert ("Do not load it yet: the forces of this machine’s cut" in text) is not passed
+    assert ("cheaper inside its limits" in text) is passed
 
 
 def test_a_failed_machine_is_not_told_to_load_a_program(tmp_path: Path) -> None:

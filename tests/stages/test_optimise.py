@@ -36,7 +36,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shop = structure(values, f"machine.{MACHINE}.shop", ShopParameters)
     write_parts(folder / "data/raw" / MACHINE, shop)
     part = values["machine"][MACHINE]["parts"]["programs"][0]
-    part["limits"]["load_N"] = LIMIT
+    part["limits"]["load_N"], part["resolution_mm"] = LIMIT, 0.5
     change(folder, f"machine.{MACHINE}.parts", programs=[part], dynamics=None)
     build(folder, "optimise")
     return folder
