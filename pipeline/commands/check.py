@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.commands.programs import machine_setup
-from pipeline.optimisation.proof import Proof, prove
+from pipeline.optimisation.proof.prove import Proof, prove
 
 ADDED = "-"
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.optimisation.baselines import Method
-from pipeline.optimisation.constraints import CONSTRAINTS
 from pipeline.optimisation.document_groups import Side, group_rows
 from pipeline.optimisation.document_trace import load_trace, tool_spans
 from pipeline.optimisation.limits_passed import passed, passed_by_limit
 from pipeline.optimisation.optimise import Result
-from pipeline.optimisation.proof import with_proof_comment
+from pipeline.optimisation.problem.constraints import CONSTRAINTS
+from pipeline.optimisation.proof.prove import with_proof_comment
+from pipeline.optimisation.search.baselines import Method
 from pipeline.twin.cut_document import judged, not_known, notes
 from pipeline.twin.cut_tools import figure, summary
 

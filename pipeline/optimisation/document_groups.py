@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.machine.motion import Motion
-from pipeline.optimisation.constraints import CONSTRAINTS
 from pipeline.optimisation.optimise import Result
+from pipeline.optimisation.problem.constraints import CONSTRAINTS
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import Judged
 from pipeline.twin.cut_tools import figure

@@ -9,11 +9,11 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
 from pipeline.machine.auxiliary import where
-from pipeline.optimisation.decision import Decision
 from pipeline.optimisation.job import Job
-from pipeline.optimisation.matching import matching_rows
-from pipeline.optimisation.problem import Problem
-from pipeline.optimisation.rewrite import WordChange, rewrite, rounded_feeds, rounded_speeds
+from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.text.matching import matching_rows
+from pipeline.optimisation.text.rewrite import WordChange, rewrite, rounded_feeds, rounded_speeds
 from pipeline.optimisation.verify import Verified, verify
 from pipeline.twin.cut import Cut, recut
 from pipeline.twin.program import planned_program

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool
-from pipeline.optimisation.bounds import feed_for_marks
+from pipeline.optimisation.problem.bounds import feed_for_marks
 from pipeline.optimisation.settings import CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import Judged

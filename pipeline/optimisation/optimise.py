@@ -14,22 +14,27 @@ from numpy.typing import NDArray
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
-from pipeline.optimisation.baselines import Method, baselines, method_of
-from pipeline.optimisation.certainty import CertainFeeds, Exceedance, certain_feeds, exceedance
-from pipeline.optimisation.decision import Decision
-from pipeline.optimisation.direct import direct
-from pipeline.optimisation.editable import Editable
-from pipeline.optimisation.editable_blocks import editable_blocks
+from pipeline.optimisation.certainty.certainty import (
+    CertainFeeds,
+    Exceedance,
+    certain_feeds,
+    exceedance,
+)
+from pipeline.optimisation.certainty.uncertainty import Uncertainty, uncertainty
+from pipeline.optimisation.direct.direct import direct
 from pipeline.optimisation.full_twin import Full, full_twin
-from pipeline.optimisation.genetic import improve
 from pipeline.optimisation.job import Interrupted, Job, Progress
 from pipeline.optimisation.limits_passed import check_judged
-from pipeline.optimisation.pareto import Front, pareto
-from pipeline.optimisation.problem import Problem, problem_of
-from pipeline.optimisation.proof import Proof, prove
+from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.problem.problem import Problem, problem_of
+from pipeline.optimisation.proof.prove import Proof, prove
+from pipeline.optimisation.search.baselines import Method, baselines, method_of
+from pipeline.optimisation.search.genetic import improve
+from pipeline.optimisation.search.pareto import Front, pareto
 from pipeline.optimisation.settings import OBJECTIVES, Objective
-from pipeline.optimisation.split import split_blocks
-from pipeline.optimisation.uncertainty import Uncertainty, uncertainty
+from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.text.editable_blocks import editable_blocks
+from pipeline.optimisation.text.split import split_blocks
 from pipeline.twin.cut import Cut, cut_program
 from pipeline.twin.cut_warnings import missed
 from pipeline.twin.program import planned_program

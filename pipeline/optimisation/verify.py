@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.cutting.waveform import profile_waveform
-from pipeline.optimisation.critical import critical
+from pipeline.optimisation.certainty.critical import critical
 from pipeline.twin.cut import Cut
 from pipeline.twin.drive_file import IdentifiedDrive
 from pipeline.twin.program_axes import follow_program

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.nck import totals
-from pipeline.optimisation.groups import Groups
+from pipeline.optimisation.problem.groups import Groups
 from pipeline.optimisation.settings import CutLimit
 from tests.optimisation.problem_parts import cut_on, problem_on
 

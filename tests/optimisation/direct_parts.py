@@ -14,9 +14,9 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.auxiliary import AuxiliaryParameters
 from pipeline.machine.control import AxisParameters, ControlParameters
-from pipeline.optimisation.editable_blocks import editable_blocks
-from pipeline.optimisation.problem import Problem, problem_of
+from pipeline.optimisation.problem.problem import Problem, problem_of
 from pipeline.optimisation.settings import Margins
+from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis
 from pipeline.twin.cut_laws import ToolLaw

@@ -12,9 +12,9 @@ from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.cutting.tool_life import Taylor
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.optimisation.editable import Editable
-from pipeline.optimisation.problem import Problem, problem_of
+from pipeline.optimisation.problem.problem import Problem, problem_of
 from pipeline.optimisation.settings import CutLimit, Margins
+from pipeline.optimisation.text.editable import Editable
 from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis
 from pipeline.twin.cut_dynamics import TipDynamics

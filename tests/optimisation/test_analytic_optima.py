@@ -11,7 +11,7 @@ import pytest
 from pipeline.cutting.cost import CostRates
 from pipeline.cutting.energy import EnergyParameters
 from pipeline.cutting.tool_life import Taylor, maximum_rate_speed, minimum_cost_speed
-from pipeline.optimisation.direct import direct
+from pipeline.optimisation.direct.direct import direct
 from pipeline.optimisation.settings import CutLimit, Grouping
 from tests.optimisation.direct_parts import (
     DEPTH,

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.optimisation.baselines import Method, baselines, method_of
-from pipeline.optimisation.direct import direct
-from pipeline.optimisation.problem import Problem
+from pipeline.optimisation.direct.direct import direct
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.search.baselines import Method, baselines, method_of
 from pipeline.optimisation.settings import CutLimit, Grouping, SearchSettings
 from pipeline.twin.cut_document import document_of
 from tests.optimisation.problem_parts import basis_of, cut_on, problem_on

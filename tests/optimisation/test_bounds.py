@@ -11,8 +11,8 @@ from pipeline.cutting.deflection import tip_deflection
 from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.machine.nck import plan
-from pipeline.optimisation.bounds import at_hardest_station, feed_for_marks, inverse
-from pipeline.optimisation.problem import CONSTRAINTS
+from pipeline.optimisation.problem.bounds import at_hardest_station, feed_for_marks, inverse
+from pipeline.optimisation.problem.problem import CONSTRAINTS
 from pipeline.optimisation.settings import CutLimit, Margins
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_limits import cut_limits

@@ -9,14 +9,14 @@ from scipy.stats import norm
 from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.cutting.waveform import profile_waveform
-from pipeline.optimisation.certainty import certain_feeds, exceedance
-from pipeline.optimisation.critical import critical
-from pipeline.optimisation.draws import draws_of
-from pipeline.optimisation.part_loads import PartLoads
-from pipeline.optimisation.quantiles import aimed_share
-from pipeline.optimisation.response import deeper, nodes_between, responses
+from pipeline.optimisation.certainty.certainty import certain_feeds, exceedance
+from pipeline.optimisation.certainty.critical import critical
+from pipeline.optimisation.certainty.draws import draws_of
+from pipeline.optimisation.certainty.part_loads import PartLoads
+from pipeline.optimisation.certainty.quantiles import aimed_share
+from pipeline.optimisation.certainty.response import deeper, nodes_between, responses
+from pipeline.optimisation.certainty.uncertainty import uncertainty
 from pipeline.optimisation.settings import Certainty
-from pipeline.optimisation.uncertainty import uncertainty
 from pipeline.twin.cut_laws import ToolLaw
 from tests.twin.cut_parts import SLOT, cut_of, pocket
 

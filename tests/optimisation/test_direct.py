@@ -16,10 +16,10 @@ from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_life import Taylor
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.decision import Decision
-from pipeline.optimisation.direct import direct
-from pipeline.optimisation.rewrite import rewrite, rounded_feeds
+from pipeline.optimisation.direct.direct import direct
+from pipeline.optimisation.problem.decision import Decision
 from pipeline.optimisation.settings import OBJECTIVES, CutLimit, Grouping
+from pipeline.optimisation.text.rewrite import rewrite, rounded_feeds
 from tests.optimisation.direct_parts import K_E, K_T, TAYLOR, control, drive, problem, slots
 
 SLOWEST = 10.0

@@ -11,7 +11,7 @@ from pipeline.optimisation.document_groups import Side
 from pipeline.optimisation.document_trace import load_trace
 from pipeline.optimisation.limits_passed import passed
 from pipeline.optimisation.optimise import Result, optimise
-from pipeline.optimisation.proof import prove
+from pipeline.optimisation.proof.prove import prove
 from pipeline.optimisation.settings import (
     Certainty,
     CutLimit,

@@ -6,8 +6,8 @@ import pytest
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.editable import Editable
-from pipeline.optimisation.editable_blocks import editable_blocks
+from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.text.editable_blocks import editable_blocks
 
 HEAD = "G21 S3000 M3\n"
 

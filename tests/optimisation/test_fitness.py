@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.optimisation.fitness import Fitness
+from pipeline.optimisation.search.fitness import Fitness
 
 VALUES = st.floats(0, 1e12)
 

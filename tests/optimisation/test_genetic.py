@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.optimisation.baselines import baselines
-from pipeline.optimisation.decision import Decision
-from pipeline.optimisation.direct import direct
-from pipeline.optimisation.genetic import FEW, improve
-from pipeline.optimisation.problem import Problem
+from pipeline.optimisation.direct.direct import direct
+from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.search.baselines import baselines
+from pipeline.optimisation.search.genetic import FEW, improve
+from pipeline.optimisation.search.shares import Shares
 from pipeline.optimisation.settings import OBJECTIVES, Grouping, Objective, SearchSettings
-from pipeline.optimisation.shares import Shares
 from tests.optimisation.problem_parts import cut_on, problem_on
 from tests.optimisation.zigzags import PAPER, zigzag, zigzag_problem
 

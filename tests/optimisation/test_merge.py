@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.optimisation.merge import Curves, merged
+from pipeline.optimisation.direct.merge import Curves, merged
 
 FEEDS = np.geomspace(50, 2000, 49)
 

@@ -142,7 +142,7 @@ def test_taylor_between_two_speeds():
 
 def test_many_at_once_are_as_many_alone():
     """Parts of a population are worked on one after the other."""
-    from pipeline.optimisation import evaluation
+    from pipeline.optimisation.problem import evaluation
 
     cut = cut_on(TWO_TOOLS)
     problem = problem_on(cut, CutLimit(load_N=100.0, margins=NO_MARGINS))

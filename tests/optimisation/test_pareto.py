@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.optimisation.decision import Decision
-from pipeline.optimisation.direct import direct
-from pipeline.optimisation.pareto import Front, pareto
-from pipeline.optimisation.problem import Problem
+from pipeline.optimisation.direct.direct import direct
+from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.search.pareto import Front, pareto
 from pipeline.optimisation.settings import OBJECTIVES, Grouping, SearchSettings
 from pipeline.search.knee import knee
 from tests.optimisation.problem_parts import cut_on, problem_on

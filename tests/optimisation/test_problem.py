@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.deflection import tip_deflection
 from pipeline.machine.nck import plan
-from pipeline.optimisation.groups import Groups
-from pipeline.optimisation.problem import CONSTRAINTS
+from pipeline.optimisation.problem.groups import Groups
+from pipeline.optimisation.problem.problem import CONSTRAINTS
 from pipeline.optimisation.settings import CutLimit, Margins
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_document import document_of

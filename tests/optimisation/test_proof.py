@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.proof import Proof, prove, with_proof_comment
+from pipeline.optimisation.proof.prove import Proof, prove, with_proof_comment
 from tests.optimisation.modal_programs import modal_program
 
 BEFORE = (

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli import app
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.proof import prove, with_proof_comment
+from pipeline.optimisation.proof.prove import prove, with_proof_comment
 
 BEFORE = b"%\nG21 G90\nS3000 M3\nG1 X10 F100\nY5\nM30\n%\n"
 AFTER = BEFORE.replace(b"S3000", b"S2500").replace(b"F100", b"F80").replace(b"Y5", b"Y5 F120")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.setup import Setup, Tool
-from pipeline.optimisation.proof import prove
+from pipeline.optimisation.proof.prove import prove
 
 CHANGES = 10_000
 FANUC = Setup()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, norm
 
-from pipeline.optimisation.quantiles import (
+from pipeline.optimisation.certainty.quantiles import (
     aimed_share,
     clopper_pearson,
     quantiles,

@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.editable_blocks import editable_blocks
-from pipeline.optimisation.matching import matching_rows
-from pipeline.optimisation.proof import prove
-from pipeline.optimisation.rewrite import (
+from pipeline.optimisation.proof.prove import prove
+from pipeline.optimisation.text.editable_blocks import editable_blocks
+from pipeline.optimisation.text.matching import matching_rows
+from pipeline.optimisation.text.rewrite import (
     Rewritten,
     WordChange,
     rewrite,
     rounded_feeds,
     rounded_speeds,
 )
-from pipeline.optimisation.word_numbers import SLACK, NumberStyle, rounded_down
+from pipeline.optimisation.text.word_numbers import SLACK, NumberStyle, rounded_down
 from tests.optimisation.modal_programs import any_answer, modal_program
 
 SETUP = Setup()

@@ -10,9 +10,9 @@ from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup, Tool
-from pipeline.optimisation.editable_blocks import editable_blocks
-from pipeline.optimisation.proof import prove, with_proof_comment
-from pipeline.optimisation.rewrite import rewrite
+from pipeline.optimisation.proof.prove import prove, with_proof_comment
+from pipeline.optimisation.text.editable_blocks import editable_blocks
+from pipeline.optimisation.text.rewrite import rewrite
 from tests.gcode.rs274 import RS274, Answer, Oracle
 from tests.optimisation.modal_programs import any_answer
 

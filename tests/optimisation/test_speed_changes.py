@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.machine.spindle import run_up_time
-from pipeline.optimisation.direct import direct
+from pipeline.optimisation.direct.direct import direct
+from pipeline.optimisation.direct.speed_pieces import speed_pieces
 from pipeline.optimisation.settings import CutLimit, Grouping
-from pipeline.optimisation.speed_pieces import speed_pieces
 from tests.optimisation.direct_parts import control, problem, slots
 
 GROUPING = Grouping(least_gain=0.0)

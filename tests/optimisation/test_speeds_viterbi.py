@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.optimisation.cheapest_path import cheapest_path
+from pipeline.optimisation.direct.cheapest_path import cheapest_path
 
 
 def price(path, values, change, kind, word):

@@ -7,11 +7,11 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.editable_blocks import editable_blocks
-from pipeline.optimisation.proof import Proof, prove
-from pipeline.optimisation.rewrite import rewrite
+from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.settings import Grouping
-from pipeline.optimisation.split import split_at, split_blocks, splittable
+from pipeline.optimisation.text.editable_blocks import editable_blocks
+from pipeline.optimisation.text.rewrite import rewrite
+from pipeline.optimisation.text.split import split_at, split_blocks, splittable
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.program import planned_program
 from tests.optimisation.modal_programs import any_answer, modal_program

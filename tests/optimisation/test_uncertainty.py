@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.optimisation.draws import draws_of
+from pipeline.optimisation.certainty.draws import draws_of
+from pipeline.optimisation.certainty.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import Certainty
-from pipeline.optimisation.uncertainty import NORMAL, uncertainty
 from pipeline.twin.cut_laws import ToolLaw
 
 LAW = ForceLaw.linear(K_tc=700.0, K_rc=200.0, K_ac=100.0, K_te=30.0, K_re=20.0, K_ae=2.0)

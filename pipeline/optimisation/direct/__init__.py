@@ -1,0 +1,1 @@
+"""The direct solution: blocks, stretches of S, groups of F."""

@@ -1,0 +1,1 @@
+"""A part as arrays: what limits each row, and what F and S make of it."""

@@ -1,0 +1,201 @@
+"""Changes of S while the spindle turns: how long the control waits, and which are too small."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.gcode.moves import Kind
+from pipeline.machine.auxiliary import AuxiliaryParameters
+from pipeline.machine.nck import Plan
+from pipeline.machine.path import Path
+from pipeline.machine.spindle import CUTTING, run_up_time
+from pipeline.optimisation.text.editable import Editable
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+NEAR = 1e-9
+"""Share that two speeds may differ by and count as one: rounding."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpeedChanges:
+    """Where S can change in a program.
+
+    Parameters
+    ----------
+    waiting : AuxiliaryParameters
+        How fast the spindle is, and where it is waited for.
+    added : ndarray of intp, shape (A,)
+        Rows before which an S word could be added while the spindle turns, and be waited for.
+    until : ndarray of intp, shape (A,)
+        Row that waits for each of them.
+    standstill : float
+        What a standstill before a wait takes: filters run empty, check of position [s].
+    standing : ndarray, shape (A,)
+        Part of it that the program takes there anyway [s].
+    pairs : ndarray of intp, shape (N, 2)
+        Rows of one tool, with no other between them in which the spindle turns, whose S may change.
+    lead : ndarray, shape (N,)
+        Time from the second of each pair to the next cut, in rapids and at rest [s]; infinite where
+        the spindle rests between them.
+    """
+
+    waiting: AuxiliaryParameters
+    added: Rows = field(repr=False)
+    until: Rows = field(repr=False)
+    standstill: float
+    standing: Floats = field(repr=False)
+    pairs: Rows = field(repr=False)
+    lead: Floats = field(repr=False)
+
+    @property
+    def waits(self) -> bool:
+        """Whether the control waits where S changes while the spindle turns."""
+        return self.waiting.speed_change_waits and self.waiting.spindle_wait != "none"
+
+    def time(self, before: ArrayLike, after: ArrayLike) -> Floats:
+        """Wait for a change of S [s] from one speed to another [rev/min], shapes that broadcast.
+
+        The most that it can be: from a path that runs on, and where no axis moves meanwhile.
+        """
+        old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
+        if not self.waits:
+            return np.zeros(old.shape)
+        most = self._change(old, new) + self.waiting.spindle_delay + self.standstill
+        return np.where(new == old, 0.0, most)
+
+    def add_waits(self, turns: Floats, time: Floats, wait: Floats) -> None:
+        """Add to ``wait`` what added S words are waited for; all of shape (P, M), in s but turns.
+
+        As :func:`pipeline.machine.nck.waits` does it for words of the program: axes that move on
+        meanwhile shorten the wait.
+        """
+        if not self.waits or not len(self.added):
+            return
+        old, new = turns[:, self.added - 1], turns[:, self.added]
+        needed = self._change(old, new) + self.waiting.spindle_delay
+        passed = np.cumsum(np.hstack([np.zeros((len(time), 1)), time + wait]), axis=1)
+        needed -= passed[:, self.until] - passed[:, self.added]
+        needed = np.maximum(needed, 0.0) + self.standstill - self.standing
+        where = np.maximum(self.until - 1, self.added)
+        np.add.at(wait.T, where, np.where(new == old, 0.0, needed).T)
+
+    def ramp(self, before: ArrayLike, after: ArrayLike) -> Floats:
+        """How long a spindle that is not waited for has another speed than it should [s].
+
+        Cuts within a rise have thicker chips than they should, cuts within a fall are made at
+        speeds that nobody judged.
+        """
+        old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
+        if self.waits:
+            return np.zeros(old.shape)
+        return self._change(old, new)
+
+    def _change(self, old: Floats, new: Floats) -> Floats:
+        up, base = self.waiting.spindle_acceleration, self.waiting.spindle_base_speed
+        rates = np.where(new < old, self.waiting.spindle_deceleration or up, up)
+        change: Floats = np.abs(run_up_time(new, rates, base) - run_up_time(old, rates, base))
+        return change
+
+    def violation(self, turns: Floats, least: float) -> Floats:
+        """What changes of S violate, (P,) of speeds (P, M) [rev/min].
+
+        The sum of 1 - |dS| / least over changes that are too small, and of 1 - lead / ramp over
+        those that the spindle is too slow for.
+        """
+        if not len(self.pairs):
+            return np.zeros(len(turns))
+        return self._too_small(turns, least) + self._too_late(turns)
+
+    def _too_late(self, turns: Floats) -> Floats:
+        if self.waits or not np.isfinite(self.waiting.spindle_acceleration):
+            return np.zeros(len(turns))
+        near = np.flatnonzero(np.isfinite(self.lead))
+        pairs, lead = self.pairs[near], self.lead[near]
+        needed = self.ramp(turns[:, pairs[:, 0]], turns[:, pairs[:, 1]])
+        late = needed > lead * (1 + NEAR) + NEAR
+        share = np.divide(lead, needed, out=np.ones(needed.shape), where=late)
+        total: Floats = (1.0 - share).sum(axis=1)
+        return total
+
+    def _too_small(self, turns: Floats, least: float) -> Floats:
+        if not least > 0:
+            return np.zeros(len(turns))
+        step = np.abs(turns[:, self.pairs[:, 1]] - turns[:, self.pairs[:, 0]])
+        small = (step > NEAR * least) & (step < (1 - NEAR) * least)
+        share = np.divide(step, least, out=np.ones(step.shape), where=small)
+        total: Floats = (1.0 - share).sum(axis=1)
+        return total
+
+
+def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
+    """Where S can change in a program.
+
+    Parameters
+    ----------
+    plan : Plan
+        M rows as programmed.
+    editable : Editable
+        Which S may change.
+    cuts : ndarray of bool, shape (M,)
+        Rows that cut at feed.
+    """
+    path, free = plan.path, editable.speed
+    moves = path.moves
+    turning = moves.direction[1:] * moves.direction[:-1] > 0
+    added = turning & (free[1:] | free[:-1]) & (moves.kind[1:] != Kind.SPINDLE)
+    rows = np.flatnonzero(added) + 1
+    until = _waiting(path, rows)
+    row = np.flatnonzero((moves.direction != 0) & ~moves.constant_surface_speed)
+    pairs = np.column_stack([row[:-1], row[1:]])
+    same = moves.tool[pairs[:, 0]] == moves.tool[pairs[:, 1]]
+    pairs = pairs[same & free[pairs].any(axis=1)]
+    lead = leads(plan, editable, cuts)[pairs[:, 1]]
+    known = until < len(moves)
+    standstill = float(path.control.filters[1].sum()) + path.control.settle_time
+    return SpeedChanges(
+        waiting=path.control.auxiliary,
+        added=rows[known],
+        until=until[known],
+        standstill=standstill,
+        standing=np.minimum(_pauses(path)[until[known]], standstill),
+        pairs=pairs,
+        lead=np.where(pairs[:, 1] == pairs[:, 0] + 1, lead, np.inf),
+    )
+
+
+def _pauses(path: Path) -> Floats:
+    """Standstill of the last row that moves before each row, all of it where none does; (M,)."""
+    moving = np.append(-1, np.flatnonzero(path.moving))
+    last = moving[np.searchsorted(moving, np.arange(len(path))) - 1]
+    pauses: Floats = np.where(last >= 0, path.pause[last], np.inf)
+    return pauses
+
+
+def leads(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Floats:
+    """Time from the start of each row to the next cut, in rapids and at rest [s]; shape (M,).
+
+    What moves at a feed that may change counts as no time.
+    """
+    passed = np.concatenate([[0.0], np.cumsum(np.where(editable.block < 0, plan.time, 0.0))])
+    next_cut = np.append(np.flatnonzero(cuts), len(cuts))
+    row = np.arange(len(cuts))
+    found: Floats = passed[next_cut[np.searchsorted(next_cut[:-1], row)]] - passed[row]
+    return found
+
+
+def _waiting(path: Path, rows: Rows) -> Rows:
+    """First row that waits for S words before ``rows``; the number of rows where none does."""
+    moves, wait = path.moves, path.control.auxiliary.spindle_wait
+    if wait == "next_line":
+        other = (np.diff(moves.line) != 0) | (np.diff(moves.file) != 0)
+        candidates, side = np.flatnonzero(other) + 1, "right"
+    elif wait == "before_cutting":
+        candidates, side = np.flatnonzero(np.isin(moves.kind, CUTTING)), "left"
+    else:
+        return rows
+    index = np.searchsorted(candidates, rows, side=side)  # type: ignore[call-overload]
+    found: Rows = np.append(candidates, len(moves))[index]
+    return found

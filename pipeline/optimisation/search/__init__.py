@@ -1,0 +1,1 @@
+"""Searches from the direct solution on, the baselines, and the front."""

@@ -1,0 +1,225 @@
+"""Which F and S of a program may be changed, and why the others may not.
+
+F and S are modal: what a line leaves in force goes on into the lines after it.  So a block may
+change only where every line that reads its F afterwards can be given its own again; a block before
+one that cannot, a subprogram in another file, say, stays as programmed.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.gcode.program import Program
+from pipeline.optimisation.text.editable import Editable, Held
+from pipeline.optimisation.text.modal_words import ModalWords
+from pipeline.optimisation.text.program_words import NONE, OTHER, ProgramWords
+from pipeline.optimisation.text.rounding import FeedText
+from pipeline.optimisation.text.visits import Visits, cuts_at_feed, reads_feed, turns
+
+Flags = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+Floats = NDArray[np.float64]
+Reasons = list[tuple[str, Flags]]
+
+SELF = "the program's own expressions may read F and S"
+ELSEWHERE = "it is in another file"
+PITCH = "it is a thread or a tapping cycle, where F is bound to S"
+PROBES = "it probes"
+CLOSED = "its line calls, computes or sets something, and nothing is written into it"
+
+
+def editable_blocks(program: Program, moves: Moves) -> Editable:
+    """What may be changed in a program.
+
+    Parameters
+    ----------
+    program : Program
+        Text.
+    moves : Moves
+        The program as interpreted, M rows.
+
+    Returns
+    -------
+    Editable
+        Blocks in the order of their lines.
+    """
+    places = places_of(program, moves)
+    speed = places.speed
+    lines = np.unique(moves.line[places.feed_free])
+    block = np.full(len(moves), -1, dtype=np.intp)
+    block[places.feed_free] = np.searchsorted(lines, moves.line[places.feed_free])
+    may_start, own_start = np.zeros((2, len(moves)), dtype=np.bool_)
+    may_start[speed.row[places.speed_may]] = True
+    own_start[speed.row[places.speed_may & speed.sets]] = True
+    cutting = reads_feed(moves)
+    held = [
+        *_held("F", places.feed_reasons, cutting & ~places.feed_free, moves),
+        *_held("S", places.speed_reasons, cutting & turns(moves) & ~places.speed_free, moves),
+    ]
+    return Editable(
+        block=block, line=lines.astype(np.intp), speed=places.speed_free, may_start=may_start,
+        own_start=own_start, held=tuple(held),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """Where F and S are read along a program, and where they may be written.
+
+    Parameters
+    ----------
+    words : ProgramWords
+        Of the text.
+    visits : Visits
+        To its lines.
+    feed, speed : ModalWords
+        Visits that read F, and S.
+    feed_may, speed_may : ndarray of bool
+        Those whose line may be given a word, or another in its place.
+    feed_free, speed_free : ndarray of bool, shape (M,)
+        Rows whose F, S may be changed.
+    feed_reasons, speed_reasons : list of (str, ndarray of bool)
+        Why others may not, first reasons first.
+    """
+
+    words: ProgramWords
+    visits: Visits = field(repr=False)
+    feed: ModalWords = field(repr=False)
+    speed: ModalWords = field(repr=False)
+    feed_may: Flags = field(repr=False)
+    speed_may: Flags = field(repr=False)
+    feed_free: Flags = field(repr=False)
+    speed_free: Flags = field(repr=False)
+    feed_reasons: Reasons = field(repr=False)
+    speed_reasons: Reasons = field(repr=False)
+
+
+def places_of(program: Program, moves: Moves) -> Places:
+    """Where F and S of a program are read and may be written."""
+    words, visits = ProgramWords(program), Visits.among(moves)
+    feed = ModalWords.along("F", words, visits, reads_feed(moves), moves.feed)
+    speed = ModalWords.along("S", words, visits, turns(moves), moves.speed)
+    feed_reasons = _feed_reasons(words, visits, moves)
+    free = cuts_at_feed(moves) & ~_any(feed_reasons)
+    may = free[feed.row]
+    bound = np.isin(feed.line, feed.line[feed.handed_on(~may, may)]) & may
+    stands = _lines_with(moves, free & ~turns(moves))
+    handed = _rows(feed, bound, visits)
+    feed_reasons += [
+        ("the spindle stands", stands),
+        ("the lines after it take its F, and cannot be given one", handed),
+    ]
+    speed_may, speed_reasons = _speed_places(words, visits, speed, moves)
+    return Places(
+        words=words, visits=visits, feed=feed, speed=speed, feed_may=may, speed_may=speed_may,
+        feed_free=free & ~handed & ~stands, speed_free=turns(moves) & ~_any(speed_reasons),
+        feed_reasons=feed_reasons, speed_reasons=speed_reasons,
+    )  # fmt: skip
+
+
+def _feed_reasons(words: ProgramWords, visits: Visits, moves: Moves) -> Reasons:
+    """Why the F of rows may not change (M,), but for what is handed on."""
+    file_line = np.where(moves.file == 0, moves.line, 0)
+    cutting, token = cuts_at_feed(moves), words.token("F")[file_line]
+    text = FeedText.of(words, moves)
+    reasons: Reasons = [
+        (SELF, np.full(len(moves), words.reads_itself)),
+        (ELSEWHERE, moves.file != 0),
+        (PITCH, (moves.kind == Kind.THREAD) | visits.taps[visits.of]),
+        (PROBES, moves.kind == Kind.PROBE),
+        ("G93 is in force", moves.feed_mode == FeedMode.INVERSE_TIME),
+        ("F is an expression, or stands twice in the line", token == OTHER),
+        (CLOSED, words.closed[file_line]),
+        ("G20 and G21 are both in a program that jumps", np.full(len(moves), words.unit is None)),
+        ("rotary axes move alone in a program in inches", _turns_alone(words, moves, text.unit)),
+        ("its F comes of an expression", text.rounded(np.maximum(moves.feed, 1e-9)) != moves.feed),
+    ]
+    reading = reads_feed(moves)
+    other = reading & (_any(reasons) | ~cutting | _differs(moves, file_line, reading))
+    reasons.append(("another pass through its line needs another F", _lines_with(moves, other)))
+    return reasons
+
+
+def _lines_with(moves: Moves, rows: Flags) -> Flags:
+    """Rows of the program's own lines that some rows come of (M,)."""
+    own = moves.file == 0
+    found: Flags = np.isin(moves.line, np.unique(moves.line[rows & own])) & own
+    return found
+
+
+def _turns_alone(words: ProgramWords, moves: Moves, unit: Floats) -> Flags:
+    """Rows whose F may count degrees, which know no inch (M,)."""
+    linear = np.zeros(len(words.program) + 1, dtype=np.bool_)
+    for letter in "XYZ":
+        linear |= words.token(letter) != NONE
+    inside = np.where(moves.file == 0, moves.line, 0)
+    return (unit != 1.0) & ~linear[inside] & (moves.kind == Kind.FEED)
+
+
+def _differs(moves: Moves, line: Rows, reading: Flags) -> Flags:
+    """Rows of lines that are passed with several feeds or feed modes (M,)."""
+    own = np.stack([line, moves.feed_mode, moves.feed])[:, reading]
+    passes = np.unique(own, axis=1)[0].astype(np.intp)
+    return (np.bincount(passes, minlength=line.max(initial=0) + 1) > 1)[line]
+
+
+def _speed_places(
+    words: ProgramWords, visits: Visits, speed: ModalWords, moves: Moves
+) -> tuple[Flags, Reasons]:
+    """Visits whose line may take an S word (K,), and why the S of rows may not change (M,)."""
+    line, inside = speed.line, np.where(moves.file == 0, moves.line, 0)
+    token = words.token("S")
+    may = (line > 0) & ~words.closed[line] & (token[line] != OTHER) & ~visits.again[speed.visit]
+    may &= ~np.bool_(words.reads_itself or speed.uncertain)
+    may &= ~moves.constant_surface_speed[speed.row] & (speed.own == np.rint(speed.own))
+    everywhere = np.ones(len(moves), dtype=np.bool_)
+    reasons: Reasons = [
+        (SELF, everywhere & words.reads_itself),
+        (ELSEWHERE, moves.file != 0),
+        (PITCH, (moves.kind == Kind.THREAD) | visits.taps[visits.of]),
+        (PROBES, moves.kind == Kind.PROBE),
+        ("G96 is in force", moves.constant_surface_speed),
+        ("S is no whole number", moves.speed != np.rint(moves.speed)),
+        (CLOSED, words.closed[inside] & (token[inside] != NONE)),
+        ("S words stand alone in a program that jumps", everywhere & speed.uncertain),
+    ]
+    keeps = visits.any(_any(reasons) & turns(moves))[speed.visit]
+    keeps |= speed.sets & ~may
+    after = _until_a_start(keeps | speed.handed_on(keeps, may), may)
+    reasons.append(
+        ("no line before takes an S word that holds only from there", _rows(speed, after, visits))
+    )
+    return may, reasons
+
+
+def _until_a_start(keeps: Flags, may: Flags) -> Flags:
+    """Visits that keep S, with those after them up to the next that may be given one (K,)."""
+    found, keeping = keeps.copy(), True
+    for k, (holds, starts) in enumerate(zip(keeps.tolist(), may.tolist(), strict=True)):
+        keeping = holds or (keeping and not starts)
+        found[k] = keeping
+    return found
+
+
+def _any(reasons: Reasons) -> Flags:
+    return np.logical_or.reduce([rows for _, rows in reasons])
+
+
+def _rows(modal: ModalWords, chosen: Flags, visits: Visits) -> Flags:
+    """Rows of some visits (M,)."""
+    flags = np.zeros(len(visits.line), dtype=np.bool_)
+    flags[modal.visit[chosen]] = True
+    return flags[visits.of]
+
+
+def _held(letter: str, reasons: Reasons, left: Flags, moves: Moves) -> Iterator[Held]:
+    """Rows that are held by their first reason."""
+    for reason, rows in reasons:
+        found = np.flatnonzero(rows & left)
+        if len(found):
+            first = f"{moves.files[moves.file[found[0]]]}:{moves.line[found[0]]}"
+            yield Held(reason=f"{letter}: {reason}", rows=len(found), first=first)
+        left = left & ~rows

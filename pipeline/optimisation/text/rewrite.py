@@ -1,0 +1,202 @@
+"""A program with other F and S words; every other byte stays."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import Moves
+from pipeline.gcode.program import Program
+from pipeline.gcode.setup import Setup
+from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.text.editable_blocks import places_of
+from pipeline.optimisation.text.matching import matching_rows
+from pipeline.optimisation.text.modal_words import ModalWords
+from pipeline.optimisation.text.program_words import ProgramWords
+from pipeline.optimisation.text.rounding import FeedText, rounded_feeds, rounded_speeds
+from pipeline.optimisation.text.visits import Visits, reads_feed, turns
+from pipeline.optimisation.text.word_changes import WordChange
+from pipeline.optimisation.text.word_numbers import in_place_of
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+__all__ = ["Rewritten", "WordChange", "rewrite", "rounded_feeds", "rounded_speeds"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rewritten:
+    """A program's new text, and what differs."""
+
+    text: bytes = field(repr=False)
+    changes: tuple[WordChange, ...]
+
+
+def rewrite(
+    program: Program,
+    moves: Moves,
+    editable: Editable,
+    feeds: ArrayLike,
+    speeds: ArrayLike,
+    setup: Setup,
+) -> Rewritten:
+    """The program that gives each row its F and S.
+
+    Parameters
+    ----------
+    program : Program
+        Text.
+    moves : Moves
+        The program as interpreted with ``setup``, M rows.
+    editable : Editable
+        What may be changed in it.
+    feeds : array_like, shape (M,)
+        In the units of ``Moves``; rounded down as :func:`rounded_feeds` does.
+    speeds : array_like, shape (M,)
+        [rev/min]; rounded as :func:`rounded_speeds` does, where they differ from the program's.
+    setup : Setup
+        That the new text is interpreted with.
+
+    Raises
+    ------
+    ValueError
+        When a row that must stay is to change, or the new text, interpreted again, does not give
+        these values.
+    """
+    wanted_f = _wanted_feeds(program, moves, editable, feeds)
+    wanted_s = _wanted_speeds(moves, editable, speeds)
+    places = places_of(program, moves)
+    _refuse_several(places.visits, places.speed, wanted_s, moves)
+    words, text = places.words, FeedText.of(places.words, moves)
+    changed: dict[int, list[tuple[str, bytes]]] = {}
+    for line, (row, value) in _values(places.feed, wanted_f, places.feed_may):
+        changed.setdefault(line, []).append(("F", text.number(row, value)))
+    for line, (_, value) in _values(places.speed, wanted_s, places.speed_may):
+        changed.setdefault(line, []).append(("S", f"{value:.0f}".encode("ascii")))
+    written, changes = _put(words, changed)
+    _check(program, moves, written, wanted_f, wanted_s, setup)
+    return Rewritten(text=written, changes=changes)
+
+
+def _wanted_feeds(program: Program, moves: Moves, editable: Editable, feeds: ArrayLike) -> Floats:
+    given = _of_rows("feeds", feeds, moves)
+    changes = reads_feed(moves) & (given != moves.feed)
+    _refuse(changes & (editable.block < 0), "F", moves, given, moves.feed)
+    bad = changes & ~((given > 0) & np.isfinite(given))
+    _refuse(bad, "F", moves, given, moves.feed)
+    asked = np.where(changes, given, moves.feed)
+    wanted = np.where(changes, rounded_feeds(program, moves, np.maximum(asked, 1e-9)), moves.feed)
+    rows = np.flatnonzero(editable.block >= 0)
+    block = editable.block[rows]
+    one = np.full(len(editable.line), np.nan)
+    one[block] = wanted[rows]
+    differs = rows[wanted[rows] != one[block]]
+    if len(differs):
+        raise ValueError(
+            f"{program.name}:{moves.line[differs[0]]} is to have several feeds: rows of one line "
+            "share their F"
+        )
+    return wanted
+
+
+def _wanted_speeds(moves: Moves, editable: Editable, speeds: ArrayLike) -> Floats:
+    given = _of_rows("speeds", speeds, moves)
+    changes = turns(moves) & (given != moves.speed)
+    _refuse(changes & ~editable.speed, "S", moves, given, moves.speed)
+    _refuse(changes & ~((given > 0) & np.isfinite(given)), "S", moves, given, moves.speed)
+    return np.where(changes, rounded_speeds(np.where(changes, given, 1.0)), moves.speed)
+
+
+def _of_rows(name: str, values: ArrayLike, moves: Moves) -> Floats:
+    given = np.asarray(values, dtype=np.float64)
+    if given.shape != (len(moves),):
+        raise ValueError(f"{name} has the shape {given.shape}: give one value for each row")
+    return given
+
+
+def _refuse(rows: Flags, letter: str, moves: Moves, given: Floats, own: Floats) -> None:
+    found = np.flatnonzero(rows)
+    if len(found):
+        row = found[0]
+        raise ValueError(
+            f"{moves.files[moves.file[row]]}:{moves.line[row]} is to have {letter}{given[row]:g} "
+            f"in place of {letter}{own[row]:g}: change only what editable_blocks says may be "
+            "changed, to positive numbers"
+        )
+
+
+def _refuse_several(visits: Visits, speed: ModalWords, wanted: Floats, moves: Moves) -> None:
+    one = visits.one_value(wanted, turns(moves))[speed.visit]
+    found = np.flatnonzero(np.isnan(one))
+    if len(found):
+        raise ValueError(
+            f"line {speed.line[found[0]]} is to have several speeds: rows of one pass share their S"
+        )
+
+
+def _values(
+    modal: ModalWords, wanted: Floats, may: Flags
+) -> Iterator[tuple[int, tuple[int, float]]]:
+    """Line, and a row of it with what is to be written."""
+    row = dict(zip(modal.line.tolist(), modal.row.tolist(), strict=True))
+    for line, value in modal.written(wanted[modal.row], may).items():
+        yield line, (row[line], value)
+
+
+def _put(
+    words: ProgramWords, changed: Mapping[int, list[tuple[str, bytes]]]
+) -> tuple[bytes, tuple[WordChange, ...]]:
+    """The text with words of some lines changed or added."""
+    program, edits, changes = words.program, [], []
+    tokens = {letter: words.token(letter) for letter in "FS"}
+    start, value = program.tokens.start, program.tokens.value
+    for line in sorted(changed):
+        for letter, number in changed[line]:
+            token = int(tokens[letter][line])
+            if token < 0:
+                at, lead, small = words.place(line)
+                word = (letter.lower() if small else letter).encode("ascii") + number
+                edits.append((at, at, lead + word))
+                changes.append(WordChange(line, letter, None, _shown(word)))
+            elif value[token] != float(number):
+                first, last = int(start[token]), int(start[token + 1])
+                old = program.data[first:last]
+                new = in_place_of(old, number)
+                edits.append((first, last, new))
+                changes.append(WordChange(line, letter, _shown(old), _shown(new)))
+    return _edited(program.data, edits), tuple(changes)
+
+
+def _shown(word: bytes) -> str:
+    return word.decode("latin-1")
+
+
+def _edited(data: bytes, edits: list[tuple[int, int, bytes]]) -> bytes:
+    """Bytes with others in the place of some; several at one place in their order."""
+    pieces, at = [], 0
+    for first, last, text in sorted(edits, key=lambda edit: edit[0]):
+        pieces += [data[at:first], text]
+        at = last
+    return b"".join([*pieces, data[at:]])
+
+
+def _check(
+    program: Program, moves: Moves, text: bytes, feeds: Floats, speeds: Floats, setup: Setup
+) -> None:
+    """Whether the text gives these values and the same moves."""
+    after = interpret(Program(text, program.name), setup)
+    rows = matching_rows(moves, after)
+    wrong = (reads_feed(moves) & (after.feed[rows] != feeds)) | (
+        turns(moves) & (after.speed[rows] != speeds)
+    )
+    found = np.flatnonzero(wrong)
+    if len(found):
+        row, other = found[0], rows[found[0]]
+        raise ValueError(
+            f"{moves.files[moves.file[row]]}:{moves.line[row]} has F{after.feed[other]:g} "
+            f"S{after.speed[other]:g} in the new text and should have F{feeds[row]:g} "
+            f"S{speeds[row]:g}: its F or S comes from where it cannot be followed, leave it as it "
+            "is"
+        )
