@@ -75,9 +75,14 @@ def test_one_is_the_greatest_feed_and_zero_the_least() -> None:
     beyond[np.arange(many), np.arange(many)] *= 1.001
     below = np.tile(feeds[0], (many, 1))
     below[np.arange(many), np.arange(many)] *= 0.9
-    for tried in (beyond, below):
+    moves, group = problem.cut.plan.path.moves, start.groups.feed
+    falls = (moves.start[:, 2] > moves.end[:, 2]) & ~problem.cuts & (group >= 0)
+    down = np.isin(np.arange(many), group[falls])  # at most as programmed, which is no limit
+    assert (start.groups.row_feeds(feeds[1])[falls] <= moves.feed[falls] * (1 + 1e-9)).all()
+    for tried, free in ((beyond, ~down), (below, np.ones(many, dtype=bool))):
         found = problem.evaluate(start.groups, tried, np.tile(speeds[0], (many, 1)))
-        assert (found.violation > 0).all()
+        assert (found.violation[free] > 0).all()
+    assert down.any() and not down.all()
     assert (feeds[0] < feeds[1]).all()
 
 

@@ -5,7 +5,8 @@ Limits of a row hold its feed for each tooth f_z and its F; at one S they are on
     max(F_low, f_z_low N S) <= F <= min(F_high, f_z_high N S, f_z_power(S) N S)
 
 in the row's own units.  What is faster than axes, arcs and tolerances allow (``Path.cap``) changes
-nothing.
+nothing.  Where the tool goes down in air F is at most as programmed: a floor may lie a little
+higher than it should.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.machine.motion import Motion
 from pipeline.optimisation.direct.row_groups import RowGroups
+from pipeline.optimisation.problem.bounds import STEEP
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.text.word_numbers import ROUNDING, rounded_down
 
@@ -56,7 +58,17 @@ def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
     high = np.where(most < path.cap, most / scale, np.inf)
     high = np.minimum(high, problem.feed_high / in_F)
     low = np.maximum(least / scale, problem.feed_low / in_F)
+    own = np.minimum(np.maximum(path.moves.feed, low), high)
+    high = np.where(_descends_in_air(problem), own, high)
     return np.where(allowed, low, np.inf), high
+
+
+def _descends_in_air(problem: Problem) -> NDArray[np.bool_]:
+    """Rows that go down as steeply as a plunge and cut nothing; shape (M,)."""
+    moves = problem.cut.plan.path.moves
+    fall = moves.start[:, 2] - moves.end[:, 2]
+    found: NDArray[np.bool_] = (fall > 0) & (fall >= STEEP * moves.length) & ~problem.cuts
+    return found
 
 
 def common_bounds(
