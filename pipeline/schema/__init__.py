@@ -1,0 +1,8 @@
+"""What Kerf stores and what its parameters may be, typed.
+
+Frozen dataclasses with a unit for each number.  Whoever writes a document writes the type, whoever
+reads it reads the type; JSON and Parquet are made of it in one place, ``store``.
+Nothing in here computes physics, and nothing in here imports another room.
+"""
+
+__all__ = ["arrays", "ranges"]
