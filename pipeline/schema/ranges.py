@@ -102,7 +102,8 @@ class Ranged:
             cls.section = section
 
     def __post_init__(self) -> None:
-        declared = _ranges(type(self))
+        kind: Any = type(self)
+        declared = _ranges(kind)
         for name, allowed in declared.items():
             for value in _numbers(getattr(self, name)):
                 if not allowed.holds(value):
