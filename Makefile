@@ -1,4 +1,5 @@
-# `make repro` sets up and runs the main job, `make test` sets up and runs the tests.
+# `make repro` sets up and runs the main job, `make test` sets up and runs the tests,
+# `make proof` the tests that need many seeds, mutations or long fuzzing.
 #   make repro FLEET=recorded RECORDINGS=path   runs it on real recordings
 
 VENV := .venv
@@ -10,7 +11,7 @@ READY := $(VENV)/ready
 TESTS := $(VENV)/ready-for-tests
 INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.lock
 
-.PHONY: repro test setup benchmark clean
+.PHONY: repro test proof setup benchmark clean
 
 repro: $(READY)
 ifdef FLEET
@@ -22,7 +23,10 @@ test: $(TESTS)
 	ruff check .
 	ruff format --check .
 	mypy
-	pytest -n auto
+	pytest -n auto -m "not proof"
+
+proof: $(TESTS)
+	pytest -n auto -m proof
 
 benchmark: $(TESTS)
 	pytest tests/benchmarks --benchmark-only -s
