@@ -3,15 +3,17 @@
 import os
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
 from tests.browser import CHROMIUM, DRIVER, FLAGS
 
 # The same examples in every run, so that a change and not chance decides; other ones are sought by
 # `HYPOTHESIS_PROFILE=search pytest`.
-settings.register_profile("same", derandomize=True)
-settings.register_profile("search", derandomize=False)
+# No example is refused for the time that it took: that is the machine's, not the code's.
+CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("same", derandomize=True, **CALM)
+settings.register_profile("search", derandomize=False, **CALM)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 # Hypothesis also tries numbers that stand in whatever modules happen to be loaded, which differ
 # with the tests that ran before in the same process.

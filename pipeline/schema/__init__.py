@@ -5,4 +5,14 @@ reads it reads the type; JSON and Parquet are made of it in one place, ``store``
 Nothing in here computes physics, and nothing in here imports another room.
 """
 
-__all__ = ["arrays", "ranges"]
+__all__ = [
+    "arrays",
+    "bundle",
+    "golden",
+    "model",
+    "predictions",
+    "ranges",
+    "store",
+    "structure",
+    "verdict",
+]

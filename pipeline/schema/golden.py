@@ -1,0 +1,91 @@
+"""Golden and sealed sets: raw files frozen by hash, and the days inside them that count.
+
+``data/golden/<machine>.json`` holds one set of each for a machine, for all of its sub-models.
+Files without a clock (a servo's trace, a dynamometer's slot) belong to it as a whole, files of an
+agent's log on its days.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from pipeline.schema.model import SourceFile
+from pipeline.schema.store import read_json, write_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class Days:
+    """First and last UTC day, ``YYYY-MM-DD``, both included."""
+
+    first: str
+    last: str
+
+    def __post_init__(self) -> None:
+        for name in ("first", "last"):
+            day = getattr(self, name)
+            try:
+                proper = date.fromisoformat(day).isoformat() == day
+            except ValueError:
+                proper = False
+            if not proper:
+                raise ValueError(f"the {name} day {day!r} is no day YYYY-MM-DD")
+        if self.last < self.first:
+            raise ValueError(f"the last day {self.last} is before the first, {self.first}")
+
+    def __contains__(self, day: str) -> bool:
+        return self.first <= day <= self.last
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrozenSet:
+    """Raw files by hash; ``days`` are those that count in files that have a clock.
+
+    Parameters
+    ----------
+    files : tuple of SourceFile
+        Path below ``data/raw/<machine>`` and SHA-256 of the bytes.
+    days : Days or None
+        None where no file has a clock.
+    """
+
+    files: tuple[SourceFile, ...]
+    days: Days | None = None
+
+    @property
+    def sha256(self) -> str:
+        """One hash of the whole set: of its files' names and hashes."""
+        lines = "".join(f"{f.sha256}  {f.file}\n" for f in self.files)
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    @property
+    def hashes(self) -> frozenset[str]:
+        """SHA-256 of each file."""
+        return frozenset(one.sha256 for one in self.files)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoldenSets:
+    """What is frozen of a machine: its golden set, and the sealed one beside it."""
+
+    machine: str
+    golden: FrozenSet | None = None
+    sealed: FrozenSet | None = None
+
+
+def read_golden(path: Path) -> GoldenSets | None:
+    """The frozen sets in ``data/golden/<machine>.json``; None when nothing was frozen.
+
+    Raises
+    ------
+    StoreError
+        When the file is not one.
+    """
+    if not path.exists():
+        return None
+    return read_json(path, GoldenSets, f"freeze it again with `kerf golden {path.stem}`")
+
+
+def write_golden(sets: GoldenSets, path: Path) -> None:
+    """Store frozen sets."""
+    write_json(sets, path)

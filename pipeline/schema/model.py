@@ -1,0 +1,117 @@
+"""Identified models as they are stored: parameters with intervals, and what they were fitted on.
+
+Every sub-model's ``model.json`` is a :class:`Model` or a subclass of it, in ``schema/<name>.py``,
+that adds what its predictions need.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Origin = Literal["simulated", "recorded"]
+"""Where records come from; whatever rests on simulated ones is labelled so wherever it stands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One identified parameter: the one shape of anything that a fit says.
+
+    Parameters
+    ----------
+    value : float or None
+        In ``unit``; None where the records do not determine it.
+    unit : str
+        ``"1"`` for none.
+    interval_95 : (float, float) or None
+        Lower and upper end of its 95 % confidence interval.
+    determined : bool
+        Whether the records determine it.
+    method : str
+        Where the value comes from; of an undetermined one, why there is none.
+    remedy : str
+        What to record so that it becomes determined; empty where it is.
+    """
+
+    value: float | None
+    unit: str
+    interval_95: tuple[float, float] | None
+    determined: bool
+    method: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceFile:
+    """A raw file by its path below ``data/raw/<machine>`` and the SHA-256 of its bytes."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """A case that a model was fitted on: its name, its group, and its raw files."""
+
+    case: str
+    group: str
+    files: tuple[SourceFile, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """A case that was not used, and why."""
+
+    case: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correlation:
+    """Correlation matrix of fitted parameters; an entry is None where it is not defined."""
+
+    names: tuple[str, ...] = ()
+    values: tuple[tuple[float | None, ...], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """Range of a condition over the training cases: numbers from ``low`` to ``high``, or words."""
+
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """What every ``model.json`` holds.
+
+    Parameters
+    ----------
+    submodel, machine : str
+        What it is a model of.
+    origin : {"simulated", "recorded"}
+        Of the records.
+    parameters : mapping of str to mapping of str to Parameter
+        By group (an axis, a motor, a tool; ``""`` where there is one only) and name.
+    trained_on : tuple of Training
+        The cases, with the hashes of their raw files.
+    left_out : tuple of LeftOut
+        Cases that say nothing to the fit, with the reason.
+    conditions : mapping of str to Condition
+        Range of each condition over the training cases.
+    """
+
+    submodel: str
+    machine: str
+    origin: Origin
+    parameters: Mapping[str, Mapping[str, Parameter]]
+    trained_on: tuple[Training, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    conditions: Mapping[str, Condition] = field(default_factory=dict)
+
+    @property
+    def training_files(self) -> Mapping[str, str]:
+        """SHA-256 of each raw file that the model was fitted on -> its path."""
+        return {one.sha256: one.file for case in self.trained_on for one in case.files}

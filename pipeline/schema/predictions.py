@@ -1,0 +1,70 @@
+"""Predictions beside measurements as one long table, the same for every sub-model.
+
+Columns: ``case``, ``group``, ``role``, ``quantity``, ``unit``, ``regime``, ``t`` (seconds since the
+case began, or degrees of the spindle, or what the quantity says), ``measured``, ``predicted``,
+``low`` and ``high`` (90 % prediction interval), ``scored`` (whether the row counts) and one column
+``baseline_<name>`` for each baseline.  Null where something was not measured or not predicted.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.schema.store import read_table, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+WORDS = ("case", "group", "role", "quantity", "unit", "regime")
+NUMBERS = ("t", "measured", "predicted", "low", "high")
+BASELINE = "baseline_"
+COLUMNS = (*WORDS, *NUMBERS, "scored")
+
+
+def column_types() -> Mapping[str, "pa.DataType"]:
+    """Arrow type of each column that every table has."""
+    import pyarrow as pa
+
+    words = dict.fromkeys(WORDS, pa.string())
+    return {**words, **dict.fromkeys(NUMBERS, pa.float64()), "scored": pa.bool_()}
+
+
+def baselines(frame: "pd.DataFrame") -> list[str]:
+    """Names of the baselines that a table has, in its order."""
+    return [name.removeprefix(BASELINE) for name in frame.columns if name.startswith(BASELINE)]
+
+
+def write_predictions(frame: "pd.DataFrame", path: Path) -> None:
+    """Store predictions; a table without rows keeps its columns.
+
+    Raises
+    ------
+    ValueError
+        When a column is missing.
+    """
+    import pandas as pd
+    import pyarrow as pa
+
+    missing = [name for name in COLUMNS if len(frame) and name not in frame.columns]
+    if missing:
+        raise ValueError(f"predictions have no column {missing[0]}: give all of {COLUMNS}")
+    types = dict(column_types())
+    types |= {f"{BASELINE}{name}": pa.float64() for name in baselines(frame)}
+    empty = pd.Series([], dtype=object)
+    arrays = [
+        pa.array(frame.get(name, empty), type=kind, from_pandas=True)
+        for name, kind in types.items()
+    ]
+    write_table(pa.table(arrays, names=list(types)), path)
+
+
+def read_predictions(path: Path) -> "pd.DataFrame":
+    """Stored predictions.
+
+    Raises
+    ------
+    StoreError
+        When the file is missing, broken or lacks a column.
+    """
+    return read_table(path, column_types()).to_pandas()

@@ -1,0 +1,124 @@
+"""Documents as JSON and tables as Parquet: written from a type, read as a type.
+
+A file that is absent, broken or of another shape is handled here and nowhere else: one sentence
+with the file, the key and what to do.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pipeline.schema.structure import plain, structured
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+T = TypeVar("T")
+
+
+class StoreError(ValueError):
+    """A stored file that is missing, broken, or not what its reader asks for."""
+
+
+def json_text(document: Any) -> str:
+    """A document as it is stored, with keys in the order of its fields.
+
+    Raises
+    ------
+    ValueError
+        When a number is infinite or NaN: what is not known is ``None``.
+    """
+    return json.dumps(plain(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def write_json(document: Any, path: Path) -> None:
+    """Store a dataclass, or a mapping or tuple of them."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json_text(document), encoding="utf-8")
+
+
+def read_json(path: Path, wanted: type[T], remedy: str = "run `dvc repro`") -> T:
+    """The document in ``path`` as ``wanted``.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    wanted : type
+        The dataclass that was written.
+    remedy : str
+        What a person does when the file is missing or of another version.
+
+    Raises
+    ------
+    StoreError
+        When the file is missing, is no JSON or does not fit the type; the message names file, key
+        and remedy.
+    """
+    return parsed(content(path, remedy), wanted, str(path), remedy)
+
+
+def content(path: Path, remedy: str = "run `dvc repro`") -> bytes:
+    """The bytes of a stored file.
+
+    Raises
+    ------
+    StoreError
+        When it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise StoreError(f"{path} does not exist: {remedy}") from error
+    except OSError as error:
+        raise StoreError(f"{path} cannot be read ({error.strerror}): {remedy}") from error
+
+
+def parsed(text: bytes, wanted: type[T], name: str, remedy: str = "run `dvc repro`") -> T:
+    """JSON bytes as ``wanted``; see :func:`read_json`."""
+    try:
+        value = json.loads(text)
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise StoreError(f"{name} is no JSON ({error}): {remedy}") from error
+    try:
+        return structured(value, wanted, "$")
+    except ValueError as error:
+        raise StoreError(f"{name} is not what this version stores ({error}): {remedy}") from error
+
+
+def write_table(table: "pa.Table", path: Path) -> None:
+    """Store a table as Parquet with zstd."""
+    import pyarrow.parquet as pq
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(table, path, compression="zstd")
+
+
+def read_table(
+    path: Path, columns: Mapping[str, "pa.DataType"], remedy: str = "run `dvc repro`"
+) -> "pa.Table":
+    """A stored table, its ``columns`` of the types that they name; further columns are kept.
+
+    Raises
+    ------
+    StoreError
+        When the file is missing, is no Parquet, or lacks a column or has one of another type.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not path.exists():
+        raise StoreError(f"{path} does not exist: {remedy}")
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise StoreError(f"{path} is no Parquet ({said}): {remedy}") from error
+    for name, wanted in columns.items():
+        if name not in table.column_names:
+            raise StoreError(f"{path} has no column {name}: {remedy}")
+        if table.schema.field(name).type != wanted:
+            found = table.schema.field(name).type
+            raise StoreError(f"{path}, column {name} is {found}, {wanted} is needed: {remedy}")
+    return table

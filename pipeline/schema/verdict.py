@@ -1,0 +1,192 @@
+"""A judgement as it is stored: errors beside those of baselines, limits, and the verdict."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from pipeline.schema.model import LeftOut, Origin
+
+Role = Literal["training", "held_out", "golden", "sealed"]
+"""What a case is for: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
+Status = Literal["passed", "failed", "not judged"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """Errors of a prediction against what was measured, in the unit of the quantity.
+
+    Parameters
+    ----------
+    mae, rmse, max : float or None
+        Mean absolute, root mean square, largest absolute error.
+    bias : float or None
+        Mean of predicted less measured.
+    relative_percent : float or None
+        RMSE over the RMS of what was measured [%].
+    max_percent : float or None
+        Largest error over the largest measured magnitude [%].
+    peak_percent, mean_percent : float or None
+        Error of the largest value and of the mean, over those measured [%], with their sign.
+    """
+
+    mae: float | None = None
+    rmse: float | None = None
+    max: float | None = None
+    bias: float | None = None
+    relative_percent: float | None = None
+    max_percent: float | None = None
+    peak_percent: float | None = None
+    mean_percent: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score(Figures):
+    """Errors of one quantity in one group (a day, a recording, a tool) and regime.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        What was predicted.
+    group, regime : str
+        Of the cases; the group ``"all"`` is all of one role together.
+    role : Role
+        Of the cases.
+    n : int
+        Number of samples, where measurement and all predictors are known.
+    coverage_90 : float or None
+        Share of samples inside the 90 % prediction interval [1]; None without intervals.
+    baselines : mapping of str to Figures
+        The same errors of each baseline on the same samples.
+    limits : mapping of str to float
+        Greatest value of an error (by its name above), None of them where nothing is asked.
+    status : Status
+        Whether all limits are kept; "not judged" for training cases and without limits.
+    reasons : tuple of str
+        Each limit that is passed, with value and limit; or why it was not judged.
+    """
+
+    quantity: str
+    unit: str
+    group: str
+    regime: str
+    role: Role
+    n: int
+    coverage_90: float | None = None
+    baselines: Mapping[str, Figures] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)
+    status: Status = "not judged"
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skill:
+    """Share of a baseline's error that the model saves: 1 - error / error of the baseline [1].
+
+    The 95 % intervals are of a bootstrap that draws whole groups; None with fewer than three.
+    """
+
+    quantity: str
+    regime: str
+    baseline: str
+    groups: int
+    mae: float | None
+    mae_interval_95: tuple[float, float] | None
+    rmse: float | None
+    rmse_interval_95: tuple[float, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutsideConditions:
+    """A case under a condition that the model was not fitted on; ``learnt`` says the range."""
+
+    case: str
+    condition: str
+    value: float | str
+    unit: str
+    learnt: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fact:
+    """A number or a word about a case that its sub-model says beside the prediction."""
+
+    value: float | str | None
+    unit: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedCase:
+    """One case that was compared: its role, why it was not where it was not, and its facts."""
+
+    case: str
+    group: str
+    role: Role
+    conditions: Mapping[str, Fact] = field(default_factory=dict)
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoldenUsed:
+    """The golden set that a verdict rests on: its hash, files, and first and last day if any."""
+
+    sha256: str
+    files: int
+    first: str = ""
+    last: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The content of ``verdict.json``.
+
+    Parameters
+    ----------
+    submodel, machine, origin : str
+        Of what.
+    status : Status
+        Of the sub-model.
+    reasons : tuple of str
+        Why it failed or was not judged, the gravest first.
+    judged_role : Role or None
+        Of the cases that decided: golden ones where there are some, else held-out ones.
+    golden : GoldenUsed or None
+        None where no golden set was frozen.
+    scores : tuple of Score
+        By quantity, group, regime and role.
+    skills : tuple of Skill
+        Over the groups that decided, against each baseline.
+    outside : tuple of OutsideConditions
+        Cases outside of the conditions that were learnt from.
+    cases : tuple of JudgedCase
+        Every case that was compared.
+    left_out : tuple of LeftOut
+        Every case that was not, with the reason.
+    """
+
+    submodel: str
+    machine: str
+    origin: Origin
+    status: Status
+    reasons: tuple[str, ...]
+    judged_role: Role | None
+    golden: GoldenUsed | None
+    scores: tuple[Score, ...]
+    skills: tuple[Skill, ...] = ()
+    outside: tuple[OutsideConditions, ...] = ()
+    cases: tuple[JudgedCase, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+
+    def of(
+        self, quantity: str, *, group: str | None = None, role: Role | None = None
+    ) -> tuple[Score, ...]:
+        """Scores of a quantity; of one group, or one role, where they are named."""
+        return tuple(
+            s for s in self.scores
+            if s.quantity == quantity and group in (None, s.group) and role in (None, s.role)
+        )  # fmt: skip
+
+    def total(self, quantity: str, role: Role | None = None) -> Score | None:
+        """Score of a quantity over all groups that decided, or over those of ``role``."""
+        found = self.of(quantity, group="all", role=role or self.judged_role)
+        return found[0] if found else None
