@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.identification.days import gains
 from pipeline.signals.windows import Stretch
+from pipeline.submodels.gains import gains
 from pipeline.thermal.network import Floats, SpindleThermalParameters
 from pipeline.twin.residual import ResidualForest, features, smoothed_inputs
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured

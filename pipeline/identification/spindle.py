@@ -12,8 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.identification.days import gains
-from pipeline.identification.least_squares import Certainty, Floats, certainty
 from pipeline.identification.spindle_problem import (
     AMBIENT_BOUNDS,
     OFFSET_BOUNDS,
@@ -23,6 +21,8 @@ from pipeline.identification.spindle_problem import (
     SpindleFitSettings,
 )
 from pipeline.signals.windows import Stretch
+from pipeline.submodels.gains import gains
+from pipeline.submodels.least_squares import Certainty, Floats, certainty
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
 from pipeline.twin.spindle_model import window_starts

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
-from pipeline.report.parts import Section
-from pipeline.report.sources import Source, shown
+from pipeline.charts.sections import Section
+from pipeline.charts.sources import Source, shown
 
 
 @dataclass(frozen=True, kw_only=True)

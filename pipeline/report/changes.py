@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.charts.numbers import NOT_KNOWN, moment, number, real
+from pipeline.charts.sources import dig, objects_of
 from pipeline.report.control_verdict import worst_error
 from pipeline.report.cutting_changes import cutting_figures, cutting_parameters, wear_note
 from pipeline.report.drive_units import in_shop_units
 from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, moment, number, real
 from pipeline.report.part_program_verdict import part_changes
-from pipeline.report.sources import dig, objects_of
 from pipeline.report.verdict import Verdict
 
 FORMAT = 1  # of report.json; another one is not compared

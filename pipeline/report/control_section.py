@@ -2,6 +2,10 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import counted, fixed, number, quantity, real, signed
+from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sources import dig, objects_of, rows_of
+from pipeline.charts.tables import sources
 from pipeline.report.control_tables import (
     control_parameters_table,
     control_runs_table,
@@ -11,10 +15,6 @@ from pipeline.report.controlled import run_status
 from pipeline.report.error_figure import error_figure
 from pipeline.report.facts import Facts
 from pipeline.report.model_tables import strongest_correlation
-from pipeline.report.numbers import counted, fixed, number, quantity, real, signed
-from pipeline.report.parts import Figure, Figures, Section, present
-from pipeline.report.sources import dig, objects_of, rows_of
-from pipeline.report.tables import sources
 from pipeline.report.time_tables import left_out_table, run_types_table, runs_table, types_table
 
 MOST_RUNS = 40  # of the figure; the table has them all

@@ -5,19 +5,10 @@ from collections.abc import Callable
 from string import ascii_lowercase
 from typing import Any
 
+from pipeline.charts.numbers import NOT_KNOWN, between, number, powers, real, resolved
+from pipeline.charts.sources import Source, dig, objects_of, rows_of
+from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers, sources
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, between, number, powers, real, resolved
-from pipeline.report.sources import Source, dig, objects_of, rows_of
-from pipeline.report.tables import (
-    MOST_ROWS,
-    Cell,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
-    sources,
-)
 
 MEANINGS = {
     "rapid_speed": "greatest speed in rapids",

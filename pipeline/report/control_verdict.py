@@ -1,8 +1,8 @@
 """The verdict on predicted program times, in words for the head of the page."""
 
+from pipeline.charts.numbers import counted, fixed, real, signed
+from pipeline.charts.sections import PartVerdict
 from pipeline.report.controlled import Controlled, run_status
-from pipeline.report.numbers import counted, fixed, real, signed
-from pipeline.report.part_verdict import PartVerdict
 
 
 def worst_error(control: Controlled) -> float | None:

@@ -6,10 +6,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import Shelf, rows_of, shown
 from pipeline.report.folders import MachineFolders
-from pipeline.report.numbers import real
 from pipeline.report.program_moves import COLUMNS, ProgramMoves, program_moves
-from pipeline.report.sources import Shelf, rows_of, shown
 
 LOGS = "logs of runs and the programs that ran"
 

@@ -3,7 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
 from pipeline.report.cut_panel import Panel, clock, tool_spans
 from pipeline.report.cut_trace import CutTrace
 

@@ -3,10 +3,10 @@
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
 from pipeline.report.cut_panel import Panel, clock, tool_spans
 from pipeline.report.cut_trace import CutTrace
-from pipeline.report.numbers import number
 
 TOP, HEIGHT = 42, 210  # px: tools and head, panel
 

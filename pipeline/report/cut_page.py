@@ -6,6 +6,9 @@ The document is what ``kerf simulate --json`` writes with a stock; nothing else 
 from pathlib import Path
 from typing import Any
 
+from pipeline.charts.numbers import counted, duration, number, real
+from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sources import Source, dig, rows_of
 from pipeline.report import cut_engagement_figure, cut_load_figure
 from pipeline.report.alone import LonePage, rendered, source_of
 from pipeline.report.cut_engagement_figure import engagement_figure
@@ -26,9 +29,6 @@ from pipeline.report.cut_tables import (
     worst_table,
 )
 from pipeline.report.cut_trace import cut_trace
-from pipeline.report.numbers import counted, duration, number, real
-from pipeline.report.parts import Figure, Figures, Section, present
-from pipeline.report.sources import Source, dig, rows_of
 
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
 

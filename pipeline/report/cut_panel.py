@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
 from pipeline.report.cut_trace import CutTrace
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import number
 
 WIDE = 10  # units of a column
 NAMES = 11  # px: where the tools' names stand

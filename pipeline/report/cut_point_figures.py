@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import number, real
+from pipeline.charts.sources import dig, rows_of
 from pipeline.report.cut_panel import Panel
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import number, real
-from pipeline.report.sources import dig, rows_of
 
 TOP, HEIGHT = 22, 220  # px
 UNITS = 1000  # across a curve's viewport

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pipeline.report.numbers import (
+from pipeline.charts.numbers import (
     NARROW,
     NOT_KNOWN,
     TOGETHER,
@@ -12,8 +12,8 @@ from pipeline.report.numbers import (
     number,
     real,
 )
-from pipeline.report.sources import Source, dig, rows_of
-from pipeline.report.tables import Cell, Head, Table, cells, names, numbers
+from pipeline.charts.sources import Source, dig, rows_of
+from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers
 
 NOTHING = 1e-6  # of the greatest of its kind: less is rounding
 FORCES = ("peak_load_N", "axial_force_N")

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.report.numbers import real
-from pipeline.report.sources import dig
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import dig
 
 Floats = np.ndarray
 

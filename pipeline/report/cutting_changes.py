@@ -2,10 +2,10 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import dig, objects_of
 from pipeline.report.cutting_facts import Cutting, worst_run
 from pipeline.report.cutting_units import determined, interval, unit_of
-from pipeline.report.numbers import real
-from pipeline.report.sources import dig, objects_of
 
 PREFIX = "cut "  # of the cut's parameters among those of a machine
 POWERS = ("specific_force", "K_tc", "K_te")  # what the spindle's load shows

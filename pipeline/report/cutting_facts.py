@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import Shelf, dig, objects_of, rows_of, words_of
 from pipeline.report.cutting_traces import JUDGED, CutTrace, cut_traces
 from pipeline.report.cutting_units import determined
 from pipeline.report.folders import MachineFolders
-from pipeline.report.numbers import real
-from pipeline.report.sources import Shelf, dig, objects_of, rows_of, words_of
 
 RECORDS = "recordings of forces and of the spindle’s load"
 COMPONENTS = ("x", "y", "z", "resultant")  # the last is the force in the plane of the feed

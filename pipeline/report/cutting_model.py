@@ -2,12 +2,12 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import TOGETHER, counted, number, real
+from pipeline.charts.sources import dig, rows_of, words_of
+from pipeline.charts.tables import Table, cells, names, numbers
 from pipeline.report.cutting_tables import cutting_sources
 from pipeline.report.drive_verdict import joined
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import TOGETHER, counted, number, real
-from pipeline.report.sources import dig, rows_of, words_of
-from pipeline.report.tables import Table, cells, names, numbers
 
 MOST_FEEDS = 4  # feeds of a set of conditions that are named
 TERMS = {

@@ -1,5 +1,8 @@
 """The section that holds predicted forces against records: tables, and single revolutions."""
 
+from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, number
+from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.tables import sources
 from pipeline.report.cutting_facts import ERRORS, CutRun, Cutting, best_run, worst_run
 from pipeline.report.cutting_runs_table import components_table, cross_table, cut_runs_table
 from pipeline.report.cutting_trace_figure import revolution_figure, spread
@@ -12,9 +15,6 @@ from pipeline.report.cutting_verdict import (
 )
 from pipeline.report.drive_verdict import joined
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, TOGETHER, number
-from pipeline.report.parts import Figure, Figures, Section, present
-from pipeline.report.tables import sources
 
 STATUS = {"unknown": "not judged", "passed": "passed", "failed": "failed"}
 JUDGED = "Judged are recordings that nothing was learnt from."

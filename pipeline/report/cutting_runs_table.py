@@ -1,11 +1,8 @@
 """Recordings against the force model: errors of each, and of each component beside the guess."""
 
-from pipeline.report.cutting_facts import ERRORS, CutRun, Cutting
-from pipeline.report.cutting_tables import USES, condition_cells, condition_heads
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, TOGETHER, fixed, number, real, signed
-from pipeline.report.sources import Source, dig
-from pipeline.report.tables import (
+from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, fixed, number, real, signed
+from pipeline.charts.sources import Source, dig
+from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
     Head,
@@ -16,6 +13,9 @@ from pipeline.report.tables import (
     numbers,
     sources,
 )
+from pipeline.report.cutting_facts import ERRORS, CutRun, Cutting
+from pipeline.report.cutting_tables import USES, condition_cells, condition_heads
+from pipeline.report.facts import Facts
 
 ALL_OTHERS = 2  # recordings of a fit that are counted where they are all the others
 OPEN = 12  # rows of components that need not be unfolded

@@ -2,6 +2,10 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NARROW, counted, fixed, number, real
+from pipeline.charts.sections import Block, Heading, Section, present
+from pipeline.charts.sources import dig, objects_of, rows_of
+from pipeline.charts.tables import Table
 from pipeline.report.control_tables import files_table
 from pipeline.report.cutting_model import remainder_words, terms_table
 from pipeline.report.cutting_spindle import (
@@ -21,10 +25,6 @@ from pipeline.report.cutting_tables import (
 from pipeline.report.cutting_units import determined, unit_of, value_words
 from pipeline.report.facts import Facts
 from pipeline.report.model_tables import strongest_correlation
-from pipeline.report.numbers import NARROW, counted, fixed, number, real
-from pipeline.report.parts import Block, Heading, Section, present
-from pipeline.report.sources import dig, objects_of, rows_of
-from pipeline.report.tables import Table
 
 ILL = 1e4  # condition of the scaled Jacobian above which coefficients are hard to tell apart
 CLOSE = 0.95  # correlation above which two coefficients are known as a sum only

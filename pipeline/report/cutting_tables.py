@@ -2,6 +2,19 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NOT_KNOWN, counted, number, real
+from pipeline.charts.sources import Source, dig, objects_of, rows_of, words_of
+from pipeline.charts.tables import (
+    MOST_ROWS,
+    Cell,
+    Head,
+    Table,
+    cells,
+    left_out,
+    names,
+    numbers,
+    sources,
+)
 from pipeline.report.cutting_facts import Cutting
 from pipeline.report.cutting_units import (
     determined,
@@ -13,19 +26,6 @@ from pipeline.report.cutting_units import (
 )
 from pipeline.report.drive_methods import ALIKE, METHODS
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, counted, number, real
-from pipeline.report.sources import Source, dig, objects_of, rows_of, words_of
-from pipeline.report.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
-    sources,
-)
 
 MEANINGS = {
     "K_tc": "cutting, along the cutting speed: grows with material and a blunter rake",

@@ -3,7 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
 from pipeline.report.cutting_traces import CutTrace
 from pipeline.report.drive_frame import UNITS, Band, band, line, plain
 from pipeline.report.figures import anchor

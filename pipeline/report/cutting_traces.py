@@ -6,9 +6,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.charts.sources import Shelf, shown
 from pipeline.report.drive_traces import readings
 from pipeline.report.folders import MachineFolders
-from pipeline.report.sources import Shelf, shown
 
 JUDGED = "cutting.json and recordings of forces"
 AXES = ("x", "y", "z")

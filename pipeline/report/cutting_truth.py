@@ -4,6 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.charts.numbers import number, real, resolved, signed
+from pipeline.charts.sources import dig
+from pipeline.charts.tables import Cell, Table, cells, names, numbers, sources
 from pipeline.report.cutting_spindle import no_load
 from pipeline.report.cutting_units import (
     determined,
@@ -15,9 +18,6 @@ from pipeline.report.cutting_units import (
     value_words,
 )
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import number, real, resolved, signed
-from pipeline.report.sources import dig
-from pipeline.report.tables import Cell, Table, cells, names, numbers, sources
 
 Known = tuple[str, float, dict[str, Any], bool | None]
 """Name, true value, what was found, whether its interval holds the truth."""

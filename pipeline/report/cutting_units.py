@@ -5,7 +5,7 @@ from math import ceil
 from string import ascii_lowercase
 from typing import Any
 
-from pipeline.report.numbers import TOGETHER, between, number, real, resolved
+from pipeline.charts.numbers import TOGETHER, between, number, real, resolved
 
 SHOP = {"N/mm2": "N/mm²", "N/mm^2": "N/mm²", "um": "µm", "deg": "°", "1": "", "N/um": "N/µm",
         "WATT": "W", "W s2": "W s²", "W s^2": "W s²"}  # fmt: skip

@@ -1,9 +1,9 @@
 """The verdict on predicted cutting forces, in words for the head of the page."""
 
+from pipeline.charts.numbers import TOGETHER, counted, fixed, number
+from pipeline.charts.sections import PartVerdict
+from pipeline.charts.sources import dig
 from pipeline.report.cutting_facts import ERRORS, CutRun, Cutting, worst_run
-from pipeline.report.numbers import TOGETHER, counted, fixed, number
-from pipeline.report.part_verdict import PartVerdict
-from pipeline.report.sources import dig
 
 MOST_NAMED = 5  # parameters that are named in the head of the page
 ERROR_WORDS = {"rms": "RMS force", "peak": "peak force", "mean": "mean force"}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
 from pipeline.report.figures import anchor
 
 UNITS = 2000  # across a band's viewport

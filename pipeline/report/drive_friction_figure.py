@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import rows_of
 from pipeline.report.drive_frame import UNITS, Band, band, plain
 from pipeline.report.drive_traces import readings
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import real
-from pipeline.report.sources import rows_of
 
 TOP, HEIGHT = 18, 260  # px
 SEEN = 0.15  # of the forces' span: how much of an error bar the scale makes room for

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import dig, objects_of
 from pipeline.report.drive_frame import UNITS, band, clock, line
 from pipeline.report.drive_traces import MOST, readings
-from pipeline.report.numbers import real
-from pipeline.report.sources import dig, objects_of
 
 TOP, HEIGHT = 18, 220  # px
 SETTLED = 0.2  # of the recording; the band before it may leave the figure

@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NOT_KNOWN, counted, number, powers, real
+from pipeline.charts.sources import rows_of
+from pipeline.charts.tables import Cell, Table, cells, names, numbers
 from pipeline.report.drive_tables import drive_sources
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, counted, number, powers, real
-from pipeline.report.sources import rows_of
-from pipeline.report.tables import Cell, Table, cells, names, numbers
 
 ALIKE = 1e-3  # of an error; two searches closer than that have found the same optimum
 METHODS = {"least_squares": "least squares", "genetic": "genetic search"}

@@ -1,15 +1,15 @@
 """The section that holds the twin's drives against records: table, and curves of each axis."""
 
+from pipeline.charts.numbers import NOT_KNOWN, number
+from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sources import dig
+from pipeline.charts.tables import sources
 from pipeline.report.drive_runs_table import drive_runs_table
 from pipeline.report.drive_trace_figure import closest_look, drawn_bands, trace_figure, whole
 from pipeline.report.drive_traces import DriveTrace
 from pipeline.report.drive_verdict import drives_verdict
 from pipeline.report.driven import DriveRun
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, number
-from pipeline.report.parts import Figure, Figures, Section, present
-from pipeline.report.sources import dig
-from pipeline.report.tables import sources
 
 
 def following_section(found: Facts) -> Section | None:

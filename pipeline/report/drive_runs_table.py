@@ -1,10 +1,8 @@
 """Recordings against the twin: force by inverse dynamics, following error in closed loop."""
 
-from pipeline.report.driven import DriveRun
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, fixed, number, real
-from pipeline.report.sources import dig
-from pipeline.report.tables import (
+from pipeline.charts.numbers import NOT_KNOWN, fixed, number, real
+from pipeline.charts.sources import dig
+from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
     Head,
@@ -15,6 +13,8 @@ from pipeline.report.tables import (
     numbers,
     sources,
 )
+from pipeline.report.driven import DriveRun
+from pipeline.report.facts import Facts
 
 FORCE = (
     "Force: error of the force that the recorded motion asks for, over the measured force; its "

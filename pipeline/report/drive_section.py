@@ -2,6 +2,9 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import counted, fixed, number, powers, quantity, real
+from pipeline.charts.sections import Block, Figure, Figures, Heading, Section, present
+from pipeline.charts.sources import dig
 from pipeline.report.drive_friction_figure import friction_figure, friction_shown
 from pipeline.report.drive_inertia_figure import inertia_figure, inertia_shown
 from pipeline.report.drive_methods import methods_table, methods_words
@@ -15,16 +18,6 @@ from pipeline.report.drive_tables import (
 from pipeline.report.drive_verdict import joined
 from pipeline.report.facts import Facts
 from pipeline.report.model_tables import strongest_correlation
-from pipeline.report.numbers import (
-    counted,
-    fixed,
-    number,
-    powers,
-    quantity,
-    real,
-)
-from pipeline.report.parts import Block, Figure, Figures, Heading, Section, present
-from pipeline.report.sources import dig
 
 ILL = 1e4  # condition of the scaled Jacobian above which parameters are hard to tell apart
 

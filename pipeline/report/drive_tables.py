@@ -1,20 +1,11 @@
 """Tables of the drives: parameters, methods against each other, recordings, files."""
 
+from pipeline.charts.numbers import NOT_KNOWN, number, real
+from pipeline.charts.sources import Source, dig, objects_of, rows_of, words_of
+from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers, sources
 from pipeline.report.control_tables import files_table, parameters_table
 from pipeline.report.drive_units import in_shop_units
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, number, real
-from pipeline.report.sources import Source, dig, objects_of, rows_of, words_of
-from pipeline.report.tables import (
-    MOST_ROWS,
-    Cell,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
-    sources,
-)
 
 MEANINGS = {
     "mass": "all that moves, the screw’s and the motor’s inertia as mass",

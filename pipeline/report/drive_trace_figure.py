@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
 from pipeline.report.drive_frame import band, clock, line
 from pipeline.report.drive_traces import DriveTrace
 

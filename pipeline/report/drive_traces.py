@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.charts.sources import Shelf, shown
 from pipeline.report.folders import MachineFolders
-from pipeline.report.sources import Shelf, shown
 
 JUDGED = "drive.json and records of the servo drives"
 NAMES = ("axis", "recording", "role")

@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import between, number, powers, real, resolved, signed
+from pipeline.charts.sources import dig, objects_of
+from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers, sources
 from pipeline.report.drive_units import in_shop_units, si_in_shop_units
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import between, number, powers, real, resolved, signed
-from pipeline.report.sources import dig, objects_of
-from pipeline.report.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers, sources
 
 MOST_OPEN = 20  # rows that need not be unfolded
 NOTE = (

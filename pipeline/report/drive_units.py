@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pipeline.report.numbers import real
+from pipeline.charts.numbers import real
 
 SHOP = {
     "m/s": ("mm/s", 1e3), "m": ("µm", 1e6), "mm": ("µm", 1e3), "um": ("µm", 1.0),

@@ -1,9 +1,9 @@
 """The verdict on the feed drives, in words for the head of the page."""
 
+from pipeline.charts.numbers import TOGETHER, counted, number
+from pipeline.charts.sections import PartVerdict
+from pipeline.charts.sources import dig
 from pipeline.report.driven import Driven, DriveRun, worst_following, worst_force
-from pipeline.report.numbers import TOGETHER, counted, number
-from pipeline.report.part_verdict import PartVerdict
-from pipeline.report.sources import dig
 
 MOST_NAMED = 4  # parameters that are named in the head of the page
 

@@ -5,10 +5,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import Shelf, dig, objects_of, rows_of, words_of
 from pipeline.report.drive_traces import JUDGED, DriveTrace, drive_traces
 from pipeline.report.folders import MachineFolders
-from pipeline.report.numbers import real
-from pipeline.report.sources import Shelf, dig, objects_of, rows_of, words_of
 
 RECORDS = "records of the servo drives"
 

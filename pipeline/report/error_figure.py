@@ -4,10 +4,10 @@ from typing import Any
 
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import real, signed
 from pipeline.report.controlled import run_status
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import real, signed
 
 ROW, TOP = 22, 6  # px
 WIDEST = 60.0  # percent; an error beyond it stands at the edge as an arrow

@@ -5,6 +5,7 @@ from datetime import date, datetime
 
 import numpy as np
 
+from pipeline.charts.sources import Shelf
 from pipeline.report.controlled import Controlled, controlled
 from pipeline.report.cutting_facts import Cutting, cutting_facts
 from pipeline.report.driven import Driven, driven
@@ -12,7 +13,6 @@ from pipeline.report.folders import MachineFolders
 from pipeline.report.modelled import Modelled, modelled, spindle_prefix
 from pipeline.report.part_program_facts import PartPrograms, part_programs
 from pipeline.report.reading import Reading, reading
-from pipeline.report.sources import Shelf
 from pipeline.report.working import NO_RECORD, Day, Working, working
 
 

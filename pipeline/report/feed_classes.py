@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.report import svg
-from pipeline.report.numbers import number
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
 from pipeline.report.program_moves import ProgramMoves
 
 COLOURS = 6  # of the scale in style.css, f0 slow to f5 fast

@@ -2,8 +2,8 @@
 
 from markupsafe import Markup
 
-from pipeline.report import svg
-from pipeline.report.numbers import day_words, hours
+from pipeline.charts import svg
+from pipeline.charts.numbers import day_words, hours
 from pipeline.report.working import BIN, DAY, NO_RECORD, Day
 
 ROW = 20  # px of one day

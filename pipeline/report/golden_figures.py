@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
 from pipeline.report.figures import anchor
 from pipeline.report.modelled import Curves
-from pipeline.report.numbers import number
 from pipeline.report.working import BIN, Day
 
 KINDS = {"measured": "measured", "model_free": "free", "model_window": "window"}

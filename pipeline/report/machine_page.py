@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from pipeline.charts.numbers import TOGETHER, counted, fixed, hours, moment, number, percent, signed
+from pipeline.charts.sections import Section, absent, present
+from pipeline.charts.sources import dig
 from pipeline.report.changes import Change
 from pipeline.report.control_section import control_section, times_section
 from pipeline.report.control_verdict import worst_error
@@ -17,10 +20,8 @@ from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.model_sections import golden_section, thermal_section
-from pipeline.report.numbers import TOGETHER, counted, fixed, hours, moment, number, percent, signed
 from pipeline.report.part_program_section import part_programs_section
 from pipeline.report.part_program_verdict import part_key_figures
-from pipeline.report.parts import Section, absent, present
 from pipeline.report.program_section import programs_section
 from pipeline.report.record_tables import (
     cleaning_table,
@@ -29,7 +30,6 @@ from pipeline.report.record_tables import (
     longest_gaps_table,
     reasons_table,
 )
-from pipeline.report.sources import dig
 from pipeline.report.story_tables import (
     changes_table,
     origins_table,

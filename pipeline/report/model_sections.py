@@ -4,22 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.charts.numbers import NOT_KNOWN, counted, day_list, day_words, duration, fixed, real
+from pipeline.charts.sections import Figure, Figures, Section, absent, present
+from pipeline.charts.sources import dig, objects_of, rows_of
+from pipeline.charts.tables import sources
 from pipeline.report.facts import Facts
 from pipeline.report.golden_figures import frame, golden_figure
 from pipeline.report.model_tables import errors_table, fit_table, parameters_table
 from pipeline.report.modelled import Curves
-from pipeline.report.numbers import (
-    NOT_KNOWN,
-    counted,
-    day_list,
-    day_words,
-    duration,
-    fixed,
-    real,
-)
-from pipeline.report.parts import Figure, Figures, Section, absent, present
-from pipeline.report.sources import dig, objects_of, rows_of
-from pipeline.report.tables import sources
 from pipeline.report.verdict import reasons
 
 MOST_GOLDEN = 14  # days drawn; more days stand in the table only

@@ -2,10 +2,10 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NOT_KNOWN, day_words, fixed, hours, number, quantity, real
+from pipeline.charts.sources import dig, objects_of, rows_of
+from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers, sources
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, day_words, fixed, hours, number, quantity, real
-from pipeline.report.sources import dig, objects_of, rows_of
-from pipeline.report.tables import Cell, Head, Table, cells, names, numbers, sources
 
 MEANINGS = {
     "bearing_friction": "heat of the bearings, grows with speed to the power 5/3",

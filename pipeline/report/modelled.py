@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.charts.sources import Shelf, dig
 from pipeline.report.folders import MachineFolders
 from pipeline.report.reading import NS, nanoseconds
-from pipeline.report.sources import Shelf, dig
 
 CURVES = ("measured", "model_window", "model_free")
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import real
 from pipeline.report.cut_panel import WIDE, Panel
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import real
 from pipeline.report.optimise_words import limit_name
 
 TOP, HEIGHT, GAP = 24, 110, 30  # px: head, a panel, between panels

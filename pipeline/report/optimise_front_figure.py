@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import number, real
+from pipeline.charts.sources import dig, rows_of
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import number, real
-from pipeline.report.sources import dig, rows_of
 
 TOP, HEIGHT = 26, 250  # px
 AROUND = 0.08  # of the span, free around the points

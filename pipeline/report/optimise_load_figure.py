@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import asked, real
+from pipeline.charts.sources import dig
 from pipeline.report.cut_panel import NAMED, NAMES, Panel
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import asked, real
-from pipeline.report.sources import dig
 
 TOP, HEIGHT, GAP = 42, 130, 34  # px: tools and head, a panel, between panels
 MOST = 450  # columns; the highest load of each is drawn

@@ -3,10 +3,12 @@
 from pathlib import Path
 from typing import Any
 
+from pipeline.charts.numbers import NARROW, asked, counted, number, real, signed
+from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sources import Source, dig, objects_of, rows_of, words_of
 from pipeline.report import optimise_block_figures, optimise_front_figure, optimise_load_figure
 from pipeline.report.alone import LonePage, rendered, source_of
 from pipeline.report.cut_tables import sentence, share
-from pipeline.report.numbers import NARROW, asked, counted, number, real, signed
 from pipeline.report.optimise_block_figures import Blocks, pairs_figure, per_pair, words_figure
 from pipeline.report.optimise_front_figure import compared, front_figure, front_places
 from pipeline.report.optimise_load_figure import load_figure, tool_spans, way_load
@@ -21,8 +23,6 @@ from pipeline.report.optimise_tables import (
     uncertain_table,
 )
 from pipeline.report.optimise_verdict import aim, changed_words, key_figures, verdict
-from pipeline.report.parts import Figure, Figures, Section, present
-from pipeline.report.sources import Source, dig, objects_of, rows_of, words_of
 
 NEEDED = ("before", "after", "groups", "proof")
 

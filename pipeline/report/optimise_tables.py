@@ -3,11 +3,11 @@
 import re
 from typing import Any
 
+from pipeline.charts.numbers import NARROW, asked, counted, number, real, signed
+from pipeline.charts.sources import Source, dig, objects_of, rows_of
+from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers
 from pipeline.report.cut_tables import NONE, sentence, share, tool_name
-from pipeline.report.numbers import NARROW, asked, counted, number, real, signed
 from pipeline.report.optimise_words import limit_name
-from pipeline.report.sources import Source, dig, objects_of, rows_of
-from pipeline.report.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers
 
 ROWS = (
     ("Time", "s", "time_s", "time_percent", 4),

@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NARROW, asked, counted, duration, number, real
+from pipeline.charts.sources import dig, rows_of
 from pipeline.report.cut_tables import share
-from pipeline.report.numbers import NARROW, asked, counted, duration, number, real
 from pipeline.report.optimise_tables import change
 from pipeline.report.optimise_words import limit_name
-from pipeline.report.sources import dig, rows_of
 
 LEAST = 0.05  # percent: what is less is no gain
 LOAD = ("limits", "load_N")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.charts.numbers import counted, moment, number, percent
 from pipeline.report.changes import (
     Earlier,
     changes,
@@ -18,7 +19,6 @@ from pipeline.report.changes import (
 from pipeline.report.facts import Facts, facts
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.machine_page import machine_page
-from pipeline.report.numbers import counted, moment, number, percent
 from pipeline.report.verdict import Verdict, verdict
 
 __all__ = ["FleetInfo", "MachineFolders", "write_report"]

@@ -5,10 +5,10 @@ from math import comb
 from pathlib import Path
 from typing import Any
 
+from pipeline.charts.numbers import real
+from pipeline.charts.sources import Shelf, dig, objects_of
 from pipeline.report.folders import MachineFolders
-from pipeline.report.numbers import real
 from pipeline.report.optimise_verdict import AIMS
-from pipeline.report.sources import Shelf, dig, objects_of
 
 MODELS = "the program, its part in conf/machine and the machine’s models"
 SURPRISE = 0.025  # chance below which trial cuts above the limit are no accident

@@ -2,10 +2,13 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NARROW, counted, real, signed
+from pipeline.charts.sections import Block, Figure, Figures, Heading, Section, present
+from pipeline.charts.sources import dig, rows_of
+from pipeline.charts.tables import sources
 from pipeline.report import optimise_load_figure
 from pipeline.report.cutting_verdict import cutting_verdict
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NARROW, counted, real, signed
 from pipeline.report.optimise_load_figure import load_figure, tool_spans, way_load
 from pipeline.report.optimise_tables import (
     binding_table,
@@ -19,9 +22,6 @@ from pipeline.report.optimise_tables import (
 from pipeline.report.optimise_verdict import verdict
 from pipeline.report.part_program_facts import PartProgram
 from pipeline.report.part_program_tables import cut_table, overview_table, trial_time_error
-from pipeline.report.parts import Block, Figure, Figures, Heading, Section, present
-from pipeline.report.sources import dig, rows_of
-from pipeline.report.tables import sources
 
 WHAT = (
     "F and S of each block were chosen again, inside the limits of the part; every other byte of "

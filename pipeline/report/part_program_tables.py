@@ -2,14 +2,14 @@
 
 from typing import Any
 
+from pipeline.charts.numbers import NARROW, number, real
+from pipeline.charts.sources import Source, dig
+from pipeline.charts.tables import Cell, Head, Table, cells, numbers, sources
 from pipeline.report.cut_tables import NONE, share
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NARROW, number, real
 from pipeline.report.optimise_tables import change, figure
 from pipeline.report.optimise_verdict import aim
 from pipeline.report.part_program_facts import PartProgram
-from pipeline.report.sources import Source, dig
-from pipeline.report.tables import Cell, Head, Table, cells, numbers, sources
 
 
 def overview_table(found: Facts) -> Table | None:

@@ -1,9 +1,9 @@
 """What the head of a machine's page says of its optimised programs."""
 
-from pipeline.report.numbers import NARROW, TOGETHER, counted, number, signed
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, number, signed
+from pipeline.charts.sources import shown
 from pipeline.report.optimise_verdict import AIMS
 from pipeline.report.part_program_facts import PartProgram, PartPrograms
-from pipeline.report.sources import shown
 
 WORTH = 1.0  # percent less: below it nobody changes a program that runs
 SURE = 0.05  # chance of a load above its limit: with more nobody is told to load a program

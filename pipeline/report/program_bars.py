@@ -5,9 +5,9 @@ from typing import Any
 
 from markupsafe import Markup
 
-from pipeline.report import svg
-from pipeline.report.numbers import counted, duration, percent, real
-from pipeline.report.sources import dig, rows_of
+from pipeline.charts import svg
+from pipeline.charts.numbers import counted, duration, percent, real
+from pipeline.charts.sources import dig, rows_of
 
 ROW, HEAD, GAP = 21, 24, 14  # px: a bar, the head above a group, between groups
 FILL = 66.0  # percent of the width that the longest bar takes; its time stands beside it

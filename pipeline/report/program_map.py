@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
 from pipeline.report.feed_classes import UNKNOWN, FeedClasses
 from pipeline.report.program_moves import Pieces, ProgramMoves, pieces, radii
 from pipeline.report.program_paths import dots, stroke

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.report.numbers import real
+from pipeline.charts.numbers import real
 
 COLUMNS = (
     "kind", "x", "y", "z", "cx", "cy", "cz", "angle", "plane",

@@ -2,11 +2,13 @@
 
 import numpy as np
 
+from pipeline.charts.numbers import NARROW, counted, duration, number, percent, real
+from pipeline.charts.sections import Block, Figure, Figures, Heading, Section
+from pipeline.charts.sources import Source
+from pipeline.charts.tables import sources
 from pipeline.report.controlled import Program
 from pipeline.report.facts import Facts
 from pipeline.report.feed_classes import UNKNOWN, FeedClasses, feed_classes
-from pipeline.report.numbers import NARROW, counted, duration, number, percent, real
-from pipeline.report.parts import Block, Figure, Figures, Heading, Section
 from pipeline.report.program_bars import (
     Group,
     bars_figure,
@@ -18,8 +20,6 @@ from pipeline.report.program_map import map_figure
 from pipeline.report.program_moves import ProgramMoves, lengths
 from pipeline.report.program_tables import programs_overview_table
 from pipeline.report.program_timeline import timeline, timeline_figure
-from pipeline.report.sources import Source
-from pipeline.report.tables import sources
 
 MOST_DRAWN = 12  # programs, the longest first; the table has them all
 MOST_OPEN = 3  # programs whose figures need not be unfolded

@@ -1,20 +1,11 @@
 """The table of all part programs."""
 
+from pipeline.charts.numbers import NOT_KNOWN, duration, number, percent, real
+from pipeline.charts.sources import rows_of
+from pipeline.charts.tables import MOST_ROWS, Cell, Head, Table, cells, left_out, numbers, sources
 from pipeline.report.controlled import Program
 from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, duration, number, percent, real
 from pipeline.report.program_bars import limit_seconds, limit_words
-from pipeline.report.sources import rows_of
-from pipeline.report.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    numbers,
-    sources,
-)
 
 FREE = ("feed", "rapid", "spindle", "nothing")
 """What bounds a block as its programmer asked for."""

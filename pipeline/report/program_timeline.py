@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
 from pipeline.report.feed_classes import FeedClasses
 from pipeline.report.figures import anchor
-from pipeline.report.numbers import number
 from pipeline.report.program_moves import ProgramMoves
 
 BINS = 240  # columns over the program's time

@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.charts.numbers import instant
+from pipeline.charts.sources import Shelf, dig
 from pipeline.report.folders import MachineFolders
-from pipeline.report.numbers import instant
-from pipeline.report.sources import Shelf, dig
 
 NS = 1_000_000_000
 WHOLE = "whole record"

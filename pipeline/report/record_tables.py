@@ -1,9 +1,7 @@
 """Tables of what was read and what was not: files, reasons, cleaning, gaps."""
 
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, duration, moment, number, percent
-from pipeline.report.reading import RULES
-from pipeline.report.tables import (
+from pipeline.charts.numbers import NOT_KNOWN, duration, moment, number, percent
+from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
     Head,
@@ -14,6 +12,8 @@ from pipeline.report.tables import (
     numbers,
     sources,
 )
+from pipeline.report.facts import Facts
+from pipeline.report.reading import RULES
 
 
 def files_table(found: Facts) -> Table | None:

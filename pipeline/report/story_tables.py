@@ -2,11 +2,9 @@
 
 from typing import Any
 
-from pipeline.report.changes import Change
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, number, quantity, real
-from pipeline.report.sources import Shelf, dig, objects_of
-from pipeline.report.tables import (
+from pipeline.charts.numbers import NOT_KNOWN, number, quantity, real
+from pipeline.charts.sources import Shelf, dig, objects_of
+from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
     Head,
@@ -17,6 +15,8 @@ from pipeline.report.tables import (
     numbers,
     sources,
 )
+from pipeline.report.changes import Change
+from pipeline.report.facts import Facts
 
 
 def changes_table(found: list[Change]) -> Table | None:

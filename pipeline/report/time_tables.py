@@ -2,11 +2,9 @@
 
 from typing import Any
 
-from pipeline.report.controlled import run_status
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import NOT_KNOWN, duration, fixed, number, percent, real, signed
-from pipeline.report.sources import objects_of, rows_of
-from pipeline.report.tables import (
+from pipeline.charts.numbers import NOT_KNOWN, duration, fixed, number, percent, real, signed
+from pipeline.charts.sources import objects_of, rows_of
+from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
     Head,
@@ -17,6 +15,8 @@ from pipeline.report.tables import (
     numbers,
     sources,
 )
+from pipeline.report.controlled import run_status
+from pipeline.report.facts import Facts
 
 TYPES = ("rapid", "feed", "arc", "tool change", "spindle and M codes", "dwell")
 """Types of block in the order shown; others follow by name."""

@@ -4,11 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pipeline.report.control_verdict import times_verdict
-from pipeline.report.cutting_verdict import cut_undetermined, cutting_verdict, plain_better_words
-from pipeline.report.drive_verdict import drives_verdict, undetermined_words
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import (
+from pipeline.charts.numbers import (
     counted,
     day_list,
     day_words,
@@ -19,10 +15,14 @@ from pipeline.report.numbers import (
     percent,
     real,
 )
+from pipeline.charts.sections import PartVerdict, combined
+from pipeline.charts.sources import dig, objects_of, rows_of, words_of
+from pipeline.report.control_verdict import times_verdict
+from pipeline.report.cutting_verdict import cut_undetermined, cutting_verdict, plain_better_words
+from pipeline.report.drive_verdict import drives_verdict, undetermined_words
+from pipeline.report.facts import Facts
 from pipeline.report.part_program_verdict import loading_words, warning_words
-from pipeline.report.part_verdict import PartVerdict, combined
 from pipeline.report.reading import WHOLE, Gap, rule_words
-from pipeline.report.sources import dig, objects_of, rows_of, words_of
 
 Status = Literal["failed", "attention", "passed", "unknown"]
 WORDS = {

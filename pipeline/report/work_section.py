@@ -1,10 +1,10 @@
 """The section on what the machine did."""
 
+from pipeline.charts.numbers import counted, day_list, day_words, hours, percent
+from pipeline.charts.sections import Figure, Figures, Section, absent, present
+from pipeline.charts.tables import sources
 from pipeline.report.facts import Facts
 from pipeline.report.figures import bars_figure, state_class, states_of, strips_figure
-from pipeline.report.numbers import counted, day_list, day_words, hours, percent
-from pipeline.report.parts import Figure, Figures, Section, absent, present
-from pipeline.report.tables import sources
 from pipeline.report.work_tables import cycles_table, days_table, programs_table
 
 MOST_DAYS = 35  # of a figure; older days stand in the table

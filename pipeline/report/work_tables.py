@@ -2,8 +2,7 @@
 
 from statistics import median
 
-from pipeline.report.facts import Facts
-from pipeline.report.numbers import (
+from pipeline.charts.numbers import (
     NOT_KNOWN,
     counted,
     day_words,
@@ -13,7 +12,7 @@ from pipeline.report.numbers import (
     number,
     percent,
 )
-from pipeline.report.tables import (
+from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
     Head,
@@ -24,6 +23,7 @@ from pipeline.report.tables import (
     numbers,
     sources,
 )
+from pipeline.report.facts import Facts
 from pipeline.report.working import Cycle, Day
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.charts.sources import Shelf
 from pipeline.report.folders import MachineFolders
 from pipeline.report.reading import NS, nanoseconds
-from pipeline.report.sources import Shelf
 
 DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve

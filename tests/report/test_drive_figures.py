@@ -18,7 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from report_folders import FLEET, empty_machine
 
-from pipeline.report import svg
+from pipeline.charts import svg
+from pipeline.charts.sources import Shelf
 from pipeline.report.drive_frame import UNITS, Band, band
 from pipeline.report.drive_friction_figure import friction_figure, friction_shown
 from pipeline.report.drive_inertia_figure import inertia_figure, inertia_shown
@@ -26,7 +27,6 @@ from pipeline.report.drive_trace_figure import closest_look, drawn_bands, trace_
 from pipeline.report.drive_traces import DriveTrace, drive_traces
 from pipeline.report.driven import Driven
 from pipeline.report.pages import write_report
-from pipeline.report.sources import Shelf
 from tests.browser import look, needs_browser
 
 NOT_A_NUMBER = re.compile(r"(?<![a-z])(nan|inf)(?![a-z])", re.I)

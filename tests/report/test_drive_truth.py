@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_folders import machine
 
+from pipeline.charts.numbers import resolved
 from pipeline.report.drive_truth import truth_as_found
 from pipeline.report.drive_units import FROM_SI, SHOP, in_shop_units, si_in_shop_units
-from pipeline.report.numbers import resolved
 
 
 def test_the_truth_stands_beside_what_was_found(tmp_path):

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from page_reader import words
 from report_folders import FLEET, empty_machine, machine
 
+from pipeline.charts.sections import PartVerdict, combined
 from pipeline.report.pages import write_report
-from pipeline.report.part_verdict import PartVerdict, combined
 
 
 def judged(folders, tmp_path, runs, **other) -> str:

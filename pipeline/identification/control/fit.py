@@ -21,8 +21,8 @@ from pipeline.identification.control.search import (
     optimum,
 )
 from pipeline.identification.control.segments import Observed, clusters
-from pipeline.identification.least_squares import Certainty, certainty
 from pipeline.machine.control import ControlParameters
+from pipeline.submodels.least_squares import Certainty, certainty
 from pipeline.twin.program import planned_program
 
 Floats = NDArray[np.float64]

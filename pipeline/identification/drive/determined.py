@@ -19,7 +19,7 @@ from pipeline.identification.drive.motion import Motion, motion
 from pipeline.identification.drive.places import pushes, shared_weights
 from pipeline.identification.drive.records import Recording
 from pipeline.identification.drive.regressors import Regressors, regressors
-from pipeline.identification.least_squares import Certainty
+from pipeline.submodels.least_squares import Certainty
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

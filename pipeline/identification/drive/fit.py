@@ -43,9 +43,9 @@ from pipeline.identification.drive.segments import (
     constant_speed_segments,
     friction_points,
 )
-from pipeline.identification.least_squares import Certainty
 from pipeline.machine.feed_drive import FeedDriveParameters
 from pipeline.machine.friction import DirectionFriction, FrictionParameters
+from pipeline.submodels.least_squares import Certainty
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

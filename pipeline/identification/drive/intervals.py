@@ -1,6 +1,6 @@
 """How sure the inverse dynamics are: 95 % intervals that know what they left out.
 
-Residuals of a record hang together; :func:`~pipeline.identification.least_squares.certainty` takes
+Residuals of a record hang together; :func:`~pipeline.submodels.least_squares.certainty` takes
 them block by block, each block ``BLOCK`` times as long as their autocorrelation reaches.  What a
 model leaves out (cogs, twist, bristles) does not scatter from block to block: it moves the
 parameters when the bandwidth of the filter changes, and that change widens the interval.
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.identification.drive.inverse_dynamics import Dynamics, jacobian
 from pipeline.identification.drive.places import pushes, scores_covariance
 from pipeline.identification.drive.regressors import Regressors
-from pipeline.identification.least_squares import Certainty, certainty
+from pipeline.submodels.least_squares import Certainty, certainty
 
 Floats = NDArray[np.float64]
 

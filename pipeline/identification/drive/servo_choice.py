@@ -21,7 +21,7 @@ from pipeline.identification.drive.servo_terms import (
     TX,
     Nominal,
 )
-from pipeline.identification.least_squares import certainty
+from pipeline.submodels.least_squares import certainty
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

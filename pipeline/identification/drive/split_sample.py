@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.identification.least_squares import Certainty, certainty
+from pipeline.submodels.least_squares import Certainty, certainty
 
 Floats = NDArray[np.float64]
 _ROUNDING = 1e-9  # of the greatest singular value

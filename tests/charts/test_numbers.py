@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from pipeline.report.numbers import (
+from pipeline.charts.numbers import (
     NOT_KNOWN,
     day_list,
     day_words,

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pipeline.report.numbers import number
-from pipeline.report.sources import Shelf, Source
+from pipeline.charts.numbers import number
+from pipeline.charts.sources import Shelf, Source
 
 
 @dataclass(frozen=True, kw_only=True)

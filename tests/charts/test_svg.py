@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 
-from pipeline.report import svg
+from pipeline.charts import svg
 
 
 def points(path: str) -> np.ndarray:

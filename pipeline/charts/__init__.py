@@ -1,0 +1,7 @@
+"""What pages are made of: figures as SVG, tables, sections, numbers as people write them.
+
+Colours are CSS classes and all text is escaped.  ``sources`` reads the files that a page stands on
+and remembers the hash of each.
+"""
+
+__all__ = ["numbers", "sections", "sources", "svg", "tables"]

@@ -1,0 +1,139 @@
+"""The parts that a page is made of: sections, figures, legends, words for what is absent."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from markupsafe import Markup
+
+from pipeline.charts.sources import Source, shown
+from pipeline.charts.tables import Table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure: its SVG, what stands below it, where it comes from."""
+
+    svg: Markup
+    caption: str
+    sources: list[Source] = field(default_factory=list)
+    status: str = ""
+    status_words: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """Figures that belong together under one legend of (CSS class, words, shape).
+
+    ``kind`` is the CSS class of their arrangement: ``one`` below another, ``program`` for a tall
+    one beside others; else as many side by side as fit.  With ``folded`` they open on demand below
+    those words.
+    """
+
+    figures: list[Figure]
+    legend: list[tuple[str, str, str]] = field(default_factory=list)
+    kind: str = ""
+    folded: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heading:
+    """What the blocks after it are about, with one paragraph on it."""
+
+    heading: str
+    text: str = ""
+
+
+Block = Table | Figures | Heading
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """One section: paragraphs, pairs of (what, what to do), then tables and figures."""
+
+    key: str
+    title: str
+    text: list[str] = field(default_factory=list)
+    pairs: list[tuple[str, str]] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
+    closing: bool = False
+
+
+def present(*blocks: Block | None) -> list[Block]:
+    """Those blocks that there are."""
+    return [b for b in blocks if b is not None]
+
+
+def absent(path: Path, remedy: str) -> str:
+    """One sentence for a file that is not there, and what would bring it."""
+    return f"Not known: there is no {shown(path)}. {remedy}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartVerdict:
+    """``status`` of what was judged, the ``sentence`` that says it, what ``todo`` now.
+
+    ``reserved`` is what nobody could judge, and is beyond its limits as far as it is known.
+    """
+
+    status: Literal["passed", "failed", "attention", "unknown"]
+    sentence: str
+    todo: str
+    reserved: bool = False
+
+
+def combined(parts: list[PartVerdict]) -> tuple[PartVerdict, list[PartVerdict]]:
+    """The verdict of the whole from its ``parts`` in order of weight, and the parts as ranked.
+
+    The first part that could be judged leads; when it passed and another failed or is reserved,
+    the whole passes with reservations, and the sentence and what is to do are the other's. What
+    makes the reservation follows the first part.
+    """
+    first, *others = sorted(parts, key=lambda p: p.status == "unknown")
+    others.sort(key=lambda p: 0 if p.status == "failed" else 1 if p.reserved else 2)
+    ranked = [first, *others]
+    if first.status == "passed" and others and (others[0].status == "failed" or others[0].reserved):
+        other = others[0]
+        lead = PartVerdict(status="attention", sentence=other.sentence, todo=other.todo)
+        return lead, ranked
+    return first, ranked
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """A key figure that is compared with the last report's: its name, its unit, its value."""
+
+    name: str
+    unit: str
+    value: float | int | str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubModelPage:
+    """What only one sub-model can show and say on its machine's page.
+
+    Parameters
+    ----------
+    verdict : PartVerdict or None
+        For the head of the page, in the words of the shop floor; None where nothing was judged.
+    key_figures : list of (str, str, str)
+        Name, value, aside.
+    doubts : list of str
+        What a model that passed is no good at; they make a reservation of its pass.
+    notes : list of str
+        What else is unusual, the most important first.
+    sections : list of Section
+        In the order in which they are read.
+    truth : list of Table
+        What is true of a simulated machine beside what was identified.
+    compared : mapping of str to Compared
+        Key figures that the next report is compared with.
+    """
+
+    verdict: PartVerdict | None = None
+    key_figures: list[tuple[str, str, str]] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    sections: list[Section] = field(default_factory=list)
+    truth: list[Table] = field(default_factory=list)
+    compared: dict[str, Compared] = field(default_factory=dict)

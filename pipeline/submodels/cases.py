@@ -1,0 +1,173 @@
+"""Cases: records as a sub-model sees them, each with its role, conditions and raw files.
+
+The role of a case is decided here and nowhere else: by section ``roles`` of the machine's file and
+by the frozen sets in ``data/golden/<machine>.json``.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets
+from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
+from pipeline.schema.verdict import Fact, Role
+
+
+@dataclass(frozen=True, kw_only=True)
+class Roles:
+    """Which records models are fitted on; all others are left out of every fit.
+
+    Parameters
+    ----------
+    training : tuple of str
+        Patterns of raw files below the machine's folder.
+    training_days : Days or None
+        UTC days of files that have a clock.
+    """
+
+    training: tuple[str, ...] = ()
+    training_days: Days | None = None
+
+    def is_training(self, file: str) -> bool:
+        """Whether a raw file matches one of the patterns."""
+        return any(fnmatchcase(file, pattern) for pattern in self.training)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Records:
+    """Folders and files of one machine; a sub-model names those that it reads, others are None."""
+
+    raw: Path | None = None
+    signals: Path | None = None
+    clean: Path | None = None
+    manifest: Path | None = None
+
+    @property
+    def files(self) -> Mapping[str, Mapping[str, Any]]:
+        """Entries of the ingest's manifest by raw file: ``sha256``, ``first``, ``last``, ….
+
+        Raises
+        ------
+        ValueError
+            When the manifest is missing or is none.
+        """
+        if self.manifest is not None:
+            path = self.manifest
+        elif self.signals is not None:
+            path = self.signals / "manifest.json"
+        else:
+            raise ValueError("a sub-model needs the signals or their manifest: name them in reads")
+        try:
+            found: Mapping[str, Mapping[str, Any]] = json.loads(path.read_text())["files"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{path} is no manifest: run `dvc repro ingest`") from error
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """One thing that can be predicted and was measured.
+
+    Parameters
+    ----------
+    name : str
+        Of the recording, run or day.
+    group : str
+        What belongs together in splits and in the bootstrap: a day, a recording, a tool.
+    role : Role
+        What it is for.
+    files : tuple of SourceFile
+        Raw files, with the hashes of their bytes.
+    conditions : mapping of str to Fact
+        Under which it was recorded: numbers with units, words.
+    load : callable
+        Its content, in the sub-model's own type.
+    """
+
+    name: str
+    group: str
+    role: Role
+    files: tuple[SourceFile, ...]
+    load: Callable[[], Any]
+    conditions: Mapping[str, Fact] = field(default_factory=dict)
+
+    @property
+    def training(self) -> Training:
+        """What the model's file says of a training case."""
+        return Training(case=self.name, group=self.group, files=self.files)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cases:
+    """Cases of a sub-model, and records that are none, with the reason."""
+
+    cases: tuple[Case, ...]
+    left_out: tuple[LeftOut, ...] = ()
+
+    def of(self, *roles: Role) -> tuple[Case, ...]:
+        """Cases of some roles."""
+        return tuple(case for case in self.cases if case.role in roles)
+
+
+def role_of(
+    files: Sequence[str], roles: Roles, sets: GoldenSets | None = None, day: str = ""
+) -> Role:
+    """Role of a case that was recorded in ``files``, and on ``day`` where they have a clock.
+
+    A frozen set goes before training: a record that is in both is judged by, and the overlap is
+    found by the hash of its bytes.  A case belongs to a frozen set when one of its files does and
+    its day, if it has one, is among the days that count.
+    """
+    if sets is not None:
+        if _in_set(files, sets.sealed, day):
+            return "sealed"
+        if _in_set(files, sets.golden, day):
+            return "golden"
+    if day and roles.training_days is not None:
+        return "training" if day in roles.training_days else "held_out"
+    if any(roles.is_training(file) for file in files):
+        return "training"
+    return "held_out"
+
+
+def _in_set(files: Sequence[str], frozen: FrozenSet | None, day: str) -> bool:
+    if frozen is None:
+        return False
+    if day and frozen.days is not None:
+        return day in frozen.days
+    names = {one.file for one in frozen.files}
+    return not day and any(file in names for file in files)
+
+
+def sources(files: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> tuple[SourceFile, ...]:
+    """Raw files by name, with the hashes that the manifest has of their bytes."""
+    return tuple(SourceFile(file=name, sha256=str(files[name]["sha256"])) for name in names)
+
+
+def files_of_day(files: Mapping[str, Mapping[str, Any]], day: str) -> list[str]:
+    """Raw files whose last record is of a UTC day.
+
+    A log restates at its start what was known before, so that its first time says little.
+    """
+    return [name for name, entry in sorted(files.items()) if str(entry["last"] or "")[:10] == day]
+
+
+def conditions_of(cases: Iterable[Case]) -> dict[str, Condition]:
+    """Range of each condition over cases: numbers from low to high, words as a list."""
+    found: dict[str, Condition] = {}
+    for case in cases:
+        for name, fact in case.conditions.items():
+            if fact.value is None:
+                continue
+            before = found.get(name, Condition(unit=fact.unit))
+            if isinstance(fact.value, str):
+                words = tuple(sorted({*before.words, fact.value}))
+                found[name] = Condition(unit=fact.unit, words=words)
+            else:
+                low = fact.value if before.low is None else min(before.low, fact.value)
+                high = fact.value if before.high is None else max(before.high, fact.value)
+                found[name] = Condition(unit=fact.unit, low=low, high=high)
+    return found

@@ -1,0 +1,216 @@
+"""The contract of a sub-model: what it reads, what it predicts, how it is fitted and loaded.
+
+A sub-model is a folder of this room whose module ``submodel`` holds one object ``SUBMODEL``.  Its
+stages ``identify_<name>`` and ``judge_<name>``, the registry and the report know no more of it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
+
+from pipeline.schema.model import Model
+from pipeline.schema.verdict import Fact, Verdict
+from pipeline.submodels.cases import Case, Cases, Records
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Fit = TypeVar("Fit")
+Judging = TypeVar("Judging")
+M = TypeVar("M", bound=Model)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Input:
+    """A signal that a prediction looks at, and since when it is known.
+
+    Parameters
+    ----------
+    name, unit : str
+        Of the signal.
+    older_than_s : float or None
+        A measurement that may be used when it is at least this old [s]; None for what is known
+        before the motion: commands, programs, conditions.
+    """
+
+    name: str
+    unit: str
+    older_than_s: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """A quantity that is predicted, and what its errors are held against.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        What and in which unit.
+    regime : str
+        Of the prediction, such as a horizon; empty where there is one only.
+    limits : mapping of str to float
+        Greatest value of an error, by its name in :class:`~pipeline.schema.verdict.Figures`.
+        A target without limits is shown and decides nothing.
+    baselines : tuple of str
+        Predictions that are made beside the model's, simpler or in hindsight.
+    must_beat : tuple of str
+        Those whose MAE and RMSE may not both be lower than the model's over all groups.
+    each_group : bool
+        Whether the RMSE has to be below theirs in every group.
+    """
+
+    quantity: str
+    unit: str
+    regime: str = ""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    baselines: tuple[str, ...] = ()
+    must_beat: tuple[str, ...] = ()
+    each_group: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """What a predictor says of one case.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Long: ``quantity``, ``unit``, ``regime``, ``t``, ``measured``, ``predicted`` and, where
+        there are some, ``low``, ``high``, ``scored`` and ``baseline_<name>``.
+    facts : mapping of str to Fact
+        What else is to be said of the case.
+    note : str
+        Why it is not judged, where it is not; or what limits what can be compared.
+    """
+
+    frame: "pd.DataFrame"
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    note: str = ""
+
+
+Predictor = Callable[[Case], Prediction]
+
+
+class SubModel(ABC, Generic[Fit, Judging, M]):
+    """One sub-model.
+
+    Attributes
+    ----------
+    name : str
+        Of its folder, its lists in the fleet, its stages.
+    title : str
+        As a person on the shop floor calls what it models.
+    needs : str
+        What to record for it, in a sentence.
+    reads : tuple of str
+        Fields of :class:`~pipeline.submodels.cases.Records` that it reads, in the order of the
+        stages' commands.
+    model : type
+        Of its ``model.json``.
+    fitting, judging : type
+        Frozen dataclasses whose fields are sections of params.yaml.  Both have ``identity`` and
+        ``roles``.
+    inputs : tuple of Input
+        What its predictions look at.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    needs: ClassVar[str]
+    reads: ClassVar[tuple[str, ...]]
+    model: ClassVar[type[Model]]
+    fitting: ClassVar[type]
+    judging: ClassVar[type]
+    inputs: ClassVar[tuple[Input, ...]]
+
+    @abstractmethod
+    def targets(self, settings: Judging, model: M) -> tuple[Target, ...]:
+        """What is predicted, with the limits that the settings give."""
+
+    @abstractmethod
+    def cases(self, records: Records, settings: "Fit | Judging", sets: Any = None) -> Cases:
+        """Cases in the records of a machine.
+
+        Parameters
+        ----------
+        records : Records
+            Of the machine.
+        settings : object
+            Of the fit or of the judgement; both say how records are read.
+        sets : GoldenSets or None
+            What is frozen; None while a model is fitted, which looks at training cases only.
+        """
+
+    @abstractmethod
+    def fit(self, cases: Cases, settings: Fit, folder: Path) -> M:
+        """The model of the training cases; further files go into ``folder``."""
+
+    @abstractmethod
+    def load(self, folder: Path, settings: Judging) -> Predictor:
+        """The predictor of a stored model, for cases."""
+
+    @abstractmethod
+    def serve(self, folder: Path) -> "Callable[[pd.DataFrame], pd.DataFrame]":
+        """The predictor of a stored model, for a table of its inputs: what the registry serves."""
+
+    @abstractmethod
+    def example(self, folder: Path) -> "pd.DataFrame":
+        """A small table that :meth:`serve`'s predictor takes."""
+
+    def page(self, shown: "Shown[M]") -> Any:
+        """What only this sub-model can show and say, as ``SubModelPage`` of the room ``charts``."""
+        return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shown(Generic[M]):
+    """What a sub-model's page is made of; None where a file is not there.
+
+    Parameters
+    ----------
+    model, verdict, predictions
+        The three files of the sub-model.
+    truth : mapping or None
+        What is true of a simulated machine.
+    shelf : object
+        Through which further files are read, so that the page can name its sources.
+    folder : Path
+        Of the sub-model's files.
+    """
+
+    machine: str
+    origin: str
+    model: M | None
+    verdict: Verdict | None
+    predictions: "pd.DataFrame | None"
+    truth: Mapping[str, Any] | None = None
+    shelf: Any = None
+    folder: Path = Path()
+
+
+def submodels() -> list[str]:
+    """Names of all sub-models, in the order of the alphabet."""
+    return sorted(p.parent.name for p in Path(__file__).parent.glob("*/submodel.py"))
+
+
+def submodel(name: str) -> SubModel[Any, Any, Any]:
+    """The sub-model ``name``.
+
+    Raises
+    ------
+    ValueError
+        When there is none of that name.
+    """
+    if name not in submodels():
+        raise ValueError(f"there is no sub-model {name!r}; there are {', '.join(submodels())}")
+    found: SubModel[Any, Any, Any] = import_module(f"pipeline.submodels.{name}.submodel").SUBMODEL
+    return found
+
+
+def sections(settings: type) -> dict[str, Any]:
+    """Sections of params.yaml that a settings type is made of, with their types."""
+    hints = get_type_hints(settings, include_extras=True)
+    return {item.name: hints[item.name] for item in fields(settings)}

@@ -1,0 +1,545 @@
+"""Judging, written once: predictions against measurements, baselines, limits and frozen sets.
+
+A verdict rests on the golden cases where some are frozen, else on those that were held out of the
+fit.  Training cases are compared and never decide.  Sealed cases are looked at by promotion only.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.golden import FrozenSet, GoldenSets
+from pipeline.schema.model import Condition, Model
+from pipeline.schema.predictions import BASELINE, baselines
+from pipeline.schema.verdict import (
+    Fact,
+    Figures,
+    GoldenUsed,
+    JudgedCase,
+    OutsideConditions,
+    Role,
+    Score,
+    Skill,
+    Status,
+    Verdict,
+)
+from pipeline.submodels.cases import Case, Cases
+from pipeline.submodels.contract import Predictor, Target
+
+DIGITS = 6
+"""Significant digits of a stored error."""
+DRAWS = 2000
+"""Bootstrap samples of the groups."""
+FEWEST_GROUPS = 3
+"""Groups below which a bootstrap over them says nothing."""
+ALL = "all"
+"""Group of a score over all groups of one role."""
+WORDS = {
+    "mae": "mean error",
+    "rmse": "RMSE",
+    "max": "largest error",
+    "bias": "bias",
+    "relative_percent": "relative error",
+    "max_percent": "largest error of the largest value",
+    "peak_percent": "error of the peak",
+    "mean_percent": "error of the mean",
+}
+"""Errors in words, for reasons."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A verdict, and the predictions that it was reached on."""
+
+    verdict: Verdict
+    predictions: pd.DataFrame
+
+
+def judge(
+    model: Model,
+    predictor: Predictor,
+    cases: Cases,
+    targets: Sequence[Target],
+    *,
+    sets: GoldenSets | None,
+    files: Mapping[str, Mapping[str, Any]],
+    roles: Iterable[Role] = ("training", "held_out", "golden"),
+) -> Judged:
+    """Judge a model on all cases of some roles.
+
+    Parameters
+    ----------
+    model : Model
+        As stored.
+    predictor : callable
+        Of the model.
+    cases : Cases
+        Of the machine, with their roles.
+    targets : sequence of Target
+        What is predicted and what it is held against.
+    sets : GoldenSets or None
+        What is frozen of the machine.
+    files : mapping of str to mapping
+        Entries of the manifest by raw file.
+    roles : iterable of str
+        Of the cases that are looked at; ``("sealed",)`` at promotion.
+    """
+    looked_at = cases.of(*roles)
+    predicted = [(case, predictor(case)) for case in looked_at]
+    outside = [found for case in looked_at for found in outside_conditions(case, model.conditions)]
+    frame = _table(predicted, outside)
+    deciding = _deciding(looked_at)
+    scores = [score for target in targets for score in _scores(frame, target, deciding)]
+    decisive = [s for s in scores if s.role == deciding and s.group != ALL and s.limits]
+    broken = [
+        *set_reasons(model, sets, files),
+        *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
+    ]
+    beaten = [reason for target in targets for reason in _beaten(scores, target, deciding)]
+    status, reasons = _status(model, cases, decisive, [*broken, *beaten], sets)
+    verdict = Verdict(
+        submodel=model.submodel,
+        machine=model.machine,
+        origin=model.origin,
+        status=status,
+        reasons=tuple(reasons),
+        judged_role=deciding if decisive else None,
+        golden=_golden_used(None if sets is None else sets.golden),
+        scores=tuple(scores),
+        skills=tuple(s for target in targets for s in skills(frame, target, deciding)),
+        outside=tuple(outside),
+        cases=tuple(
+            JudgedCase(
+                case=case.name, group=case.group, role=case.role, conditions=case.conditions,
+                facts=one.facts, note=one.note,
+            )
+            for case, one in predicted
+        ),
+        left_out=cases.left_out,
+    )  # fmt: skip
+    return Judged(verdict=verdict, predictions=frame)
+
+
+def _table(
+    predicted: Sequence[tuple[Case, Any]], outside: Sequence[OutsideConditions]
+) -> pd.DataFrame:
+    """Rows of all cases; the intervals of cases outside of the learnt conditions are widened."""
+    distance: dict[str, float] = {}
+    for one in outside:
+        distance[one.case] = max(distance.get(one.case, 1.0), _widening(one))
+    parts = []
+    for case, one in predicted:
+        part = one.frame.assign(case=case.name, group=case.group, role=case.role)
+        if case.name in distance and {"low", "high"} <= set(part.columns):
+            for end in ("low", "high"):
+                half = part[end] - part["predicted"]
+                part[end] = part["predicted"] + distance[case.name] * half
+        parts.append(part)
+    full = [part for part in parts if len(part)]
+    if not full:
+        return pd.DataFrame()
+    frame = pd.concat(full, ignore_index=True)
+    for name, default in (("low", np.nan), ("high", np.nan), ("regime", ""), ("scored", True)):
+        frame[name] = frame[name].fillna(default) if name in frame else default
+    return frame.astype({"scored": bool})
+
+
+def _widening(one: OutsideConditions) -> float:
+    """Factor on an interval: one more for each width of the learnt range beyond its end."""
+    low, _, high = one.learnt.partition(" to ")
+    try:
+        ends = float(low), float(high or low)
+    except ValueError:  # words have no distance
+        return 2.0
+    beyond = max(ends[0] - float(one.value), float(one.value) - ends[1])
+    width = ends[1] - ends[0] or max(abs(ends[0]), 1e-12)
+    return 1.0 + max(beyond, 0.0) / width
+
+
+def outside_conditions(case: Case, learnt: Mapping[str, Condition]) -> list[OutsideConditions]:
+    """Conditions of a case that the training cases did not cover."""
+    found = []
+    for name, fact in case.conditions.items():
+        known = learnt.get(name)
+        if known is None or fact.value is None:
+            continue
+        if isinstance(fact.value, str):
+            inside, words = fact.value in known.words, ", ".join(known.words)
+        else:
+            low, high = known.low, known.high
+            if low is None or high is None:
+                continue
+            slack = 1e-9 * max(abs(low), abs(high))
+            inside = low - slack <= fact.value <= high + slack
+            words = f"{low:g} to {high:g}" if high > low else f"{low:g}"
+        if not inside:
+            found.append(
+                OutsideConditions(
+                    case=case.name, condition=name, value=fact.value, unit=fact.unit, learnt=words
+                )
+            )
+    return found
+
+
+def figures(predicted: Floats, measured: Floats) -> Figures:
+    """Errors of a prediction where both are known, to six significant digits.
+
+    Examples
+    --------
+    >>> found = figures(np.array([20.0, 24.0]), np.array([21.0, 21.0]))
+    >>> found.mae, found.rmse, found.max, found.bias
+    (2.0, 2.23607, 3.0, 1.0)
+    """
+    known = np.isfinite(predicted) & np.isfinite(measured)
+    predicted, measured = predicted[known], measured[known]
+    if not len(measured):
+        return Figures()
+    error = predicted - measured
+    rms, most = float(np.sqrt(np.mean(measured**2))), float(np.abs(measured).max())
+    rmse, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+    mean, peak = float(measured.mean()), float(measured.max())
+    return Figures(
+        mae=rounded(float(np.abs(error).mean())),
+        rmse=rounded(rmse),
+        max=rounded(largest),
+        bias=rounded(float(error.mean())),
+        relative_percent=_percent(rmse, rms),
+        max_percent=_percent(largest, most),
+        peak_percent=_percent(float(predicted.max()) - peak, abs(peak)),
+        mean_percent=_percent(float(predicted.mean()) - mean, abs(mean)),
+    )
+
+
+def rounded(value: float) -> float | None:
+    """A number to six significant digits; None when it is not finite."""
+    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
+
+
+def _percent(part: float, whole: float) -> float | None:
+    return rounded(100 * part / whole) if whole > 0 else None
+
+
+def _deciding(cases: Sequence[Case]) -> Role:
+    """The role that a verdict rests on."""
+    there = {case.role for case in cases}
+    order: tuple[Role, ...] = ("sealed", "golden", "held_out")
+    return next((role for role in order if role in there), "held_out")
+
+
+def _columns(frame: pd.DataFrame, target: Target) -> tuple[pd.DataFrame, Bools]:
+    """Rows of a target, and where measurement, model and every baseline are known."""
+    if not len(frame):
+        return frame, np.zeros(0, dtype=bool)
+    rows = frame[(frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)]
+    names = [BASELINE + name for name in target.baselines if BASELINE + name in rows.columns]
+    known = rows["scored"].to_numpy(bool).copy()
+    for name in ("measured", "predicted", *names):
+        values = rows[name].to_numpy(float)
+        # a baseline that a whole case has not is none of that case
+        absent = np.zeros(len(rows), dtype=bool)
+        if name in names:
+            empty = rows[name].isna().groupby(rows["case"]).transform("all")
+            absent = empty.to_numpy(bool)
+        known &= np.isfinite(values) | absent
+    return rows, known
+
+
+def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
+    """Scores of a target by role and group, and over all groups of each role."""
+    rows, known = _columns(frame, target)
+    rows = rows[known]
+    if not len(rows):
+        return []
+    found = []
+    for role, of_role in rows.groupby("role", sort=False):
+        parts = [*of_role.groupby("group", sort=False), (ALL, of_role)]
+        for group, part in parts:
+            score = _score(part, target, str(group), role)
+            found.append(_held_against(score, target) if role == deciding else score)
+    return found
+
+
+def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
+    measured, predicted = rows["measured"].to_numpy(float), rows["predicted"].to_numpy(float)
+    low, high = rows["low"].to_numpy(float), rows["high"].to_numpy(float)
+    sure = np.isfinite(low) & np.isfinite(high)
+    inside = (low[sure] <= measured[sure]) & (measured[sure] <= high[sure])
+    own = figures(predicted, measured)
+    others = {
+        name: figures(rows[BASELINE + name].to_numpy(float), measured)
+        for name in target.baselines if BASELINE + name in rows.columns
+    }  # fmt: skip
+    return Score(
+        quantity=target.quantity,
+        unit=target.unit,
+        group=group,
+        regime=target.regime,
+        role=role,
+        n=len(rows),
+        coverage_90=rounded(float(inside.mean())) if sure.any() else None,
+        baselines={name: one for name, one in others.items() if one.mae is not None},
+        limits=target.limits if group != ALL else {},
+        **vars(own),
+    )
+
+
+def _held_against(score: Score, target: Target) -> Score:
+    """A score with its status: limits kept, and better than what it has to beat here."""
+    if not score.limits:
+        return score
+    reasons = []
+    for name, limit in score.limits.items():
+        value = getattr(score, name)
+        unit = "%" if name.endswith("percent") else score.unit
+        if value is None:
+            reasons.append(f"{score.group}: {target.quantity} has no {WORDS[name]}")
+        elif abs(value) > limit:
+            regime = f" {target.regime}" if target.regime else ""
+            reasons.append(
+                f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {value:.4g} {unit} is "
+                f"above {limit:g} {unit}"
+            )
+    if target.each_group:
+        for name in target.must_beat:
+            other = score.baselines.get(name)
+            if other is None or other.rmse is None or score.rmse is None:
+                continue
+            if not score.rmse < other.rmse:
+                reasons.append(
+                    f"{score.group}: RMSE {score.rmse:.4g} {score.unit} is not below that of "
+                    f"{name}, {other.rmse:.4g} {score.unit}"
+                )
+    return replace(score, status="failed" if reasons else "passed", reasons=tuple(reasons))
+
+
+def _beaten(scores: Sequence[Score], target: Target, deciding: Role) -> list[str]:
+    """Baselines that are better over all groups, in MAE and in RMSE."""
+    reasons = []
+    for score in scores:
+        mine = (score.quantity, score.regime) == (target.quantity, target.regime)
+        if not (mine and score.group == ALL and score.role == deciding):
+            continue
+        for name in target.must_beat:
+            other = score.baselines.get(name)
+            if other is None or None in (other.mae, other.rmse, score.mae, score.rmse):
+                continue
+            if score.mae >= other.mae and score.rmse >= other.rmse:  # type: ignore[operator]
+                reasons.append(
+                    f"{target.quantity} is predicted worse than by {name}: mean error "
+                    f"{score.mae:.4g} against {other.mae:.4g} {score.unit}"
+                )
+    return reasons
+
+
+def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:
+    """Skill against each baseline over the groups that decide, with bootstrapped intervals."""
+    rows, known = _columns(frame, target)
+    rows = rows[known]
+    rows = rows[rows["role"] == deciding] if len(rows) else rows
+    found = []
+    for name in target.baselines:
+        column = BASELINE + name
+        if not len(rows) or column not in rows.columns:
+            continue
+        part = rows[rows[column].notna()]
+        if not len(part):
+            continue
+        error = (part["predicted"] - part["measured"]).to_numpy(float)
+        other = (part[column] - part["measured"]).to_numpy(float)
+        _, group = np.unique(part["group"].to_numpy(str), return_inverse=True)
+        count = int(group.max()) + 1
+        sums = np.stack(
+            [
+                np.bincount(group, weights=w, minlength=count)
+                for w in (np.abs(error), np.abs(other), error**2, other**2)
+            ]
+        )
+        mae, rmse = _skill(sums.sum(axis=1))
+        low_high: list[tuple[float, float] | None] = [None, None]
+        if count >= FEWEST_GROUPS:
+            draws = np.random.default_rng(0).integers(0, count, (DRAWS, count))
+            drawn = _skill(sums[:, draws].sum(axis=2))
+            low_high = [_interval(values) for values in drawn]
+        found.append(
+            Skill(
+                quantity=target.quantity, regime=target.regime, baseline=name, groups=count,
+                mae=rounded(float(mae)), mae_interval_95=low_high[0],
+                rmse=rounded(float(rmse)), rmse_interval_95=low_high[1],
+            )
+        )  # fmt: skip
+    return found
+
+
+def _skill(sums: Floats) -> tuple[Any, Any]:
+    """Skill on MAE and on RMSE from sums of (|e|, |b|, e^2, b^2) in the first axis."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1 - sums[0] / sums[1], 1 - np.sqrt(sums[2] / sums[3])
+
+
+def _interval(values: Floats) -> tuple[float, float] | None:
+    if not np.isfinite(values).all():
+        return None
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(f"{low:.{DIGITS}g}"), float(f"{high:.{DIGITS}g}")
+
+
+def leak_reasons(model: Model, cases: Iterable[Case]) -> list[str]:
+    """Cases to judge by whose raw bytes the model was fitted on, under whatever name."""
+    fitted = model.training_files
+    return [
+        f"{case.name}: {one.file} has the same bytes as {fitted[one.sha256]}, which the model was "
+        "fitted on"
+        for case in cases
+        for one in case.files
+        if one.sha256 in fitted
+    ]
+
+
+def set_reasons(
+    model: Model, sets: GoldenSets | None, files: Mapping[str, Mapping[str, Any]]
+) -> list[str]:
+    """What is wrong with the frozen sets themselves."""
+    if sets is None:
+        return []
+    found = []
+    if sets.machine != model.machine:
+        found.append(f"the golden set is one of {sets.machine}, not of {model.machine}")
+    fitted = model.training_files
+    for what, frozen in (("golden", sets.golden), ("sealed", sets.sealed)):
+        if frozen is None:
+            continue
+        found += [f"{reason}" for reason in changes(frozen, files, what)]
+        found += [
+            f"{one.file} of the {what} set has the same bytes as {fitted[one.sha256]}, which the "
+            "model was fitted on"
+            for one in frozen.files
+            if one.sha256 in fitted
+        ]
+    return found
+
+
+def changes(
+    frozen: FrozenSet, files: Mapping[str, Mapping[str, Any]], what: str = "golden"
+) -> list[str]:
+    """One sentence for each file of a frozen set that is no longer what was frozen.
+
+    A file that reaches into its days and was not frozen changes the set as much as one that is
+    not what it was.
+    """
+    found = []
+    for one in frozen.files:
+        entry = files.get(one.file)
+        if entry is None:
+            found.append(f"{one.file} of the {what} set is not among the records")
+        elif entry["sha256"] != one.sha256:
+            found.append(
+                f"{one.file} of the {what} set has sha256 {str(entry['sha256'])[:12]}, "
+                f"frozen was {one.sha256[:12]}"
+            )
+    if frozen.days is not None:
+        known = {one.file for one in frozen.files}
+        found += [
+            f"{name} reaches into the days of the {what} set and was not frozen with it"
+            for name, entry in sorted(files.items())
+            if name not in known and entry.get("last") and str(entry["last"])[:10] in frozen.days
+        ]
+    return found
+
+
+def _golden_used(frozen: FrozenSet | None) -> GoldenUsed | None:
+    if frozen is None:
+        return None
+    days = frozen.days
+    return GoldenUsed(
+        sha256=frozen.sha256, files=len(frozen.files),
+        first="" if days is None else days.first, last="" if days is None else days.last,
+    )  # fmt: skip
+
+
+def _status(
+    model: Model,
+    cases: Cases,
+    decisive: Sequence[Score],
+    broken: Sequence[str],
+    sets: GoldenSets | None,
+) -> tuple[Status, list[str]]:
+    """The verdict's status and reasons."""
+    over = [reason for score in decisive for reason in score.reasons]
+    if broken or over:
+        return "failed", [*broken, *over]
+    if decisive:
+        return "passed", []
+    return "not judged", [why_not_judged(model, cases, sets)]
+
+
+def why_not_judged(model: Model, cases: Cases, sets: GoldenSets | None) -> str:
+    """Why no case decided, and what to do."""
+    others = cases.of("golden", "held_out")
+    lacking = "; ".join(f"{one.case}: {one.reason}" for one in cases.left_out[:3])
+    said = f" ({lacking})" if lacking else ""
+    if others:
+        return (
+            f"no record that {model.submodel} was not fitted on shows enough to judge by{said}: "
+            "record more"
+        )
+    fitted = sorted({one.file for case in model.trained_on for one in case.files})
+    if len(fitted) == 1:
+        return (
+            f"{fitted[0]} is the only recording of use{said} and the model was fitted on it: "
+            "record another to judge by"
+        )
+    if not fitted:
+        return f"no record is of use{said}: see what to record"
+    frozen = "" if sets is not None else f", or freeze some with `kerf golden {model.machine}`"
+    return (
+        f"the model was fitted on all {len(fitted)} recordings of use{said}: leave some out of "
+        f"roles.training{frozen}, or record others"
+    )
+
+
+def metrics(judged: Verdict) -> dict[str, Any]:
+    """Key figures for ``dvc metrics``: the same keys for every sub-model and machine."""
+    found: dict[str, Any] = {
+        "status": judged.status,
+        "cases_judged": len([c for c in judged.cases if c.role == judged.judged_role]),
+    }
+    for score in judged.scores:
+        if score.group != ALL or score.role != (judged.judged_role or "training"):
+            continue
+        name = f"{score.quantity}, {score.regime}" if score.regime else score.quantity
+        worst = [s for s in judged.of(score.quantity, role=score.role) if s.regime == score.regime]
+        found[name] = {
+            "unit": score.unit,
+            "mae": score.mae,
+            "rmse": score.rmse,
+            "relative_percent": score.relative_percent,
+            "worst_rmse": max((s.rmse for s in worst if s.rmse is not None), default=None),
+            "skill_mae": {s.baseline: s.mae for s in judged.skills
+                          if (s.quantity, s.regime) == (score.quantity, score.regime)},
+        }  # fmt: skip
+    return found
+
+
+def facts(values: Mapping[str, tuple[float | str | None, str]]) -> dict[str, Fact]:
+    """Facts from ``name -> (value, unit)``."""
+    return {name: Fact(value=value, unit=unit) for name, (value, unit) in values.items()}
+
+
+__all__ = [
+    "Judged",
+    "baselines",
+    "changes",
+    "facts",
+    "figures",
+    "judge",
+    "leak_reasons",
+    "metrics",
+    "outside_conditions",
+    "set_reasons",
+    "skills",
+]
