@@ -6,10 +6,9 @@ that adds what its predictions need.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
-Origin = Literal["simulated", "recorded"]
-"""Where records come from; whatever rests on simulated ones is labelled so wherever it stands."""
+Origin = str
+"""``"simulated"`` or ``"recorded"``; what rests on simulated records is labelled so everywhere."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,12 @@ import inspect
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.parameters import read_params, section_path, structure
-
-Stage = Callable[..., None]
+from pipeline.submodels.contract import sections, submodel, submodels
 
 # One thread for linear algebra: the same sums in the same order everywhere, and for matrices as
 # narrow as ours three times as fast as two.
@@ -22,27 +22,71 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 
-def load_stage(name: str) -> Stage:
-    """The function ``name`` of ``pipeline/stages/<name>.py``.
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A stage as the command line calls it.
+
+    Parameters
+    ----------
+    modules : tuple of str
+        Whose imports are the stage's dependencies.
+    paths : list of str
+        Names of its paths, in order.
+    sections : dict of str to type
+        Sections of params.yaml.
+    call : callable
+        Takes the paths, then the loaded sections by name.
+    """
+
+    modules: tuple[str, ...]
+    paths: list[str]
+    sections: dict[str, Any]
+    call: Callable[..., None]
+
+
+def load_stage(name: str) -> Entry:
+    """The stage ``name``: a module of this room, or ``identify_…`` and ``judge_…`` a sub-model.
 
     Raises
     ------
     ValueError
         When there is no such stage.
     """
-    known = sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py"))
+    verb, _, which = name.partition("_")
+    if verb in ("identify", "judge") and which in submodels():
+        return _of_submodel(verb, which)
+    shared = {"identify"}
+    known = sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py") if p.stem not in shared)
     if name not in known:
-        raise ValueError(f"there is no stage {name!r}; there are {', '.join(known)}")
-    stage: Stage = getattr(importlib.import_module(f"pipeline.stages.{name}"), name)
-    return stage
-
-
-def split_signature(stage: Stage) -> tuple[list[str], dict[str, Any]]:
-    """Names of the path parameters, and type of each params section."""
+        every = [*known, *(f"{v}_{s}" for v in ("identify", "judge") for s in submodels())]
+        raise ValueError(f"there is no stage {name!r}; there are {', '.join(every)}")
+    stage = getattr(importlib.import_module(f"pipeline.stages.{name}"), name)
     parameters = inspect.signature(stage, eval_str=True).parameters.values()
-    paths = [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
-    sections = {p.name: p.annotation for p in parameters if p.kind is p.KEYWORD_ONLY}
-    return paths, sections
+    return Entry(
+        modules=(f"pipeline.stages.{name}",),
+        paths=[p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD],
+        sections={p.name: p.annotation for p in parameters if p.kind is p.KEYWORD_ONLY},
+        call=stage,
+    )
+
+
+def _of_submodel(verb: str, which: str) -> Entry:
+    """The shared stage of a sub-model: its records, its folder, and when judged two more paths."""
+    module = importlib.import_module("pipeline.stages.identify")
+    one = submodel(which)
+    settings = one.fitting if verb == "identify" else one.judging
+
+    def call(*paths: Path, **loaded: Any) -> None:
+        reads = dict(zip(one.reads, paths, strict=False))
+        getattr(module, verb)(one, reads, *paths[len(one.reads) :], settings(**loaded))
+
+    more = ["folder"] if verb == "identify" else ["folder", "golden", "metrics"]
+    return Entry(
+        modules=("pipeline.stages.identify", f"pipeline.submodels.{which}.submodel"),
+        paths=[*one.reads, *more],
+        sections=sections(settings),
+        call=call,
+    )
 
 
 def run(name: str, *paths: str) -> None:
@@ -55,19 +99,19 @@ def run(name: str, *paths: str) -> None:
     """
     name, _, item = name.partition("@")
     stage = load_stage(name)
-    wanted, sections = split_signature(stage)
-    if len(paths) != len(wanted):
+    if len(paths) != len(stage.paths):
         raise ValueError(
-            f"stage {name} takes {len(wanted)} paths ({', '.join(wanted)}), {len(paths)} given"
+            f"stage {name} takes {len(stage.paths)} paths ({', '.join(stage.paths)}), "
+            f"{len(paths)} given"
         )
-    values = read_params() if sections else {}
+    values = read_params() if stage.sections else {}
     loaded = {
-        section: structure(values, section_path(values, section, item or None), wanted_type)
-        for section, wanted_type in sections.items()
+        section: structure(values, section_path(values, section, item or None), wanted)
+        for section, wanted in stage.sections.items()
     }
     for path in paths:  # DVC removes outs before a stage, with the folder when it held no more
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-    stage(*map(Path, paths), **loaded)
+    stage.call(*map(Path, paths), **loaded)
 
 
 def main() -> None:

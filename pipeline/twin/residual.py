@@ -1,4 +1,4 @@
-"""What a forest adds to the spindle's network: its features, its file, its prediction.
+"""Random forest on the residual of the spindle's network: its features, its file, its prediction.
 
 The forest predicts measured minus modelled temperature from what is known when it serves: the
 network's own answer, the temperature it was started from and how long ago, the heat sources
@@ -8,7 +8,6 @@ have a branch for it), it is never filled with zeros.
 """
 
 import io
-import json
 import re
 import zipfile
 from collections.abc import Sequence
@@ -29,6 +28,39 @@ SMOOTHING_S = (120.0, 600.0, 3600.0)
 
 TRUSTED = ["sklearn.tree._tree.Tree"]
 """The one type in a forest's file that skops does not trust by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forest:
+    """A trained forest as ``model.json`` describes it.
+
+    Parameters
+    ----------
+    used : bool
+        Whether it lowers the error of days left out, and corrects the network.
+    why : str
+        The reason.
+    sources, extra : tuple of str
+        Heat sources and further signals that it looks at.
+    smoothing_s : tuple of float
+        Time constants of its features [s].
+    days : tuple of str
+        That it was trained on.
+    examples : int
+        Samples that it was trained on.
+    rmse_days_left_out_K, rmse_without_K : float or None
+        Over days left out, with the forest and without it [K].
+    """
+
+    used: bool
+    why: str
+    sources: tuple[str, ...]
+    extra: tuple[str, ...]
+    smoothing_s: tuple[float, ...] = SMOOTHING_S
+    days: tuple[str, ...]
+    examples: int
+    rmse_days_left_out_K: float | None
+    rmse_without_K: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,38 +148,37 @@ def features(
     return np.column_stack([*columns, inputs[names[3:]].to_numpy(float)])
 
 
-def save_forest(model: ResidualForest, folder: Path, about: dict[str, object]) -> None:
-    """Write ``forest.skops`` and ``features.json``; the same forest gives the same bytes."""
+def save_forest(forest: "RandomForestRegressor", folder: Path) -> None:
+    """Write ``forest.skops``; the same forest gives the same bytes."""
     import skops.io
 
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "forest.skops").write_bytes(_canonical(skops.io.dumps(model.forest)))
-    meta = {"sources": model.sources, "extra": model.extra, "smoothing_s": SMOOTHING_S, **about}
-    (folder / "features.json").write_text(json.dumps(meta, indent=2, sort_keys=True) + "\n")
+    (folder / "forest.skops").write_bytes(_canonical(skops.io.dumps(forest)))
 
 
-def load_forest(folder: Path) -> ResidualForest | None:
+def load_forest(folder: Path, about: Forest) -> ResidualForest | None:
     """The forest in ``folder``, None when training found that it does not help.
 
     Raises
     ------
     ValueError
-        When the folder is not what :func:`save_forest` writes.
+        When its features are those of another version, or its file cannot be read.
     """
+    if not about.used:
+        return None
+    if about.smoothing_s != SMOOTHING_S:
+        raise ValueError(
+            f"{folder}: the forest was trained on means over {list(about.smoothing_s)} s, this "
+            f"version takes {list(SMOOTHING_S)} s: train it again with `dvc repro`"
+        )
     import skops.io
 
-    about = json.loads((folder / "features.json").read_text())
-    if not about.get("used", True):
-        return None
-    if tuple(about["smoothing_s"]) != SMOOTHING_S:
-        raise ValueError(
-            f"{folder}/features.json: smoothed over {about['smoothing_s']} s, this version smooths "
-            f"over {list(SMOOTHING_S)} s; train the forest again"
-        )
-    forest = skops.io.load(folder / "forest.skops", trusted=TRUSTED)
-    return ResidualForest(
-        forest=forest, sources=tuple(about["sources"]), extra=tuple(about["extra"])
-    )
+    try:
+        forest = skops.io.load(folder / "forest.skops", trusted=TRUSTED)
+    except (OSError, zipfile.BadZipFile) as error:
+        path = folder / "forest.skops"
+        raise ValueError(f"{path} cannot be read ({error}): run `dvc repro`") from error
+    return ResidualForest(forest=forest, sources=about.sources, extra=about.extra)
 
 
 def _canonical(archive: bytes) -> bytes:

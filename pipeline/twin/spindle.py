@@ -2,14 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import date
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.signals.columns import column
-from pipeline.signals.windows import Stretch, read_state, stretches
+from pipeline.signals.windows import Stretch, stretches
 from pipeline.thermal.network import (
     SOURCES,
     Floats,
@@ -24,7 +22,7 @@ TARGET = "spindle_temperature"
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleRecords:
-    """What a machine records of its spindle, and which days are for what.
+    """Signals that a machine records of its spindle.
 
     Parameters
     ----------
@@ -34,29 +32,11 @@ class SpindleRecords:
         Whether ``ambient_temperature`` is recorded; otherwise one constant is identified.
     extra : tuple of str
         Further columns of the state table that a forest may look at.
-    training_from, training_to : str
-        First and last UTC day to learn from, ``YYYY-MM-DD``, both included.
     """
 
     position_control: bool = False
     ambient: bool = False
     extra: tuple[str, ...] = ()
-    training_from: str
-    training_to: str
-
-    def __post_init__(self) -> None:
-        for name in ("training_from", "training_to"):
-            try:
-                proper = date.fromisoformat(getattr(self, name)).isoformat() == getattr(self, name)
-            except ValueError:
-                proper = False
-            if not proper:
-                raise ValueError(f"spindle.{name} = {getattr(self, name)!r} is no day YYYY-MM-DD")
-        if self.training_to < self.training_from:
-            raise ValueError(
-                f"spindle.training_to = {self.training_to} is before "
-                f"training_from = {self.training_from}: exchange them"
-            )
 
     @property
     def sources(self) -> list[str]:
@@ -106,7 +86,7 @@ def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
 
 
 def spindle_stretches(
-    clean: Path,
+    state: pd.DataFrame,
     day: str,
     records: SpindleRecords,
     *,
@@ -114,10 +94,10 @@ def spindle_stretches(
     bridge_s: float,
     shortest_s: float,
 ) -> Iterator[Stretch]:
-    """The stretches of one day, ready for the network."""
+    """The stretches of one day's state table, ready for the network."""
     inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     yield from stretches(
-        with_heat(read_state(clean, day), records),
+        with_heat(state, records),
         day,
         inputs=inputs,
         target=TARGET,

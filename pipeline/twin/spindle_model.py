@@ -1,17 +1,64 @@
-"""One spindle's model as it is stored, and what it predicts: network and, if it helps, forest."""
+"""Spindle model as it is stored, and its predictions: thermal network and, if it helps, forest."""
 
-import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-import cattrs
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.model import Correlation, Model
+from pipeline.schema.store import read_json
 from pipeline.signals.windows import Stretch
-from pipeline.thermal.network import SOURCES, Floats, SpindleThermalParameters
-from pipeline.twin.residual import ResidualForest, load_forest, smoothed_inputs
+from pipeline.thermal.network import Floats, SpindleThermalParameters
+from pipeline.twin.residual import Forest, ResidualForest, load_forest, smoothed_inputs
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured, stretch_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleFitFacts:
+    """How well the network fits its training days.
+
+    Parameters
+    ----------
+    step_s : float
+        Step of the simulation [s].
+    nodes : int
+        Of the network.
+    rmse_K : float
+        Over the training days, each a free run [K].
+    rmse_days_left_out_K : mapping of str to float
+        RMSE in windows of days left out [K], by number of nodes; empty when there was no choice.
+    condition : float or None
+        Condition number of the scaled Jacobian [1].
+    correlation : Correlation
+        Of the fitted parameters.
+    evaluations : int
+        Simulations of all training days that the fit took.
+    seconds, bridged_s : float
+        Of the training days; of them with inputs that were held from before [s].
+    """
+
+    step_s: float
+    nodes: int
+    rmse_K: float
+    rmse_days_left_out_K: Mapping[str, float]
+    condition: float | None
+    correlation: Correlation
+    evaluations: int
+    seconds: float
+    bridged_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleModelFile(Model):
+    """The content of a spindle's ``model.json``; the forest's trees stand beside it."""
+
+    network: SpindleThermalParameters
+    records: SpindleRecords
+    fit: SpindleFitFacts
+    training_days: tuple[str, ...]
+    forest: Forest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,34 +156,18 @@ def window_starts(measured: Floats, length: int) -> list[int]:
     return starts
 
 
-def network_from(document: dict[str, object]) -> SpindleThermalParameters:
-    """The network of a ``spindle_thermal.json``."""
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    return converter.structure(document["network"], SpindleThermalParameters)
-
-
-def load_spindle_model(network: Path, residual: Path) -> SpindleModel:
-    """The model in ``spindle_thermal.json`` and the forest's folder.
+def load_spindle_model(folder: Path) -> SpindleModel:
+    """The model in ``model.json`` of a folder, with the forest beside it if it is used.
 
     Raises
     ------
-    ValueError
-        When a file is missing; the message names it and the command that writes it.
+    StoreError
+        When a file is missing or broken; the message names it and the command that writes it.
     """
-    for path in (network, residual / "features.json"):
-        if not path.exists():
-            raise ValueError(f"{path} does not exist: run `dvc repro` to identify the spindle")
-    document = json.loads(network.read_text())
-    converter = cattrs.Converter(forbid_extra_keys=True)
+    stored = read_json(folder / "model.json", SpindleModelFile)
     return SpindleModel(
-        network=network_from(document),
-        records=converter.structure(document["records"], SpindleRecords),
-        step_s=float(document["fit"]["step_s"]),
-        forest=load_forest(residual),
+        network=stored.network,
+        records=stored.records,
+        step_s=stored.fit.step_s,
+        forest=load_forest(folder / "residual", stored.forest),
     )
-
-
-def network_document(network: SpindleThermalParameters) -> dict[str, object]:
-    """``network`` as plain values, rounded to nothing: what is stored is what was judged."""
-    heating = {name: network.heating[name] for name in SOURCES if name in network.heating}
-    return {**asdict(network), "heating": heating}

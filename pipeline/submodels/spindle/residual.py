@@ -1,15 +1,17 @@
-"""The forest on what the spindle's network leaves over, split by day."""
+"""Random forest on the residual of the spindle's network, split by day."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Count, Positive, Range, Ranged
 from pipeline.signals.windows import Stretch
 from pipeline.submodels.gains import gains
-from pipeline.thermal.network import Floats, SpindleThermalParameters
-from pipeline.twin.residual import ResidualForest, features, smoothed_inputs
+from pipeline.thermal.network import SpindleThermalParameters
+from pipeline.twin.residual import Forest, features, smoothed_inputs
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
 
 if TYPE_CHECKING:
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForestSettings:
+class ForestSettings(Ranged, section="residual_forest"):
     """How the forest is trained (Twin2026: 300 trees, depth 14, leaf 5).
 
     Parameters
@@ -25,7 +27,8 @@ class ForestSettings:
     trees, depth, leaf : int
         Size of the forest.
     folds : int
-        Groups of days that are left out in turn, at most one group a day.
+        Groups of days that are left out in turn, at most one group a day; two at least, since a
+        forest is judged on days that it did not learn from.
     window_s : float
         Length of the windows that start from a measured temperature [s].
     every_s : float
@@ -36,24 +39,14 @@ class ForestSettings:
         Of the forest.
     """
 
-    trees: int = 300
-    depth: int = 14
-    leaf: int = 5
-    folds: int = 10
-    window_s: float = 3600.0
-    every_s: float = 600.0
-    sample_s: float = 60.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("trees", "depth", "leaf", "folds", "window_s", "every_s", "sample_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"residual_forest.{name} = {getattr(self, name)} must be positive")
-        if self.folds < 2:
-            raise ValueError(
-                f"residual_forest.folds = {self.folds} must be at least 2: "
-                "a forest is judged on days that it did not learn from"
-            )
+    trees: Count = 300
+    depth: Count = 14
+    leaf: Count = 5
+    folds: Annotated[int, Range(least=2)] = 10
+    window_s: Positive = 3600.0
+    every_s: Positive = 600.0
+    sample_s: Positive = 60.0
+    seed: Annotated[int, Range(least=0)] = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,41 +136,38 @@ def _days_left_out(
 
 def train_residual_forest(
     data: Examples, records: SpindleRecords, settings: ForestSettings
-) -> tuple[ResidualForest, dict[str, object]]:
-    """Train on all days; say from days left out whether the forest helps.
+) -> tuple["RandomForestRegressor", Forest]:
+    """Train on all days, and tell from days left out whether the forest helps.
 
     It is used only when it lowers the squared error of days left out, significantly over the days
-    (:func:`gains`).
+    (:func:`~pipeline.submodels.gains.gains`).
 
     Returns
     -------
-    model : ResidualForest
+    forest : RandomForestRegressor
         Fitted on all examples.
-    about : dict
-        ``used``, ``why``, RMSE [K] of days left out with and without the forest, examples, days.
+    about : Forest
+        Whether it is used and why, and its errors on days left out.
     """
     days = sorted(set(data.day))
     with_forest, without = _days_left_out(data, days, settings)
     used = gains(without, with_forest)
-    model = ResidualForest(
-        forest=_forest(data.x, data.error, settings),
-        sources=tuple(records.sources),
-        extra=tuple(records.extra),
-    )
     if len(days) < 2:
         why = f"only {len(days)} day to learn from: nothing says whether it would hold on another"
     elif used:
         why = "it lowers the error of days left out, significantly at 5 %"
     else:
         why = "it does not lower the error of days left out significantly at 5 %"
-    return model, {
-        "used": used,
-        "why": why,
-        "days": [str(d) for d in days],
-        "examples": len(data.error),
-        "rmse_days_left_out_K": _rmse(with_forest),
-        "rmse_without_K": _rmse(without),
-    }
+    return _forest(data.x, data.error, settings), Forest(
+        used=used,
+        why=why,
+        sources=tuple(records.sources),
+        extra=tuple(records.extra),
+        days=tuple(str(d) for d in days),
+        examples=len(data.error),
+        rmse_days_left_out_K=_rmse(with_forest),
+        rmse_without_K=_rmse(without),
+    )
 
 
 def _rmse(by_day: Floats) -> float | None:

@@ -1,42 +1,180 @@
-"""The spindle's thermal network from the clean records of a training week.
+"""Spindle thermal network from clean records of training days, by bounded least squares.
 
-Bounded least squares on the temperature simulated over whole stretches of a day, each started from
-its first measured temperature (an output error, not an equation error: a sensor of whole degrees
-has no slope).  A source whose 95 % interval holds zero is left out and the rest fitted again, so
-that no number is reported that the records do not determine.  Whether the spindle needs a second
-node is decided by days left out.
+The residuals are those of the temperature simulated over whole stretches of a day, each started
+from its first measured temperature (an output error, not an equation error: a sensor of whole
+degrees has no slope).  A source whose 95 % interval holds zero is left out and the rest fitted
+again, so that no number is reported that the records do not determine.  Whether the spindle needs a
+second node is decided by days left out.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
-from pipeline.identification.spindle_problem import (
-    AMBIENT_BOUNDS,
-    OFFSET_BOUNDS,
-    RATE_BOUNDS,
-    RATIO_BOUNDS,
-    Problem,
-    SpindleFitSettings,
-)
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import Stretch
 from pipeline.submodels.gains import gains
-from pipeline.submodels.least_squares import Certainty, Floats, certainty
-from pipeline.thermal.network import SOURCES, SpindleThermalParameters
-from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
+from pipeline.submodels.least_squares import Certainty, certainty
+from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
+from pipeline.twin.spindle import (
+    TARGET,
+    SpindleRecords,
+    ambient_of,
+    free_run,
+    from_measured,
+    heat_of,
+)
 from pipeline.twin.spindle_model import window_starts
 
-__all__ = [
-    "SpindleFit",
-    "SpindleFitSettings",
-    "days_left_out",
-    "fit_network",
-    "identify_spindle_network",
-    "is_determined",
-    "solve",
-    "window_errors",
-]
+RATE_BOUNDS = (1 / (7 * 86400), 1 / 20)  # [1/s]: a week to 20 s covers any spindle's time constants
+RATIO_BOUNDS = (1e-3, 10.0)  # [1] of the measured node's capacity to the body's
+AMBIENT_BOUNDS = (-20.0, 60.0)  # [degC]
+OFFSET_BOUNDS = (-20.0, 30.0)  # [K]
+HEATING_BOUND = 1.0  # [K/s] at a source's root mean square: no motor heats faster
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleFitSettings(Ranged, section="spindle_fit"):
+    """Settings of the fit of the thermal network.
+
+    Parameters
+    ----------
+    step_s : float
+        Step of the simulation [s].
+    bridge_s : float
+        Unknown inputs are held this long [s]; a longer gap ends a stretch.
+    shortest_s : float
+        Stretches and working days shorter than this are not used [s].
+    window_s : float
+        Length of the windows that days left out are judged on, and of the blocks within which
+        residuals hang together [s].
+    outlier_K : float
+        Residuals beyond this count less (soft L1).
+    nodes : tuple of int
+        Numbers of nodes to try.
+    time_constants_s : tuple of float
+        Time constants from which the fit starts; the best end is kept.
+    """
+
+    step_s: Positive = 10.0
+    bridge_s: NotNegative = 600.0
+    shortest_s: Positive = 3600.0
+    window_s: Positive = 3600.0
+    outlier_K: Positive = 1.0
+    nodes: tuple[Annotated[int, Range(least=1, most=2)], ...] = (1, 2)
+    time_constants_s: tuple[Positive, ...] = (300.0, 1500.0, 7200.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("nodes", "time_constants_s"):
+            if not getattr(self, name):
+                raise ValueError(f"spindle_fit.{name} is empty: name one value at least")
+
+
+class Problem:
+    """One least-squares problem: which sources, how many nodes, over which stretches.
+
+    The unknowns are the logarithm of rates and of the capacity ratio, the surround, and each
+    source's heating at its root mean square over the records, so that all are of similar size.
+    """
+
+    def __init__(
+        self,
+        pieces: Sequence[Stretch],
+        records: SpindleRecords,
+        settings: SpindleFitSettings,
+        sources: Sequence[str],
+        nodes: int,
+    ) -> None:
+        self.pieces, self.records, self.settings = pieces, records, settings
+        self.sources, self.nodes = list(sources), nodes
+        heat = np.concatenate([heat_of(p.frame) for p in pieces])
+        rms = np.sqrt(np.mean(heat**2, axis=0))
+        self.scale = {name: float(rms[list(SOURCES).index(name)]) for name in self.sources}
+        self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
+        self.surround = "ambient_offset" if records.ambient else "ambient"
+        self.logs = [*self.rates, *([] if nodes == 1 else ["capacity_ratio"])]
+        self.names = [*self.logs, self.surround, *self.sources]
+        block = 0
+        blocks, masks = [], []
+        for piece in pieces:
+            n = len(piece.frame)
+            blocks.append(block + np.arange(n) * piece.step // settings.window_s)
+            block = int(blocks[-1][-1]) + 1
+            masks.append(piece.frame[TARGET].notna().to_numpy())
+        self.measured = [p.frame[TARGET].to_numpy(float) for p in pieces]
+        self.heat = [heat_of(p.frame) for p in pieces]
+        self.surrounds = [ambient_of(p.frame, records) for p in pieces]
+        self.masks = masks
+        self.blocks = np.concatenate([b[m] for b, m in zip(blocks, masks, strict=True)]).astype(int)
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lowest and highest of every unknown."""
+        low, high = [], []
+        for name in self.names:
+            if name in self.rates:
+                a, b = np.log(RATE_BOUNDS)
+            elif name == "capacity_ratio":
+                a, b = np.log(RATIO_BOUNDS)
+            elif name == self.surround:
+                a, b = OFFSET_BOUNDS if self.records.ambient else AMBIENT_BOUNDS
+            else:
+                a, b = 0.0, HEATING_BOUND
+            low.append(a)
+            high.append(b)
+        return np.array(low), np.array(high)
+
+    def start(self, time_constant: float) -> Floats:
+        """Where to start from when the time constant [s] is about this."""
+        first = float(np.median([np.nanmin(t) for t in self.measured]))
+        guess = {
+            "cooling_rate": -np.log(time_constant),
+            "coupling_rate": -np.log(time_constant),
+            "body_cooling_rate": -np.log(8 * time_constant),
+            "capacity_ratio": np.log(0.2),
+            "ambient": np.clip(first, *AMBIENT_BOUNDS),
+            "ambient_offset": 0.0,
+        }
+        x = np.array([guess.get(name, 2.0 / time_constant) for name in self.names])
+        return self._inside(x)
+
+    def position(self, parameters: SpindleThermalParameters) -> Floats:
+        """Where ``parameters`` lie, or the nearest place inside the bounds."""
+        x = []
+        for name in self.names:
+            if name in self.scale:
+                x.append(parameters.heating.get(name, 0.0) * self.scale[name])
+            else:
+                value = getattr(parameters, name)
+                x.append(np.log(value) if name in self.logs else value)
+        return self._inside(np.array(x))
+
+    def _inside(self, x: Floats) -> Floats:
+        low, high = self.bounds()
+        return np.clip(x, low + 1e-9, high - 1e-9)
+
+    def parameters(self, x: Floats) -> SpindleThermalParameters:
+        """The network at ``x``."""
+        value = dict(zip(self.names, x, strict=True))
+        plain = {k: float(np.exp(v) if k in self.logs else v) for k, v in value.items()}
+        heating = {s: plain.pop(s) / self.scale[s] for s in self.sources}
+        plain.setdefault("cooling_rate", 0.0)
+        return SpindleThermalParameters(heating=heating, **plain)
+
+    def residuals(self, x: Floats) -> Floats:
+        """Modelled minus measured temperature [K] where it is known, shape (N,)."""
+        parameters = self.parameters(x)
+        return np.concatenate(
+            [
+                (temperatures(h, t[0], parameters, p.step, ambient=a)[0] - t)[m]
+                for p, h, a, t, m in zip(
+                    self.pieces, self.heat, self.surrounds, self.measured, self.masks, strict=True
+                )
+            ]
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +246,8 @@ def fit_network(
     """
     if not pieces:
         raise ValueError(
-            f"no stretch of at least {settings.shortest_s:g} s with speed, load and temperature "
-            f"from {records.training_from} to {records.training_to}: record a working day, "
-            "or name other training days in the machine's spindle section"
+            f"no stretch of at least {settings.shortest_s:g} s with speed, load and temperature on "
+            "the training days: record a working day, or name other days in roles.training_days"
         )
     left_out: dict[str, str] = {}
     sources = excited(pieces, records.sources)

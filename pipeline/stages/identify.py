@@ -1,0 +1,72 @@
+"""Stages identify_<sub-model> and judge_<sub-model>, shared by all sub-models."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.schema.golden import read_golden
+from pipeline.schema.predictions import write_predictions
+from pipeline.schema.store import read_json, write_json
+from pipeline.submodels.cases import Records
+from pipeline.submodels.contract import SubModel
+from pipeline.submodels.judge import judge as judged_on
+from pipeline.submodels.judge import metrics as key_figures
+
+
+def identify(
+    submodel: SubModel[Any, Any, Any], reads: Mapping[str, Path], folder: Path, settings: Any
+) -> None:
+    """Fit the sub-model on its training cases; write ``model.json`` into ``folder``.
+
+    Parameters
+    ----------
+    submodel : SubModel
+        Which.
+    reads : mapping of str to Path
+        Folders of the machine's records that it reads.
+    folder : Path
+        ``data/models/<machine>/<sub-model>``.
+    settings : object
+        Of its ``fitting`` type.
+    """
+    cases = submodel.cases(Records(**reads), settings)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(submodel.fit(cases, settings, folder), folder / "model.json")
+
+
+def judge(
+    submodel: SubModel[Any, Any, Any],
+    reads: Mapping[str, Path],
+    folder: Path,
+    golden: Path,
+    metrics: Path,
+    settings: Any,
+) -> None:
+    """Judge the sub-model in ``folder``; write ``verdict.json``, ``predictions.parquet``, metrics.
+
+    Parameters
+    ----------
+    submodel, reads, folder
+        As in :func:`identify`.
+    golden : Path
+        Folder of the frozen sets, one file a machine.
+    metrics : Path
+        JSON of the key figures.
+    settings : object
+        Of its ``judging`` type.
+    """
+    records = Records(**reads)
+    sets = read_golden(golden / f"{settings.identity.name}.json")
+    model = read_json(folder / "model.json", submodel.model)
+    found = judged_on(
+        model,
+        submodel.load(folder, settings),
+        submodel.cases(records, settings, sets),
+        submodel.targets(settings, model),
+        sets=sets,
+        files=records.files,
+    )
+    write_json(found.verdict, folder / "verdict.json")
+    write_predictions(found.predictions, folder / "predictions.parquet")
+    metrics.write_text(json.dumps(key_figures(found.verdict), indent=2) + "\n")

@@ -1,0 +1,357 @@
+"""Spindle temperature as a sub-model: cases are days, judged in windows and as free runs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.model import Correlation, Parameter
+from pipeline.schema.ranges import NotNegative, Positive, Ranged
+from pipeline.schema.verdict import Fact
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.signals.windows import Stretch, read_state, state_days
+from pipeline.submodels.cases import (
+    Case,
+    Cases,
+    Records,
+    Roles,
+    conditions_of,
+    files_of_day,
+    role_of,
+    sources,
+)
+from pipeline.submodels.contract import Input, Prediction, Predictor, SubModel, Target
+from pipeline.submodels.spindle.fit import (
+    SpindleFit,
+    SpindleFitSettings,
+    identify_spindle_network,
+    is_determined,
+)
+from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
+from pipeline.thermal.network import SOURCES
+from pipeline.twin.residual import save_forest
+from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
+from pipeline.twin.spindle_model import (
+    SpindleFitFacts,
+    SpindleModel,
+    SpindleModelFile,
+    load_spindle_model,
+)
+
+METHOD = "bounded least squares (soft L1) on free runs over the training days"
+REMEDY = {
+    "bearing_friction": "record the spindle turning free at several speeds, 20 minutes each",
+    "load_speed": "record cuts at several loads and speeds of some minutes each",
+    "copper": "record heavy cuts of some minutes, or the motor's current",
+    "windage": "record the spindle near its highest speed, 20 minutes",
+    "position_hold": "record the spindle held in position (C axis) for 20 minutes",
+}
+"""What to record so that a heat source becomes determined."""
+RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
+WINDOWS, FREE_RUN = "windows", "free run"
+"""Regimes: from a measured temperature over a window; from the day's first temperature only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleLimits(Ranged, section="spindle_limits"):
+    """Limits on the errors of a spindle's temperature (Twin2026).
+
+    Parameters
+    ----------
+    window_s : float
+        Length of the windows that start from a measured temperature [s].
+    mae_K, rmse_K : float
+        Limits on every working day, in windows [K].
+    working_day_s : float
+        A day is a working day when this much of it is known [s].
+    bridge_s : float
+        In windows, unknown inputs are held this long [s].
+    """
+
+    window_s: Positive = 3600.0
+    mae_K: Positive = 2.0
+    rmse_K: Positive = 3.0
+    working_day_s: Positive = 3600.0
+    bridge_s: NotNegative = 600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """Sections of params.yaml that the fit reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    spindle: SpindleRecords
+    spindle_fit: SpindleFitSettings
+    residual_forest: ForestSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judging:
+    """Sections of params.yaml that the judgement reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    spindle: SpindleRecords
+    spindle_limits: SpindleLimits
+
+
+class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
+    """Temperature of the main spindle over a day."""
+
+    name: ClassVar[str] = "spindle"
+    title: ClassVar[str] = "spindle temperature"
+    needs: ClassVar[str] = "speed, load and temperature of the spindle over a working week"
+    reads: ClassVar[tuple[str, ...]] = ("manifest", "clean")
+    model: ClassVar[type] = SpindleModelFile
+    fitting: ClassVar[type] = Fitting
+    judging: ClassVar[type] = Judging
+    inputs: ClassVar[tuple[Input, ...]] = (
+        Input(name="spindle_speed", unit="rev/min"),
+        Input(name="spindle_load", unit="%"),
+        Input(name=TARGET, unit="degC", older_than_s=0.0),
+    )
+
+    def targets(self, settings: Judging, model: SpindleModelFile) -> tuple[Target, ...]:
+        """Temperature in windows, which is judged, and as a free run, which is shown."""
+        limits = settings.spindle_limits
+        others = ("persistence", "physics", "day_mean")
+        return (
+            Target(
+                quantity=TARGET, unit="K", regime=WINDOWS, baselines=others,
+                limits={"mae": limits.mae_K, "rmse": limits.rmse_K},
+                must_beat=("persistence",), each_group=True,
+            ),
+            Target(quantity=TARGET, unit="K", regime=FREE_RUN, baselines=others),
+        )  # fmt: skip
+
+    def cases(
+        self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
+    ) -> Cases:
+        """Days of the clean state table."""
+        clean, files = records.clean, records.files
+        if clean is None:
+            raise ValueError("the spindle's days stand in the clean records: name them in reads")
+        cases = []
+        for day in state_days(clean):
+            raw = files_of_day(files, day)
+            role = role_of(raw, settings.roles, sets, day)
+            load = _loader(clean, day)
+            conditions = {} if role == "sealed" else _conditions(load(), settings.spindle)
+            cases.append(
+                Case(
+                    name=day, group=day, role=role, files=sources(files, raw), load=load,
+                    conditions=conditions,
+                )
+            )  # fmt: skip
+        return Cases(cases=tuple(cases))
+
+    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> SpindleModelFile:
+        """Thermal network of the training days, and the forest on its residual."""
+        training, fitting = cases.of("training"), settings.spindle_fit
+        pieces = [
+            piece
+            for case in training
+            for piece in spindle_stretches(
+                case.load(), case.name, settings.spindle, step=fitting.step_s,
+                bridge_s=fitting.bridge_s, shortest_s=fitting.shortest_s,
+            )
+        ]  # fmt: skip
+        fit, scores = identify_spindle_network(pieces, settings.spindle, fitting)
+        data = examples(pieces, settings.spindle, fit.parameters, settings.residual_forest)
+        forest, about = train_residual_forest(data, settings.spindle, settings.residual_forest)
+        save_forest(forest, folder / "residual")
+        used = {piece.day for piece in pieces}
+        trained = [case for case in training if case.name in used]
+        return SpindleModelFile(
+            submodel=self.name,
+            machine=settings.identity.name,
+            origin=settings.identity.origin,
+            parameters={"": {**_parameters(fit), **_undetermined(fit, settings.spindle)}},
+            trained_on=tuple(case.training for case in trained),
+            conditions=conditions_of(trained),
+            network=fit.parameters,
+            records=settings.spindle,
+            fit=_facts(fit, scores, pieces, fitting),
+            training_days=tuple(sorted(used)),
+            forest=about,
+        )
+
+    def load(self, folder: Path, settings: Judging) -> Predictor:
+        """Predictor of days."""
+        model, limits = load_spindle_model(folder), settings.spindle_limits
+        return lambda case: _predicted(model, case, limits)
+
+    def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
+        """Temperatures from a clean state table: column ``time``, then those that the model needs.
+
+        Of ``spindle_temperature`` only the first row is read, the temperature to start from.
+        """
+        model = load_spindle_model(folder)
+
+        def predict(table: pd.DataFrame) -> pd.DataFrame:
+            for name in ("time", TARGET):
+                if name not in table.columns:
+                    raise ValueError(f"the input has no column {name}: give the clean state table")
+            start = float(table[TARGET].iloc[0]) if len(table) else float("nan")
+            if pd.isna(start):
+                raise ValueError(
+                    f"{TARGET} is not known in the first row: start where it was measured"
+                )
+            state = table.assign(time=pd.to_datetime(table["time"], utc=True)).set_index("time")
+            return model.predict(state, start).reset_index(names="time")
+
+        return predict
+
+    def example(self, folder: Path) -> pd.DataFrame:
+        """An hour of a spindle that turns at one speed."""
+        model = load_spindle_model(folder)
+        names = [*model.records.signals, *(model.forest.extra if model.forest else ())]
+        time = pd.date_range("2026-01-05T08:00", periods=60, freq="min", tz="UTC")
+        values = dict.fromkeys(names, 0.0) | {"spindle_speed": 3000.0, "spindle_load": 20.0}
+        if "ambient_temperature" in values:
+            values["ambient_temperature"] = 20.0
+        return pd.DataFrame({"time": time, **values, TARGET: 22.0})
+
+
+def _loader(clean: Path, day: str) -> Callable[[], pd.DataFrame]:
+    return lambda: read_state(clean, day)
+
+
+def _conditions(state: pd.DataFrame, records: SpindleRecords) -> dict[str, Fact]:
+    """Highest speed and load of a day; a signal that the day does not have is no condition."""
+    found = {}
+    for name, unit in (("spindle_speed", "rev/min"), ("spindle_load", "%")):
+        if name in state.columns and state[name].notna().any():
+            found[f"highest {name}"] = Fact(value=float(state[name].max()), unit=unit)
+    return found
+
+
+def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
+    """Each fitted parameter with its unit and 95 % interval."""
+    logs = {"cooling_rate", "coupling_rate", "body_cooling_rate", "capacity_ratio"}
+    units = {"capacity_ratio": "1", "ambient": "CELSIUS", "ambient_offset": "K"}
+    found = {}
+    for i, name in enumerate(fit.names):
+        value, width = float(fit.values[i]), min(float(fit.sure.half_width[i]), 50.0)
+        if name in logs:
+            low, high, value = np.exp([value - width, value + width, value]).tolist()
+        elif name in SOURCES:
+            scale = fit.parameters.heating[name] / value
+            low, high, value = (value - width) * scale, (value + width) * scale, value * scale
+        else:
+            low, high = value - width, value + width
+        unit = SOURCES.get(name, units.get(name, "1/s"))
+        if is_determined(fit, name):
+            found[name] = Parameter(
+                value=float(f"{value:.5g}"), unit=unit, determined=True, method=METHOD,
+                interval_95=(float(f"{low:.4g}"), float(f"{high:.4g}")),
+            )  # fmt: skip
+        else:
+            why = (
+                "at a bound or with a 95 % interval wider than the model bears, "
+                f"{low:.2g} to {high:.2g}"
+            )
+            found[name] = Parameter(
+                value=None, unit=unit, interval_95=None, determined=False, method=why,
+                remedy=RATE_REMEDY,
+            )  # fmt: skip
+    return found
+
+
+def _undetermined(fit: SpindleFit, records: SpindleRecords) -> dict[str, Parameter]:
+    """The heat sources that the records do not determine, with what to record."""
+    return {
+        name: Parameter(
+            value=None, unit=SOURCES[name], interval_95=None, determined=False, method=why,
+            remedy=REMEDY[name],
+        )
+        for name, why in fit.left_out.items()
+        if name in records.sources
+    }  # fmt: skip
+
+
+def _facts(
+    fit: SpindleFit,
+    scores: dict[int, float],
+    pieces: Sequence[Stretch],
+    settings: SpindleFitSettings,
+) -> SpindleFitFacts:
+    correlation: list[list[float]] = np.round(fit.sure.correlation, 3).tolist()
+    return SpindleFitFacts(
+        step_s=settings.step_s,
+        nodes=fit.parameters.nodes,
+        rmse_K=round(fit.rmse_K, 4),
+        rmse_days_left_out_K={str(n): round(s, 4) for n, s in scores.items()},
+        condition=round(fit.sure.condition, 3) if np.isfinite(fit.sure.condition) else None,
+        correlation=Correlation(names=fit.names, values=tuple(map(tuple, correlation))),
+        evaluations=fit.evaluations,
+        seconds=round(sum(len(p.frame) * p.step for p in pieces)),
+        bridged_s=round(sum(p.bridged * p.step for p in pieces)),
+    )
+
+
+def _predicted(model: SpindleModel, case: Case, limits: SpindleLimits) -> Prediction:
+    """A day in windows and as a free run; nothing where it is no working day."""
+    state, step = case.load(), model.step_s
+
+    def pieces(bridge_s: float) -> list[Stretch]:
+        found = spindle_stretches(
+            state, case.name, model.records, step=step, bridge_s=bridge_s, shortest_s=0.0
+        )
+        return list(found)
+
+    whole = pieces(np.inf)
+    known = sum((len(s.frame) - s.bridged) * s.step for s in whole)
+    if not whole or known < limits.working_day_s:
+        note = f"no working day: {known:.0f} s with speed, load and temperature"
+        return Prediction(frame=pd.DataFrame(), note=note)
+    free = whole[0]
+    index = free.frame.index
+    measured = free.frame[TARGET].to_numpy(float)
+    day_mean = float(free.frame[TARGET].mean())
+    physics, corrected = model.free_run(free)
+    # persistence of a free run is the first temperature that is compared
+    compared = np.isfinite(measured) & np.isfinite(corrected)
+    first = float(measured[compared][0]) if compared.any() else float("nan")
+    free_run = _rows(index, measured, corrected, FREE_RUN).assign(
+        baseline_persistence=first, baseline_physics=physics, baseline_day_mean=day_mean,
+        scored=compared,
+    )  # fmt: skip
+    columns = ("predicted", "baseline_physics", "baseline_persistence")
+    windows = _rows(index, measured, np.full(len(index), np.nan), WINDOWS).assign(
+        baseline_persistence=np.nan, baseline_physics=np.nan, baseline_day_mean=day_mean
+    )
+    windows.index = index
+    for stretch in pieces(limits.bridge_s):
+        physics, corrected, persistence = model.windows(stretch, limits.window_s)
+        for name, values in zip(columns, (corrected, physics, persistence), strict=True):
+            windows.loc[stretch.frame.index, name] = values
+    windows = windows.reset_index(drop=True)
+    known_here = windows[["measured", "predicted", "baseline_persistence"]].notna().all(axis=1)
+    windows["scored"] = known_here
+    seconds = int(known_here.sum()) * step
+    facts = {
+        "compared in windows": Fact(value=round(seconds), unit="s"),
+        "windows": Fact(value=int(np.ceil(seconds / limits.window_s)), unit="1"),
+        "compared running free": Fact(value=round(int(compared.sum()) * step), unit="s"),
+    }
+    return Prediction(frame=pd.concat([windows, free_run], ignore_index=True), facts=facts)
+
+
+def _rows(index: Any, measured: Any, predicted: Any, regime: str) -> pd.DataFrame:
+    """Rows of a day: ``t`` in seconds since midnight UTC."""
+    seconds = (index - index[0].normalize()).total_seconds()
+    return pd.DataFrame(
+        {
+            "quantity": TARGET, "unit": "CELSIUS", "regime": regime, "t": np.asarray(seconds),
+            "measured": measured, "predicted": predicted,
+        }
+    )  # fmt: skip
+
+
+SUBMODEL = Spindle()
