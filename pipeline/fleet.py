@@ -1,6 +1,7 @@
-"""The fleet that is built: which machines, and which of them record what."""
+"""The fleet that is built: which machines, and which of them have records for which sub-model."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,14 +16,8 @@ class Fleet:
         Every machine.
     simulated : tuple of str
         Those whose records the simulated shop floor writes.
-    spindles : tuple of str
-        Those that record speed, load and temperature of their spindle.
-    controls : tuple of str
-        Those that log the line of the program that they execute, with the programs.
-    drives : tuple of str
-        Those whose axes are recorded by the servo: position, speed or current, sample by sample.
-    cuts : tuple of str
-        Those whose cutting was recorded: forces by a dynamometer, or the load of the spindle.
+    submodels : mapping of str to tuple of str
+        Sub-model -> machines with records for it, in the order in which pages show them.
     optimised : tuple of str
         Those with part programs that are made faster or cheaper inside their limits.
     trials : tuple of str
@@ -38,62 +33,50 @@ class Fleet:
     name: str
     machines: tuple[str, ...]
     simulated: tuple[str, ...] = ()
-    spindles: tuple[str, ...] = ()
-    controls: tuple[str, ...] = ()
-    drives: tuple[str, ...] = ()
-    cuts: tuple[str, ...] = ()
+    submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     optimised: tuple[str, ...] = ()
     trials: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for part in PARTS:
-            strangers = set(getattr(self, part)) - set(self.machines)
+        lists = {
+            "simulated": self.simulated, "optimised": self.optimised, "trials": self.trials,
+            **{f"submodels.{name}": some for name, some in self.submodels.items()},
+        }  # fmt: skip
+        for name, some in lists.items():
+            strangers = set(some) - set(self.machines)
             if strangers:
                 raise ValueError(
-                    f"fleet.{part} names {sorted(strangers)}, which fleet.machines does not: "
+                    f"fleet.{name} names {sorted(strangers)}, which fleet.machines does not: "
                     "add it there"
                 )
-        for part, needed in NEEDS:
-            lacking = sorted(set(getattr(self, part)) - set(getattr(self, needed)))
+        for name, needed in NEEDS:
+            lacking = sorted(set(lists[name]) - set(lists.get(needed, ())))
             if lacking:
                 raise ValueError(
-                    f"fleet.{part} names {lacking}, which fleet.{needed} does not: add it there, "
+                    f"fleet.{name} names {lacking}, which fleet.{needed} does not: add it there, "
                     "or leave it out"
                 )
 
+    def submodels_of(self, machine: str) -> tuple[str, ...]:
+        """Sub-models that a machine has records for."""
+        return tuple(name for name, some in self.submodels.items() if machine in some)
 
-PARTS = ("simulated", "spindles", "controls", "drives", "cuts", "optimised", "trials")
-"""Lists of a fleet."""
-NEEDS = (("optimised", "controls"), ("trials", "optimised"), ("trials", "simulated"))
+
+NEEDS = (("optimised", "submodels.control"), ("trials", "optimised"), ("trials", "simulated"))
 """What a machine of one list has to be in too."""
-MISSING = {
-    "spindles": (
-        "a thermal model of the spindle",
-        "its speed, load and temperature over a working week",
-    ),
-    "controls": (
-        "a model of the control",
-        "the line of the program, feed, overrides and tool while programs run, and the programs",
-    ),
-    "drives": (
-        "models of the feed drives",
-        "commanded and actual position and the current of each axis at 1 kHz, back and forth at "
-        "many speeds",
-    ),
-    "cuts": (
-        "the forces of the cut",
-        "forces on a dynamometer in slots of known depth at three feeds or more, at 10 kHz, with "
-        "tool, material and spindle speed; or, when nothing better exists, the load of the spindle "
-        "with the line of a program of known cuts",
-    ),
-    "optimised": (
-        "part programs that are faster or cheaper inside their limits",
-        "the part programs, with blank, tool table, material and limits of each in section parts "
-        "of the machine’s file",
-    ),
-}
+PARTS = (
+    "part programs that are faster or cheaper inside their limits",
+    "the part programs, with blank, tool table, material and limits of each in section parts of "
+    "the machine’s file",
+)
+"""What a machine without part programs lacks, and what to record for it."""
 
 
 def missing(fleet: Fleet, machine: str) -> list[tuple[str, str]]:
     """What cannot be built for ``machine``, each with what to record for it."""
-    return [MISSING[part] for part in MISSING if machine not in getattr(fleet, part)]
+    from pipeline.submodels.contract import submodel
+
+    known = fleet.submodels_of(machine)
+    lacking = [submodel(name) for name in fleet.submodels if name not in known]
+    found = [(f"a model of the {one.title}", one.needs) for one in lacking]
+    return found if machine in fleet.optimised else [*found, PARTS]

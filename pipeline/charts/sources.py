@@ -8,10 +8,18 @@ import hashlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+from pipeline.schema.predictions import read_predictions
+from pipeline.schema.store import StoreError, parsed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +60,27 @@ class Shelf:
             self.broken[shown(path)] = f"holds a {type(found).__name__}, not an object with keys"
             return None
         return found
+
+    def read(self, path: Path, wanted: type[T], made_from: str = "") -> T | None:
+        """A stored document as its type, or None when the file is absent or is not one."""
+        content = self._content(path, made_from)
+        if content is None:
+            return None
+        try:
+            return parsed(content, wanted, shown(path))
+        except StoreError as error:
+            self.broken[shown(path)] = str(error).removeprefix(f"{shown(path)} ")
+            return None
+
+    def predictions(self, path: Path, made_from: str = "") -> "pd.DataFrame | None":
+        """The long table of a sub-model's predictions; None when it is absent or broken."""
+        if self._content(path, made_from) is None:
+            return None
+        try:
+            return read_predictions(path)
+        except StoreError as error:
+            self.broken[shown(path)] = str(error).removeprefix(f"{path} ")
+            return None
 
     def table(
         self, path: Path, columns: tuple[str, ...], made_from: str = "", *, all_of: bool = True

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import is_dataclass
 from datetime import date
 from functools import cache
+from math import inf
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import cattrs
@@ -45,8 +46,17 @@ def structured(value: Any, wanted: type[T], path: str) -> T:
 
 
 def plain(value: Any) -> Any:
-    """A dataclass as mappings, lists, numbers and words, in the order of its fields."""
-    return _converter().unstructure(value)
+    """A dataclass as mappings, lists, numbers and words, in the order of its fields.
+
+    A limit that is infinite is left out: JSON has no number for it, and it is so by default.
+    """
+    return _finite(_converter().unstructure(value))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items() if v != inf or isinstance(v, bool)}
+    return [_finite(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _reason(error: BaseException, wanted: type | None) -> str:

@@ -7,7 +7,7 @@ from pipeline.cutting.cost import CostRates
 from pipeline.cutting.material import Material
 from pipeline.cutting.tool_table import ToolTable
 from pipeline.gcode.setup import Setup
-from pipeline.identification.control.records import ControlRecords
+from pipeline.submodels.control.records import ControlRecords
 from pipeline.optimisation.document import optimised_document, optimised_text
 from pipeline.optimisation.optimise import optimise as optimised
 from pipeline.optimisation.part import Parts

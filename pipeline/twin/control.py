@@ -1,31 +1,64 @@
-"""An identified control as it is stored."""
+"""Identified control as it is stored."""
 
-import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-import cattrs
-
 from pipeline.machine.control import ControlParameters
+from pipeline.schema.model import Correlation, Model
+from pipeline.schema.store import read_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlFitFacts:
+    """How well a control explains the durations of segments.
+
+    Parameters
+    ----------
+    rmse_s : float or None
+        Of the residuals, without outliers beyond 10 times the noise [s].
+    segments : int
+        Number of segments.
+    condition : float or None
+        Condition number of the scaled Jacobian [1].
+    correlation : Correlation
+        Of the parameters that were fitted to durations.
+    """
+
+    rmse_s: float | None
+    segments: int
+    condition: float | None
+    correlation: Correlation
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlModelFile(Model):
+    """The content of a control's ``model.json``.
+
+    Parameters
+    ----------
+    control : mapping of str to ControlParameters
+        By unit, where several machines of a kind are taken as one; else by ``""``.
+    fit : ControlFitFacts
+        How well they fit.
+    programs : mapping of str to str
+        Program that each training run executed.
+    """
+
+    control: Mapping[str, ControlParameters]
+    fit: ControlFitFacts
+    programs: Mapping[str, str]
 
 
 def read_controls(path: Path) -> dict[str, ControlParameters]:
-    """Controls in a ``control.json``, by unit ("" where a machine is one).
+    """Controls in a ``model.json``, by unit ("" where a machine is one).
 
     Raises
     ------
-    ValueError
-        When the file is none, or of another form.
+    StoreError
+        When the file is missing or of another form.
     """
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    converter.register_structure_hook(float, lambda value, _: float(value))
-    try:
-        controls = json.loads(path.read_text())["control"]
-        return {u: converter.structure(c, ControlParameters) for u, c in controls.items()}
-    except _OTHER_FORMS as error:
-        raise ValueError(
-            f"{path} is no identified control ({type(error).__name__}): run `dvc repro` to write it"
-        ) from error
+    return dict(read_json(path, ControlModelFile).control)
 
 
 def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> ControlParameters:
@@ -43,9 +76,3 @@ def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> Con
             "name one of them, or let it learn from a run of that unit"
         )
     return controls[unit]
-
-
-_OTHER_FORMS = (
-    OSError, ValueError, LookupError, TypeError, AttributeError, cattrs.BaseValidationError,
-)  # fmt: skip
-"""What reading and taking apart JSON of another form raises."""

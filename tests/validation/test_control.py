@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.identification.control.programs import match
-from pipeline.identification.control.records import ControlRecords, observations
+from pipeline.submodels.control.programs import match
+from pipeline.submodels.control.records import (ControlRecords, observations)
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.program import planned_program
 from pipeline.validation.control import (

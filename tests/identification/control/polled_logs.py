@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.gcode.moves import AXES, METRE, Kind, Moves
-from pipeline.identification.control.runs import Run, read_runs
-from pipeline.identification.control.spans import joined, stopped_within
+from pipeline.submodels.control.runs import (Run, read_runs)
+from pipeline.submodels.control.runs import (joined, stopped_within)
 from pipeline.machine.control import ControlParameters
 from pipeline.machine.interpolate import trace
 from pipeline.machine.nck import Plan

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.identification.control.lines import line_spans, override_of_lines
-from pipeline.identification.control.overrides import operator_of
-from pipeline.identification.control.readings import feed_of_lines, plateau, steady_ratios
-from pipeline.identification.control.runs import Run, Series
+from pipeline.submodels.control.overrides import (line_spans, override_of_lines)
+from pipeline.submodels.control.overrides import operator_of
+from pipeline.submodels.control.overrides import (feed_of_lines, plateau, steady_ratios)
+from pipeline.submodels.control.runs import (Run, Series)
 from tests.identification.control.part_programs import change, circles, long_cuts, moves_of, truth
 from tests.identification.control.polled_logs import (
     Operated,

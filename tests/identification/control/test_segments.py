@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.gcode.moves import Kind
-from pipeline.identification.control.fit import planned
-from pipeline.identification.control.runs import Run, Series
-from pipeline.identification.control.segments import TOGETHER, WAITS, clusters, observe, shares
+from pipeline.submodels.control.fit import planned
+from pipeline.submodels.control.runs import (Run, Series)
+from pipeline.submodels.control.segments import (TOGETHER, WAITS, clusters, observe, shares)
 from pipeline.twin.program import planned_program
 from tests.identification.control.part_programs import exciting, moves_of, truth
 from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
-from pipeline.identification.control.readings import steady_ratios
-from pipeline.identification.control.runs import Run, Series
 from pipeline.machine.spindle import CUTTING
+from pipeline.submodels.control.overrides import steady_ratios
+from pipeline.submodels.control.runs import Run, Series
 
 LATE = 1.0
 """Cuts before the first line that a log saw, of a run seen from its start, are shorter [s]."""

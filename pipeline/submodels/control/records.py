@@ -1,23 +1,22 @@
-"""Runs of a machine with the programs that they executed, from its folders."""
+"""Records of a control: logs of runs, the programs that they executed, and both matched."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.setup import Setup
-from pipeline.identification.control.programs import Match, match
-from pipeline.identification.control.runs import read_runs
-from pipeline.identification.control.segments import Observed, observe
+from pipeline.submodels.control.programs import Match, match
+from pipeline.submodels.control.runs import read_runs
 from pipeline.twin.program import program_moves
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlRecords:
-    """Which recordings show runs of programs, and what they serve for.
+    """Recordings of runs of programs, and the programs.
 
     Parameters
     ----------
@@ -25,8 +24,6 @@ class ControlRecords:
         Pattern of the recordings' names below the machine's folder.
     programs : str
         Pattern of the part programs there.
-    training : tuple of str
-        Patterns of the recordings that the control is identified from; it is judged on the others.
     units : mapping of str to str
         Where several machines of a kind are taken as one: name -> pattern of its recordings.
     default_unit : str
@@ -37,7 +34,6 @@ class ControlRecords:
 
     logs: str
     programs: str
-    training: tuple[str, ...]
     units: Mapping[str, str] = field(default_factory=dict)
     default_unit: str = ""
     simulate: tuple[str, ...] = ("*",)
@@ -56,10 +52,6 @@ class ControlRecords:
             for path in sorted(raw.glob(self.programs))
             if any(fnmatchcase(path.relative_to(raw).as_posix(), p) for p in self.simulate)
         ]
-
-    def is_training(self, recording: str) -> bool:
-        """Whether the control may learn from ``recording``."""
-        return any(fnmatchcase(recording, pattern) for pattern in self.training)
 
     def unit(self, recording: str) -> str:
         """Which machine of the kind a recording is of; "" where there is one only.
@@ -102,7 +94,11 @@ def read_programs(raw: Path, records: ControlRecords, setup: Setup) -> Programs:
 
 
 def read_matches(
-    signals: Path, records: ControlRecords, items: Mapping[str, str], programs: Mapping[str, Moves]
+    signals: Path,
+    files: Mapping[str, Mapping[str, Any]],
+    records: ControlRecords,
+    items: Mapping[str, str],
+    programs: Mapping[str, Moves],
 ) -> list[Match]:
     """Every run of a program in the recordings, in the order of their names.
 
@@ -110,6 +106,8 @@ def read_matches(
     ----------
     signals : Path
         As ``ingest`` wrote it.
+    files : mapping of str to mapping
+        Entries of its manifest by raw file.
     records : ControlRecords
         Which of the recordings.
     items : mapping of str to str
@@ -117,7 +115,6 @@ def read_matches(
     programs : mapping of str to Moves
         Those that may have run, by name.
     """
-    files = json.loads((signals / "manifest.json").read_text())["files"]
     found: list[Match] = []
     for name, entry in sorted(files.items()):
         if entry["output"] is None or not fnmatchcase(name, records.logs):
@@ -125,23 +122,3 @@ def read_matches(
         runs = read_runs(signals / entry["output"], items, name)
         found += [match(run, programs) for run in runs]
     return found
-
-
-def observations(
-    matches: Sequence[Match],
-    records: ControlRecords,
-    programs: Mapping[str, Moves],
-    shortest_s: float,
-) -> list[tuple[Match, Observed]]:
-    """Segments of the runs that were matched, and of the parts of those matched in part."""
-    return [
-        (
-            m,
-            observe(
-                part, m.program, programs[m.program], records.unit(m.run.recording), shortest_s
-            ),
-        )
-        for m in matches
-        if m.program is not None
-        for part in m.parts()
-    ]

@@ -5,33 +5,131 @@ overrides in force.  Both ends are polls, so that an error of a polling interval
 the operator that the log does not tell are outliers (soft L1).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.identification.control.free import Free, control_of, free_parameters
-from pipeline.identification.control.rates import Rate, rapid_rates
-from pipeline.identification.control.search import (
-    Optimum,
-    Residuals,
-    SearchSettings,
-    check_positive,
-    optimum,
-)
-from pipeline.identification.control.segments import Observed, clusters
 from pipeline.machine.control import ControlParameters
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import Count, Positive, Ranged
+from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
+from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
 from pipeline.submodels.least_squares import Certainty, certainty
 from pipeline.twin.program import planned_program
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+Residuals = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlFitSettings(SearchSettings):
-    """How a control is identified.
+class SearchSettings(Ranged, section="control_fit"):
+    """Settings of the search for an optimum.
+
+    Parameters
+    ----------
+    loose_s : float
+        Waiting times are sought about their start as loosely as this [s]; rates within a factor e.
+    step : float
+        Of the differences that the Jacobian is made of [1 on the logarithmic scale, s].
+    evaluations : int
+        Jacobians at most.
+    """
+
+    loose_s: Positive = 5.0
+    step: Positive = 0.02
+    evaluations: Count = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimum:
+    """Where a search ended.
+
+    Parameters
+    ----------
+    values : ndarray, shape (D,)
+        Of all parameters, in their units.
+    jacobian : ndarray, shape (N, S)
+        Of the residuals by the S parameters that were sought, on the scale of the search [1].
+    residuals : ndarray, shape (N,)
+        In units of the scale beyond which they count linearly [1].
+    """
+
+    values: Floats
+    jacobian: Floats
+    residuals: Floats
+
+
+def optimum(
+    residuals: Residuals, free: Sequence[FreeParameter], values: Floats, active: NDArray[np.bool_],
+    scale_s: float, settings: SearchSettings,
+) -> Optimum:  # fmt: skip
+    """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
+
+    A weak pull towards where the search began decides what the residuals leave open; it has no part
+    in the Jacobian and the residuals that are returned.
+
+    Parameters
+    ----------
+    residuals : callable
+        Residuals, shape (N,) [s], of all parameters, shape (D,), in their units.
+    free : sequence of FreeParameter
+        The D parameters.
+    values : ndarray, shape (D,)
+        Where the search begins.
+    active : ndarray of bool, shape (D,)
+        Which are sought.
+    scale_s : float
+        Residuals above count linearly [s].
+    settings : SearchSettings
+        How it is sought.
+    """
+    from scipy.optimize import least_squares
+
+    sought = [one for one, used in zip(free, active, strict=True) if used]
+    low, high = np.array([one.bounds for one in sought]).T
+    begin = np.clip([one.coordinate(one.start) for one in sought], low, high)
+    pull = np.array([1.0 if one.log_scale else 1 / settings.loose_s for one in sought])
+
+    def full(x: Floats) -> Floats:
+        out = values.copy()
+        out[active] = [one.value(v) for one, v in zip(sought, x.tolist(), strict=True)]
+        return out
+
+    def scaled(x: Floats) -> Floats:
+        return residuals(full(x)) / scale_s
+
+    def jacobian(x: Floats) -> Floats:
+        return _differences(scaled, x, low, high, settings.step)
+
+    def pulled(x: Floats) -> Floats:
+        return np.concatenate([scaled(x), pull * (x - begin)])
+
+    def pulled_jacobian(x: Floats) -> Floats:
+        return np.vstack([jacobian(x), np.diag(pull)])
+
+    x = [one.coordinate(v) for one, v in zip(sought, values[active].tolist(), strict=True)]
+    found = least_squares(
+        pulled, np.clip(x, low, high), jac=pulled_jacobian, bounds=(low, high), loss="soft_l1",
+        max_nfev=settings.evaluations,
+    ).x  # fmt: skip
+    return Optimum(values=full(found), jacobian=jacobian(found), residuals=scaled(found))
+
+
+def _differences(function: Residuals, x: Floats, low: Floats, high: Floats, step: float) -> Floats:
+    """Jacobian of ``function`` at ``x`` from differences within the bounds; shape (N, D)."""
+    columns = []
+    for k in range(len(x)):
+        ahead, behind = x.copy(), x.copy()
+        ahead[k] = min(x[k] + step, high[k])
+        behind[k] = max(x[k] - step, low[k])
+        columns.append((function(ahead) - function(behind)) / (ahead[k] - behind[k]))
+    return np.column_stack(columns)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlFitSettings(SearchSettings, section="control_fit"):
+    """Settings of the identification of a control.
 
     Parameters
     ----------
@@ -43,38 +141,34 @@ class ControlFitSettings(SearchSettings):
     widest : float
         A parameter whose 95 % interval is wider than this share of it is not determined [1].
     loose_s, step, evaluations
-        As in :class:`~pipeline.identification.control.search.SearchSettings`.
+        As in :class:`~pipeline.submodels.control.fit.SearchSettings`.
     """
 
-    shortest_s: float = 1.0
-    scales_s: tuple[float, ...] = (3.0, 0.8, 0.2)
-    widest: float = 0.5
+    shortest_s: Positive = 1.0
+    scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
+    widest: Positive = 0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_positive("control_fit.shortest_s", self.shortest_s)
-        check_positive("control_fit.widest", self.widest)
         if not self.scales_s:
             raise ValueError("control_fit.scales_s is empty: name one scale of residuals at least")
-        for scale in self.scales_s:
-            check_positive("control_fit.scales_s", scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFit:
-    """What was found.
+    """Identified control with its intervals.
 
     Parameters
     ----------
-    free : tuple of Free
-        What was sought.
+    free : tuple of FreeParameter
+        The parameters that were sought.
     values : ndarray, shape (D,)
         In the units of ``free``.
     low, high : ndarray, shape (D,)
         95 % interval; NaN of what is not determined.
     determined : ndarray of bool, shape (D,)
         Whether the logs say anything of it.
-    told : ndarray of bool, shape (D,)
+    from_speeds : ndarray of bool, shape (D,)
         Whether it was read from logged speeds, not fitted to durations.
     control : dict of str to ControlParameters
         Of each unit; what is not determined near its start, where a weak pull left it.
@@ -86,12 +180,12 @@ class ControlFit:
         How many.
     """
 
-    free: tuple[Free, ...]
+    free: tuple[FreeParameter, ...]
     values: Floats
     low: Floats
     high: Floats
-    determined: Flags
-    told: Flags
+    determined: Bools
+    from_speeds: Bools
     control: dict[str, ControlParameters]
     sure: Certainty
     rmse_s: float
@@ -147,9 +241,9 @@ def identify_control(
 
 
 def _determined(
-    residuals: Residuals, free: Sequence[Free], begin: Floats, active: Flags,
+    residuals: Residuals, free: Sequence[FreeParameter], begin: Floats, active: Bools,
     blocks: NDArray[np.int64], settings: ControlFitSettings,
-) -> tuple[Optimum, Flags, Certainty]:  # fmt: skip
+) -> tuple[Optimum, Bools, Certainty]:  # fmt: skip
     """The optimum of what the logs determine of the ``active`` parameters, and which these are."""
     values = begin
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
@@ -166,15 +260,15 @@ def _determined(
 
 
 def _rates(
-    observed: Sequence[Observed], free: Sequence[Free], units: Sequence[str]
+    observed: Sequence[Observed], free: Sequence[FreeParameter], units: Sequence[str]
 ) -> dict[int, Rate]:
     """Rapid rates that the logged speeds tell, by their place in ``free``."""
-    told = {unit: rapid_rates([o for o in observed if o.unit == unit]) for unit in units}
+    by_unit = {unit: rapid_rates([o for o in observed if o.unit == unit]) for unit in units}
     return {
-        i: told[unit][one.axes[0]]
+        i: by_unit[unit][one.axes[0]]
         for i, one in enumerate(free)
         for unit in one.units
-        if one.key == "rapid_speed" and one.axes[0] in told[unit]
+        if one.key == "rapid_speed" and one.axes[0] in by_unit[unit]
     }
 
 
@@ -203,9 +297,9 @@ def _textbook_half_width(jacobian: Floats, noise: float) -> Floats:
 
 
 def _loosest(
-    free: Sequence[Free], found: Optimum, sure: Certainty, active: Flags,
+    free: Sequence[FreeParameter], found: Optimum, sure: Certainty, active: Bools,
     settings: ControlFitSettings,
-) -> Flags:  # fmt: skip
+) -> Bools:  # fmt: skip
     """Which active parameters the logs do not determine: those unfelt, else the loosest one.
 
     With no more clusters than parameters no interval is known; then the least felt one goes.
@@ -223,13 +317,13 @@ def _loosest(
         elif active[i] and not one.low * 1.001 < value < one.high * 0.999:
             width[i] = np.inf
     widest = settings.widest if enough else 0.0
-    loose: Flags = active & (width > widest) & (width >= width.max(initial=0.0))
+    loose: Bools = active & (width > widest) & (width >= width.max(initial=0.0))
     return loose
 
 
 def _fit(
-    free: Sequence[Free], found: Optimum, rates: dict[int, Rate], active: Flags, sure: Certainty,
-    control: dict[str, ControlParameters], scale_s: float,
+    free: Sequence[FreeParameter], found: Optimum, rates: dict[int, Rate], active: Bools,
+    sure: Certainty, control: dict[str, ControlParameters], scale_s: float,
 ) -> ControlFit:  # fmt: skip
     low, high = np.full(len(free), np.nan), np.full(len(free), np.nan)
     for i, width in zip(np.flatnonzero(active).tolist(), sure.half_width.tolist(), strict=True):
@@ -238,15 +332,15 @@ def _fit(
         high[i] = min(one.value(middle + width), one.high)
     for i, rate in rates.items():
         low[i], high[i] = rate.low, rate.high
-    told = np.isin(np.arange(len(free)), list(rates))
+    from_speeds = np.isin(np.arange(len(free)), list(rates))
     usual = found.residuals[np.abs(found.residuals) < 10]
     return ControlFit(
         free=tuple(free),
         values=found.values,
         low=low,
         high=high,
-        determined=active | told,
-        told=told,
+        determined=active | from_speeds,
+        from_speeds=from_speeds,
         control=control,
         sure=sure,
         rmse_s=float(np.sqrt(np.mean(usual**2))) * scale_s if len(usual) else np.nan,

@@ -17,7 +17,7 @@ PLANE, HEIGHT = ("X", "Y"), ("Z",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Free:
+class FreeParameter:
     """One parameter.
 
     Parameters
@@ -96,7 +96,7 @@ _SPINDLE: dict[str, Quantity] = {
 }
 
 
-def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[Free]:
+def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[FreeParameter]:
     """What is sought: rates and accelerations in the plane and of Z, corners, waiting times.
 
     Rapid rates and corners, which shops set, are sought for each of ``units``, everything else for
@@ -127,10 +127,10 @@ def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[Fr
     return found
 
 
-def _wait(name: str, start: float | None, quantity: Quantity, *, log_scale: bool) -> Free:
+def _wait(name: str, start: float | None, quantity: Quantity, *, log_scale: bool) -> FreeParameter:
     unit, low, high, remedy = quantity
     begin = start if start is not None and np.isfinite(start) else float(np.sqrt(low * high))
-    return Free(
+    return FreeParameter(
         name=name, unit=unit, low=low, high=high, start=min(max(begin, low), high),
         log_scale=log_scale, remedy=remedy,
     )  # fmt: skip
@@ -139,17 +139,17 @@ def _wait(name: str, start: float | None, quantity: Quantity, *, log_scale: bool
 def _axis(
     control: ControlParameters, name: str, letters: str, suffix: str = "",
     units: tuple[str, ...] = (),
-) -> Free:  # fmt: skip
+) -> FreeParameter:  # fmt: skip
     unit, low, high, remedy = _AXIS[name]
     start = float(np.mean([getattr(control.axes[a], name) for a in letters]))
-    return Free(
+    return FreeParameter(
         name=f"{name} {letters}{suffix}", unit=unit, low=low, high=high,
         start=min(max(start, low), high), log_scale=True, remedy=remedy, units=units,
     )  # fmt: skip
 
 
 def control_of(
-    start: ControlParameters, free: Sequence[Free], values: Floats, unit: str
+    start: ControlParameters, free: Sequence[FreeParameter], values: Floats, unit: str
 ) -> ControlParameters:
     """The control of machine ``unit`` with ``values`` in place of those of ``start``.
 
@@ -157,7 +157,7 @@ def control_of(
     ----------
     start : ControlParameters
         Of what is not sought.
-    free : sequence of Free
+    free : sequence of FreeParameter
         What ``values`` are of.
     values : ndarray, shape (D,)
         In the units of ``free``.

@@ -1,22 +1,115 @@
-"""Runs of a program, as a log of line numbers shows them.
+"""Runs of part programs in a log: what the control was doing, and what it said meanwhile."""
 
-A log names the line that is being executed each time it is polled and found another, so that lines
-shorter than the polling interval are passed over.  A run lasts from the control's becoming active
-to its completing or stopping; what the operator held it for within is listed, not removed.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from pipeline.identification.control.execution import Activity, activities
+from pipeline.schema.arrays import Floats
 
-Floats = NDArray[np.float64]
+Span = tuple[float, float]
+
+
+def joined(spans: Sequence[Span]) -> tuple[Span, ...]:
+    """Spans without overlap, in order.
+
+    Examples
+    --------
+    >>> joined([(4.0, 5.0), (1.0, 2.0), (1.5, 3.0)])
+    ((1.0, 3.0), (4.0, 5.0))
+    """
+    found: list[Span] = []
+    for begin, end in sorted(spans):
+        if found and begin <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], end))
+        else:
+            found.append((begin, end))
+    return tuple(found)
+
+
+def stopped_within(stops: Sequence[Span], begin: Floats, end: Floats) -> Floats:
+    """How much of the time from ``begin`` to ``end`` lies in ``stops`` [s].
+
+    Parameters
+    ----------
+    stops : sequence of (float, float)
+        In order and without overlap, as :func:`joined` gives them [s].
+    begin, end : ndarray, shape (N,)
+        [s].
+    """
+    if not stops:
+        return np.zeros_like(begin)
+    edges = np.ravel(stops)
+    held = np.concatenate([[0.0], np.cumsum(np.diff(edges) * (np.arange(len(edges) - 1) % 2 == 0))])
+    within: Floats = np.interp(end, edges, held) - np.interp(begin, edges, held)
+    return within
+
+
+ACTIVE = frozenset({"ACTIVE"})
+HELD = frozenset({"FEED_HOLD", "INTERRUPTED", "OPTIONAL_STOP", "PROGRAM_OPTIONAL_STOP", "WAIT"})
+COMPLETED = frozenset({"PROGRAM_COMPLETED"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Activity:
+    """From becoming active to completing or stopping.
+
+    Parameters
+    ----------
+    start, end : float
+        When the control became active and when it ceased to be, in the recording's time [s].
+    completed : bool
+        Whether the program ran to its end.
+    held : tuple of (float, float)
+        Spans in which the control said that it was held [s].
+    """
+
+    start: float
+    end: float
+    completed: bool
+    held: tuple[Span, ...] = ()
+
+
+def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activity]:
+    """What the words of a control's execution come to.
+
+    Parameters
+    ----------
+    said : iterable of (float, str)
+        When [s], and the word.
+    end : float
+        Of the recording [s].
+
+    Yields
+    ------
+    Activity
+        All of the recording when no word was said: the control may say nothing of its execution.
+    """
+    said = list(said)
+    start: float | None = None if said else 0.0
+    since: float | None = None  # when it was held
+    held: list[Span] = []
+    for time, word in said:
+        if start is None:
+            start = time if word in ACTIVE else None
+            continue
+        if word in HELD:
+            since = time if since is None else since
+            continue
+        if since is not None:
+            held.append((since, time))
+            since = None
+        if word not in ACTIVE:
+            yield Activity(start=start, end=time, completed=word in COMPLETED, held=tuple(held))
+            start, held = None, []
+    if start is not None:
+        if since is not None:
+            held.append((since, end))
+        yield Activity(start=start, end=end, completed=False, held=tuple(held))
+
 
 SIGNALS = (
     "execution", "line", "path_feedrate", "spindle_speed", "feed_override", "rapid_override",
