@@ -239,9 +239,8 @@ def typical_and_worst(verdict: Verdict) -> tuple[Score, ...]:
     ]  # fmt: skip
     if not decided:
         return ()
-    first = [
-        s for s in decided if (s.quantity, s.regime) == (decided[0].quantity, decided[0].regime)
-    ]
+    target = (decided[0].quantity, decided[0].regime)
+    first = [s for s in decided if (s.quantity, s.regime) == target]
     ranked = sorted(first, key=lambda s: s.rmse or 0.0)
     chosen = [ranked[len(ranked) // 2], ranked[-1]]
     return tuple(dict.fromkeys(chosen[:1] if chosen[0] is chosen[1] else chosen))

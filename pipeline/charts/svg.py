@@ -150,3 +150,8 @@ def ticks(low: float, high: float, most: int = 5) -> list[float]:
             break
     first = np.ceil(low / step - 1e-9)
     return [float(v * step) for v in np.arange(first, np.floor(high / step + 1e-9) + 1)]
+
+
+def anchor(x: float) -> str:
+    """CSS classes of a tick's words at ``x`` percent: inside the figure at both ends."""
+    return "tick" if x == 0 else "tick end" if x >= 100 else "tick mid"

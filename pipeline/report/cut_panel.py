@@ -7,8 +7,8 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import number
+from pipeline.charts.svg import anchor
 from pipeline.report.cut_trace import CutTrace
-from pipeline.report.figures import anchor
 
 WIDE = 10  # units of a column
 NAMES = 11  # px: where the tools' names stand

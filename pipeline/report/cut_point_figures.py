@@ -8,8 +8,8 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.numbers import number, real
 from pipeline.charts.sources import dig, rows_of
+from pipeline.charts.svg import anchor
 from pipeline.report.cut_panel import Panel
-from pipeline.report.figures import anchor
 
 TOP, HEIGHT = 22, 220  # px
 UNITS = 1000  # across a curve's viewport

@@ -10,6 +10,7 @@ from pipeline.charts import svg
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, number, real
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import dig, objects_of, rows_of, words_of
+from pipeline.charts.svg import anchor
 from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names
 from pipeline.report.cutting_changes import POWERS
 from pipeline.report.cutting_tables import cutting_sources, small_table
@@ -17,7 +18,6 @@ from pipeline.report.cutting_units import determined
 from pipeline.report.drive_frame import UNITS, Band, band, plain
 from pipeline.report.drive_traces import readings
 from pipeline.report.facts import Facts
-from pipeline.report.figures import anchor
 
 TOP, HEIGHT = 18, 220  # px
 POINTS = 120  # of a curve that is drawn from its coefficients

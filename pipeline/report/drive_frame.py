@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.report.figures import anchor
+from pipeline.charts.svg import anchor
 
 UNITS = 2000  # across a band's viewport
 STRETCHES = 420  # of the x axis, each drawn by its lowest and highest value

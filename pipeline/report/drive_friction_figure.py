@@ -13,9 +13,9 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.numbers import real
 from pipeline.charts.sources import rows_of
+from pipeline.charts.svg import anchor
 from pipeline.report.drive_frame import UNITS, Band, band, plain
 from pipeline.report.drive_traces import readings
-from pipeline.report.figures import anchor
 
 TOP, HEIGHT = 18, 260  # px
 SEEN = 0.15  # of the forces' span: how much of an error bar the scale makes room for

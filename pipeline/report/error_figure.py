@@ -6,8 +6,8 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import real, signed
+from pipeline.charts.svg import anchor
 from pipeline.report.controlled import run_status
-from pipeline.report.figures import anchor
 
 ROW, TOP = 22, 6  # px
 WIDEST = 60.0  # percent; an error beyond it stands at the edge as an arrow

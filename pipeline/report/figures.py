@@ -4,6 +4,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import day_words, hours
+from pipeline.charts.svg import anchor
 from pipeline.report.working import BIN, DAY, NO_RECORD, Day
 
 ROW = 20  # px of one day
@@ -70,11 +71,6 @@ def _hour_grid(rows: int, labels: list[str]) -> list[Markup]:
         parts.append(svg.down(x, 0, rows * ROW))
         parts.append(svg.text(x, rows * ROW + 15, words, anchor(x)))
     return parts
-
-
-def anchor(x: float) -> str:
-    """CSS classes of a tick's words at ``x`` percent: inside the figure at both ends."""
-    return "tick" if x == 0 else "tick end" if x >= 100 else "tick mid"
 
 
 def _years(days: list[Day]) -> bool:

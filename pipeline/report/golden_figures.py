@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import number
-from pipeline.report.figures import anchor
+from pipeline.charts.svg import anchor
 from pipeline.report.modelled import Curves
 from pipeline.report.working import BIN, Day
 

@@ -9,8 +9,8 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import real
+from pipeline.charts.svg import anchor
 from pipeline.report.cut_panel import WIDE, Panel
-from pipeline.report.figures import anchor
 from pipeline.report.optimise_words import limit_name
 
 TOP, HEIGHT, GAP = 24, 110, 30  # px: head, a panel, between panels

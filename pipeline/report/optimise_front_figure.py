@@ -9,7 +9,7 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.numbers import number, real
 from pipeline.charts.sources import dig, rows_of
-from pipeline.report.figures import anchor
+from pipeline.charts.svg import anchor
 
 TOP, HEIGHT = 26, 250  # px
 AROUND = 0.08  # of the span, free around the points

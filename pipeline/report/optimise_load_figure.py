@@ -9,8 +9,8 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.numbers import asked, real
 from pipeline.charts.sources import dig
+from pipeline.charts.svg import anchor
 from pipeline.report.cut_panel import NAMED, NAMES, Panel
-from pipeline.report.figures import anchor
 
 TOP, HEIGHT, GAP = 42, 130, 34  # px: tools and head, a panel, between panels
 MOST = 450  # columns; the highest load of each is drawn

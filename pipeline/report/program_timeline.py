@@ -8,8 +8,8 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import number
+from pipeline.charts.svg import anchor
 from pipeline.report.feed_classes import FeedClasses
-from pipeline.report.figures import anchor
 from pipeline.report.program_moves import ProgramMoves
 
 BINS = 240  # columns over the program's time

@@ -175,6 +175,10 @@ class Shown(Generic[M]):
         The three files of the sub-model.
     truth : mapping or None
         What is true of a simulated machine.
+    clean : Path or None
+        Folder of the machine's clean records.
+    truth_file : Path or None
+        Of the truth.
     shelf : object
         Through which further files are read, so that the page can name its sources.
     folder : Path
@@ -189,6 +193,8 @@ class Shown(Generic[M]):
     truth: Mapping[str, Any] | None = None
     shelf: Any = None
     folder: Path = Path()
+    clean: Path | None = None
+    truth_file: Path | None = None
 
 
 def submodels() -> list[str]:

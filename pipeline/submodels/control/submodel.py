@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from pipeline.charts.sections import SubModelPage
 from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control import ControlParameters
@@ -21,7 +22,7 @@ from pipeline.schema.verdict import Fact
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.contract import Input, Prediction, Predictor, SubModel, Target
+from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.records import ControlRecords, read_matches, read_programs
@@ -199,6 +200,12 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         """A square."""
         lines = ("G21 G90 G94", "G0 X0 Y0", "G1 X40 F600", "Y40", "X0", "Y0", "M30")
         return pd.DataFrame({"program": ["\n".join(lines) + "\n"]})
+
+    def page(self, shown: Shown[ControlModelFile]) -> SubModelPage:
+        """Parameters, run times, and the verdict in words."""
+        from pipeline.submodels.control.page import page
+
+        return page(shown)
 
 
 def _moves(text: str) -> Moves:

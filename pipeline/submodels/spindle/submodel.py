@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from pipeline.charts.sections import SubModelPage
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Ranged
@@ -24,7 +25,7 @@ from pipeline.submodels.cases import (
     role_of,
     sources,
 )
-from pipeline.submodels.contract import Input, Prediction, Predictor, SubModel, Target
+from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.spindle.fit import (
     SpindleFit,
     SpindleFitSettings,
@@ -216,6 +217,12 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         if "ambient_temperature" in values:
             values["ambient_temperature"] = 20.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
+
+    def page(self, shown: Shown[SpindleModelFile]) -> SubModelPage:
+        """The thermal network, the judged days, and the verdict in words."""
+        from pipeline.submodels.spindle.page import page
+
+        return page(shown)
 
 
 def _loader(clean: Path, day: str) -> Callable[[], pd.DataFrame]:

@@ -1,0 +1,522 @@
+"""Page of the control: its parameters, predicted beside measured times, the verdict in words."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from pipeline.charts import svg
+from pipeline.charts.default_section import (
+    left_out_table,
+    outside_table,
+    parameters_table,
+    strongest_correlation,
+    training_table,
+)
+from pipeline.charts.numbers import (
+    counted,
+    duration,
+    fixed,
+    number,
+    percent,
+    quantity,
+    signed,
+)
+from pipeline.charts.sections import (
+    Compared,
+    Figure,
+    Figures,
+    PartVerdict,
+    Section,
+    SubModelPage,
+    present,
+)
+from pipeline.charts.sources import Source
+from pipeline.charts.tables import (
+    MOST_ROWS,
+    Cell,
+    Head,
+    Table,
+    cells,
+    left_out,
+    names,
+    numbers,
+    sources,
+)
+from pipeline.schema.verdict import JudgedCase, Score, Status, Verdict
+from pipeline.submodels.contract import Shown
+from pipeline.twin.control import ControlModelFile
+
+TIME, WHOLE = "run time", "whole run"
+NAIVE = "path over programmed feed"
+OVERRIDE_ONLY = "recorded override only"
+MOST_RUNS = 40  # of the figure; the table has them all
+RULES = (
+    "Judged are runs that the control was not fitted on and that ran to their end. What the "
+    "operator stopped (feed hold, an override at 0) stands in its own column and is no part of the "
+    "comparison. An error above 0 says that the prediction is too long. The plain guess is "
+    "path length over programmed feed, as if the axes had no mass."
+)
+MEANINGS = {
+    "rapid_speed": "greatest speed in rapids",
+    "cutting_speed": "greatest speed in cutting moves",
+    "rapid_acceleration": "acceleration along the path in rapids",
+    "cutting_acceleration": "acceleration along the path in cutting moves",
+    "arc_acceleration": "acceleration towards the centre of arcs, and of curves made of chords",
+    "corner_jump": "jump of an axis’ speed that a corner may ask for",
+    "jerk": "change of acceleration in time",
+    "tolerance": "how far the path may cut a corner",
+    "rapid_filter": "smoothing time after interpolation, in rapids",
+    "cutting_filter": "smoothing time after interpolation, in cutting moves",
+    "settle_time": "wait until the axes are in position at an exact stop",
+    "tool_change": "time of a tool change",
+    "m_code": "time of an M code",
+    "stop": "time of M0 and M1, without the operator’s",
+    "spindle_acceleration": "how fast the spindle runs up",
+    "spindle_deceleration": "how fast the spindle is stopped",
+    "spindle_base_speed": "speed above which the spindle has constant power",
+    "spindle_delay": "what each start and stop of the spindle takes beside its ramp",
+    "spindle_orientation": "time to orient the spindle",
+}
+"""Meaning of the parameters of a control, for people."""
+ROW, TOP = 22, 6  # px
+WIDEST = 60.0  # percent; an error beyond it stands at the edge as an arrow
+LONGEST = 24  # letters of a run's name that stand beside it
+KIND = {"passed": "p-passed", "failed": "p-failed", "not judged": "p-learnt"}
+
+Seen = Shown[ControlModelFile]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunTime:
+    """One run that was compared: its facts, its score if it has one, and its types of block."""
+
+    case: JudgedCase
+    status: Status
+    by_type: Mapping[str, Score]
+
+    def value(self, name: str) -> float | None:
+        """A fact of the run that is a number."""
+        fact = self.case.facts.get(name)
+        return fact.value if fact is not None and isinstance(fact.value, int | float) else None
+
+    def word(self, name: str) -> str:
+        """A fact of the run that is a word."""
+        fact = self.case.facts.get(name)
+        return str(fact.value) if fact is not None and fact.value is not None else "not known"
+
+    @property
+    def error(self) -> float | None:
+        """Of the predicted time [%]."""
+        return self.value("error")
+
+    @property
+    def judged(self) -> bool:
+        """Whether it decides."""
+        return self.status != "not judged"
+
+
+def page(seen: Seen) -> SubModelPage:
+    """Everything that a machine's page says of its control."""
+    runs, limit = run_times(seen.verdict), _limit(seen.verdict)
+    judged = [run for run in runs if run.judged]
+    worst = _worst(judged)
+    figures = []
+    if worst is not None:
+        aside = f"worst of {counted(len(judged), 'judged run')}, limit ±{fixed(limit, 0)} %"
+        figures.append(("Predicted program times", f"{signed(worst)} %", aside))
+    lost = _undetermined(seen.model)
+    return SubModelPage(
+        verdict=_verdict(seen, runs, limit),
+        key_figures=figures,
+        notes=[f"These runs do not determine {', '.join(lost)} of the control."] if lost else [],
+        sections=[s for s in (_control_section(seen), _times_section(seen, runs)) if s is not None],
+        compared={
+            "times_worst_percent": Compared(
+                name="Error of program times, worst judged run", unit="%", value=worst
+            ),
+            "runs_judged": Compared(
+                name="Runs judged", unit="", value=len(judged) if seen.verdict else None
+            ),
+        },
+    )
+
+
+def run_times(verdict: Verdict | None) -> list[RunTime]:
+    """Every run whose time was predicted: the judged first, then by name."""
+    if verdict is None:
+        return []
+    found = []
+    for case in verdict.cases:
+        if "predicted" not in case.facts:
+            continue
+        scores = {s.regime: s for s in verdict.of(TIME, group=case.group, role=case.role)}
+        whole = scores.pop(WHOLE, None)
+        status: Status = "not judged" if whole is None else whole.status
+        found.append(RunTime(case=case, status=status, by_type=scores))
+    return sorted(found, key=lambda run: (not run.judged, run.case.case))
+
+
+def meaning(name: str) -> str:
+    """Meaning of a parameter, with the axes and the machine behind its name.
+
+    ``–`` where the name says all that is known.
+
+    >>> meaning("rapid_speed XY@mill02"), meaning("settle_time"), meaning("other Z")
+    ('X, Y: greatest speed in rapids, on mill02', \
+'wait until the axes are in position at an exact stop', '–')
+    """
+    plain, _, unit = name.partition("@")
+    key, _, axes = plain.partition(" ")
+    words = MEANINGS.get(key)
+    if words is None:
+        return "–"
+    head = f"{', '.join(axes)}: " if axes else ""
+    return f"{head}{words}{f', on {unit}' if unit else ''}"
+
+
+def _limit(verdict: Verdict | None) -> float | None:
+    """Greatest error of a run's time that passes [%]."""
+    scores = [] if verdict is None else [s for s in verdict.of(TIME) if s.limits]
+    return scores[0].limits.get("relative_percent") if scores else None
+
+
+def _worst(judged: Sequence[RunTime]) -> float | None:
+    """The error of the judged run that is farthest off [%]; None without any."""
+    errors = [run.error for run in judged if run.error is not None]
+    return max(errors, key=abs) if errors else None
+
+
+def _undetermined(model: ControlModelFile | None) -> list[str]:
+    parameters = {} if model is None else model.parameters.get("", {})
+    return [name for name, p in parameters.items() if not p.determined]
+
+
+def _made(seen: Seen, *files: str) -> list[Source]:
+    return sources(seen.shelf, *(seen.folder / file for file in files))
+
+
+def _verdict(seen: Seen, runs: Sequence[RunTime], limit: float | None) -> PartVerdict | None:
+    """Whether program times may be planned with; None when no time was predicted at all."""
+    if seen.verdict is None:
+        return None
+    judged = [run for run in runs if run.judged]
+    worst = _worst(judged)
+    if worst is None or limit is None:
+        return PartVerdict(
+            status="unknown",
+            sentence="Program times are predicted, and no run could be judged.",
+            todo="Record another run of each program, to judge the predicted times by.",
+        )
+    failed = [run for run in judged if run.status == "failed"]
+    good = len(judged) - len(failed)
+    sentence = (
+        f"Predicted program times lie within ±{fixed(limit, 0)} % on {good} of "
+        f"{counted(len(judged), 'judged run')}, at worst {signed(worst)} %."
+    )
+    if failed:
+        programs = ", ".join(dict.fromkeys(run.word("program") for run in failed))
+        return PartVerdict(
+            status="failed",
+            sentence=sentence,
+            todo=f"Do not plan with the predicted time of {programs}; the types of block below say "
+            "what the prediction gets wrong.",
+        )
+    if seen.verdict.status == "failed":
+        return PartVerdict(
+            status="failed",
+            sentence=f"{sentence} The judgement itself does not hold: {seen.verdict.reasons[0]}.",
+            todo="Mend that, run dvc repro, and plan with these times only then.",
+        )
+    return PartVerdict(
+        status="passed", sentence=sentence, todo="Nothing to repair: plan with these times."
+    )
+
+
+def _control_section(seen: Seen) -> Section | None:
+    """What the control does with a program: parameters, runs that they were identified from."""
+    model = seen.model
+    if model is None:
+        return None
+    lost = _undetermined(model)
+    text = [
+        "A control cuts a program’s feed wherever the axes cannot follow: at corners, in arcs, in "
+        "blocks too short to get up to speed. These are the limits that it keeps by these records, "
+        "and the times that it takes for what does not move.",
+        _found_from(model),
+    ]
+    if lost:
+        text.append(
+            f"These runs do not determine {', '.join(lost)}: the table says what to record for a "
+            "number."
+        )
+    if seen.verdict is None:
+        text.append("No run has been held against it yet: there is no verdict.json.")
+    made = _made(seen, "model.json")
+    caption = "Parameters of the control"
+    return Section(
+        key="control",
+        title="The control: what it does with a program",
+        text=text,
+        blocks=present(
+            parameters_table(caption, model.parameters.get("", {}), made, meaning),
+            training_table(model, made),
+        ),
+    )
+
+
+def _found_from(model: ControlModelFile) -> str:
+    fit = model.fit
+    words = (
+        f"Identified from {counted(len(model.trained_on), 'run')} of "
+        f"{counted(len(set(model.programs.values())), 'program')}, cut into "
+        f"{counted(fit.segments, 'stretch', 'stretches')} between polled lines"
+    )
+    if fit.rmse_s is not None:
+        words += f"; the time of a stretch is wrong by {quantity(fit.rmse_s, 's')} (RMS)"
+    if fit.condition is not None:
+        words += f", condition of the fit {number(fit.condition, 2)}"
+    pair = strongest_correlation(fit.correlation)
+    if pair is not None:
+        words += f". Told apart worst are {pair[0]} and {pair[1]} (correlation {fixed(pair[2], 2)})"
+    return words + "."
+
+
+def _times_section(seen: Seen, runs: Sequence[RunTime]) -> Section | None:
+    """Each run's time, measured against predicted, with the plain guess as the baseline."""
+    if seen.verdict is None:
+        return None
+    made, limit = _made(seen, "verdict.json"), _limit(seen.verdict)
+    return Section(
+        key="times",
+        title="Programs: predicted against measured time",
+        text=[_score_words(runs, limit), RULES],
+        blocks=present(
+            _errors(runs, limit, made),
+            _runs_table(runs, made),
+            _types_table(runs, made),
+            _run_types_table(runs, made),
+            outside_table(seen.verdict, made),
+            left_out_table(seen.verdict, made),
+        ),
+    )
+
+
+def _score_words(runs: Sequence[RunTime], limit: float | None) -> str:
+    judged = [run for run in runs if run.judged]
+    if not runs:
+        return "No run has been predicted."
+    if not judged:
+        return (
+            "No run could be judged: each was fitted on, was not run to its end, or has no "
+            "known error. Record more runs of the same programs; one of each is enough."
+        )
+    passed = sum(run.status == "passed" for run in judged)
+    worst = max(judged, key=lambda run: abs(run.error or 0.0))
+    return (
+        f"{passed} of {counted(len(judged), 'judged run')} lie within ±{fixed(limit, 0)} %; the "
+        f"worst is {worst.case.case} with {signed(worst.error)} %."
+    )
+
+
+def _errors(runs: Sequence[RunTime], limit: float | None, made: Sequence[Source]) -> Figures | None:
+    shown = [run for run in runs if run.error is not None][:MOST_RUNS]
+    if not shown:
+        return None
+    judged = sum(run.judged for run in runs)
+    label = (
+        f"Error of the predicted time of {counted(len(shown), 'run')}, {judged} of them judged, "
+        f"against the limit of ±{fixed(limit, 0)} % and against the plain guess"
+    )
+    legend = [("p-passed", "predicted, within the limit", "dot"),
+              ("p-failed", "predicted, beyond it", "dot"),
+              ("p-learnt", "fitted on or not judged", "dot"),
+              ("p-naive", "plain guess, path length over feed", "dot"),
+              ("s-limits", f"±{fixed(limit, 0)} %", "box")]  # fmt: skip
+    figure = Figure(
+        svg=error_figure(shown, limit, label), sources=list(made),
+        caption="Error of the predicted time, run by run, in percent.",
+    )  # fmt: skip
+    return Figures(
+        kind="one", legend=legend if limit is not None else legend[:-1], figures=[figure]
+    )
+
+
+def error_figure(runs: Sequence[RunTime], limit: float | None, label: str) -> Markup:
+    """A point for each predicted time and each plain guess, joined; the limit as a band."""
+    low, high = _span(runs, limit)
+    bottom = TOP + ROW * len(runs)
+
+    def place(value: float) -> float:
+        return 100 * (value - low) / (high - low)
+
+    parts: list[Markup] = []
+    if limit is not None:
+        ends = [place(max(low, -limit)), place(min(high, limit))]
+        parts.append(svg.bar(ends[0], ends[1] - ends[0], TOP, bottom - TOP, "s-limits"))
+    for mark in svg.ticks(low, high, most=6):
+        x = place(mark)
+        parts.append(svg.down(x, TOP, bottom, "grid zero" if mark == 0 else "grid"))
+        parts.append(svg.text(x, bottom + 16, signed(mark, 0), svg.anchor(x)))
+    for row, run in enumerate(runs):
+        parts += _row(run, TOP + ROW * (row + 0.5), (low, high))
+    return svg.figure(parts, height=bottom + 24, label=label, kind="runs")
+
+
+def _span(runs: Sequence[RunTime], limit: float | None) -> tuple[float, float]:
+    every = [v for run in runs for v in (run.error, run.value(f"error of {NAIVE}"))]
+    known = [max(-WIDEST, min(WIDEST, v)) for v in every if v is not None]
+    reach = 1.5 * limit if limit else 1.0
+    return min([-reach, *(v - 2 for v in known)]), max([reach, *(v + 2 for v in known)])
+
+
+def _row(run: RunTime, y: float, span: tuple[float, float]) -> list[Markup]:
+    low, high = span
+    error, naive = run.error, run.value(f"error of {NAIVE}")
+    words = run.case.case.rpartition("/")[2].replace(".txt", "")
+    words = words if len(words) <= LONGEST else f"…{words[1 - LONGEST :]}"
+    parts = [svg.text(0, y + 4, words, "name end", dx=-8)]
+    at = [
+        100 * (min(max(v, low), high) - low) / (high - low) for v in (naive, error) if v is not None
+    ]
+    if len(at) == 2:
+        ends = {"x1": f"{at[0]:.2f}%", "x2": f"{at[1]:.2f}%"}
+        parts.append(svg.tag("line", y1=y, y2=y, class_="join", **ends))
+    if naive is not None:
+        parts.append(_point(naive, y, "p-naive", span))
+    if error is not None:
+        parts.append(_point(error, y, KIND[run.status], span))
+        parts.append(svg.text(100, y + 4, f"{signed(error)} %", "tick", dx=8))
+    return parts
+
+
+def _point(value: float, y: float, kind: str, span: tuple[float, float]) -> Markup:
+    low, high = span
+    if value < low or value > high:
+        edge, arrow = (0, "◂") if value < low else (100, "▸")
+        return svg.text(edge, y + 4, arrow, "tick" if edge == 0 else "tick end")
+    x = f"{100 * (value - low) / (high - low):.2f}%"
+    return svg.tag(
+        "circle", cx=x, cy=y, r=3.5 if kind == "p-naive" else 5.0, class_=f"point {kind}"
+    )
+
+
+def _runs_table(runs: Sequence[RunTime], made: Sequence[Source]) -> Table | None:
+    """Each run: measured, stopped, predicted, guessed, and the verdict on it."""
+    if not runs:
+        return None
+    heads = [
+        *names("Run", "program"),
+        *numbers(("lasted", ""), ("stopped", ""), group="Measured"),
+        *numbers(("time", ""), ("error", "%"), group="Predicted"),
+        *numbers(("time", ""), ("error", "%"), group="Plain guess"),
+        *numbers(("error", "%"), group="Recorded override"),
+        *numbers(("feed read", "")),
+        Head(name="verdict"),
+    ]
+    return Table(
+        caption=f"Predicted against measured time, run by run{left_out(len(runs), MOST_ROWS)}",
+        note="Feed read: share of the cutting lines whose feed was read from the log’s speeds, as "
+        "the override that the log says may not be the one in force. Recorded override: the error "
+        "with what the log says alone.",
+        heads=heads,
+        rows=[_run_row(run) for run in runs[:MOST_ROWS]],
+        sources=list(made),
+        folded=len(runs) > 30,
+    )
+
+
+def _run_row(run: RunTime) -> list[Cell]:
+    status = run.status if run.judged else "unknown"
+    return cells(
+        Cell(text=run.case.case, code=True),
+        Cell(text=run.word("program"), code=True),
+        duration(run.value("measured")),
+        duration(run.value("stops")),
+        duration(run.value("predicted")),
+        signed(run.error),
+        duration(run.value(NAIVE)),
+        signed(run.value(f"error of {NAIVE}")),
+        signed(run.value(f"error of {OVERRIDE_ONLY}")),
+        percent(run.value("feed read from speeds"), 1.0),
+        Cell(text=run.status if run.judged else _why_not(run), status=status),
+    )
+
+
+def _why_not(run: RunTime) -> str:
+    if run.case.role == "training":
+        return "fitted on"
+    return "not judged" if run.word("completed") == "yes" else "not completed"
+
+
+def _types(runs: Sequence[RunTime]) -> list[str]:
+    """Types of block that a run spends or is predicted to spend time in, in their order."""
+    return list(dict.fromkeys(name for run in runs for name in run.by_type))
+
+
+def _types_table(runs: Sequence[RunTime], made: Sequence[Source]) -> Table | None:
+    """Measured and predicted time of each type of block, over all judged runs."""
+    judged = [run for run in runs if run.judged]
+    over = "the judged runs" if judged else "all runs, none of which is judged"
+    sums = {
+        name: _sums([run.by_type[name] for run in judged or runs if name in run.by_type])
+        for name in _types(judged or runs)
+    }
+    if not sums:
+        return None
+    whole = sum(abs(predicted - measured) for measured, predicted in sums.values())
+    return Table(
+        caption=f"By type of block, over {over}",
+        heads=[
+            Head(name="Type of block"),
+            *numbers(("measured", ""), ("predicted", ""), ("difference", "s"), ("error", "%")),
+            *numbers(("share of all differences", "")),
+        ],
+        rows=[
+            cells(
+                name, duration(measured), duration(predicted), signed(predicted - measured),
+                signed(100 * (predicted / measured - 1)) if measured > 0 else "–",
+                percent(abs(predicted - measured), whole),
+            )
+            for name, (measured, predicted) in sums.items()
+        ],
+        sources=list(made),
+    )  # fmt: skip
+
+
+def measured_time(score: Score) -> float:
+    """Measured time of a score of one run [s], from its bias and its error of the mean."""
+    if score.bias is None or not score.mean_percent:
+        return 0.0
+    return 100 * score.bias / score.mean_percent
+
+
+def _sums(scores: Sequence[Score]) -> tuple[float, float]:
+    """Measured and predicted time of scores together [s]."""
+    measured = sum(measured_time(s) for s in scores)
+    return measured, measured + sum(s.bias or 0.0 for s in scores)
+
+
+def _run_types_table(runs: Sequence[RunTime], made: Sequence[Source]) -> Table | None:
+    """Measured time and error of each type of block in each run."""
+    shown = [run for run in runs if run.by_type][:MOST_ROWS]
+    types = _types(shown)
+    if not types:
+        return None
+    heads = [Head(name="Run")]
+    for name in types:
+        heads += numbers(("measured", "s"), ("error", "%"), group=name)
+    rows = []
+    for run in shown:
+        pairs = [
+            (fixed(measured_time(s), 1), signed(s.mean_percent)) if s is not None else ("–", "–")
+            for s in (run.by_type.get(name) for name in types)
+        ]
+        rows.append(cells(run.case.case, *(word for pair in pairs for word in pair)))
+    return Table(
+        caption="By type of block, run by run",
+        heads=heads,
+        rows=rows,
+        sources=list(made),
+        folded=True,
+    )

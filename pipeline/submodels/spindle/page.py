@@ -1,0 +1,542 @@
+"""Page of the spindle temperature: the network's parameters, judged days, the verdict in words."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.charts.default_section import (
+    left_out_table,
+    outside_table,
+    parameters_table,
+    strongest_correlation,
+    training_table,
+)
+from pipeline.charts.numbers import (
+    counted,
+    day_list,
+    day_words,
+    duration,
+    fixed,
+    hours,
+    number,
+    quantity,
+    real,
+)
+from pipeline.charts.sections import (
+    Compared,
+    Figure,
+    Figures,
+    PartVerdict,
+    Section,
+    SubModelPage,
+    absent,
+    present,
+)
+from pipeline.charts.sources import Source
+from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers, sources
+from pipeline.schema.model import Parameter
+from pipeline.schema.verdict import Figures as Errors
+from pipeline.schema.verdict import Score, Verdict
+from pipeline.submodels.contract import Shown
+from pipeline.submodels.spindle.figures import (
+    BIN,
+    DAY,
+    Curves,
+    Spinning,
+    binned,
+    frame,
+    golden_figure,
+)
+from pipeline.twin.spindle import TARGET
+from pipeline.twin.spindle_model import SpindleModelFile
+
+WINDOWS, FREE_RUN = "windows", "free run"
+MOST_GOLDEN = 14  # days drawn; more days stand in the table only
+RATES = ("cooling_rate", "coupling_rate", "body_cooling_rate")
+MEANINGS = {
+    "bearing_friction": "heat of the bearings, grows with speed to the power 5/3",
+    "load_speed": "heat that grows with load times speed",
+    "copper": "copper loss, grows with load squared",
+    "windage": "air and iron losses, grow with speed squared",
+    "position_hold": "heat while the position loop holds the spindle",
+    "cooling_rate": "heat exchange with the surround over heat capacity",
+    "coupling_rate": "heat exchange of the measured node with the body",
+    "body_cooling_rate": "heat exchange of the body with the surround",
+    "capacity_ratio": "heat capacity of the measured node over the body’s",
+    "ambient": "temperature of the surround",
+    "ambient_offset": "surround of the spindle above the measured ambient",
+}
+"""Meaning of the thermal network's parameters, for people."""
+JUDGES = (("physics", "Physics alone"), ("persistence", "Persistence"), ("day_mean", "Day’s mean"))
+
+Seen = Shown[SpindleModelFile]
+
+
+def page(seen: Seen) -> SubModelPage:
+    """Everything that a machine's page says of its spindle's temperature."""
+    verdict = seen.verdict
+    total, free = _total(verdict, WINDOWS), _total(verdict, FREE_RUN)
+    limit = _limits(verdict).get("mae")
+    heat = [
+        ("Error over one hour", _kelvin(total), f"limit {_limit_words(limit)}"),
+        ("Error running free", _kelvin(free), "judged days, each from its first value"),
+    ]
+    return SubModelPage(
+        verdict=_verdict(seen),
+        key_figures=heat,
+        doubts=_doubts(verdict),
+        notes=_notes(seen),
+        sections=[_model_section(seen), _judged_section(seen)],
+        truth=present_tables(_truth_table(seen)),
+        compared={
+            "window_mae_K": _compared("Error over one hour (MAE)", total),
+            "free_mae_K": _compared("Error running free (MAE)", free),
+        },
+    )
+
+
+def _compared(name: str, score: Score | None) -> Compared:
+    return Compared(name=name, unit="K", value=None if score is None else score.mae)
+
+
+def present_tables(*tables: Table | None) -> list[Table]:
+    """Those tables that there are."""
+    return [table for table in tables if table is not None]
+
+
+def _kelvin(score: Score | None) -> str:
+    return "not known" if score is None or score.mae is None else f"{fixed(score.mae, 2)} K"
+
+
+def _limit_words(limit: float | None) -> str:
+    return "not known" if limit is None else f"{fixed(limit, 2)} K"
+
+
+def _total(verdict: Verdict | None, regime: str) -> Score | None:
+    if verdict is None:
+        return None
+    found = [s for s in verdict.of(TARGET, group="all", role=verdict.judged_role)
+             if s.regime == regime]  # fmt: skip
+    return found[0] if found else None
+
+
+def _of_days(verdict: Verdict | None, regime: str) -> list[Score]:
+    """Scores of the days that decided, in the order of the days."""
+    if verdict is None:
+        return []
+    found = verdict.of(TARGET, role=verdict.judged_role)
+    return sorted((s for s in found if s.regime == regime and s.group != "all"),
+                  key=lambda s: s.group)  # fmt: skip
+
+
+def _limits(verdict: Verdict | None) -> dict[str, float]:
+    return dict(next((s.limits for s in _of_days(verdict, WINDOWS) if s.limits), {}))
+
+
+def _beaten(score: Score) -> bool:
+    """Whether the guess that the temperature stays was as good."""
+    other = score.baselines.get("persistence", Errors()).rmse
+    return score.rmse is not None and other is not None and not score.rmse < other
+
+
+def _week(verdict: Verdict) -> str:
+    golden = verdict.golden
+    if golden is None or not golden.first:
+        days = [s.group for s in _of_days(verdict, WINDOWS)]
+        return f"{day_words(min(days))} to {day_words(max(days), year=True)}" if days else "none"
+    return f"{day_words(golden.first)} to {day_words(golden.last, year=True)}"
+
+
+def _set_words(verdict: Verdict) -> str:
+    return "its golden week" if verdict.judged_role == "golden" else "the days held out of its fit"
+
+
+def _verdict(seen: Seen) -> PartVerdict | None:
+    """Status, sentence and action that the judgement asks for."""
+    v = seen.verdict
+    if v is None or v.status == "not judged":
+        if seen.model is None:
+            return None
+        why = "; ".join(v.reasons) if v is not None else "there is no verdict.json"
+        return PartVerdict(
+            status="unknown",
+            sentence=f"The spindle’s thermal model has not been judged: {why.rstrip('.')}.",
+            todo=f"Freeze a week that no model is fitted on: `kerf golden {seen.machine}`.",
+        )
+    if v.status == "failed":
+        return PartVerdict(
+            status="failed",
+            sentence=f"The spindle’s thermal model failed {_set_words(v)} ({_week(v)}): "
+            f"{_failure(v)}.",
+            todo="Do not act on this model’s temperatures; leave the model that serves now in "
+            "service.",
+        )
+    total, free = _total(v, WINDOWS), _total(v, FREE_RUN)
+    return PartVerdict(
+        status="passed",
+        sentence=f"The spindle’s thermal model passed {_set_words(v)} ({_week(v)}): over one hour "
+        f"its temperature is wrong by {_kelvin(total)} on average "
+        f"(limit {fixed(_limits(v).get('mae'), 1)} K), and by {_kelvin(free)} when it runs free.",
+        todo="Nothing to repair: the model may serve.",
+    )
+
+
+def _failure(v: Verdict) -> str:
+    """The days on which it failed and by how much; else the judge's own reasons."""
+    days = _of_days(v, WINDOWS)
+    failed = [s for s in days if s.status == "failed" and s.mae is not None]
+    general = [r for r in v.reasons if not any(r in s.reasons for s in days)]
+    if general or not failed:
+        return "; ".join(general or v.reasons) or "the judge gave no reason"
+    worst = max(failed, key=lambda s: s.mae or 0.0)
+    return (
+        f"it failed on {len(failed)} of {counted(len(days), 'day')}, worst on "
+        f"{day_words(worst.group)} with a mean error over one hour of {fixed(worst.mae, 2)} K "
+        f"(limit {fixed(_limits(v).get('mae'), 1)} K; {_kelvin(_total(v, WINDOWS))} over all days)"
+    )
+
+
+def _doubts(verdict: Verdict | None) -> list[str]:
+    """Days on which a model that passed is no better than a plain guess."""
+    said = []
+    for regime, words in ((WINDOWS, "in one-hour windows"), (FREE_RUN, "running free")):
+        beaten = [s.group for s in _of_days(verdict, regime) if _beaten(s)]
+        if beaten:
+            said.append(
+                f"On {day_list(beaten)} the model {words} was no better than the guess that the "
+                "temperature stays as it is."
+            )
+    return said
+
+
+def _notes(seen: Seen) -> list[str]:
+    said = []
+    if seen.verdict is not None:
+        golden = [c.case for c in seen.verdict.cases if c.role == "golden" and c.note]
+        if golden:
+            said.append(f"Golden days that are no working days: {day_list(golden)}.")
+    lost = [name for name, p in _parameters(seen).items() if not p.determined]
+    if lost:
+        said.append(f"The records do not determine {', '.join(lost)}.")
+    return said
+
+
+def _parameters(seen: Seen) -> dict[str, Parameter]:
+    return {} if seen.model is None else dict(seen.model.parameters.get("", {}))
+
+
+def _made(seen: Seen, *files: str) -> list[Source]:
+    return sources(seen.shelf, *(seen.folder / file for file in files))
+
+
+def _model_section(seen: Seen) -> Section:
+    """Parameters with intervals, or why there are none."""
+    title = "The spindle’s heat: the model"
+    if seen.model is None:
+        remedy = (
+            "It is identified from spindle temperature, speed and load over at least one working "
+            "week, best with the ambient temperature."
+        )
+        text = [absent(seen.folder / "model.json", remedy)]
+        return Section(key="thermal", title=title, text=text)
+    made = _made(seen, "model.json")
+    caption = "Parameters of the spindle’s thermal network"
+    return Section(
+        key="thermal",
+        title=title,
+        text=[_found_from(seen), _model_words(seen.model), _forest_words(seen.model)],
+        blocks=present(
+            parameters_table(caption, _parameters(seen), made, lambda n: MEANINGS.get(n, "–")),
+            _fit_table(seen.model, made),
+            training_table(seen.model, made),
+        ),
+    )
+
+
+def _found_from(seen: Seen) -> str:
+    days = [] if seen.model is None else list(seen.model.training_days)
+    if not days:
+        return "The days that the parameters were identified from are not named."
+    golden = {s.group for s in _of_days(seen.verdict, WINDOWS)}
+    both = sorted(set(days) & golden)
+    apart = (
+        f"These days overlap those that it is judged on: {day_list(both)}."
+        if both
+        else "It is judged on none of them."
+    )
+    span = f"{day_words(min(days))} to {day_words(max(days), year=True)}"
+    return f"Identified from {counted(len(days), 'training day')}, {span}. {apart}"
+
+
+def _model_words(model: SpindleModelFile) -> str:
+    nodes = model.fit.nodes
+    text = (
+        f"A thermal network of {counted(nodes, 'node')}: the measured node warms by the sum of its "
+        "heat sources, each a coefficient over heat capacity times a function of speed or load, "
+    )
+    text += (
+        "and cools in proportion to its temperature above the surround."
+        if nodes == 1
+        else "and exchanges heat with a body, which loses its own to the surround."
+    )
+    parameters = model.parameters.get("", {})
+    rates = [
+        f"1/{name} {duration(1 / p.value)}"
+        for name in RATES
+        if (p := parameters.get(name)) is not None and p.determined and p.value
+    ]
+    if rates:
+        text += f" Time constants: {', '.join(rates)}."
+    lost = [name for name, p in parameters.items() if not p.determined]
+    if lost:
+        text += (
+            f" {len(lost)} of {counted(len(parameters), 'parameter')} cannot be had from these "
+            f"records ({', '.join(lost)}) and carry no number."
+        )
+    return text
+
+
+def _forest_words(model: SpindleModelFile) -> str:
+    forest = model.forest
+    if not forest.used:
+        return (
+            f"A random forest on what physics leaves over was tried and is not used: {forest.why}."
+        )
+    text = f"A random forest corrects what physics leaves over: {forest.why}."
+    if forest.rmse_days_left_out_K is not None and forest.rmse_without_K is not None:
+        text += (
+            f" On days left out its RMSE is {fixed(forest.rmse_days_left_out_K, 2)} K, without it "
+            f"{fixed(forest.rmse_without_K, 2)} K."
+        )
+    return text
+
+
+def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
+    """Figures of the fit itself."""
+    fit = model.fit
+    lines = [
+        ("condition of the scaled Jacobian", quantity(fit.condition, "")),
+        ("RMSE over the training days", quantity(fit.rmse_K, "K")),
+        *(
+            (f"RMSE on days left out, {counted(int(n), 'node')}", quantity(v, "K"))
+            for n, v in fit.rmse_days_left_out_K.items()
+        ),
+        ("step of the simulation", quantity(fit.step_s, "s")),
+        ("training days, in all", duration(fit.seconds)),
+        ("of them with inputs held over a gap", duration(fit.bridged_s)),
+        ("simulations of the training days", number(fit.evaluations)),
+    ]
+    pair = strongest_correlation(fit.correlation)
+    if pair is not None:
+        words = f"{fixed(pair[2], 2)} between {pair[0]} and {pair[1]}"
+        lines.append(("strongest correlation", words))
+    return Table(
+        caption="Figures of the fit",
+        heads=names("Figure", "value"),
+        rows=[cells(what, value) for what, value in lines],
+        sources=list(made),
+        folded=True,
+    )
+
+
+def _judged_section(seen: Seen) -> Section:
+    """Figures by judged day, tables of errors, the rules of the judgement."""
+    title = "The golden week: measured against model"
+    v = seen.verdict
+    if v is None:
+        remedy = "It needs a model and a week of records that it was not fitted on, frozen by hash."
+        text = [absent(seen.folder / "verdict.json", remedy)]
+        return Section(key="golden", title=title, text=text)
+    if v.judged_role != "golden":
+        title = "Days held out of the fit: measured against model"
+    text = [_rules(v)]
+    if v.reasons:
+        text.append("Reasons as the judge gave them: " + "; ".join(v.reasons) + ".")
+    if seen.predictions is None:
+        path = seen.folder / "predictions.parquet"
+        text.append(absent(path, "Without it no day can be drawn; the errors stand below."))
+    made = _made(seen, "verdict.json")
+    blocks = present(
+        _figures(seen),
+        _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
+        _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
+        outside_table(v, made),
+        left_out_table(v, made),
+    )
+    return Section(key="golden", title=title, text=text, blocks=blocks)
+
+
+def _rules(v: Verdict) -> str:
+    limits = _limits(v)
+    return (
+        "At the start of each window the model is given the measured temperature, then only speed, "
+        "load and states. Running free it is given once a day. It passes with MAE "
+        f"below {fixed(limits.get('mae'), 1)} K and RMSE below {fixed(limits.get('rmse'), 1)} K. "
+        "Persistence is the guess that the temperature stays as it was given, the day’s mean is "
+        "the best constant in hindsight."
+    )
+
+
+def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -> Table | None:
+    """Errors by judged day of model, physics alone, persistence and the day's mean."""
+    scores = _of_days(v, regime)
+    if not scores:
+        return None
+    judges = [(k, w) for k, w in JUDGES if any(k in s.baselines for s in scores)]
+    own = [(s.mae, s.rmse) for s in scores]
+    alone = [(b.mae, b.rmse) if (b := s.baselines.get("physics")) else None for s in scores]
+    if own == alone:  # no forest: twice the same numbers
+        judges = [j for j in judges if j[0] != "physics"]
+    heads = [Head(name="Day"), Head(name="judged", unit="h", numeric=True)]
+    for word in ("Model", *(w for _, w in judges)):
+        heads += numbers(("MAE", "K"), ("RMSE", "K"), ("max", "K"), group=word)
+    total = _total(v, regime)
+    judged = any(s.limits for s in scores)
+    every = [(day_words(s.group), s, s.status) for s in scores]
+    if total is not None:
+        every.append(("All days", total, v.status))
+    return Table(
+        caption=f"Errors {words}, by day",
+        heads=[*heads, *names("beats persistence", *(["verdict"] if judged else []))],
+        rows=[_errors_row(word, s, judges, status, judged) for word, s, status in every],
+        sources=list(made),
+    )
+
+
+def _errors_row(
+    word: str, score: Score, judges: Sequence[tuple[str, str]], status: str, judged: bool
+) -> list[Cell]:
+    found: list[Errors] = [score, *(score.baselines.get(k, Errors()) for k, _ in judges)]
+    errors = [fixed(value, 2) for one in found for value in (one.mae, one.rmse, one.max)]
+    shown = {"passed": "passed", "failed": "failed"}.get(status, "unknown")
+    words = "not known" if shown == "unknown" else shown
+    verdict = [Cell(text=words, status=shown)] if judged else []
+    return cells(word, hours(10.0 * score.n), *errors, "no" if _beaten(score) else "yes", *verdict)
+
+
+def _figures(seen: Seen) -> Figures | None:
+    curves = _curves(seen)[:MOST_GOLDEN]
+    if not curves:
+        return None
+    limit = _limits(seen.verdict).get("mae")
+    days = {c.day: spinning for c in curves if (spinning := _spinning(seen, c.day)) is not None}
+    axes = frame(curves, list(days.values()), limit)
+    drawn = []
+    for day in curves:
+        words, status, status_words = _day_words(seen, day)
+        drawn.append(Figure(
+            svg=golden_figure(day, days.get(day.day), axes, f"{words} {status_words}."),
+            caption=words, status=status, status_words=status_words,
+            sources=sources(seen.shelf, seen.folder / "predictions.parquet",
+                            *([_state(seen, day.day)] if seen.clean else [])),
+        ))  # fmt: skip
+    return Figures(figures=drawn, legend=[
+        ("l-measured", "measured", "line"),
+        ("l-window", "model, given the temperature once an hour", "line"),
+        ("l-free", "model running free", "dash"),
+        ("l-limit", f"limit of the mean error, ±{fixed(limit, 1)} K", "dots"),
+        ("s-held", "held in position", "box"),
+        ("s-none", "not known", "hatch"),
+    ])  # fmt: skip
+
+
+def _curves(seen: Seen) -> list[Curves]:
+    """Measured and predicted temperatures of the days that decided."""
+    if seen.predictions is None or seen.verdict is None or not len(seen.predictions):
+        return []
+    rows = seen.predictions[seen.predictions["role"] == seen.verdict.judged_role]
+    found = []
+    for day, of_day in rows.groupby("group"):
+        free = of_day[of_day["regime"] == FREE_RUN]
+        windows = of_day[of_day["regime"] == WINDOWS]
+        values = {
+            "measured": free["measured"].to_numpy(float),
+            "model_window": windows["predicted"].to_numpy(float),
+            "model_free": free["predicted"].to_numpy(float),
+        }
+        if len(free) and len(free) == len(windows):
+            seconds = free["t"].to_numpy(float)
+            found.append(Curves(day=str(day), seconds=seconds, values=values))
+    return found
+
+
+def _state(seen: Seen, day: str) -> Path:
+    return (seen.clean or Path()) / "state" / f"{day}.parquet"
+
+
+def _spinning(seen: Seen, day: str) -> Spinning | None:
+    """Speed and position hold of a day, from its clean state table."""
+    if seen.clean is None:
+        return None
+    columns = ("time", "spindle_speed", "spindle_position_control")
+    made = "data/signals observations, by cleaning"
+    table = seen.shelf.table(_state(seen, day), columns, made, all_of=False)
+    if table is None or "time" not in table.column_names:
+        return None
+    times = table.column("time").cast(pa.timestamp("ns", tz="UTC")).cast(pa.int64()).to_numpy()
+    place = (times // 1_000_000_000 % DAY) // BIN
+
+    def values(name: str) -> np.ndarray:
+        if name not in table.column_names:
+            return np.full(table.num_rows, np.nan)
+        found: np.ndarray = pc.fill_null(table.column(name).cast(pa.float64()), np.nan).to_numpy()
+        return found
+
+    return Spinning(
+        speed=binned(np.abs(values(columns[1])), place), held=binned(values(columns[2]), place)
+    )
+
+
+def _day_words(seen: Seen, day: Curves) -> tuple[str, str, str]:
+    """Caption of one judged day, its status and that in words."""
+    measured = day.values["measured"]
+    known = measured[np.isfinite(measured)]
+    span = f" Measured {known.min():.1f} to {known.max():.1f} °C." if len(known) else ""
+    one = next((s for s in _of_days(seen.verdict, WINDOWS) if s.group == day.day), None)
+    free = next((s for s in _of_days(seen.verdict, FREE_RUN) if s.group == day.day), None)
+    name = day_words(day.day, year=True)
+    if one is None:
+        return f"{name}.{span}", "unknown", "not judged"
+    text = (
+        f"{name}.{span} MAE {fixed(one.mae, 2)} K over one hour (persistence "
+        f"{fixed(one.baselines.get('persistence', Errors()).mae, 2)} K), "
+        f"{_kelvin(free)} running free."
+    )
+    status = {"passed": "passed", "failed": "failed"}.get(one.status, "unknown")
+    return text, status, {"unknown": "not known"}.get(status, status)
+
+
+def _truth_table(seen: Seen) -> Table | None:
+    """Parameters of the network that the simulated machine has by the same name."""
+    true = (seen.truth or {}).get("parameters", {})
+    rows = []
+    for name, p in _parameters(seen).items():
+        value = _true_value(true, name)
+        if value is not None:
+            inside = "not known"
+            if p.determined and p.interval_95 is not None:
+                low, high = p.interval_95
+                within = "inside" if low <= value <= high else "outside"
+                inside = f"truth {within} the 95 % interval"
+            rows.append(
+                cells(Cell(text=name, code=True), quantity(value, p.unit),
+                      quantity(p.value, p.unit), inside)
+            )  # fmt: skip
+    if not rows:
+        return None
+    return Table(
+        caption="Simulated and identified parameters of the spindle’s network",
+        heads=[Head(name="Parameter"), *numbers(("true", ""), ("identified", "")),
+               Head(name="difference")],
+        rows=rows,
+        sources=sources(seen.shelf, *([seen.truth_file] if seen.truth_file else [])),
+    )  # fmt: skip
+
+
+def _true_value(parameters: Any, name: str) -> float | None:
+    entry = parameters.get(name) if isinstance(parameters, dict) else None
+    return real(entry.get("value") if isinstance(entry, dict) else entry)
