@@ -23,7 +23,7 @@ ROOMS = (
 
 
 def modules() -> list[str]:
-    found = [p for room in ROOMS for p in (ROOT / "pipeline").glob(f"{room}*/*.py")]
+    found = [p for room in ROOMS for p in (ROOT / "pipeline").glob(f"{room}*/**/*.py")]
     found += [ROOT / f"pipeline/{room}.py" for room in ROOMS]
     return sorted(
         ".".join(p.relative_to(ROOT).with_suffix("").parts)

@@ -14,8 +14,8 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import ControlParameters
-from pipeline.machine.nck import Plan
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.drive_file import read_drives

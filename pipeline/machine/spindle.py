@@ -1,4 +1,4 @@
-"""How long the spindle takes to another speed, and which row waits for it.
+"""Run-up time of the spindle, and the rows that wait for it.
 
 Up to its base speed n_b the motor gives constant torque, above it constant power, so that the
 speed rises with alpha and then with alpha n_b / n:
@@ -13,16 +13,18 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.motion import Halt
+from pipeline.machine.control.parameters import AuxiliaryParameters
+from pipeline.machine.control.path import Halt
+from pipeline.schema.arrays import Bools, Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 AT_REST = (Kind.TOOL_CHANGE, Kind.STOP, Kind.END, Kind.SPINDLE)
-"""What needs a stopped spindle at rest, with ``spindle_stop_wait = "before_change"``."""
+"""Rows that need a stopped spindle at rest, with ``spindle_stop_wait = "before_change"``."""
 CUTTING = (Kind.FEED, Kind.ARC, Kind.PROBE, Kind.THREAD)
+"""Rows that move at feed."""
 MOVING = (Kind.RAPID, *CUTTING)
+"""Rows that move."""
 
 
 def run_up_time(speed: Floats, acceleration: Floats, base_speed: float) -> Floats:
@@ -46,18 +48,18 @@ def run_up_time(speed: Floats, acceleration: Floats, base_speed: float) -> Float
 
 
 def spindle_waits(
-    moves: Moves, parameters: AuxiliaryParameters, turns: Floats
+    moves: Moves, parameters: AuxiliaryParameters, speeds: Floats
 ) -> tuple[Rows, Rows, Floats]:
-    """What waits for the spindle.
+    """Rows that wait for the spindle, and how long it takes.
 
     Parameters
     ----------
     moves : Moves
         M rows.
     parameters : AuxiliaryParameters
-        How fast the spindle is and where it is waited for.
-    turns : (P, M) array
-        Its speed, at least 0 [rev/min].
+        Acceleration of the spindle, and where it is waited for.
+    speeds : (P, M) array
+        Speed of the spindle, at least 0 [rev/min].
 
     Returns
     -------
@@ -66,11 +68,11 @@ def spindle_waits(
     waiting : (N,) array
         First row that waits for each: of those after it, or the row itself.
     time : (P, N) array
-        How long the spindle takes from the code on [s].
+        Time of the spindle from the code on [s].
     """
     rows, waiting = _waiting(moves, parameters)
-    now = turns[:, rows] * moves.direction[rows]
-    before = np.where(rows > 0, turns[:, rows - 1] * moves.direction[rows - 1], 0.0)
+    now = speeds[:, rows] * moves.direction[rows]
+    before = np.where(rows > 0, speeds[:, rows - 1] * moves.direction[rows - 1], 0.0)
     base = parameters.spindle_base_speed
     up = parameters.spindle_acceleration
     down = parameters.spindle_deceleration or up
@@ -109,18 +111,18 @@ def _waiting(moves: Moves, parameters: AuxiliaryParameters) -> tuple[Rows, Rows]
     if parameters.spindle_stop_wait == "before_change":
         rest = _first_after(_rows_of(moves, AT_REST), rows, len(moves))
         waiting = np.where(moves.direction[rows] == 0, rest, waiting)
-    known = waiting < len(moves)
-    return rows[known], waiting[known]
+    within = waiting < len(moves)
+    return rows[within], waiting[within]
 
 
 def _rows_of(moves: Moves, kinds: tuple[Kind, ...]) -> Rows:
     return np.flatnonzero(np.isin(moves.kind, kinds))
 
 
-def _speed_changes(moves: Moves, rows: Rows) -> npt.NDArray[np.bool_]:
-    """Which spindle rows only change the speed of a spindle that turns."""
+def _speed_changes(moves: Moves, rows: Rows) -> Bools:
+    """Which spindle rows only change the speed of a rotating spindle."""
     before = np.where(rows > 0, moves.direction[rows - 1], 0)
-    same: npt.NDArray[np.bool_] = (before == moves.direction[rows]) & (before != 0)
+    same: Bools = (before == moves.direction[rows]) & (before != 0)
     return same
 
 

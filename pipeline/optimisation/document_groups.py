@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.optimise import Result
 from pipeline.optimisation.problem.constraints import CONSTRAINTS
 from pipeline.twin.cut import Cut

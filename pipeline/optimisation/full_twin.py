@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
-from pipeline.machine.auxiliary import where
+from pipeline.machine.control.path import where
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.problem.decision import Decision
 from pipeline.optimisation.problem.problem import Problem

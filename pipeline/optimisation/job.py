@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.settings import CutLimit, Objective, OptimisationSettings
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_document import CutBasis

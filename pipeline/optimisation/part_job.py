@@ -13,7 +13,7 @@ from pipeline.cutting.stock import stock_of
 from pipeline.cutting.tool_table import ToolTable
 from pipeline.gcode.program import read_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.part import Part, Parts
 from pipeline.optimisation.settings import OptimisationSettings

@@ -7,7 +7,6 @@ from pipeline.cutting.cost import CostRates
 from pipeline.cutting.material import Material
 from pipeline.cutting.tool_table import ToolTable
 from pipeline.gcode.setup import Setup
-from pipeline.submodels.control.records import ControlRecords
 from pipeline.optimisation.document import optimised_document, optimised_text
 from pipeline.optimisation.optimise import optimise as optimised
 from pipeline.optimisation.part import Parts
@@ -15,6 +14,7 @@ from pipeline.optimisation.part_files import part_metrics, write_part
 from pipeline.optimisation.part_job import Catalogue, machine_models, part_job
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.signals.ingest import MachineIdentity
+from pipeline.submodels.control.records import ControlRecords
 
 
 def optimise(

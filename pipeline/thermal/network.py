@@ -16,11 +16,15 @@ is exact for sources that are constant over it.
 """
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Finite, NotNegative, Range, Ranged
+
+_Rate = Annotated[float, Range(least=0.0, unit="1/s")]
 
 SOURCES: dict[str, str] = {
     "bearing_friction": "K/s/(rad/s)^(5/3)",
@@ -33,7 +37,7 @@ SOURCES: dict[str, str] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpindleThermalParameters:
+class SpindleThermalParameters(Ranged):
     """The network of one spindle.
 
     Parameters
@@ -45,7 +49,7 @@ class SpindleThermalParameters:
     ambient : float
         Ambient temperature when none is measured [degC].
     ambient_offset : float
-        What the spindle's own surround (oil, headstock) is above a measured ambient [K].
+        Excess of the spindle's own surround (oil, headstock) over a measured ambient [K].
     coupling_rate : float
         Heat exchange of the measured node with the body, over its C [1/s]; 0 for one node.
     capacity_ratio : float
@@ -56,30 +60,23 @@ class SpindleThermalParameters:
     Raises
     ------
     ValueError
-        When a source is not known, a rate or coefficient is negative or not finite, or a second
-        node has no capacity ratio.
+        When a source is not one of :data:`SOURCES`, a rate or coefficient is negative or not
+        finite, or a second node has no capacity ratio.
     """
 
     heating: dict[str, float] = field(default_factory=dict)
-    cooling_rate: float
-    ambient: float = 20.0
-    ambient_offset: float = 0.0
-    coupling_rate: float = 0.0
-    capacity_ratio: float = 0.0
-    body_cooling_rate: float = 0.0
+    cooling_rate: _Rate
+    ambient: Finite = 20.0
+    ambient_offset: Finite = 0.0
+    coupling_rate: _Rate = 0.0
+    capacity_ratio: NotNegative = 0.0
+    body_cooling_rate: _Rate = 0.0
 
     def __post_init__(self) -> None:
         unknown = set(self.heating) - set(SOURCES)
         if unknown:
             raise ValueError(f"heating names {sorted(unknown)}, known sources are {list(SOURCES)}")
-        for name in ("cooling_rate", "coupling_rate", "capacity_ratio", "body_cooling_rate"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                unit = "" if name == "capacity_ratio" else " 1/s"
-                raise ValueError(f"{name} = {value}{unit} must be finite and at least 0")
-        for name in ("ambient", "ambient_offset"):
-            if not np.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} = {getattr(self, name)} must be finite")
+        super().__post_init__()
         for name, value in self.heating.items():
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(

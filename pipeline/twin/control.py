@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.model import Correlation, Model
 from pipeline.schema.store import read_json
 

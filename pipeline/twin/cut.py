@@ -22,9 +22,9 @@ from pipeline.cutting.stock import Stock
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE
 from pipeline.gcode.setup import Vector
-from pipeline.machine.control import ControlParameters
-from pipeline.machine.motion import Motion
-from pipeline.machine.nck import Plan
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.path import Motion
+from pipeline.machine.control.planner import Plan
 from pipeline.twin.cutting_path import CuttingPath, cutting_path, nothing_cut
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,7 @@ class Cut:
     @cached_property
     def feed_per_tooth(self) -> Floats:
         """At the highest speed reached in each row; 0 where nothing is cut [m].  Shape (M,)."""
-        return self.chips(self.plan.v_peak, self.plan.turns)
+        return self.chips(self.plan.v_peak, self.plan.spindle_speed)
 
     @cached_property
     def mean_speed(self) -> Floats:
@@ -117,7 +117,7 @@ class Cut:
     @cached_property
     def mean_feed_per_tooth(self) -> Floats:
         """At the mean speed of each row; 0 where nothing is cut [m].  Shape (M,)."""
-        return self.chips(self.mean_speed, self.plan.turns)
+        return self.chips(self.mean_speed, self.plan.spindle_speed)
 
     def chips(self, speed: Floats, turns: Floats) -> Floats:
         """f_z = v / (n N) of each row [m].
@@ -288,7 +288,7 @@ def _greatest(plan: Plan, engagement: Engagement, tools: tuple[Tool, ...]) -> Fl
     fed = engagement.feed
     block, tool = engagement.block[fed], engagement.tool[fed]
     flutes = np.array([one.flutes for one in tools], dtype=np.float64)
-    teeth = flutes[tool] * plan.turns[block] / 60
+    teeth = flutes[tool] * plan.spindle_speed[block] / 60
     chip = np.divide(plan.v_peak[block], teeth, out=np.zeros(len(teeth)), where=teeth > 0)
     most = np.zeros(len(tools))
     np.maximum.at(most, tool, chip)

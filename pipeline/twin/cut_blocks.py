@@ -80,7 +80,7 @@ def cut_blocks(cut: Cut, arcs: Stations | None = None) -> CutBlocks:
     arcs = stations(cut.engagement, cut.tools) if arcs is None else arcs
     found, plan = cut.engagement, cut.plan
     row = np.flatnonzero(cut.tool >= 0)
-    omega = 2 * np.pi * plan.turns[row] / 60
+    omega = 2 * np.pi * plan.spindle_speed[row] / 60
     loads, local = cut.block_loads, cut.station_loads
     torque = _greatest(cut, local.torque)[row]
     mean = cut.table.loads(cut.mean_feed_per_tooth)
@@ -93,7 +93,7 @@ def cut_blocks(cut: Cut, arcs: Stations | None = None) -> CutBlocks:
         row=row,
         line=plan.path.moves.line[row].astype(np.intp),
         tool=cut.tool[row],
-        turns=plan.turns[row],
+        turns=plan.spindle_speed[row],
         feed=plan.v_peak[row] / METRE_PER_SECOND,
         feed_per_tooth=cut.feed_per_tooth[row],
         thickness=cut.feed_per_tooth[row] * _greatest(cut, arcs.thickness)[row],

@@ -12,7 +12,7 @@ from pipeline.cutting.material import Material
 from pipeline.cutting.spindle_power import SpindleDrive, no_load_power
 from pipeline.cutting.tool_life import Condition, Taylor, cutting_speed, wear
 from pipeline.gcode.moves import Kind
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
 from pipeline.twin.cut_stations import Stations
@@ -103,8 +103,8 @@ def electricity(
         where=plan.time[blocks.row] > 0,
     )  # fmt: skip
     cutting[blocks.row] = blocks.mean_power * busy
-    turning = plan.turns > 0
-    no_load = np.where(turning, no_load_power(plan.turns / 60, drive), 0.0)
+    turning = plan.spindle_speed > 0
+    no_load = np.where(turning, no_load_power(plan.spindle_speed / 60, drive), 0.0)
     return energy(
         parameters,
         times=plan.time,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.gcode.moves import RADIAN, Frame, Moves
 from pipeline.gcode.setup import ZERO, Vector
-from pipeline.machine.auxiliary import where
+from pipeline.machine.control.path import where
 
 Floats = NDArray[np.float64]
 

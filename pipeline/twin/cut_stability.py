@@ -59,7 +59,7 @@ def stability(
         _straight(law, _chip(blocks, tool)) for tool, law in enumerate(cut.laws)
     )  # fmt: skip
     table = stability_table(found, tips, laws, cut.tools, speed_rpm=speeds)
-    turns = np.clip(cut.plan.turns, *speeds)
+    turns = np.clip(cut.plan.spindle_speed, *speeds)
     return Stability(
         margin=table.margins(turns), table=table, stations=found, laws=laws,
         dynamics=tuple(tips), speeds=speeds,
@@ -83,7 +83,7 @@ def lobe_figures(cut: Cut, found: Stability) -> list[dict[str, Any]]:
     table, stations = found.table, found.stations
     known = np.array([one is not None for one in found.dynamics])
     kept = np.flatnonzero(known[stations.tool])  # the stations that the table has
-    turns = np.clip(cut.plan.turns[table.block], *found.speeds)
+    turns = np.clip(cut.plan.spindle_speed[table.block], *found.speeds)
     cell = ((turns / 60 - table.lowest) / table.width).astype(np.intp)
     cell = np.clip(cell, 0, table.limit.shape[1] - 1)
     margins = margin(table.depth, table.limit[table.kind, cell])
@@ -125,7 +125,7 @@ def _points(
     return [
         {
             "line": int(cut.plan.path.moves.line[table.block[e]]),
-            "speed_rpm": round(float(cut.plan.turns[table.block[e]]), 1),
+            "speed_rpm": round(float(cut.plan.spindle_speed[table.block[e]]), 1),
             "axial_depth_mm": float(f"{table.depth[e] * 1e3:.4g}"),
             "margin": float(f"{margins[e]:.4g}") if np.isfinite(margins[e]) else None,
         }

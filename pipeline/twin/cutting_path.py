@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pipeline.cutting.tool_path import ToolPath
 from pipeline.gcode.moves import METRE, Kind, Moves
 from pipeline.gcode.setup import Vector
-from pipeline.machine.auxiliary import where
+from pipeline.machine.control.path import where
 from pipeline.twin.cut_frames import WorkFrame, work_frame
 
 Floats = NDArray[np.float64]

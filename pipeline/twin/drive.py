@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from pipeline.machine.feed_drive import FeedDriveParameters, carriage_position, screw_step
-from pipeline.machine.servo import ServoParameters, ServoState, servo_step
+from pipeline.machine.axis.feed_drive import FeedDriveParameters, carriage_position, screw_step
+from pipeline.machine.axis.servo import ServoParameters, ServoState, servo_step
 from pipeline.twin.drive_stability import check_stability
 
 Floats = npt.NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import Any
 
 import cattrs
 
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.servo import ServoParameters
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Many variants of axes under their servos: what they err and draw, or their traces.
 
 The equations are those of :mod:`pipeline.twin.drive`, compiled.  A variant is a row of numbers for
-each axis, :class:`pipeline.machine.drive_columns.DriveColumn`.  Errors are the encoder's: backlash
+each axis, :class:`pipeline.machine.axis.feed_drive.DriveColumn`.  Errors are the encoder's: backlash
 does not show in them.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from pipeline.machine.drive_columns import DriveColumn, check_rows, drive_row
+from pipeline.machine.axis.feed_drive import DriveColumn, check_rows, drive_row
 from pipeline.twin.drive import DriveParameters, DriveStart, check_steps, samples
 
 Floats = npt.NDArray[np.float64]
@@ -145,7 +145,7 @@ def simulate_traces(
     reference, period, load, substeps, servo_substeps, start
         As of :func:`pipeline.twin.drive.simulate_drive`; each row's load factor counts.
     table : (P, columns) array_like
-        The variants, rows of :func:`pipeline.machine.drive_columns.drive_row`.
+        The variants, rows of :func:`pipeline.machine.axis.feed_drive.drive_row`.
 
     Returns
     -------
@@ -157,8 +157,8 @@ def simulate_traces(
     ValueError
         When an array has another shape or is not finite, or a row's number is out of its range.
     """
-    from pipeline.machine.drive_arithmetic import LANES, ROWS
-    from pipeline.machine.drive_traces import drive_traces
+    from pipeline.machine.axis.drive_step import LANES, ROWS
+    from pipeline.machine.axis.simd_population import drive_traces
 
     check_steps(period, substeps)
     rows = _rows(table, 2)
@@ -180,8 +180,8 @@ def _fill(
     held: int, threads: int | None, found: Floats,
 ) -> None:  # fmt: skip
     """Share blocks of lanes among threads; the compiled loop lets go of the interpreter."""
-    from pipeline.machine.drive_arithmetic import LANES, ROWS
-    from pipeline.machine.drive_lanes import CHUNK, drive_errors
+    from pipeline.machine.axis.drive_step import LANES, ROWS
+    from pipeline.machine.axis.simd_population import CHUNK, drive_errors
 
     many, axes = rows.shape[:2]
     blocks = -(-many // LANES)

@@ -8,9 +8,8 @@ all eigenvalues of G lie inside the unit circle.
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.machine.drive_columns import DriveColumn, drive_row
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import DriveColumn, FeedDriveParameters, drive_row
+from pipeline.machine.axis.servo import ServoParameters
 
 Floats = npt.NDArray[np.float64]
 
@@ -21,7 +20,7 @@ def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
     Parameters
     ----------
     rows : (..., 21) array
-        Of :func:`pipeline.machine.drive_columns.drive_row`.
+        Of :func:`pipeline.machine.axis.feed_drive.drive_row`.
     period : float
         Of the servo [s].
     substeps : int

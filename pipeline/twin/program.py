@@ -11,8 +11,8 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import read_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import ControlParameters
-from pipeline.machine.nck import Plan, limited_path, plan
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.planner import Plan, limited_path, plan
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def planned_program(
     Raises
     ------
     ValueError
-        As :func:`pipeline.machine.nck.plan`.
+        As :func:`pipeline.machine.control.planner.plan`.
     """
     return plan(
         limited_path(moves, control),

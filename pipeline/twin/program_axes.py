@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES
-from pipeline.machine.drive_columns import drive_row
-from pipeline.machine.interpolate import trace
-from pipeline.machine.nck import Plan
+from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.machine.control.interpolate import trace
+from pipeline.machine.control.planner import Plan
 from pipeline.twin.drive_file import IdentifiedDrive
 from pipeline.twin.drive_population import simulate_traces
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.twin.program import planned_program, program_moves
 from pipeline.twin.simulation import block_table, summary
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pipeline.thermal.network import Floats
+from pipeline.schema.arrays import Floats
 
 if TYPE_CHECKING:
     from sklearn.ensemble import RandomForestRegressor

@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND, RADIAN, Kind, Moves
-from pipeline.machine.interpolate import Trace, traces
-from pipeline.machine.motion import Binding, Motion
-from pipeline.machine.nck import Plan
+from pipeline.machine.control.interpolate import Trace, traces
+from pipeline.machine.control.path import Binding, Motion
+from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ def block_table(plan: Plan) -> pd.DataFrame:
 def programmed_feed(plan: Plan) -> Floats:
     """Speed along the path that the program asks for [mm/min]; shape (M,)."""
     path = plan.path
-    per_turn = np.where(path.motion == Motion.PER_TURN, plan.turns, 1.0)
+    per_turn = np.where(path.motion == Motion.PER_TURN, plan.spindle_speed, 1.0)
     speed: Floats = path.factor * plan.feed * per_turn / METRE_PER_SECOND
     return speed
 

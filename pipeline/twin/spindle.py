@@ -6,15 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.arrays import Floats
 from pipeline.signals.columns import column
 from pipeline.signals.windows import Stretch, stretches
-from pipeline.thermal.network import (
-    SOURCES,
-    Floats,
-    SpindleThermalParameters,
-    heat_sources,
-    temperatures,
-)
+from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources, temperatures
 
 TARGET = "spindle_temperature"
 """The column that is modelled [CELSIUS]."""

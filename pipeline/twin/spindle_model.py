@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Correlation, Model
 from pipeline.schema.store import read_json
 from pipeline.signals.windows import Stretch
-from pipeline.thermal.network import Floats, SpindleThermalParameters
+from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import Forest, ResidualForest, load_forest, smoothed_inputs
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured, stretch_of
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pipeline.identification.drive.known import AxisConstants
 from pipeline.identification.drive.loads import Factor
 from pipeline.identification.drive.records import Recording
-from pipeline.machine.drive_columns import drive_row
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.twin.drive import DriveStart
 from pipeline.twin.drive_file import IdentifiedDrive
 from pipeline.twin.drive_population import simulate_traces

@@ -11,7 +11,7 @@ from pipeline.identification.drive.loads import Factor, in_newton, judged_load
 from pipeline.identification.drive.motion import Motion, motion
 from pipeline.identification.drive.records import Recording
 from pipeline.identification.drive.servo_records import low_passed
-from pipeline.machine.friction import friction_force
+from pipeline.machine.axis.friction import friction_force
 from pipeline.twin.drive_file import IdentifiedDrive
 
 Floats = NDArray[np.float64]

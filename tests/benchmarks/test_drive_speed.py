@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import njit, types
 
-from pipeline.machine import drive_lanes
+from pipeline.machine.axis import simd_population
 from pipeline.twin.drive import simulate_drive
 from pipeline.twin.drive_population import drive_table, population_errors, simulate_traces
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
@@ -92,7 +92,7 @@ def test_steps_of_the_mechanics_alone_are_vectors_too() -> None:
 def test_lanes_are_vectors() -> None:
     number, whole = types.float64, types.int64
     grid, row = types.Array(number, 2, "C"), types.Array(number, 1, "C")
-    loop = njit(_nrt=False)(drive_lanes._follow_one.py_func)
+    loop = njit(_nrt=False)(simd_population._follow_one.py_func)
     loop.compile((grid, grid, number, whole, whole, whole, row))
     (code,) = loop.inspect_asm().values()
     products = [line for line in code.splitlines() if "\tvfm" in line or "\tvfnm" in line]

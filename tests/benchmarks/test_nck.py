@@ -7,8 +7,8 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.interpolate import trace
-from pipeline.machine.nck import limited_path, plan, totals
+from pipeline.machine.control.interpolate import trace
+from pipeline.machine.control.planner import limited_path, plan, totals
 from tests.machine.programs import control
 
 ROWS = 100_000

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from pipeline.machine.nck import totals
+from pipeline.machine.control.planner import totals
 from pipeline.optimisation.problem.groups import Groups
 from pipeline.optimisation.settings import CutLimit
 from tests.optimisation.problem_parts import cut_on, problem_on

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-
 from pipeline.identification.residual import (
     Examples,
     ForestSettings,
     examples,
     train_residual_forest,
 )
+
 from pipeline.twin.residual import feature_names, load_forest, save_forest
 from pipeline.twin.spindle import TARGET, SpindleRecords
 from tests.identification.spindle_days import ONE, RECORDS, days_of

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from pipeline.identification.spindle import (
     SpindleFitSettings,
     days_left_out,
@@ -13,6 +12,7 @@ from pipeline.identification.spindle import (
     window_errors,
 )
 from pipeline.identification.spindle_problem import Problem
+
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources
 from pipeline.twin.spindle import SpindleRecords
 from tests.identification.spindle_days import ONE, RECORDS, TWO, day_of, days_of

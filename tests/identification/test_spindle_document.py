@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from pipeline.identification.spindle import SpindleFitSettings, fit_network
 from pipeline.identification.spindle_document import (
     REMEDY,
     spindle_document,
     training_stretches,
 )
+
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.spindle import SpindleRecords

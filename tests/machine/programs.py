@@ -3,8 +3,11 @@
 import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves, PathMode
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control.parameters import (
+    AuxiliaryParameters,
+    AxisParameters,
+    ControlParameters,
+)
 
 IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.gcode.moves import Kind, Moves, PathMode
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from tests.machine.programs import IN_PLANE, Writer
 
 PERIOD = 2.5e-4

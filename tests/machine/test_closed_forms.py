@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import FeedMode, Kind, PathMode
-from pipeline.machine.control import ControlParameters
-from pipeline.machine.motion import Binding
-from pipeline.machine.nck import limited_path, plan
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.path import Binding
+from pipeline.machine.control.planner import limited_path, plan
 from tests.machine.programs import Writer, axis, control
 
 EXACT = 1e-9  # planner and closed form are the same formula up to rounding

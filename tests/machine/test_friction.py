@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pipeline.machine.friction import (
+from pipeline.machine.axis.friction import (
     DirectionFriction,
     FrictionParameters,
     friction_force,
@@ -144,7 +144,7 @@ def test_stick_slip_has_the_durations_of_the_exact_motion(period: float) -> None
     [
         ({"coulomb": -1.0, "static": 1.0}, "friction.coulomb = -1.0 must be finite"),
         ({"coulomb": 2.0, "static": 1.0}, "friction.static = 1.0 N must not be below coulomb"),
-        ({"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 0.0}, "stribeck_velocity = 0 m/s"),
+        ({"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 0.0}, "stribeck_velocity = 0.0 m/s"),
         ({"coulomb": 1.0, "static": float("nan")}, "friction.static = nan"),
     ],
 )

@@ -1,6 +1,6 @@
 """On random programs no axis passes its limits, no corner its tolerance, and every end is met.
 
-Judged from finite differences of the sampled positions: a mean of the true derivative over a few
+Assessed by finite differences of the sampled positions: a mean of the true derivative over a few
 periods cannot be greater than its bound.
 """
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.machine.interpolate import trace
-from pipeline.machine.nck import limited_path, plan
+from pipeline.machine.control.interpolate import trace
+from pipeline.machine.control.planner import limited_path, plan
 from tests.machine.random_programs import (
     PERIOD,
     bounds,
@@ -29,7 +29,7 @@ def filtered_jerk(bound, filters):
     return 2 * filtered_acceleration(bound, filters) / min(filters)
 
 
-class Judged:
+class SampledProgram:
     """A sampled program: derivatives of X, Y, Z in SI, and where rapids may still show."""
 
     def __init__(self, seed, *, corner, profile="trapezoid", filters=True, spirals=False):
@@ -90,44 +90,59 @@ class Judged:
             assert deviation(points, self.moves).max() <= self.control.tolerance + 2e-5
 
 
-def judge(seeds, **given):
+def check_limits(seeds, **options):
     for seed in seeds:
-        judged = Judged(seed, **given)
+        program = SampledProgram(seed, **options)
         try:
-            judged.check_end()
-            judged.check_speed()
-            if given.get("filters", True):
-                judged.check_acceleration()
-                judged.check_jerk()
+            program.check_end()
+            program.check_speed()
+            if options.get("filters", True):
+                program.check_acceleration()
+                program.check_jerk()
             else:
-                judged.check_jumps()
-            if given["corner"] == "tolerance":
-                judged.check_tolerance()
+                program.check_jumps()
+            if options["corner"] == "tolerance":
+                program.check_tolerance()
         except AssertionError as error:
-            raise AssertionError(f"program {seed}, {given}: {error}") from error
+            raise AssertionError(f"program {seed}, {options}: {error}") from error
 
 
+def few_and_many(few, many):
+    """Some programs in the ordinary suite, all the others as proof."""
+    return pytest.mark.parametrize(
+        "seeds",
+        [
+            pytest.param(range(few), id="few"),
+            pytest.param(range(few, many), id="many", marks=pytest.mark.proof),
+        ],
+    )
+
+
+@few_and_many(12, 120)
 @pytest.mark.parametrize("profile", ["trapezoid", "s_curve"])
 @pytest.mark.parametrize("corner", ["jump", "tolerance"])
-def test_filtered_commands_keep_all_limits(corner, profile):
-    judge(range(120), corner=corner, profile=profile)
+def test_filtered_commands_keep_all_limits(corner, profile, seeds):
+    check_limits(seeds, corner=corner, profile=profile)
 
 
+@few_and_many(15, 200)
 @pytest.mark.parametrize("profile", ["trapezoid", "s_curve"])
-def test_without_filters_jumps_stay_within_their_budget(profile):
-    judge(range(200), corner="jump", filters=False, profile=profile)
+def test_without_filters_jumps_stay_within_their_budget(profile, seeds):
+    check_limits(seeds, corner="jump", filters=False, profile=profile)
 
 
-def test_helices_and_spirals_keep_the_axes_limits():
-    judge(range(100), corner="jump", spirals=True)
-    judge(range(100), corner="jump", spirals=True, filters=False)
+@few_and_many(12, 100)
+def test_helices_and_spirals_keep_the_axes_limits(seeds):
+    check_limits(seeds, corner="jump", spirals=True)
+    check_limits(seeds, corner="jump", spirals=True, filters=False)
 
 
 @pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("part", range(5))
 def test_ten_thousand_programs(part):
     each = range(part * 500, (part + 1) * 500)
-    judge(each, corner="tolerance")
-    judge(each, corner="tolerance", profile="s_curve")
-    judge(each, corner="jump")
-    judge(each, corner="jump", filters=False)
+    check_limits(each, corner="tolerance")
+    check_limits(each, corner="tolerance", profile="s_curve")
+    check_limits(each, corner="jump")
+    check_limits(each, corner="jump", filters=False)

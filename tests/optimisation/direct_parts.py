@@ -12,8 +12,11 @@ from pipeline.cutting.tool_life import Taylor
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control.parameters import (
+    AuxiliaryParameters,
+    AxisParameters,
+    ControlParameters,
+)
 from pipeline.optimisation.problem.problem import Problem, problem_of
 from pipeline.optimisation.settings import Margins
 from pipeline.optimisation.text.editable_blocks import editable_blocks

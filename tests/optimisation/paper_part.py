@@ -26,8 +26,11 @@ from pipeline.identification.cutting.identify import identify_cut
 from pipeline.identification.cutting.known import CuttingKnown
 from pipeline.identification.cutting.records import CuttingRecords, read_recordings
 from pipeline.identification.cutting.settings import CuttingFitSettings
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control.parameters import (
+    AuxiliaryParameters,
+    AxisParameters,
+    ControlParameters,
+)
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.settings import CutLimit, Objective, OptimisationSettings
 from pipeline.parameters import structure

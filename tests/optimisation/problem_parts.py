@@ -11,7 +11,7 @@ from pipeline.cutting.modes import Mode
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.cutting.tool_life import Taylor
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.machine.auxiliary import AuxiliaryParameters
+from pipeline.machine.control.parameters import AuxiliaryParameters
 from pipeline.optimisation.problem.problem import Problem, problem_of
 from pipeline.optimisation.settings import CutLimit, Margins
 from pipeline.optimisation.text.editable import Editable

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline.cutting.deflection import tip_deflection
 from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.machine.nck import plan
+from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.bounds import at_hardest_station, feed_for_marks, inverse
 from pipeline.optimisation.problem.problem import CONSTRAINTS
 from pipeline.optimisation.settings import CutLimit, Margins

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.machine.control import AxisParameters, ControlParameters
-from pipeline.machine.nck import plan
+from pipeline.machine.control.parameters import AxisParameters, ControlParameters
+from pipeline.machine.control.planner import plan
 from pipeline.optimisation.settings import CutLimit
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_cost import cost_of, electricity, tool_life

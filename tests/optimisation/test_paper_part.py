@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.interpret import interpret
-from pipeline.machine.nck import totals
+from pipeline.machine.control.planner import totals
 from pipeline.shop.cutting_truth import dynamometer_truth
 from pipeline.shop.dynamometer_records import write_dynamometer
 from pipeline.shop.trial import fixed, trial

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.deflection import tip_deflection
-from pipeline.machine.nck import plan
+from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.groups import Groups
 from pipeline.optimisation.problem.problem import CONSTRAINTS
 from pipeline.optimisation.settings import CutLimit, Margins

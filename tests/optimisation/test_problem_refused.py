@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.force_law import ForceLaw
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.settings import CutLimit
 from tests.optimisation.problem_parts import (
     DRIVE,

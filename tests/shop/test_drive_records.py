@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters, friction_force
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.shop.drive_records import write_drives
 from pipeline.signals.ingest import MachineIdentity, ingest
 from pipeline.signals.records import RecordSource

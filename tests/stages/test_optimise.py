@@ -9,7 +9,7 @@ import cattrs
 import pytest
 import yaml
 
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.parameters import structure
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial_parts import write_parts

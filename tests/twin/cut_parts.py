@@ -3,7 +3,7 @@
 from pipeline.cutting.force_law import ForceLaw
 from pipeline.cutting.stock import Box
 from pipeline.cutting.tool import Tool
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.program import planned_program
 from tests.gcode.following import follow

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pipeline.machine.drive_columns import drive_row
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters, friction_force
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.twin.drive import DriveParameters, DriveStart, simulate_drive
 from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.drive_stability import loop_matrix, stable

@@ -5,9 +5,9 @@ from dataclasses import asdict
 
 import pytest
 
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.twin.drive_file import drives_of, read_drives
 
 SERVO = ServoParameters(

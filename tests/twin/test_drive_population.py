@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.kernels import compiled
-from pipeline.machine.drive_columns import DriveColumn, drive_of_row, drive_row
-from pipeline.machine.lane_arithmetic import FARTHEST, decay
+from pipeline.machine.axis.drive_step import FARTHEST, decay
+from pipeline.machine.axis.feed_drive import DriveColumn, drive_of_row, drive_row
 from pipeline.twin.drive import DriveParameters, DriveStart, simulate_drive
 from pipeline.twin.drive_population import (
     DriveErrors,

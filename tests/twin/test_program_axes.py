@@ -6,10 +6,10 @@ import pytest
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import AxisParameters, ControlParameters
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.twin.drive_file import IdentifiedDrive
 from pipeline.twin.program import planned_program
 from pipeline.twin.program_axes import between, follow_program

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.gcode.moves import METRE_PER_SECOND, Kind
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.twin.program import Overrides, planned_program
 from pipeline.twin.simulation import (
     TYPES,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from pipeline.identification.residual import ForestSettings, examples, train_residual_forest
 from pipeline.identification.spindle import SpindleFitSettings, fit_network
 from pipeline.identification.spindle_document import spindle_document
+
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.residual import save_forest
 from pipeline.twin.spindle import TARGET, stretch_of

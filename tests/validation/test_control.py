@@ -4,12 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from pipeline.gcode.moves import Kind
-from pipeline.submodels.control.programs import match
-from pipeline.submodels.control.records import (ControlRecords, observations)
-from pipeline.signals.ingest import MachineIdentity
-from pipeline.twin.program import planned_program
 from pipeline.validation.control import (
     WAIT,
     ControlLimits,
@@ -17,6 +11,12 @@ from pipeline.validation.control import (
     control_verdict,
     naive_times,
 )
+
+from pipeline.gcode.moves import Kind
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.submodels.control.programs import match
+from pipeline.submodels.control.records import ControlRecords, observations
+from pipeline.twin.program import planned_program
 from tests.identification.control.part_programs import exciting, moves_of, truth
 from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
 

@@ -12,9 +12,9 @@ from pipeline.identification.drive.known import AxisConstants
 from pipeline.identification.drive.records import AxisRecord, Recording
 from pipeline.identification.drive.servo import identify_servo
 from pipeline.identification.drive.settings import DriveFitSettings
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.drive import DriveParameters, simulate_drive
 from pipeline.twin.drive_file import IdentifiedDrive

@@ -11,7 +11,7 @@ from pipeline.identification.drive.fit import FeedDriveFit
 from pipeline.identification.drive.identify import DrivesFound, MassTrace
 from pipeline.identification.drive.motor import MotorFit
 from pipeline.identification.drive.servo import ServoFit
-from pipeline.machine.friction import friction_force
+from pipeline.machine.axis.friction import friction_force
 from pipeline.signals.ingest import MachineIdentity
 
 Floats = NDArray[np.float64]

@@ -43,8 +43,8 @@ from pipeline.identification.drive.segments import (
     constant_speed_segments,
     friction_points,
 )
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.submodels.least_squares import Certainty
 
 Floats = NDArray[np.float64]

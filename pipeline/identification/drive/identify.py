@@ -14,7 +14,7 @@ from pipeline.identification.drive.motor import MotorFit, MotorFitSettings, iden
 from pipeline.identification.drive.records import DriveRecords, MotorRecords, Recording
 from pipeline.identification.drive.servo import ServoFit, identify_servo
 from pipeline.identification.drive.settings import DriveFitSettings
-from pipeline.machine.friction import friction_force
+from pipeline.machine.axis.friction import friction_force
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from math import isfinite
 from typing import Literal
 
-from pipeline.machine.feed_drive import force_constant
+from pipeline.machine.axis.feed_drive import force_constant
 
 Number = float | str | None
 """A value, or the name of a constant that stands beside the channels of the recordings."""
@@ -27,7 +27,7 @@ class AxisConstants:
         Force on the carriage for one unit of the command [N/A].
     position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
 current_limit : float or None
-        As in :class:`~pipeline.machine.servo.ServoParameters`.
+        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
     servo_period : float or None
         Of the velocity loop [s].
     """
@@ -55,7 +55,7 @@ class AxisKnown:
         Of motor [N m/A] and screw [mm/rev], in place of ``force_constant``.
     position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
 current_limit : float or str, optional
-        As in :class:`~pipeline.machine.servo.ServoParameters`.
+        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
     servo_period : float or str, optional
         Of the velocity loop [s]; the record's own when nobody knows it.
     coulomb : {"auto", "equal", "unequal"}

@@ -15,7 +15,7 @@ from pipeline.identification.drive.inverse_dynamics import Dynamics
 from pipeline.identification.drive.motion import motion
 from pipeline.identification.drive.records import Recording
 from pipeline.identification.drive.regressors import Regressors, regressors
-from pipeline.machine.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.submodels.least_squares import Certainty
 
 Floats = NDArray[np.float64]

@@ -50,7 +50,7 @@ from pipeline.identification.drive.servo_terms import (
     TX,
     Nominal,
 )
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.servo import ServoParameters
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

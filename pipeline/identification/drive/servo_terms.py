@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.identification.drive.known import AxisConstants
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.servo import ServoParameters
 
 Floats = NDArray[np.float64]
 

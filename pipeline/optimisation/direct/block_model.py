@@ -15,8 +15,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.motion import Motion
-from pipeline.machine.nck import plan
+from pipeline.machine.control.path import Motion
+from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Objective
 
@@ -61,7 +61,7 @@ class BlockModel:
         """Each row as the control runs it at F and S of rows, both of shape (M,)."""
         path = problem.cut.plan.path
         found = plan(path, feeds=feeds, speeds=speeds)
-        asked = problem.speed(found.feed, found.turns)
+        asked = problem.speed(found.feed, found.spindle_speed)
         short = found.v_peak < asked * REACHED
         reach = np.where(short & (found.v_peak > 0), found.v_peak, path.cap)
         along = np.minimum(asked, reach)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.auxiliary import where
+from pipeline.machine.control.path import where
 from pipeline.optimisation.direct.block_model import BlockModel, column
 from pipeline.optimisation.direct.block_optimum import block_optimum
 from pipeline.optimisation.direct.feed_groups import feed_groups

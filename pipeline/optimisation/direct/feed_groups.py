@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import Moves
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.direct.block_model import BlockModel
 from pipeline.optimisation.direct.block_optimum import best_feeds, block_optimum
 from pipeline.optimisation.direct.merge import Curves, merged

@@ -12,7 +12,7 @@ higher than it should.
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.direct.row_groups import RowGroups
 from pipeline.optimisation.problem.bounds import STEEP
 from pipeline.optimisation.problem.problem import Problem

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.direct.speed_pieces import Pieces
 from pipeline.optimisation.problem.problem import Problem
 

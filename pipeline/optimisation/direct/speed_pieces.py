@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import Moves
-from pipeline.machine.nck import Plan
+from pipeline.machine.control.planner import Plan
 from pipeline.optimisation.problem.speed_changes import leads
 from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.editable import Editable

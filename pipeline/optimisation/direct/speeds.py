@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.auxiliary import where
+from pipeline.machine.control.path import where
 from pipeline.optimisation.direct.block_model import BlockModel
 from pipeline.optimisation.direct.block_optimum import block_optimum
 from pipeline.optimisation.direct.cheapest_path import cheapest_path

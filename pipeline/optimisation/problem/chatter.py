@@ -82,7 +82,7 @@ def chatter_of(
     None where nothing that is milled has known dynamics.
     """
     row = blocks.row
-    own, mine = cut.plan.turns[row], free[row]
+    own, mine = cut.plan.spindle_speed[row], free[row]
     low = float(np.where(mine, ranges.speed_low[row], own).min(initial=np.inf))
     high = float(np.where(mine, ranges.speed_high[row], own).max(initial=0.0))
     if not high > 0.0:

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.feeds import commanded_feeds, spindle_turns
-from pipeline.machine.motion import Motion
-from pipeline.machine.nck import waits
-from pipeline.machine.row_motion import motion_times
+from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
+from pipeline.machine.control.path import Motion
+from pipeline.machine.control.row_motion import motion_times
 from pipeline.optimisation.problem.decision import Evaluation
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ def evaluation(
     for part in _parts(problem, many):
         feeds, speeds = rows(part)
         feed = commanded_feeds(path, feeds, 100.0, 100.0)
-        turns = spindle_turns(path, speeds)
+        turns = spindle_speeds(path, speeds)
         time = motion_times(path, feed, turns)
         wait = waits(path, turns, time)
         problem.speed_changes.add_waits(turns, time, wait)
@@ -55,7 +54,7 @@ def row_objectives(problem: "Problem", feeds: Floats, speeds: Floats) -> Floats:
     fed = np.isin(plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))
     out = np.empty((4, *feeds.shape))
     for part in _parts(problem, len(feeds)):
-        turns = spindle_turns(plan.path, speeds[part])
+        turns = spindle_speeds(plan.path, speeds[part])
         along = np.where(fed, problem.speed(feeds[part], turns), 1.0)
         time = np.where(fed, plan.path.length / along, plan.motion.time)
         out[:, part] = problem.demand.of_rows(time, np.tile(plan.wait, (len(time), 1)), turns)

@@ -8,7 +8,7 @@ at the nodes of the load table.
 from math import pi, sqrt
 
 from pipeline.kernels import compiled
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.problem.columns import (
     BASE,
     CUTS,

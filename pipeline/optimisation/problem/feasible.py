@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.auxiliary import where
+from pipeline.machine.control.path import where
 from pipeline.optimisation.problem.constraints import (
     AS_PROGRAMMED,
     CONSTRAINTS,
@@ -79,7 +79,7 @@ def _tool(problem: "Problem", row: int) -> str:
 
 
 def _check_turning(problem: "Problem") -> None:
-    standing = problem.cuts & ~(problem.cut.plan.turns > 0)
+    standing = problem.cuts & ~(problem.cut.plan.spindle_speed > 0)
     _refuse(problem, standing, lambda row: (
         f"{_tool(problem, row)} goes into the material while the spindle stands: program S and M3 "
         "before it"
@@ -186,7 +186,7 @@ def _check_kept(problem: "Problem") -> None:
     if not held.any():
         return
     moves, low = problem.cut.plan.path.moves, problem.ranges.feed_low
-    least = in_units(problem, low, problem.cut.plan.turns)
+    least = in_units(problem, low, problem.cut.plan.spindle_speed)
     feeds = np.where(problem.editable.block >= 0, least, moves.feed)
     found = shares(problem, feeds, moves.speed)
     judged = np.array([CUTTING_SPEED, SPINDLE_SPEED, STABILITY, TORQUE, POWER])

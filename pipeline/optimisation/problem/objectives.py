@@ -20,8 +20,7 @@ from pipeline.cutting.cost import life_price
 from pipeline.cutting.energy import KW, KWH
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.gcode.moves import METRE
-from pipeline.machine.motion import Motion
-from pipeline.machine.path import Path
+from pipeline.machine.control.path import Motion, Path
 from pipeline.optimisation.problem import columns as at
 from pipeline.optimisation.problem.bounds import Bounds
 from pipeline.optimisation.problem.ranges import Ranges, feed_units
@@ -188,7 +187,7 @@ def _fill_wear(rows: Floats, cut: Cut, blocks: CutBlocks, life: Life, basis: Cut
     row, plan = blocks.row, cut.plan
     rows[:, at.SPEED] = rows[:, at.FEED] = 1.0
     rows[row, at.WEAR] = life.wear[row] / np.where(plan.motion.time > 0, plan.motion.time, 1.0)[row]
-    rows[row, at.SPEED] = np.maximum(plan.turns[row], 1e-9)
+    rows[row, at.SPEED] = np.maximum(plan.spindle_speed[row], 1e-9)
     rows[row, at.FEED] = np.maximum(cut.mean_feed_per_tooth[row], 1e-12)
     change = 0.0 if basis.rates is None else basis.rates.tool_change * basis.rates.per_second
     for index, tool in enumerate(cut.tools):

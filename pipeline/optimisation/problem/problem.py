@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.machine.feeds import spindle_turns
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.commands import spindle_speeds
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.problem.bounds import Bounds, bounds_of
 from pipeline.optimisation.problem.chatter import Chatter, Lobes
 from pipeline.optimisation.problem.constraints import CONSTRAINTS
@@ -143,7 +143,7 @@ class Problem:
     def turns(self, speeds: ArrayLike) -> Floats:
         """Speed of the spindle [rev/min] for S of shape (..., M)."""
         asked = np.asarray(speeds, dtype=np.float64)
-        return spindle_turns(self.cut.plan.path, asked.reshape(-1, len(self))).reshape(asked.shape)
+        return spindle_speeds(self.cut.plan.path, asked.reshape(-1, len(self))).reshape(asked.shape)
 
     def power_f_z(self, speeds: ArrayLike) -> Floats:
         """Greatest feed for each tooth that the drive allows at S of shape (..., M) [m]."""

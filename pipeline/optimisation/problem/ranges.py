@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode
-from pipeline.machine.auxiliary import where
-from pipeline.machine.control import LINEAR
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.parameters import LINEAR
+from pipeline.machine.control.path import Motion, where
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.settings import CutLimit
 from pipeline.optimisation.text.editable import Editable
@@ -81,7 +80,7 @@ def ranges_of(
     free = editable.speed & ~unknown
     speed_low = np.where(free, np.maximum(low, surface_low), surface_low)
     speed_high = np.minimum(np.where(free, min(high, highest), highest), surface_high)
-    own = cut.plan.turns
+    own = cut.plan.spindle_speed
     ranges = Ranges(
         feed_low=feed_low,
         feed_high=feed_high,
@@ -122,7 +121,7 @@ def _feeds(
     cut: Cut, limits: CutLimit, editable: Editable, unknown: Flags
 ) -> tuple[Floats, Floats]:  # fmt: skip
     moves, free = cut.plan.path.moves, editable.block >= 0
-    own = feeds_per_minute(cut, moves.feed, cut.plan.turns)
+    own = feeds_per_minute(cut, moves.feed, cut.plan.spindle_speed)
     low = LEAST_FEED * float(own[free].min(initial=np.inf)) if free.any() else 0.0
     if limits.feed_mm_min is not None:
         least, high = limits.feed_mm_min
@@ -167,7 +166,7 @@ def _speeds(
                 f"{highest:g} rev/min: lower it"
             )
         return low, high
-    own = cut.plan.turns[cuts]
+    own = cut.plan.spindle_speed[cuts]
     least, most = float(own.min(initial=np.inf)), float(own.max(initial=0.0))
     if drive is None:
         return least, most

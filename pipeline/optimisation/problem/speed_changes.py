@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.gcode.moves import Kind
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.nck import Plan
-from pipeline.machine.path import Path
+from pipeline.machine.control.parameters import AuxiliaryParameters
+from pipeline.machine.control.path import Path
+from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING, run_up_time
 from pipeline.optimisation.text.editable import Editable
 
@@ -69,7 +69,7 @@ class SpeedChanges:
     def add_waits(self, turns: Floats, time: Floats, wait: Floats) -> None:
         """Add to ``wait`` what added S words are waited for; all of shape (P, M), in s but turns.
 
-        As :func:`pipeline.machine.nck.waits` does it for words of the program: axes that move on
+        As :func:`pipeline.machine.control.commands.waits` does it for words of the program: axes that move on
         meanwhile shorten the wait.
         """
         if not self.waits or not len(self.added):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.motion import Motion
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.direct.block_model import column
 from pipeline.optimisation.problem.decision import Decision
 from pipeline.optimisation.problem.groups import Groups

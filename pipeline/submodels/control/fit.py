@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Count, Positive, Ranged
 from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 
 Floats = NDArray[np.float64]
 Quantity = tuple[str, float, float, str]
@@ -23,7 +23,7 @@ class FreeParameter:
     Parameters
     ----------
     name : str
-        As in :class:`~pipeline.machine.control.ControlParameters`, with axes or the unit behind it.
+        As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit behind it.
     unit : str
         Of its value.
     low, high : float

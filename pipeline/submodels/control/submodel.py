@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.charts.sections import SubModelPage
 from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.setup import Setup
-from pipeline.machine.control import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets

@@ -6,8 +6,11 @@ import numpy as np
 
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.setup import Setup
-from pipeline.machine.auxiliary import AuxiliaryParameters
-from pipeline.machine.control import AxisParameters, ControlParameters
+from pipeline.machine.control.parameters import (
+    AuxiliaryParameters,
+    AxisParameters,
+    ControlParameters,
+)
 from pipeline.twin.program import program_moves
 
 SETUP = Setup(initial_position=(0.0, 0.0, 200.0, 0.0, 0.0, 0.0))

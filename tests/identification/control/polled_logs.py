@@ -14,12 +14,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.gcode.moves import AXES, METRE, Kind, Moves
-from pipeline.submodels.control.runs import (Run, read_runs)
-from pipeline.submodels.control.runs import (joined, stopped_within)
-from pipeline.machine.control import ControlParameters
-from pipeline.machine.interpolate import trace
-from pipeline.machine.nck import Plan
+from pipeline.machine.control.interpolate import trace
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.planner import Plan
 from pipeline.signals.columns import OBSERVATIONS
+from pipeline.submodels.control.runs import Run, joined, read_runs, stopped_within
 from pipeline.twin.program import Overrides, planned_program
 
 ITEMS = {

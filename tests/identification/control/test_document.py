@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from pipeline.identification.control.document import FITTED, NOT_DETERMINED, TOLD, control_document
-from pipeline.submodels.control.fit import (ControlFitSettings, identify_control)
+
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.submodels.control.fit import ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.segments import observe
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.control import read_controls
 from tests.identification.control.part_programs import (
     change,

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.submodels.control.fit import (ControlFitSettings, identify_control, planned)
-from pipeline.submodels.control.parameters import (control_of, free_parameters)
-from pipeline.submodels.control.segments import rapid_rates
-from pipeline.submodels.control.segments import observe
+from pipeline.submodels.control.fit import ControlFitSettings, identify_control, planned
+from pipeline.submodels.control.parameters import control_of, free_parameters
+from pipeline.submodels.control.segments import observe, rapid_rates
 from tests.identification.control.part_programs import (
     axis,
     change,

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.submodels.control.overrides import (line_spans, override_of_lines)
-from pipeline.submodels.control.overrides import operator_of
-from pipeline.submodels.control.overrides import (feed_of_lines, plateau, steady_ratios)
-from pipeline.submodels.control.runs import (Run, Series)
+from pipeline.submodels.control.overrides import (
+    feed_of_lines,
+    line_spans,
+    operator_of,
+    override_of_lines,
+    plateau,
+    steady_ratios,
+)
+from pipeline.submodels.control.runs import Run, Series
 from tests.identification.control.part_programs import change, circles, long_cuts, moves_of, truth
 from tests.identification.control.polled_logs import (
     Operated,

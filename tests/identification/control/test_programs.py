@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.gcode.moves import Kind
-from pipeline.submodels.control.programs import (match, tool_changes)
-from pipeline.submodels.control.runs import (Run, Series)
+from pipeline.submodels.control.programs import match, tool_changes
+from pipeline.submodels.control.runs import Run, Series
 from pipeline.twin.program import planned_program
 from tests.identification.control.part_programs import (
     change,

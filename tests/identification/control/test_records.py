@@ -5,7 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.submodels.control.records import (ControlRecords, observations, read_matches, read_programs)
+from pipeline.submodels.control.records import (
+    ControlRecords,
+    observations,
+    read_matches,
+    read_programs,
+)
 from tests.identification.control.part_programs import (
     SETUP,
     change,

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from pipeline.gcode.moves import Kind
 from pipeline.submodels.control.fit import planned
-from pipeline.submodels.control.runs import (Run, Series)
-from pipeline.submodels.control.segments import (TOGETHER, WAITS, clusters, observe, shares)
+from pipeline.submodels.control.runs import Run, Series
+from pipeline.submodels.control.segments import TOGETHER, WAITS, clusters, observe, shares
 from pipeline.twin.program import planned_program
 from tests.identification.control.part_programs import exciting, moves_of, truth
 from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.submodels.control.runs import (joined, stopped_within)
+from pipeline.submodels.control.runs import joined, stopped_within
 
 MOMENT = st.integers(0, 40)
 SPANS = st.lists(st.tuples(MOMENT, MOMENT).map(lambda s: (min(s), max(s))), max_size=8)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from pipeline.identification.drive.known import AxisConstants
 from pipeline.identification.drive.records import AxisRecord, Recording
-from pipeline.machine.feed_drive import FeedDriveParameters
-from pipeline.machine.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 
 Floats = NDArray[np.float64]
 PERIOD = 1e-3

@@ -16,7 +16,7 @@ from pipeline.identification.drive.records import (
     DriveRecords,
     Recording,
 )
-from pipeline.machine.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.search.genetic import GeneticSettings
 from pipeline.signals.ingest import MachineIdentity
 from tests.identification.drive.simulated_axis import SimulatedAxis

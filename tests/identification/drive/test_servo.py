@@ -9,8 +9,8 @@ from pipeline.identification.drive.known import AxisConstants
 from pipeline.identification.drive.records import AxisRecord, Recording
 from pipeline.identification.drive.servo import FITTED, NONE_SEEN, identify_servo
 from pipeline.identification.drive.settings import DriveFitSettings
-from pipeline.machine.drive_columns import DriveColumn, drive_row
-from pipeline.machine.servo import ServoParameters
+from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.search.genetic import GeneticSettings
 from pipeline.twin.drive import DriveStart
 from pipeline.twin.drive_population import simulate_traces

@@ -1,0 +1,302 @@
+"""Simulation of a feed axis down to its currents, and its trace (Feed2025).
+
+Position P with feed-forward, speed PI or fuzzy PI, currents PI, space-vector modulation (mean or
+switched), synchronous motor, shaft that twists, guideway with Stribeck friction.  A step of the
+mechanics is in :mod:`pipeline.machine.axis.drive_train`, the loops in
+:mod:`pipeline.machine.axis.three_loop_kernel`; here their parameters come together.
+"""
+
+from dataclasses import dataclass
+from math import isinf
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.machine.axis import drive_train
+from pipeline.machine.axis import three_loop_kernel as kernel
+from pipeline.machine.axis.friction import DirectionFriction
+from pipeline.machine.axis.loops import FuzzyParameters, PositionLoopParameters
+from pipeline.machine.axis.motor import MotorParameters, magnetic_energy
+from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, check_steps
+from pipeline.schema.arrays import Floats
+
+_NO_RULES = FuzzyParameters(error_scale=0.0, change_scale=0.0)
+_OPEN = PositionLoopParameters(gain=1.0)
+_LONGEST = 1e9
+"""Greatest number of periods of the current loops between two samples."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThreeLoopTrace:
+    """Simulated axis at T samples; every array has shape (T,).
+
+    Parameters
+    ----------
+    time : ndarray
+        [s].
+    reference : ndarray
+        Position [m] or speed [rad/s], whichever was followed.
+    position, motor_position : ndarray
+        Carriage, and motor's angle times L / 2 pi [m].
+    speed, load_speed : ndarray
+        Of the motor, and of the load about its shaft [rad/s].
+    i_d, i_q : ndarray
+        [A].
+    u_d, u_q : ndarray
+        Mean over the period of the current loops that ends there [V].
+    torque : ndarray
+        T_e [N m].
+    friction : ndarray
+        Of the guideway, against positive motion [N]; for rigid shafts that stand, with the motor's.
+    proportional, integral : ndarray
+        K_p [N m s/rad] and K_i [N m/rad] of the speed loop in the period that ends there.
+    electrical_work, copper_loss, shaft_work, mechanical_loss, load_work : ndarray
+        Since the start [J]: into the motor, lost in its windings, of T_e, lost to friction and
+        damping, done on the load.
+    magnetic, kinetic, elastic : ndarray
+        Energy that is stored [J].
+    """
+
+    time: Floats
+    reference: Floats
+    position: Floats
+    motor_position: Floats
+    speed: Floats
+    load_speed: Floats
+    i_d: Floats
+    i_q: Floats
+    u_d: Floats
+    u_q: Floats
+    torque: Floats
+    friction: Floats
+    proportional: Floats
+    integral: Floats
+    electrical_work: Floats
+    copper_loss: Floats
+    shaft_work: Floats
+    mechanical_loss: Floats
+    load_work: Floats
+    magnetic: Floats
+    kinetic: Floats
+    elastic: Floats
+
+
+def follow_position(
+    reference: ArrayLike,
+    period: float,
+    drive: ThreeLoopParameters,
+    *,
+    load: ArrayLike = 0.0,
+    steps: int = 5,
+) -> ThreeLoopTrace:
+    """Let the axis follow positions, from rest at the first of them.
+
+    Parameters
+    ----------
+    reference : array_like, shape (T,)
+        Positions [m], straight between samples.
+    period : float
+        Time between samples [s], a whole multiple of the current loops' period.
+    drive : ThreeLoopParameters
+        The axis.
+    load : array_like, shape (T,) or ()
+        Force on the carriage against positive motion [N], held from sample to sample.
+    steps : int
+        Steps of the integrator in one period of the current loops.
+
+    Raises
+    ------
+    ValueError
+        When an input does not fit, or the drive runs away.
+    """
+    if drive.position_loop is None:
+        raise ValueError("drive.position_loop is missing: give one, or follow speeds")
+    return _follow(reference, period, drive, load, steps, position=True)
+
+
+def follow_speed(
+    reference: ArrayLike,
+    period: float,
+    drive: ThreeLoopParameters,
+    *,
+    load: ArrayLike = 0.0,
+    steps: int = 5,
+) -> ThreeLoopTrace:
+    """Let the motor follow speeds, from rest; the position loop is left open.
+
+    Parameters
+    ----------
+    reference : array_like, shape (T,)
+        Speeds of the motor [rad/s], held from sample to sample.
+    period, drive, load, steps
+        As in :func:`follow_position`.
+
+    Raises
+    ------
+    ValueError
+        When an input does not fit, or the drive runs away.
+    """
+    return _follow(reference, period, drive, load, steps, position=False)
+
+
+def _follow(
+    reference: ArrayLike,
+    period: float,
+    drive: ThreeLoopParameters,
+    load: ArrayLike,
+    steps: int,
+    *,
+    position: bool,
+) -> ThreeLoopTrace:
+    target = _samples("reference", reference)
+    force = _samples("load", load, target.size)
+    clock = drive.current_loop.period
+    check_steps(drive, steps)
+    ratio = drive.transmission.ratio
+    y = np.zeros(drive_train.STATES)
+    if position:
+        y[drive_train.TH_M] = y[drive_train.TH_L] = target[0] / ratio
+    out = np.empty((target.size, kernel.COLUMNS))
+    reached = kernel.follow(
+        target, force * ratio, _periods(period, clock), winding(drive.motor), shafts(drive),
+        loops(drive, steps, position), y, np.zeros(kernel.MEMORY),
+        np.zeros((drive_train.WORK_ROWS, drive_train.STATES)), out,
+    )  # fmt: skip
+    if reached < target.size or not np.isfinite(out).all():
+        raise ValueError(
+            f"the drive runs away at {reached * period:.4g} s: lower the gains of the position or "
+            "speed loop, or the load"
+        )
+    return _trace(target, period, drive, out)
+
+
+def _samples(name: str, values: ArrayLike, many: int | None = None) -> Floats:
+    row = np.array(values, dtype=np.float64)
+    if many is not None and row.ndim == 0:
+        row = np.full(many, row)
+    if row.ndim != 1 or (many is None and row.size == 0):
+        raise ValueError(f"{name} has shape {row.shape}, but must be one row of samples")
+    if many is not None and row.size != many:
+        raise ValueError(f"{name} has {row.size} samples, but the reference has {many}")
+    wrong = np.flatnonzero(~np.isfinite(row))
+    if wrong.size:
+        raise ValueError(f"{name}[{wrong[0]}] = {row[wrong[0]]} must be finite")
+    return row
+
+
+def _periods(period: float, clock: float) -> int:
+    many = round(period / clock) if 0 < period < _LONGEST * clock else 0
+    if many < 1 or abs(many * clock - period) > 1e-9 * period:
+        raise ValueError(
+            f"period = {period} s must be a whole multiple of current_loop.period = {clock} s, "
+            f"less than {_LONGEST:g} of it"
+        )
+    return many
+
+
+def _trace(
+    reference: Floats, period: float, drive: ThreeLoopParameters, out: Floats
+) -> ThreeLoopTrace:
+    motor, transmission = drive.motor, drive.transmission
+    i_d, i_q = out[:, drive_train.I_D], out[:, drive_train.I_Q]
+    w_m, w_l = out[:, drive_train.W_M], out[:, drive_train.W_L]
+    kinetic = (motor.inertia * w_m**2 + transmission.load_inertia * w_l**2) / 2
+    twist = out[:, drive_train.TH_M] - out[:, drive_train.TH_L]
+    rigid = isinf(transmission.stiffness)
+    return ThreeLoopTrace(
+        time=period * np.arange(reference.size, dtype=np.float64),
+        reference=reference,
+        position=transmission.ratio * out[:, drive_train.TH_L],
+        motor_position=transmission.ratio * out[:, drive_train.TH_M],
+        speed=w_m,
+        load_speed=w_l,
+        i_d=i_d,
+        i_q=i_q,
+        u_d=out[:, kernel.U_D],
+        u_q=out[:, kernel.U_Q],
+        torque=out[:, kernel.TORQUE],
+        friction=out[:, kernel.FRICTION] / transmission.ratio,
+        proportional=out[:, kernel.GAIN_P],
+        integral=out[:, kernel.GAIN_I],
+        electrical_work=out[:, drive_train.INPUT],
+        copper_loss=out[:, drive_train.COPPER],
+        shaft_work=out[:, drive_train.SHAFT],
+        mechanical_loss=out[:, drive_train.LOST],
+        load_work=out[:, drive_train.LOAD],
+        magnetic=magnetic_energy(i_d, i_q, motor),
+        kinetic=kinetic,
+        elastic=np.zeros_like(twist) if rigid else transmission.stiffness * twist**2 / 2,
+    )
+
+
+def winding(motor: MotorParameters) -> drive_train.Winding:
+    """Return the parameters of the currents."""
+    return drive_train.Winding(
+        resistance=float(motor.resistance),
+        inductance_d=float(motor.inductance_d),
+        inductance_q=float(motor.inductance_q),
+        flux=float(motor.flux),
+        pole_pairs=float(motor.pole_pairs),
+    )
+
+
+def shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
+    """Return the parameters of the speeds; the guideway's friction about the screw."""
+    motor, transmission, r = drive.motor, drive.transmission, drive.transmission.ratio
+    rigid = isinf(transmission.stiffness)
+    return drive_train.Shafts(
+        motor_inertia=float(motor.inertia),
+        motor_damping=float(motor.damping),
+        motor_coulomb=float(motor.coulomb),
+        load_inertia=float(transmission.load_inertia),
+        load_damping=float(transmission.load_damping),
+        stiffness=0.0 if rigid else float(transmission.stiffness),
+        internal_damping=float(transmission.internal_damping),
+        rigid=rigid,
+        positive=_about_screw(drive.friction.positive, r),
+        negative=_about_screw(drive.friction.negative, r),
+    )
+
+
+def _about_screw(friction: DirectionFriction, ratio: float) -> drive_train.Direction:
+    return drive_train.Direction(
+        coulomb=friction.coulomb * ratio,
+        static=friction.static * ratio,
+        stribeck=friction.stribeck_velocity / ratio,
+        viscous=friction.viscous * ratio**2,
+    )
+
+
+def loops(drive: ThreeLoopParameters, steps: int, position: bool) -> kernel.Loops:
+    """Return the settings of the loops; ``position``: whether positions are followed."""
+    motor, current, speed = drive.motor, drive.current_loop, drive.speed_loop
+    outer, fuzzy = drive.position_loop or _OPEN, speed.fuzzy or _NO_RULES
+    gain_d, integral_d = current.gains(motor.resistance, motor.inductance_d)
+    gain_q, integral_q = current.gains(motor.resistance, motor.inductance_q)
+    return kernel.Loops(
+        period=float(current.period),
+        steps=int(steps),
+        gain_d=gain_d,
+        integral_d=integral_d,
+        gain_q=gain_q,
+        integral_q=integral_q,
+        torque_constant=float(motor.torque_constant),
+        torque_limit=float(speed.torque_limit),
+        proportional=float(speed.proportional),
+        integral=float(speed.integral),
+        fuzzy=speed.fuzzy is not None,
+        error_scale=float(fuzzy.error_scale),
+        change_scale=float(fuzzy.change_scale),
+        proportional_span=float(fuzzy.proportional_span),
+        integral_span=float(fuzzy.integral_span),
+        speed_every=int(speed.every),
+        position=position,
+        gain=float(outer.gain),
+        feedforward=float(outer.velocity_feedforward),
+        motor_encoder=bool(outer.motor_encoder),
+        position_every=int(outer.every),
+        ratio=float(drive.transmission.ratio),
+        dc_link=float(drive.inverter.dc_link),
+        switched=bool(drive.inverter.switched),
+        overmodulation=bool(drive.inverter.overmodulation),
+    )

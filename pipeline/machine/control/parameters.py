@@ -1,0 +1,288 @@
+"""Parameters of a control: limits of each axis, corners, filters, auxiliary functions.
+
+Numbers stand as the parameter pages of controls have them, in millimetre and minute (degree and
+minute of rotary axes); the properties give them in SI, as the planner works.
+
+After interpolation the command of each axis runs through two moving averages of lengths T1 and T2.
+With a speed jump of at most dV at a corner, the jumps of dense corners spread so that they average
+to at most a_arc (see :mod:`pipeline.machine.control.corners`) and a tangential acceleration of at
+most a_cut, the filtered acceleration of an axis is at most a_cut + a_arc + dV / max(T1, T2) and its
+jerk at most twice that over min(T1, T2).
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cache, cached_property
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND, RADIAN
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+
+LINEAR = "XYZ"
+"""Letters of the linear axes."""
+
+_Seconds = Annotated[float, Range(least=0.0, unit="s")]
+_Unbounded = Annotated[float, Range(above=0.0, finite=False)]
+"""Positive, infinite for no limit."""
+
+
+class Limit(IntEnum):
+    """Rows of :attr:`ControlParameters.limits`."""
+
+    RAPID_SPEED = 0
+    CUTTING_SPEED = 1
+    RAPID_ACCELERATION = 2
+    CUTTING_ACCELERATION = 3
+    ARC_ACCELERATION = 4
+    CORNER_JUMP = 5
+    JERK = 6
+
+
+_PER_MINUTE = {Limit.RAPID_SPEED, Limit.CUTTING_SPEED, Limit.CORNER_JUMP}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisParameters(Ranged):
+    """Limits of one axis; read degree for millimetre at A, B and C.
+
+    Parameters
+    ----------
+    rapid_speed, cutting_speed : float
+        Greatest speed in G0, and in G1 to G3 [mm/min].
+    rapid_acceleration, cutting_acceleration : float
+        Along the path, in G0 and in G1 to G3 [mm/s^2].
+    arc_acceleration : float
+        Towards the centre of arcs, and the average that the corners of a curve made of chords may
+        reach [mm/s^2].
+    corner_jump : float
+        Greatest jump of speed at a corner [mm/min]; 0 stands still wherever the axis changes its
+        speed.
+    jerk : float, optional
+        Greatest jerk before interpolation [mm/s^3]; the profile ``s_curve`` needs it.
+    acceleration_limit : float, optional
+        Capacity of the drive [mm/s^2]: the filtered acceleration must stay below it.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    rapid_speed: Positive
+    cutting_speed: Positive
+    rapid_acceleration: Positive
+    cutting_acceleration: Positive
+    arc_acceleration: Positive
+    corner_jump: NotNegative
+    jerk: Positive | None = None
+    acceleration_limit: Positive | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuxiliaryParameters(Ranged, section="auxiliary"):
+    """Times of auxiliary functions: spindle, tool change, M codes, stop.
+
+    Parameters
+    ----------
+    spindle_acceleration : float
+        Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
+        :mod:`pipeline.machine.spindle`.
+    spindle_base_speed : float
+        Above it the motor gives constant power instead of constant torque [rev/min].
+    spindle_deceleration : float, optional
+        Of a spindle that is stopped [rev/min/s]; ``spindle_acceleration`` by default.
+    spindle_delay : float
+        Added to each of them [s].
+    spindle_wait : {"at_code", "next_line", "before_cutting", "none"}
+        Where the spindle is waited for: at M3, M4 and M5 themselves, before the line that follows,
+        before the next cutting move (the axes meanwhile move on), or nowhere.
+    spindle_stop_wait : {"as_start", "before_change"}
+        Whether a spindle that is stopped is waited for as one that starts, or only by what needs it
+        at rest: tool change, M0, M1, M2, M30 and the next spindle code.
+    speed_change_waits : bool
+        Whether an S word while the spindle rotates is waited for like a start; otherwise the axes
+        move on and nothing is waited for.
+    spindle_orientation : float
+        M19 [s].
+    maximum_speed : float
+        Of the spindle, limits constant surface speed [rev/min].
+    tool_change : float
+        M6 [s].
+    tools : dict of int to float
+        Additional time of M6 for a tool [s].
+    m_code : float
+        An M code that ``m_codes`` does not name [s].
+    m_codes : dict of int to float
+        M codes by number [s].
+    flying_m_codes : tuple of int
+        M codes that are sent while the axes move on; they take no time.
+    stop : float
+        M0 and M1 [s]; 0 leaves out what the operator does.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    spindle_acceleration: _Unbounded = np.inf
+    spindle_base_speed: _Unbounded = np.inf
+    spindle_deceleration: _Unbounded | None = None
+    spindle_delay: _Seconds = 0.0
+    spindle_wait: Literal["at_code", "next_line", "before_cutting", "none"] = "at_code"
+    spindle_stop_wait: Literal["as_start", "before_change"] = "as_start"
+    speed_change_waits: bool = False
+    spindle_orientation: _Seconds = 0.0
+    maximum_speed: _Unbounded = np.inf
+    tool_change: _Seconds = 0.0
+    tools: dict[int, float] = field(default_factory=dict)
+    m_code: _Seconds = 0.0
+    m_codes: dict[int, float] = field(default_factory=dict)
+    flying_m_codes: tuple[int, ...] = ()
+    stop: _Seconds = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_choices(self, "auxiliary.")
+        for name, times in (("tools", self.tools), ("m_codes", self.m_codes)):
+            for number, time in times.items():
+                if not (np.isfinite(time) and time >= 0):
+                    raise ValueError(
+                        f"auxiliary.{name}[{number}] = {time} s must be finite and at least 0"
+                    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlParameters(Ranged):
+    """A control and the machine that it moves.
+
+    Parameters
+    ----------
+    axes : dict of str to AxisParameters
+        By the letters X Y Z A B C; a program that moves another axis is refused.
+    corner : {"jump", "tolerance"}
+        Whether corners are rounded as the filters happen to (Fanuc), or so that the filtered path
+        stays within ``tolerance``.  A tolerance in the program (G64 P) is kept in both.
+    tolerance : float
+        The control's own [mm]; used with ``corner = "tolerance"``.
+    rapid_filter, cutting_filter : tuple of 2 floats
+        Lengths T1, T2 of the moving averages after interpolation [s]; 0 for none.
+    profile : {"trapezoid", "s_curve"}
+        Acceleration before interpolation.
+    rapid_mode : {"linear", "independent"}
+        Whether G0 interpolates, or each axis goes as fast as it can.
+    rapid_stop : {"always", "change", "never"}
+        Where rapids end at a standstill: each one, or only where rapid and feed meet.
+    settle_time : float
+        Duration of the check that the axes are in position at an exact stop [s].
+    interpolation_period : float
+        [s].
+    auxiliary : AuxiliaryParameters
+        Times of auxiliary functions.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range, or the filtered acceleration could pass an axis'
+        ``acceleration_limit``.
+    """
+
+    axes: dict[str, AxisParameters]
+    corner: Literal["jump", "tolerance"] = "jump"
+    tolerance: Positive = 0.01
+    rapid_filter: tuple[_Seconds, _Seconds] = (0.0, 0.0)
+    cutting_filter: tuple[_Seconds, _Seconds] = (0.0, 0.0)
+    profile: Literal["trapezoid", "s_curve"] = "trapezoid"
+    rapid_mode: Literal["linear", "independent"] = "linear"
+    rapid_stop: Literal["always", "change", "never"] = "always"
+    settle_time: _Seconds = 0.0
+    interpolation_period: Positive = 0.001
+    auxiliary: AuxiliaryParameters = field(default_factory=AuxiliaryParameters)
+
+    def __post_init__(self) -> None:
+        if not self.axes or not set(self.axes) <= set(AXES):
+            raise ValueError(f"axes = {sorted(self.axes)}: name some of {list(AXES)}")
+        _check_choices(self)
+        super().__post_init__()
+        if self.profile == "s_curve":
+            for letter, axis in self.axes.items():
+                if axis.jerk is None:
+                    raise ValueError(f"profile = 's_curve' needs axes.{letter}.jerk: give it")
+        self._check_filtered_acceleration()
+
+    def _check_filtered_acceleration(self) -> None:
+        for letter, axis in self.axes.items():
+            limit = axis.acceleration_limit
+            if limit is None:
+                continue
+            reached = self.filtered_acceleration(letter)
+            if reached > limit * (1 + 1e-12):
+                raise ValueError(
+                    f"axes.{letter}: rapid_acceleration, or cutting_acceleration + "
+                    f"arc_acceleration + corner_jump over the longer filter, comes to "
+                    f"{reached:.6g} mm/s^2 and passes acceleration_limit = {limit:.6g}: "
+                    "lower one of them or lengthen the filter"
+                )
+
+    def filtered_acceleration(self, letter: str) -> float:
+        """Greatest acceleration that an axis can be commanded [mm/s^2].
+
+        A corner's jump counts where a filter spreads it; without a filter it is a jump of speed
+        and no acceleration.
+        """
+        axis = self.axes[letter]
+        curve = axis.arc_acceleration
+        cutting = axis.cutting_acceleration + curve + _spread(axis, self.cutting_filter)
+        rapid = axis.rapid_acceleration
+        if self.rapid_stop != "always":
+            rapid += curve + _spread(axis, self.rapid_filter)
+        return max(cutting, rapid)
+
+    @property
+    def has_axis(self) -> Bools:
+        """Which of X Y Z A B C there are; shape (6,)."""
+        return np.array([letter in self.axes for letter in AXES])
+
+    @cached_property
+    def limits(self) -> Floats:
+        """Limits in SI, shape (7, 6); rows as in :class:`Limit`.
+
+        Without an axis infinite, so that what does not move does not count.
+        """
+        table = np.full((len(Limit), 6), np.inf)
+        for letter, axis in self.axes.items():
+            column = AXES.index(letter)
+            unit = METRE if letter in LINEAR else RADIAN
+            per_minute = METRE_PER_SECOND if letter in LINEAR else RADIAN / 60
+            for row in Limit:
+                value = getattr(axis, row.name.lower())
+                if value is not None:
+                    table[row, column] = value * (per_minute if row in _PER_MINUTE else unit)
+        return table
+
+    @property
+    def filters(self) -> Floats:
+        """T1, T2 in rapids (row 0) and in cutting (row 1) [s]; shape (2, 2)."""
+        return np.array([self.rapid_filter, self.cutting_filter], float)
+
+
+def _spread(axis: AxisParameters, filters: tuple[float, float]) -> float:
+    longest = max(filters)
+    return axis.corner_jump / 60 / longest if longest > 0 else 0.0
+
+
+def _check_choices(parameters: Any, prefix: str = "") -> None:
+    """Refuse a word that the field's own ``Literal`` does not name."""
+    kind: Any = type(parameters)
+    for name, allowed in _choices(kind).items():
+        if (value := getattr(parameters, name)) not in allowed:
+            raise ValueError(f"{prefix}{name} = {value!r} must be one of {allowed}")
+
+
+@cache
+def _choices(kind: type) -> dict[str, tuple[str, ...]]:
+    hints = get_type_hints(kind).items()
+    return {name: get_args(hint) for name, hint in hints if get_origin(hint) is Literal}

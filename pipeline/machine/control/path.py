@@ -1,0 +1,109 @@
+"""Path of a program under one control: whatever is the same for every feed and spindle speed.
+
+Rows are those of the program's moves; each has a kind of motion, a length, and limits of speed,
+acceleration and jerk along the path, with the reason of each limit.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.gcode.moves import Moves
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.schema.arrays import Bools, Floats
+
+Codes = npt.NDArray[np.uint8]
+"""One of the following codes for each row."""
+
+
+class Motion(IntEnum):
+    """Kind of motion of a row."""
+
+    STILL = 0
+    RAPID = 1
+    CUTTING = 2
+    PER_TURN = 3  # cutting, feed per revolution of the spindle
+    INDEPENDENT = 4  # a rapid whose axes each go as fast as they can
+
+
+class Binding(IntEnum):
+    """Limit that keeps a row from being faster."""
+
+    NOTHING = 0  # it does not move
+    FEED = 1
+    RAPID = 2  # the speed of rapids, by the override
+    AXIS_SPEED = 3
+    ARC = 4  # centripetal acceleration
+    CURVE = 5  # the corners of a curve made of chords
+    TOLERANCE = 6
+    CORNER = 7  # the jump of speed at one of its ends
+    EXACT_STOP = 8  # a standstill at one of its ends
+    ACCELERATION = 9  # too short to reach its speed from that of its neighbours
+
+
+class Halt(IntEnum):
+    """Whether the motion before a row must come to a standstill."""
+
+    NONE = 0
+    STOPS = 1  # a standstill
+
+
+@dataclass(frozen=True, kw_only=True)
+class Path:
+    """Path of M rows; every array has one entry a row, zero where the row does not move.
+
+    Parameters
+    ----------
+    moves : Moves
+        Program that runs along the path.
+    control : ControlParameters
+        Control whose limits hold.
+    motion : (M,) array of uint8
+        :class:`Motion`.
+    form : (M,) array of uint8
+        Of rows that move: :mod:`pipeline.machine.control.geometry`'s STRAIGHT, ROTARY or CURVED.
+    length : (M,) array
+        Of X, Y, Z [m]; where only rotary axes move, of these [rad].
+    factor : (M,) array
+        Speed [m/s] (or [rad/s]) for one unit of F, of rapids for an override of 1, of
+        ``Motion.PER_TURN`` for one unit of F and 1 rev/min.
+    cap : (M,) array
+        Speed not to be passed, by the axes' speed, arcs, and the corners of curves [m/s].
+    acceleration, jerk : (M,) array
+        Along the path [m/s^2], [m/s^3]; ``jerk`` is empty for a trapezoid.
+    corner : (M,) array
+        Speed not to be passed at the row's end [m/s]; infinite where it runs on straight.
+    pause : (M,) array
+        Standstill after the row: the filters run empty, and the check of position [s].
+    reason, end_reason : (M,) array of uint8
+        :class:`Binding` of ``cap`` and of ``corner``.
+    """
+
+    moves: Moves = field(repr=False)
+    control: ControlParameters
+    motion: Codes = field(repr=False)
+    form: Codes = field(repr=False)
+    length: Floats = field(repr=False)
+    factor: Floats = field(repr=False)
+    cap: Floats = field(repr=False)
+    acceleration: Floats = field(repr=False)
+    jerk: Floats = field(repr=False)
+    corner: Floats = field(repr=False)
+    pause: Floats = field(repr=False)
+    reason: Codes = field(repr=False)
+    end_reason: Codes = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.motion)
+
+    @property
+    def moving(self) -> Bools:
+        """Which rows move; shape (M,)."""
+        return self.motion != Motion.STILL
+
+
+def where(moves: Moves, row: int) -> str:
+    """File and line of a row, as messages name it."""
+    return f"{moves.files[moves.file[row]]}:{moves.line[row]}"

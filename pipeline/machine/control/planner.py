@@ -1,0 +1,306 @@
+"""Motion planner of the virtual control: time and speed of each row of a program.
+
+A program and a control make a :class:`pipeline.machine.control.path.Path` once; :func:`plan` then
+gives the times for any feeds, spindle speeds and overrides, :func:`totals` those of a population.
+
+    path = limited_path(moves, control)
+    plan(path).total
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+
+from pipeline.gcode.moves import AXES, Kind, Moves
+from pipeline.machine.control.commands import (
+    add_waits,
+    auxiliary_time,
+    commanded_feeds,
+    spindle_speeds,
+    waits,
+)
+from pipeline.machine.control.parameters import ControlParameters, Limit
+from pipeline.machine.control.path import Path, where
+from pipeline.machine.control.row_motion import (
+    RowMotion,
+    motion_times,
+    motion_totals,
+    row_motion,
+)
+from pipeline.machine.spindle import halts, spindle_waits
+from pipeline.schema.arrays import Bools, Floats
+
+_STOPS = ("always", "change", "never")
+
+
+def limited_path(moves: Moves, control: ControlParameters) -> Path:
+    """Path of ``moves`` with the limits of its speed; once for a program and a control.
+
+    Raises
+    ------
+    ValueError
+        When a position is not finite, or an axis moves that the control does not have.
+    """
+    from pipeline.machine.control.corners import keep_tolerance
+    from pipeline.machine.control.limits import FRAMES, limit
+
+    _check_positions(moves, control)
+    s_curve = control.profile == "s_curve"
+    path = _empty(moves, control)
+    tolerance = _tolerance(moves, control)
+    filters = control.filters
+    rounds = bool(np.isfinite(tolerance).any() and filters.any())
+    turn, bend = np.zeros((2, len(moves) if rounds else 0))
+    limit(
+        moves.kind, moves.origin, moves.end, moves.centre, moves.angle, moves.plane,
+        moves.feed_mode, moves.path_mode, tolerance, halts(moves, control.auxiliary),
+        control.limits, filters.sum(axis=1), bool((filters[0] == filters[1]).all()),
+        control.settle_time, _STOPS.index(control.rapid_stop),
+        control.rapid_mode == "independent", s_curve, np.zeros(FRAMES),
+        path.motion, path.form, path.length, path.factor, path.cap, path.acceleration, path.jerk,
+        path.corner, path.pause, path.reason, path.end_reason, turn, bend,
+    )  # fmt: skip
+    if rounds:
+        keep_tolerance(
+            tolerance, _rounding(control), filters.sum(axis=1), path.form, path.length, turn, bend,
+            *_neighbours(path.moving), path.motion, path.cap, path.acceleration, path.corner,
+            path.pause, path.reason, path.end_reason,
+        )  # fmt: skip
+    return path
+
+
+def _neighbours(moving: Bools) -> tuple[npt.NDArray[np.int32], ...]:
+    """The moving rows after and before each moving row, -1 for none; shape (M,) each."""
+    rows = np.flatnonzero(moving)
+    following, preceding = np.full((2, len(moving)), -1, np.int32)
+    following[rows[:-1]] = rows[1:]
+    preceding[rows[1:]] = rows[:-1]
+    return following, preceding
+
+
+def _empty(moves: Moves, control: ControlParameters) -> Path:
+    rows = len(moves)
+    length, factor, cap, acceleration, corner, pause = (np.zeros(rows) for _ in range(6))
+    motion, form, reason, end_reason = (np.zeros(rows, np.uint8) for _ in range(4))
+    return Path(
+        moves=moves, control=control, motion=motion, form=form, length=length, factor=factor,
+        cap=cap, acceleration=acceleration,
+        jerk=np.zeros(rows if control.profile == "s_curve" else 0),
+        corner=corner, pause=pause, reason=reason, end_reason=end_reason,
+    )  # fmt: skip
+
+
+def _tolerance(moves: Moves, control: ControlParameters) -> Floats:
+    own = control.tolerance if control.corner == "tolerance" else np.inf
+    return np.where(moves.tolerance > 0, moves.tolerance, own)
+
+
+def _rounding(control: ControlParameters) -> Floats:
+    from pipeline.machine.control.corners import rounding
+
+    rows = [Limit.RAPID_ACCELERATION, Limit.CUTTING_ACCELERATION]
+    linear = control.limits[rows, :3]
+    along = np.sqrt((np.where(np.isfinite(linear), linear, 0.0) ** 2).sum(axis=1))
+    if control.rapid_stop == "never":
+        along[:] = along.max()
+    return rounding(control.filters, along)
+
+
+def _check_positions(moves: Moves, control: ControlParameters) -> None:
+    origin = np.asarray(moves.origin)[np.newaxis]
+    if not np.isfinite(origin).all():
+        raise ValueError(f"origin = {moves.origin} must be finite")
+    bad = ~np.isfinite(moves.end).all(axis=1)
+    arc = moves.kind == Kind.ARC
+    in_plane = np.isfinite(moves.centre).sum(axis=1) >= 2
+    bad |= arc & ~(in_plane & np.isfinite(moves.angle))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"{where(moves, row)}: position {moves.end[row].tolist()} is not finite: "
+            "give every move an end, and every arc a centre and an angle"
+        )
+    for axis in np.flatnonzero(~control.has_axis):
+        moved = moves.end[:, axis] != origin[0, axis]
+        if moved.any():
+            letter = AXES[axis]
+            raise ValueError(
+                f"{where(moves, int(np.argmax(moved)))}: axis {letter} moves, the control has "
+                f"{''.join(control.axes)}: add axes.{letter} to its parameters"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Times and speeds of the M rows of a program.
+
+    Parameters
+    ----------
+    path : Path
+        Path that is planned.
+    feed : (M,) array
+        F with the override, in the units of ``Moves``; in rapids the override [1].
+    spindle_speed : (M,) array
+        Speed of the spindle [rev/min].
+    motion : RowMotion
+        Speeds and times of what moves.
+    wait : (M,) array
+        Standstill after it: filters, check of position, dwell, tool, spindle, M code [s].
+    """
+
+    path: Path
+    feed: Floats = field(repr=False)
+    spindle_speed: Floats = field(repr=False)
+    motion: RowMotion = field(repr=False)
+    wait: Floats = field(repr=False)
+
+    @cached_property
+    def time(self) -> Floats:
+        """Time of each row [s]; shape (M,)."""
+        return self.motion.time + self.wait
+
+    @property
+    def total(self) -> float:
+        """Time of the program [s]."""
+        return float(self.time.sum())
+
+    @property
+    def v_out(self) -> Floats:
+        """Speed along the path at the end of each row [m/s]; shape (M,)."""
+        return self.motion.v_out
+
+    @property
+    def v_peak(self) -> Floats:
+        """Greatest speed along the path in each row [m/s]; shape (M,)."""
+        return self.motion.v_peak
+
+    @property
+    def v_in(self) -> Floats:
+        """Speed along the path at the start of each row [m/s]; shape (M,)."""
+        return np.concatenate([[0.0], self.v_out[:-1]])[: len(self.v_out)]
+
+    @cached_property
+    def limit(self) -> npt.NDArray[np.uint8]:
+        """Limit that keeps each row from being faster, :class:`.path.Binding`."""
+        from pipeline.machine.control.look_ahead import binding
+
+        path = self.path
+        out = np.zeros(len(path), np.uint8)
+        binding(
+            path.motion, path.factor, path.cap, path.reason, path.corner, path.end_reason,
+            self.feed[np.newaxis], self.spindle_speed[np.newaxis], self.v_out, self.v_peak, out,
+        )  # fmt: skip
+        return out
+
+
+def plan(
+    path: Path,
+    *,
+    feeds: ArrayLike | None = None,
+    speeds: ArrayLike | None = None,
+    feed_override: ArrayLike = 100.0,
+    rapid_override: ArrayLike = 100.0,
+) -> Plan:
+    """Times and speeds of a program.
+
+    Parameters
+    ----------
+    path : Path
+        From :func:`limited_path`.
+    feeds, speeds : (M,) array, optional
+        F and S in force in each row, in the units of ``Moves``; the program's own by default.
+    feed_override, rapid_override : float or (M,) array
+        [percent]; threads take no override.
+
+    Raises
+    ------
+    ValueError
+        When a row that cuts has no positive F (or the spindle stands under G95), a speed is
+        negative, or an override is not positive.
+    """
+    feed, spindle = _commands(path, feeds, speeds, feed_override, rapid_override)
+    if len(feed) != 1:
+        raise ValueError(
+            f"plan takes the feeds and speeds of one individual, got {len(feed)}: "
+            "row_times and totals take many"
+        )
+    motion = row_motion(path, feed, spindle)
+    wait = path.pause.copy()
+    add_waits(path, spindle, motion.time[np.newaxis], wait[np.newaxis])
+    return Plan(path=path, feed=feed[0], spindle_speed=spindle[0], motion=motion, wait=wait)
+
+
+def row_times(
+    path: Path,
+    *,
+    feeds: ArrayLike | None = None,
+    speeds: ArrayLike | None = None,
+    feed_override: ArrayLike = 100.0,
+    rapid_override: ArrayLike = 100.0,
+) -> Floats:
+    """Time of each row for a population of feeds and speeds [s]; shape (P, M).
+
+    Parameters
+    ----------
+    path : Path
+        From :func:`limited_path`.
+    feeds, speeds : (M,) or (P, M) array, optional
+        As :func:`plan` takes them; one row is the same for all individuals.
+    feed_override, rapid_override : float or (M,) array
+        [percent].
+
+    Raises
+    ------
+    ValueError
+        As :func:`plan`; also when feeds and speeds are of different populations.
+    """
+    feed, spindle = _commands(path, feeds, speeds, feed_override, rapid_override)
+    time = motion_times(path, feed, spindle)
+    time += waits(path, spindle, time)
+    return time
+
+
+def totals(
+    path: Path,
+    *,
+    feeds: ArrayLike | None = None,
+    speeds: ArrayLike | None = None,
+    feed_override: ArrayLike = 100.0,
+    rapid_override: ArrayLike = 100.0,
+) -> Floats:
+    """Time of the program for a population of feeds and speeds [s]; shape (P,).
+
+    Faster than the sum of :func:`row_times`, which takes the same and raises the same.
+    """
+    feed, spindle = _commands(path, feeds, speeds, feed_override, rapid_override)
+    rows, waiting, run_up = spindle_waits(path.moves, path.control.auxiliary, spindle)
+    if path.control.profile == "s_curve" or (rows != waiting).any():
+        return row_times(
+            path, feeds=feeds, speeds=speeds, feed_override=feed_override,
+            rapid_override=rapid_override,
+        ).sum(axis=1)  # fmt: skip
+    _, other = auxiliary_time(path.moves, path.control.auxiliary, spindle)
+    standstill: Floats = path.pause.sum() + other.sum(axis=1) + run_up.sum(axis=1)
+    return motion_totals(path, feed, spindle) + standstill
+
+
+def _commands(
+    path: Path,
+    feeds: ArrayLike | None,
+    speeds: ArrayLike | None,
+    feed_override: ArrayLike,
+    rapid_override: ArrayLike,
+) -> tuple[Floats, Floats]:
+    feed = commanded_feeds(path, feeds, feed_override, rapid_override)
+    spindle = spindle_speeds(path, speeds)
+    many = max(len(feed), len(spindle))
+    if not {len(feed), len(spindle)} <= {1, many}:
+        raise ValueError(
+            f"feeds are of {len(feed)} individuals, speeds of {len(spindle)}: give as many of both"
+        )
+    if len(feed) < many:
+        feed = np.tile(feed, (many, 1))
+    return feed, spindle

@@ -1,0 +1,214 @@
+"""Motion of the rows of a path: speeds and times of one individual, or times of a population.
+
+Interpolated rows follow the look-ahead, by trapezoids or with bounded jerk; rapids whose axes each
+go as fast as they can (the dog-leg) have closed forms.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+
+from pipeline.gcode.moves import METRE, RADIAN
+from pipeline.machine.control.parameters import Limit
+from pipeline.machine.control.path import Motion, Path
+from pipeline.schema.arrays import Floats
+
+UNITS = np.array([METRE] * 3 + [RADIAN] * 3)
+"""Factors of the axes' positions to SI."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowMotion:
+    """Speeds and times of M rows.
+
+    Parameters
+    ----------
+    v_out, v_peak : (M,) array
+        Speed along the path at the end of a row, and greatest in it [m/s].
+    time : (M,) array
+        Duration of the row's motion [s].
+    profile : (M,) array of int32
+        Of an S-curve: the row in ``profiles`` that a row belongs to, -1 where it does not move;
+        empty of a trapezoid, whose rows are each a profile.
+    profiles : (N, 6) array
+        Speeds at both ends and on top [m/s], length [m], acceleration [m/s^2], jerk [m/s^3].
+    """
+
+    v_out: Floats = field(repr=False)
+    v_peak: Floats = field(repr=False)
+    time: Floats = field(repr=False)
+    profile: npt.NDArray[np.int32] = field(repr=False)
+    profiles: Floats = field(repr=False)
+
+
+def row_motion(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
+    """Motion under one individual's commands, both of shape (1, M)."""
+    if path.control.profile == "s_curve":
+        motion = _jerk_limited(path, feed, spindle)
+    else:
+        motion = _trapezoids(path, feed, spindle)
+    _add_independent(path, feed, motion.time[np.newaxis])
+    return motion
+
+
+def motion_times(path: Path, feed: Floats, spindle: Floats) -> Floats:
+    """Duration of the rows' motion [s]; shape (P, M), from commands (P, M) and (1 or P, M)."""
+    if path.control.profile == "s_curve":
+        own = range(len(spindle)) if len(spindle) > 1 else [0] * len(feed)
+        rows = [
+            row_motion(path, feed[[p]], spindle[[q]]).time
+            for p, q in zip(range(len(feed)), own, strict=True)
+        ]
+        return np.array(rows).reshape(feed.shape)
+    from pipeline.machine.control.look_ahead import plan_population
+
+    time = np.zeros(feed.shape)
+    speeds = np.zeros((2, len(path)))
+    plan_population(
+        path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
+        feed, spindle, speeds[0], speeds[1], time,
+    )  # fmt: skip
+    _add_independent(path, feed, time)
+    return time
+
+
+def motion_totals(path: Path, feed: Floats, spindle: Floats) -> Floats:
+    """Total duration of each individual's motion, by trapezoids [s]; shape (P,)."""
+    from pipeline.machine.control.look_ahead import CARRIED, LANES, total_times
+
+    out = np.zeros(len(feed))
+    speed, square = np.zeros((2, len(path), LANES))
+    total_times(
+        path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
+        feed, spindle, speed, square, np.zeros((CARRIED, LANES)), out,
+    )  # fmt: skip
+    rows = np.flatnonzero(path.motion == Motion.INDEPENDENT)
+    if len(rows):
+        out += independent_time(path, rows, feed[:, rows]).sum(axis=1)
+    return out
+
+
+def _trapezoids(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
+    from pipeline.machine.control.look_ahead import plan_rows
+
+    v_out, v_peak, time = (np.zeros(len(path)) for _ in range(3))
+    plan_rows(
+        path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
+        feed, spindle, 0, v_out, v_peak, time,
+    )  # fmt: skip
+    return RowMotion(
+        v_out=v_out, v_peak=v_peak, time=time,
+        profile=np.zeros(0, np.int32), profiles=np.zeros((0, 6)),
+    )  # fmt: skip
+
+
+def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
+    from pipeline.machine.control.s_curve import COLUMNS, plan_profiles
+
+    rows = np.flatnonzero(path.moving & (path.motion != Motion.INDEPENDENT))
+    speed = feed[0, rows] * path.factor[rows]
+    speed *= np.where(path.motion[rows] == Motion.PER_TURN, spindle[0, rows], 1.0)
+    v_out, v_peak, time = (np.zeros(len(rows)) for _ in range(3))
+    profile = np.zeros(len(rows), np.int32)
+    profiles = np.zeros((len(rows), COLUMNS))
+    plan_profiles(
+        path.length[rows], np.minimum(speed, path.cap[rows]), path.acceleration[rows],
+        path.jerk[rows], path.corner[rows], np.zeros(len(rows), np.uint8),
+        v_out, v_peak, time, profile, profiles,
+    )  # fmt: skip
+    first, of = np.unique(profile, return_inverse=True)
+    return RowMotion(
+        v_out=_carried(len(path), rows, v_out),
+        v_peak=_placed(len(path), rows, v_peak, 0.0),
+        time=_placed(len(path), rows, time, 0.0),
+        profile=_placed(len(path), rows, of.astype(np.int32), -1),
+        profiles=np.ascontiguousarray(profiles[first, :6]),
+    )
+
+
+def _placed(many: int, rows: npt.NDArray[np.intp], values: np.ndarray, other: float) -> np.ndarray:
+    placed = np.full(many, other, values.dtype)
+    placed[rows] = values
+    return placed
+
+
+def _carried(many: int, rows: npt.NDArray[np.intp], speed: Floats) -> Floats:
+    """Speed at the end of each row; what does not move keeps that of the row before."""
+    last = np.searchsorted(rows, np.arange(many), side="right") - 1
+    padded: Floats = np.concatenate([[0.0], speed])[last + 1]
+    return padded
+
+
+def _add_independent(path: Path, feed: Floats, time: Floats) -> None:
+    rows = np.flatnonzero(path.motion == Motion.INDEPENDENT)
+    if len(rows):
+        time[:, rows] = independent_time(path, rows, feed[:, rows])
+
+
+def distances(path: Path, rows: npt.NDArray[np.intp]) -> Floats:
+    """Signed distance of each axis in rows [m, rad]; shape (N, 6)."""
+    start = np.where((rows > 0)[:, np.newaxis], path.moves.end[rows - 1], path.moves.origin)
+    distance: Floats = (path.moves.end[rows] - start) * UNITS
+    return distance
+
+
+def independent_time(path: Path, rows: npt.NDArray[np.intp], share: Floats) -> Floats:
+    """Time of the axis that takes longest, from standstill to standstill [s]; shape (P, N).
+
+    Parameters
+    ----------
+    path : Path
+        Its moves and its control's limits.
+    rows : (N,) array
+        Of the path.
+    share : (P, N) array
+        Override of the speeds [1].
+    """
+    here = path.control.has_axis
+    size = np.abs(distances(path, rows))[:, here]
+    limits = path.control.limits[:, here]
+    speed = limits[Limit.RAPID_SPEED] * share[..., np.newaxis]
+    jerk = limits[Limit.JERK] if path.control.profile == "s_curve" else np.inf
+    time: Floats = rest_to_rest(size, speed, limits[Limit.RAPID_ACCELERATION], jerk).max(axis=-1)
+    return time
+
+
+def ramp_time(change: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Floats:
+    """Time to change the speed by ``change``, without acceleration before and after [s].
+
+    Examples
+    --------
+    >>> ramp_time([0.1, 1.0], 2.0, 20.0).round(4).tolist()
+    [0.1414, 0.6]
+    """
+    v, a, j = np.abs(np.asarray(change, float)), np.asarray(acceleration), np.asarray(jerk)
+    time: Floats = np.where(v <= a * a / j, 2 * np.sqrt(v / j), v / a + a / j)
+    return time
+
+
+def rest_to_rest(
+    distance: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike = np.inf
+) -> Floats:
+    """Shortest time from standstill to standstill [s].
+
+    Parameters
+    ----------
+    distance, speed, acceleration, jerk : array_like, broadcast
+        At least 0, and positive [m], [m/s], [m/s^2], [m/s^3]; an infinite jerk makes a trapezoid.
+
+    Examples
+    --------
+    >>> rest_to_rest([0.01, 1.0], 0.5, 2.0).round(4).tolist()
+    [0.1414, 2.25]
+    """
+    d, v, a, j = (np.asarray(value, float) for value in (distance, speed, acceleration, jerk))
+    # the greatest speed that both ramps fit in: v ramp_time(v) = d
+    by_jerk = np.cbrt((d / 2) ** 2 * np.where(np.isfinite(j), j, 0.0))
+    blunt = a * a / j
+    by_acceleration = (np.sqrt(blunt * blunt + 4 * d * a) - blunt) / 2
+    top = np.minimum(v, np.where(by_jerk < blunt, by_jerk, by_acceleration))
+    ramp = ramp_time(top, a, j)
+    time: Floats = 2 * ramp + (d - top * ramp) / np.where(top > 0, top, 1.0)
+    return time
