@@ -1,18 +1,147 @@
-"""Levels of subprograms: where each stands, and where a called one is found."""
+"""Subprogram calls: the stack of call levels, and the programs with their labels."""
 
+import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
-from pipeline.gcode.block import Jump
-from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.named_parameters import LinuxcncParameters
+from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
+from pipeline.gcode.errors import ErrorAt, GcodeError
+from pipeline.gcode.modal import LINUXCNC
 from pipeline.gcode.program import Program, read_program
-from pipeline.gcode.run import Run
-from pipeline.gcode.siemens_variables import SiemensVariables
-from pipeline.gcode.source import Parser, Source
-from pipeline.gcode.state import LINUXCNC
-from pipeline.gcode.statements import Control
-from pipeline.gcode.variables import FanucVariables
+from pipeline.gcode.run import Jump, Run
+from pipeline.gcode.statements import Control, Number, Statement
+
+_O_WORD = re.compile(rb"[\s/\d]*?(?:[nN]\s*[\d.]+\s*)?[oO]")
+_LOOP = re.compile(rb"(?i)[^(]*?(?:WHILE|DO|END)")
+KEPT = 50_000
+"""Statements that are cached for lines executed again."""
+
+Parser = Callable[[Program, int], Statement]
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """An O-word, WHILE, DO or END, with its line."""
+
+    line: int
+    control: Control
+
+
+class Source:
+    """One program with an index of its N words, O programs, labels and loops.
+
+    Parameters
+    ----------
+    program : Program
+        Text.
+    file : int
+        Its index in ``Moves.files``.
+    parse : callable
+        From a program and a line number to the statement.
+    """
+
+    def __init__(self, program: Program, file: int, parse: Parser) -> None:
+        self.program, self.file, self.parse = program, file, parse
+        self.body = program.body
+        self._statements: dict[int, Statement] = {}
+
+    def statement(self, line: int) -> Statement:
+        """Statement of a line, cached since loops need it again."""
+        statement = self._statements.get(line)
+        if statement is None:
+            statement = self.parse(self.program, line)
+            if len(self._statements) >= KEPT:
+                self._statements.clear()
+            self._statements[line] = statement
+        return statement
+
+    @cached_property
+    def numbers(self) -> dict[int, list[int]]:
+        """N word -> the lines that bear it."""
+        return self._heads("N")
+
+    @cached_property
+    def programs(self) -> dict[int, int]:
+        """Number of a program (O1000) -> its first line in this file."""
+        return {number: lines[0] for number, lines in self._heads("O").items()}
+
+    @cached_property
+    def labels(self) -> dict[str, list[Label]]:
+        """O-words by their label, in order."""
+        labels: dict[str, list[Label]] = {}
+        for label in self._controls(_O_WORD):
+            name = label.control.label
+            if isinstance(name, str):
+                labels.setdefault(name, []).append(label)
+        return labels
+
+    @cached_property
+    def loops(self) -> dict[int, int]:
+        """Line of a WHILE or DO -> line of its END, and back."""
+        pairs: dict[int, int] = {}
+        for number in (1.0, 2.0, 3.0):
+            begun: list[int] = []
+            for label in self._controls(_LOOP):
+                control = label.control
+                if not isinstance(control.label, Number) or control.label.value != number:
+                    continue
+                if control.kind in ("while_do", "do"):
+                    begun.append(label.line)
+                elif control.kind == "end" and begun:
+                    begin = begun.pop()
+                    pairs[begin], pairs[label.line] = label.line, begin
+        return pairs
+
+    def section(self, line: int) -> range:
+        """Lines of the O program that a line belongs to."""
+        heads = sorted(self.programs.values())
+        first = max((head for head in heads if head <= line), default=self.body.start)
+        last = min((head for head in heads if head > line), default=self.body.stop)
+        return range(first, last)
+
+    def line_numbered(self, number: int, line: int) -> int | None:
+        """Line that bears N ``number``, searched from ``line`` on and then from the top."""
+        section = self.section(line)
+        places = [place for place in self.numbers.get(number, ()) if place in section]
+        return next((place for place in places if place > line), places[0] if places else None)
+
+    def next_label(self, label: str, line: int, kinds: tuple[str, ...]) -> Label | None:
+        """The next O-word of a label and one of some kinds."""
+        for found in self.labels.get(label, ()):
+            if found.line > line and found.control.kind in kinds:
+                return found
+        return None
+
+    def previous_label(self, label: str, line: int, kinds: tuple[str, ...]) -> Label | None:
+        """The last such O-word above a line."""
+        for found in reversed(self.labels.get(label, ())):
+            if found.line < line and found.control.kind in kinds:
+                return found
+        return None
+
+    def _heads(self, letter: str) -> dict[int, list[int]]:
+        places: dict[int, list[int]] = {}
+        for number, line in self.program.heads(letter):
+            if line in self.body and number == int(number):
+                places.setdefault(int(number), []).append(line)
+        return places
+
+    def _controls(self, pattern: re.Pattern[bytes]) -> list[Label]:
+        """Flow control of the lines that look like it; what cannot be read is none."""
+        found = []
+        for line in self.body:
+            if pattern.match(self.program.line(line).text) is None:
+                continue
+            try:
+                control = self.statement(line).control
+            except GcodeError:
+                continue  # said when the line is executed, if ever
+            if control is not None:
+                found.append(Label(line, control))
+        return found
+
 
 DEEPEST = 100
 """Levels of calls; controls allow 4 to 15."""
@@ -26,7 +155,7 @@ class Level:
     Parameters
     ----------
     source : Source
-        Where its lines are.
+        Program that holds its lines.
     line : int
         The next one.
     first : int
@@ -35,8 +164,8 @@ class Level:
         The call, where M98, G65 or G66 made it.
     label : str or None
         Of an O-word subroutine.
-    left : int
-        How often it is still to run after this time.
+    repeats_left : int
+        Repetitions after the current one.
     loops : dict of str to int
         Label of an open repeat or do -> repetitions left, or the line of the do.
     """
@@ -46,19 +175,19 @@ class Level:
     first: int
     jump: Jump | None = None
     label: str | None = None
-    left: int = 0
+    repeats_left: int = 0
     loops: dict[str, int] = field(default_factory=dict)
 
 
-class Calls:
-    """The stack of levels.
+class CallStack:
+    """Stack of call levels.
 
     Parameters
     ----------
     run, variables : Run, Variables
-        Take part in a call: local variables, saved modal state.
+        Interpretation and variables; a call saves modal state and local variables.
     parse : callable
-        Makes statements.
+        From a program and a line number to the statement.
     program : Program
         The main program.
     """
@@ -70,7 +199,7 @@ class Calls:
         self.levels = [Level(source=main, line=main.body.start, first=main.body.start)]
 
     @property
-    def here(self) -> Level:
+    def current(self) -> Level:
         """The innermost level."""
         return self.levels[-1]
 
@@ -80,32 +209,34 @@ class Calls:
             return
         error = self._error(line, jump)
         source, first = self._subprogram(jump.number or 0, error)
-        self._enter(source, first, error, jump=jump, left=jump.count - 1)
+        self._enter(source, first, error, jump=jump, repeats_left=jump.count - 1)
         if jump.arguments is not None:
             self.variables.enter(dict(jump.arguments))
 
-    def call_o(self, control: Control, label: str, arguments: list[float], line: int) -> None:
+    def call_subroutine(
+        self, control: Control, label: str, arguments: list[float], line: int
+    ) -> None:
         """``o<name> call [..]``."""
         error = self._place(line, control.column, f"o<{label}> call")
         source, first = self._o_subroutine(label, error)
         self._enter(source, first, error, label=label)
         self.variables.enter({index + 1: value for index, value in enumerate(arguments)})
 
-    def back(self, number: int | None, line: int, jump: Jump | None) -> bool:
+    def return_to_caller(self, number: int | None, line: int, jump: Jump | None) -> bool:
         """M99, or the end of an O-word subroutine; False in the main program."""
-        level = self.here
-        if number is not None and (len(self.levels) == 1 or level.left == 0):
+        level = self.current
+        if number is not None and (len(self.levels) == 1 or level.repeats_left == 0):
             target = self.levels[-2] if len(self.levels) > 1 else level
-            found = target.source.numbered(number, max(target.line - 1, 0))
+            found = target.source.line_numbered(number, max(target.line - 1, 0))
             if found is None:
                 raise self._error(line, jump)(f"N{number} to return to is not in the program")
             self._leave()
-            self.here.line = found
+            self.current.line = found
             return True
         if len(self.levels) == 1:
             return False
-        if level.left > 0:
-            level.left -= 1
+        if level.repeats_left > 0:
+            level.repeats_left -= 1
             level.line = level.first
             level.loops.clear()
             if level.jump is not None and level.jump.arguments is not None:
@@ -119,16 +250,23 @@ class Calls:
         self,
         source: Source,
         first: int,
-        error: "ErrorAt",
+        error: ErrorAt,
         *,
         jump: Jump | None = None,
         label: str | None = None,
-        left: int = 0,
+        repeats_left: int = 0,
     ) -> None:
         if len(self.levels) >= DEEPEST:
             raise error(f"subprograms call each other {DEEPEST} levels deep: end the recursion")
         self.levels.append(
-            Level(source=source, line=first, first=first, jump=jump, label=label, left=left)
+            Level(
+                source=source,
+                line=first,
+                first=first,
+                jump=jump,
+                label=label,
+                repeats_left=repeats_left,
+            )
         )
         self.run.saved.append(None)
         self.run.state.file = source.file
@@ -142,16 +280,16 @@ class Calls:
             snapshot.restore(self.run)
         if level.label is not None or (level.jump and level.jump.arguments is not None):
             self.variables.leave()
-        self.run.state.file = self.here.source.file
+        self.run.state.file = self.current.source.file
 
     def _source(self, program: Program) -> Source:
         if program.name not in self.run.files:
             self.run.files.append(program.name)
         return Source(program, self.run.files.index(program.name), self.parse)
 
-    def _subprogram(self, number: int, error: "ErrorAt") -> tuple[Source, int]:
+    def _subprogram(self, number: int, error: ErrorAt) -> tuple[Source, int]:
         """In this file, in the main program's, or in a file of its own."""
-        for source in (self.here.source, self.levels[0].source):
+        for source in (self.current.source, self.levels[0].source):
             if number in source.programs:
                 return source, source.programs[number] + self._skips_head
         stems = {f"o{number:04d}", f"o{number}", f"{number:04d}", f"{number}", f"o{number:08d}"}
@@ -164,18 +302,18 @@ class Calls:
         """The line ``O1000`` may hold more than the name, but in LinuxCNC."""
         return int(self.run.state.dialect == LINUXCNC)
 
-    def _o_subroutine(self, label: str, error: "ErrorAt") -> tuple[Source, int]:
-        for source in (self.here.source, self.levels[0].source):
-            sub = source.after(label, 0, ("sub",))
+    def _o_subroutine(self, label: str, error: ErrorAt) -> tuple[Source, int]:
+        for source in (self.current.source, self.levels[0].source):
+            sub = source.next_label(label, 0, ("sub",))
             if sub is not None:
                 return source, sub.line + 1
         source = self._file({label}, error, f"{label}.ngc")
-        sub = source.after(label, 0, ("sub",))
+        sub = source.next_label(label, 0, ("sub",))
         if sub is None:
             raise error(f"the file {source.program.name} has no o<{label}> sub: add it")
         return source, sub.line + 1
 
-    def _file(self, stems: set[str], error: "ErrorAt", shown: str) -> Source:
+    def _file(self, stems: set[str], error: ErrorAt, shown: str) -> Source:
         for folder in self.run.setup.folders:
             for path in sorted(folder.iterdir()) if folder.is_dir() else ():
                 if path.stem.lower() in stems and path.is_file():
@@ -187,25 +325,9 @@ class Calls:
             "add its folder to setup.folders of the machine's file"
         )
 
-    def _error(self, line: int, jump: Jump | None) -> "ErrorAt":
+    def _error(self, line: int, jump: Jump | None) -> ErrorAt:
         item = jump.item if jump is not None else None
         return self._place(line, item.column if item else 1, item.text if item else "call")
 
-    def _place(self, line: int, column: int, word: str) -> "ErrorAt":
-        return ErrorAt(self.here.source.program.name, line, column, word)
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorAt:
-    """Makes the error about one place."""
-
-    file: str
-    line: int
-    column: int
-    word: str
-
-    def __call__(self, reason: str) -> GcodeError:
-        """The error with its reason."""
-        return GcodeError(
-            file=self.file, line=self.line, column=self.column, word=self.word, reason=reason
-        )
+    def _place(self, line: int, column: int, word: str) -> ErrorAt:
+        return ErrorAt(self.current.source.program.name, line, column, word)

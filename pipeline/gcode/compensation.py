@@ -15,28 +15,120 @@ operator's manual, "Details of cutter compensation C"; Sinumerik 840D sl program
 fundamentals, "Tool radius compensation" (NORM, G450).
 """
 
+import cmath
+import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Literal
 
-from pipeline.gcode.compensation_corner import Joint, Rules, joint
-from pipeline.gcode.compensation_element import (
+from pipeline.gcode.contour import (
+    END,
+    FILE,
+    LINE,
     CompensationError,
     Element,
+    append_path,
+    elements_of,
+    meeting,
     offset,
     swept,
     trimmed,
 )
-from pipeline.gcode.compensation_entry import next_entry, own_entry
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.run import Run
 
-__all__ = ["RULES", "CompensationError", "Element", "compensate"]
+NEARLY_TANGENT = math.radians(1)
+"""Turn up to which a corner with an arc may stem from rounding in the program [rad]."""
+SMALLEST_GAP = 1e-3
+"""Between nearly tangent elements; a smaller one is not closed by a move of its own [mm]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """Rules of a dialect for entering a contour and for its corners.
+
+    Parameters
+    ----------
+    entry : str
+        Where the first move ends, perpendicular to its end point: beside its ``own`` line or arc
+        (LinuxCNC) or beside the ``next`` element (Fanuc type A, Siemens NORM).
+    outer : str
+        Around outer corners: an ``arc`` about the corner, or ``lines``: the two offset lines
+        (tangents of arcs) are lengthened until they meet, in corners sharper than 90° by the tool's
+        radius only.
+    tangent : float
+        Up to this turn no corner is made: the second element starts where the first ends [rad].
+    back : float
+        A turn that is so near to 180° is a turn back, outside or inside as an arc bends [rad].
+    recount : bool
+        An arc keeps its number of turns begun whatever corners do to its ends; so a full circle
+        that starts past its end, after a nearly tangent corner, becomes the rest of it.
+    """
+
+    entry: Literal["own", "next"]
+    outer: Literal["arc", "lines"]
+    tangent: float
+    back: float
+    recount: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corner:
+    """Corner between two elements: end of the first, inserted moves, start of the second.
+
+    Parameters
+    ----------
+    end, start : complex
+        [mm]
+    lines : tuple of complex
+        End points of inserted lines [mm]; the last one is ``start``.
+    angle : float
+        Swept by an inserted arc about the corner [rad]; 0 for none.
+    """
+
+    end: complex
+    start: complex
+    lines: tuple[complex, ...] = ()
+    angle: float = 0.0
+
 
 RULES = {
     "linuxcnc": Rules(entry="own", outer="arc", tangent=0.05, back=0.05, recount=True),
     "fanuc": Rules(entry="next", outer="lines", tangent=0.0, back=1e-9, recount=False),
     "siemens": Rules(entry="next", outer="arc", tangent=0.0, back=1e-9, recount=False),
 }
-"""What each dialect does where the contour begins and at its corners."""
+"""Rules of each dialect for entering a contour and for its corners."""
+
+
+def close_contour(run: Run) -> None:
+    """Replace the moves of the contour that G41 or G42 opened by those of the tool's centre.
+
+    Raises
+    ------
+    GcodeError
+        The tool cannot follow; the error names the line of the move.
+    """
+    contour, run.contour = run.contour, None
+    run.state.compensation = 0
+    if contour is None or run.rows.count <= contour.first:
+        return
+    programmed = run.rows.cut(contour.first)
+    elements = elements_of(programmed, contour.start, contour.plane)
+    try:
+        path = compensate(elements, side=contour.side, radius=contour.radius, dialect=run.dialect)
+    except CompensationError as error:
+        raise GcodeError(
+            file=run.files[int(programmed.arrays[FILE][error.row])],
+            line=int(programmed.arrays[LINE][error.row]),
+            column=1,
+            word=contour.word,
+            reason=error.reason,
+        ) from None
+    append_path(run.rows, path, programmed, contour.start, contour.plane)
+    last = run.rows.arrays[END][run.rows.count - 1].tolist()
+    if last != run.state.position:
+        run.compensated_position = last
 
 
 def compensate(elements: list[Element], *, side: int, radius: float, dialect: str) -> list[Element]:
@@ -76,59 +168,62 @@ def compensate(elements: list[Element], *, side: int, radius: float, dialect: st
             "move in the plane first, by more than the tool's radius",
         )
     path = iter(_path(contour, rules, shift))
-    moved: list[Element] = []
+    compensated: list[Element] = []
     for element in elements:
         if element.planar:
-            way, beside = next(path)
-            moved.extend(replace(piece, normal=moved[-1].normal) for piece in way)
-            moved.append(beside)
+            inserted, shifted = next(path)
+            compensated.extend(replace(piece, normal=compensated[-1].normal) for piece in inserted)
+            compensated.append(shifted)
         else:
-            here = moved[-1].end if moved else element.start
-            moved.append(replace(element, start=here, end=here))
-    return moved
+            here = compensated[-1].end if compensated else element.start
+            compensated.append(replace(element, start=here, end=here))
+    return compensated
 
 
 def _path(
     contour: list[Element], rules: Rules, shift: float
 ) -> Iterator[tuple[list[Element], Element]]:
-    """What leads to each element, and what runs beside it."""
+    """Inserted moves that lead to each element, and the offset element beside it."""
     if not contour:
         return
-    beside = [offset(element, shift) for element in contour[1:]]
-    first, joints = _entered(contour, beside, rules, shift)
-    joints += [
-        joint((a, b), (c, d), rules=rules, shift=shift)
-        for (a, b), (c, d) in zip(pairwise(contour[1:]), pairwise(beside), strict=True)
+    shifted = [offset(element, shift) for element in contour[1:]]
+    first, corners = _with_entry(contour, shifted, rules, shift)
+    corners += [
+        corner_between((a, b), (c, d), rules=rules, shift=shift)
+        for (a, b), (c, d) in zip(pairwise(contour[1:]), pairwise(shifted), strict=True)
     ]
     yield [], first
-    ends = [*(made.end for made in joints[1:]), *(last.end for last in beside[-1:])]
-    for element, whole, made, end in zip(contour[1:], beside, joints, ends, strict=True):
-        yield _way(made, element), _part(element, whole, (made.start, end), rules, shift)
+    ends = [*(corner.end for corner in corners[1:]), *(last.end for last in shifted[-1:])]
+    for element, whole, corner, end in zip(contour[1:], shifted, corners, ends, strict=True):
+        yield (
+            _inserted(corner, element),
+            _trimmed_part(element, whole, (corner.start, end), rules, shift),
+        )
 
 
-def _entered(
-    contour: list[Element], beside: list[Element], rules: Rules, shift: float
-) -> tuple[Element, list[Joint]]:
-    """The first move, and its joint with the second where there is one."""
+def _with_entry(
+    contour: list[Element], shifted: list[Element], rules: Rules, shift: float
+) -> tuple[Element, list[Corner]]:
+    """The first move, and its corner with the second where there is one."""
     first = contour[0]
     if rules.entry == "next":
-        first = next_entry(first, contour[1] if beside else None, shift)
-        return first, [Joint(end=first.end, start=first.end)] if beside else []
+        first = next_entry(first, contour[1] if shifted else None, shift)
+        return first, [Corner(end=first.end, start=first.end)] if shifted else []
     first = own_entry(first, shift)
-    if not beside:
+    if not shifted:
         return first, []
     along = first if first.centre is not None else offset(contour[0], shift)
-    made = joint((contour[0], contour[1]), (along, beside[0]), rules=rules, shift=shift)
+    corner = corner_between((contour[0], contour[1]), (along, shifted[0]), rules=rules, shift=shift)
     if first.centre is None:
-        return replace(first, end=made.end), [made]
-    return _part(contour[0], first, (first.start, made.end), rules, shift), [made]
+        return replace(first, end=corner.end), [corner]
+    return _trimmed_part(contour[0], first, (first.start, corner.end), rules, shift), [corner]
 
 
-def _part(
-    programmed: Element, beside: Element, ends: tuple[complex, complex], rules: Rules, shift: float
+def _trimmed_part(
+    programmed: Element, shifted: Element, ends: tuple[complex, complex], rules: Rules, shift: float
 ) -> Element:
-    """What corners leave of an element."""
-    part = trimmed(beside, *ends)
+    """Part of an offset element between its corners."""
+    part = trimmed(shifted, *ends)
     if part is None:
         raise CompensationError(
             row=programmed.row,
@@ -141,18 +236,147 @@ def _part(
     return part
 
 
-def _way(made: Joint, element: Element) -> list[Element]:
+def _inserted(corner: Corner, element: Element) -> list[Element]:
     """Inserted moves from the end of the one before to the start of an element."""
-    ends = (made.start,) if made.angle else made.lines
-    arc = made.angle != 0 and not element.rapid
+    ends = (corner.start,) if corner.angle else corner.lines
+    arc = corner.angle != 0 and not element.rapid
     return [
         replace(
             element,
             start=start,
             end=end,
             centre=element.start if arc else None,
-            angle=made.angle if arc else 0.0,
+            angle=corner.angle if arc else 0.0,
             inserted=True,
         )
-        for start, end in pairwise((made.end, *ends))
+        for start, end in pairwise((corner.end, *ends))
     ]
+
+
+def own_entry(element: Element, shift: float) -> Element:
+    """Move to beside the end of the element itself, as LinuxCNC enters.
+
+    A line goes straight to the point at the tool's radius from its end; an arc keeps its tangent
+    there, so that its centre moves along the line from its end to its programmed centre.
+
+    Raises
+    ------
+    CompensationError
+        The tool covers the end point from where it stands, or the arc would have to arrive in the
+        opposite direction.
+    """
+    length = abs(element.end - element.start)
+    if length <= abs(shift):
+        raise CompensationError(
+            row=element.row,
+            reason=f"the first move with compensation ends {length:.6g} mm from where it starts, "
+            f"not more than the tool's radius of {abs(shift):.6g} mm; begin farther away",
+        )
+    end = offset(element, shift).end
+    if element.centre is None:
+        return replace(element, end=end)
+    inward = (element.centre - element.end) / abs(element.centre - element.end)
+    chord = (end - element.start) * inward.conjugate()
+    if chord.real >= 0:
+        raise CompensationError(
+            row=element.row,
+            reason="the first move with compensation is an arc that no arc can follow to the "
+            "tool's place beside its end: it is too short for the tool's radius of "
+            f"{abs(shift):.6g} mm; begin farther away or with a line",
+        )
+    # equal distances from start and end: |chord|² = -2 radius chord·inward
+    centre = end - inward * abs(chord) ** 2 / (2 * chord.real)
+    angle = swept(element.start, end, centre, like=element.angle)
+    return replace(element, end=end, centre=centre, angle=angle)
+
+
+def next_entry(element: Element, following: Element | None, shift: float) -> Element:
+    """Move to beside the start of the following element (Fanuc type A, Siemens NORM).
+
+    Raises
+    ------
+    CompensationError
+        The first move is an arc.
+    """
+    if element.centre is not None:
+        raise CompensationError(
+            row=element.row,
+            reason="the first move with compensation is an arc; begin with a line (G0 or G1)",
+        )
+    direction = element.last_direction if following is None else following.first_direction
+    return replace(element, end=element.end + 1j * shift * direction)
+
+
+def corner_between(
+    programmed: tuple[Element, Element],
+    shifted: tuple[Element, Element],
+    *,
+    rules: Rules,
+    shift: float,
+) -> Corner:
+    """Corner of two elements, given as programmed and as offset by ``shift`` to the left [mm].
+
+    Raises
+    ------
+    CompensationError
+        An inner corner into which the tool does not fit.
+    """
+    turn = cmath.phase(programmed[1].first_direction / programmed[0].last_direction)
+    end, start = shifted[0].end, shifted[1].start
+    if abs(turn) <= rules.tangent or turn == 0:
+        return Corner(end=end, start=end)
+    if _inside(programmed, turn, rules, shift):
+        return _inner(programmed, shifted, abs(turn), abs(shift))
+    straight = all(element.centre is None for element in shifted)
+    if (rules.outer == "lines" and straight) or not _negligible(abs(turn), abs(start - end)):
+        return _outer(shifted, turn, shift, rules)
+    return Corner(end=end, start=end)
+
+
+def _inside(programmed: tuple[Element, Element], turn: float, rules: Rules, shift: float) -> bool:
+    if math.pi - abs(turn) > rules.back:
+        return turn * shift > 0
+    # the angle does not decide: the tool is inside where the later arc bends towards it
+    bends = [element.angle for element in reversed(programmed) if element.centre is not None]
+    return bool(bends) and bends[0] * shift < 0
+
+
+def _negligible(turn: float, gap: float) -> bool:
+    return turn <= NEARLY_TANGENT and gap <= SMALLEST_GAP
+
+
+def _inner(
+    programmed: tuple[Element, Element],
+    shifted: tuple[Element, Element],
+    turn: float,
+    radius: float,
+) -> Corner:
+    end, gap = shifted[0].end, abs(shifted[1].start - shifted[0].end)
+    if all(element.centre is None for element in shifted):
+        point: complex | None = end - programmed[0].last_direction * radius * math.tan(turn / 2)
+    else:
+        point = meeting(*shifted)
+        if turn <= NEARLY_TANGENT and (point is None or abs(point - end) > 2 * gap):
+            return Corner(end=end, start=end)
+    if point is None:
+        raise CompensationError(
+            row=programmed[1].row,
+            reason=f"a tool of radius {radius:.6g} mm does not fit into the inner corner where "
+            "this move begins; use a smaller tool",
+        )
+    return Corner(end=point, start=point)
+
+
+def _outer(shifted: tuple[Element, Element], turn: float, shift: float, rules: Rules) -> Corner:
+    end, start = shifted[0].end, shifted[1].start
+    if rules.outer == "arc":
+        away = turn if turn * shift < 0 else turn - math.copysign(math.tau, turn)
+        return Corner(end=end, start=start, angle=away)
+    sharp = abs(turn) > math.pi / 2
+    reach = abs(shift) * (1.0 if sharp else math.tan(abs(turn) / 2))
+    tip = end + shifted[0].last_direction * reach
+    back = start - shifted[1].first_direction * reach
+    points = [end, tip, back, start] if sharp else [end, tip, start]
+    # a line is itself lengthened; an arc gets a line along its tangent
+    points = points[shifted[0].centre is None : len(points) - (shifted[1].centre is None)]
+    return Corner(end=points[0], start=points[-1], lines=tuple(points[1:]))

@@ -1,8 +1,10 @@
-"""What the room says when a program cannot be followed."""
+"""Errors of part programs, with the place and the remedy."""
+
+from dataclasses import dataclass
 
 
 class GcodeError(ValueError):
-    """A word that cannot be followed: where it stands, why, and what to do.
+    """A word that cannot be interpreted: its place, the reason and the remedy.
 
     Parameters
     ----------
@@ -22,5 +24,17 @@ class GcodeError(ValueError):
         super().__init__(f"{file}:{line}:{column}: {word}: {reason}")
 
 
-class ExpressionError(ArithmeticError):
-    """An expression without a value, in words; who knows the place makes a GcodeError of it."""
+@dataclass(frozen=True, slots=True)
+class ErrorAt:
+    """Factory of errors about one place."""
+
+    file: str
+    line: int
+    column: int
+    word: str
+
+    def __call__(self, reason: str) -> GcodeError:
+        """The error with its reason."""
+        return GcodeError(
+            file=self.file, line=self.line, column=self.column, word=self.word, reason=reason
+        )

@@ -2,10 +2,18 @@
 
 from collections.abc import Callable
 
-from pipeline.gcode.calls import Calls, ErrorAt
-from pipeline.gcode.errors import ExpressionError
-from pipeline.gcode.expressions import ParameterStore, evaluate, parameter_key
-from pipeline.gcode.statements import Assignment, Control, Expression, Statement
+from pipeline.gcode.calls import CallStack
+from pipeline.gcode.errors import ErrorAt
+from pipeline.gcode.statements import (
+    Assignment,
+    Control,
+    Expression,
+    ExpressionError,
+    ParameterStore,
+    Statement,
+    evaluate,
+    parameter_key,
+)
 
 MOST_REPEATS = 1_000_000_000
 LONGEST_LABEL = 1e15
@@ -16,13 +24,13 @@ class Flow:
 
     Parameters
     ----------
-    calls : Calls
+    calls : CallStack
         Levels of subprograms.
     parameters : ParameterStore
         Variables.
     """
 
-    def __init__(self, calls: Calls, parameters: ParameterStore) -> None:
+    def __init__(self, calls: CallStack, parameters: ParameterStore) -> None:
         self.calls, self.parameters = calls, parameters
 
     def assign(self, assignments: tuple[Assignment, ...], line: int) -> None:
@@ -47,7 +55,7 @@ class Flow:
         _CONTROLS[control.kind](self, statement, control, at)
 
     def _at(self, line: int, column: int, word: str) -> ErrorAt:
-        return ErrorAt(self.calls.here.source.program.name, line, column, word)
+        return ErrorAt(self.calls.current.source.program.name, line, column, word)
 
     def _value(self, expression: Expression | None, at: ErrorAt) -> float:
         if expression is None:
@@ -62,10 +70,10 @@ class Flow:
             number = self._value(control.label, at)
             if not 0 <= number < LONGEST_LABEL or number != int(number):
                 raise at(f"GOTO {number:g} is no N word: give a whole number")
-            found = self.calls.here.source.numbered(int(number), statement.line)
-            if found is None:
+            target = self.calls.current.source.line_numbered(int(number), statement.line)
+            if target is None:
                 raise at(f"N{int(number)} is not in the program: add it or correct the GOTO")
-            self.calls.here.line = found
+            self.calls.current.line = target
 
     def _if_goto(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         if self._value(control.condition, at):
@@ -76,7 +84,7 @@ class Flow:
             self.assign(control.then, statement.line)
 
     def _partner(self, line: int, at: ErrorAt) -> int:
-        partner = self.calls.here.source.loops.get(line)
+        partner = self.calls.current.source.loops.get(line)
         if partner is None:
             raise at("WHILE … DO and END do not match: add the missing one with the same number")
         return partner
@@ -84,16 +92,16 @@ class Flow:
     def _while_do(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         end = self._partner(statement.line, at)
         if not self._value(control.condition, at):
-            self.calls.here.line = end + 1
+            self.calls.current.line = end + 1
 
     def _do(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         self._partner(statement.line, at)
 
     def _end(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        self.calls.here.line = self._partner(statement.line, at)
+        self.calls.current.line = self._partner(statement.line, at)
 
     def _program(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        level = self.calls.here
+        level = self.calls.current
         if level.first != statement.line and level.source.section(level.first).start != (
             statement.line
         ):
@@ -112,24 +120,24 @@ class Flow:
         return str(int(number))
 
     def _forward(self, label: str, line: int, kinds: tuple[str, ...], at: ErrorAt) -> int:
-        found = self.calls.here.source.after(label, line, kinds)
-        if found is None:
+        target = self.calls.current.source.next_label(label, line, kinds)
+        if target is None:
             raise at(f"o<{label}> has no {' or '.join(kinds)} after it: add one")
-        return found.line
+        return target.line
 
     def _sub(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         label = self._label(control, at)
-        self.calls.here.line = self._forward(label, statement.line, ("endsub",), at) + 1
+        self.calls.current.line = self._forward(label, statement.line, ("endsub",), at) + 1
 
     def _call(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         arguments = [self._value(argument, at) for argument in control.arguments]
-        self.calls.call_o(control, self._label(control, at), arguments, statement.line)
+        self.calls.call_subroutine(control, self._label(control, at), arguments, statement.line)
 
     def _return(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         value = self._value(control.condition, at)
-        if self.calls.here.label is None:
+        if self.calls.current.label is None:
             raise at("no O-word subroutine runs here: call it, do not run into it")
-        self.calls.back(None, statement.line, None)
+        self.calls.return_to_caller(None, statement.line, None)
         self.parameters.write("_value", value)
         self.parameters.write("_value_returned", float(control.condition is not None))
 
@@ -137,21 +145,21 @@ class Flow:
         label, line = self._label(control, at), statement.line
         taken = self._value(control.condition, at) != 0
         while not taken:
-            found = self.calls.here.source.after(label, line, ("elseif", "else", "endif"))
-            if found is None:
+            target = self.calls.current.source.next_label(label, line, ("elseif", "else", "endif"))
+            if target is None:
                 raise at(f"o<{label}> if has no endif: add o<{label}> endif")
-            line = found.line
-            taken = found.control.kind != "elseif" or (
-                self._value(found.control.condition, at) != 0
+            line = target.line
+            taken = target.control.kind != "elseif" or (
+                self._value(target.control.condition, at) != 0
             )
-            self.calls.here.line = line + 1
+            self.calls.current.line = line + 1
 
     def _else(self, statement: Statement, control: Control, at: ErrorAt) -> None:
         label = self._label(control, at)
-        self.calls.here.line = self._forward(label, statement.line, ("endif",), at) + 1
+        self.calls.current.line = self._forward(label, statement.line, ("endif",), at) + 1
 
     def _while(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.here
+        label, level = self._label(control, at), self.calls.current
         true = self._value(control.condition, at) != 0
         if label in level.loops:  # the while that ends a do
             if true:
@@ -162,17 +170,17 @@ class Flow:
             level.line = self._forward(label, statement.line, ("endwhile",), at) + 1
 
     def _endwhile(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.here
-        found = level.source.before(label, statement.line, ("while",))
-        if found is None:
+        label, level = self._label(control, at), self.calls.current
+        target = level.source.previous_label(label, statement.line, ("while",))
+        if target is None:
             raise at(f"o<{label}> endwhile has no while before it: add one")
-        level.line = found.line
+        level.line = target.line
 
     def _o_do(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        self.calls.here.loops[self._label(control, at)] = statement.line
+        self.calls.current.loops[self._label(control, at)] = statement.line
 
     def _repeat(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.here
+        label, level = self._label(control, at), self.calls.current
         count = self._value(control.condition, at)
         end = self._forward(label, statement.line, ("endrepeat",), at)
         if count > MOST_REPEATS:
@@ -183,24 +191,24 @@ class Flow:
             level.loops[label] = int(count)
 
     def _endrepeat(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.here
-        found = level.source.before(label, statement.line, ("repeat",))
-        if found is None or label not in level.loops:
+        label, level = self._label(control, at), self.calls.current
+        target = level.source.previous_label(label, statement.line, ("repeat",))
+        if target is None or label not in level.loops:
             raise at(f"o<{label}> endrepeat has no repeat before it: add one")
         level.loops[label] -= 1
         if level.loops[label] > 0:
-            level.line = found.line + 1
+            level.line = target.line + 1
         else:
             del level.loops[label]
 
     def _break(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.here
+        label, level = self._label(control, at), self.calls.current
         kinds = ("endwhile", "endrepeat", "while")
         level.line = self._forward(label, statement.line, kinds, at) + 1
         level.loops.pop(label, None)
 
     def _continue(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.here
+        label, level = self._label(control, at), self.calls.current
         kinds = ("endwhile", "endrepeat", "while")
         level.line = self._forward(label, statement.line, kinds, at)
 

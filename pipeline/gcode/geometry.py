@@ -7,8 +7,10 @@ a compiled loop and the interpreter share these functions.  Source: ISO 6983-1, 
 
 import math
 
+from pipeline.gcode.moves import INCH
+
 OK, NO_RADIUS, UNEQUAL_RADII, TOO_FAR, NO_CHORD = range(5)
-"""What can be said of an arc: drawable, radius zero, radii of start and end differ, the radius does
+"""Verdicts on an arc: valid, radius zero, radii of start and end differ, the radius does
 not reach from start to end, start and end coincide so that R leaves the centre open."""
 
 ZERO_RADIUS = 1e-9
@@ -128,3 +130,13 @@ def centre_of_radius(
     ratio = side * height / (2 * half)
     # left of the chord for the short anticlockwise arc
     return OK, u_m - ratio * chord_v, v_m + ratio * chord_u
+
+
+RELATIVE_RADIUS = 1e-3
+"""Radii of start and end of an arc may differ by this part in LinuxCNC (0.1 %)."""
+LINUXCNC_TOLERANCE = 0.02 * math.sqrt(2)
+"""Difference of radii that LinuxCNC always takes [mm]; measured on rs274 2.9."""
+LINUXCNC_INCH_TOLERANCE = 0.002 * math.sqrt(2) * INCH
+"""The same where the program counts inches [mm]."""
+LINUXCNC_R_TOLERANCE = 0.00127
+"""Length by which half a chord may exceed R in LinuxCNC [mm] (0.00005 inch)."""

@@ -1,40 +1,38 @@
-"""The front door: a program and the control's setup to moves."""
+"""Interpreter of part programs: a program and the control's setup to moves."""
 
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.gcode.block import Block
-from pipeline.gcode.calls import Calls, ErrorAt, Variables
-from pipeline.gcode.execute import block_of, carry_out
+from pipeline.gcode.calls import CallStack, Variables
+from pipeline.gcode.codes.execution import block_of, carry_out
+from pipeline.gcode.compensation import close_contour
+from pipeline.gcode.dialects.siemens import SiemensReader
+from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
+from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
+from pipeline.gcode.errors import ErrorAt
+from pipeline.gcode.fast_lines import run_fast_lines
 from pipeline.gcode.flow import Flow
+from pipeline.gcode.modal import CANCELLED, LINUXCNC
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.gcode.named_parameters import LinuxcncParameters
-from pipeline.gcode.plain import run_plain
-from pipeline.gcode.plain_statement import plain_statement
 from pipeline.gcode.program import Program
-from pipeline.gcode.run import Run
+from pipeline.gcode.run import Block, Run
 from pipeline.gcode.setup import Setup
-from pipeline.gcode.siemens import SiemensReader
-from pipeline.gcode.siemens_variables import SiemensVariables
-from pipeline.gcode.state import CANCELLED, LINUXCNC
 from pipeline.gcode.statements import Statement
-from pipeline.gcode.statements_parser import parse_statement
-from pipeline.gcode.variables import FanucVariables
 
 REPORT_EVERY = 10_000
 """Blocks between two calls of ``progress``."""
-PLAIN_AT_ONCE = 100_000
-"""Plain lines between two looks at the limit of blocks."""
-SPARE = 64
-"""Rows that a program may have more than lines before they are moved."""
+FAST_LINES_AT_ONCE = 100_000
+"""Fast lines executed before the limit of blocks is checked again."""
+SPARE_ROWS = 64
+"""Rows by which a program may exceed its lines before the columns are reallocated."""
 
 
 def interpret(
     program: Program, setup: Setup, progress: Callable[[int], None] | None = None
 ) -> Moves:
-    """Follow a program from its first line to its end.
+    """Moves of a program from its first line to its end.
 
     Parameters
     ----------
@@ -43,7 +41,7 @@ def interpret(
     setup : Setup
         Dialect, offsets, tools.
     progress : callable, optional
-        Told now and then how many blocks were executed.
+        Called now and then with the number of blocks that were executed.
 
     Returns
     -------
@@ -53,7 +51,7 @@ def interpret(
     Raises
     ------
     GcodeError
-        At the first word that cannot be followed.
+        At the first word that cannot be interpreted.
     """
     return Interpreter(program, setup, progress).moves()
 
@@ -63,18 +61,18 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
     "linuxcnc": LinuxcncParameters,
     "siemens": SiemensVariables,
 }
-"""Dialect -> where its variables are kept."""
+"""Dialect -> class that stores its variables."""
 
 
 class Interpreter:
-    """One walk through a program.
+    """Interpretation of one program.
 
     Parameters
     ----------
     program, setup, progress
         As :func:`interpret` takes them.
     compiled : bool
-        Whether stretches of plain lines are left to compiled code; the moves are the same.
+        Whether fast lines are left to compiled code; the moves are the same.
 
     Attributes
     ----------
@@ -95,10 +93,10 @@ class Interpreter:
         self.limit = setup.block_limit + len(program)
         # the reader of Siemens lines remembers what it read: it has to read them all
         self.compiled = compiled and setup.dialect != "siemens"
-        self.run = Run(setup, len(program) + SPARE)
+        self.run = Run(setup, len(program) + SPARE_ROWS)
         self.variables: Variables = VARIABLES[setup.dialect](self.run)
         self.siemens = SiemensReader(program.name, setup.tool_names)
-        self.calls = Calls(self.run, self.variables, self._parse, program)
+        self.calls = CallStack(self.run, self.variables, self._parse, program)
         self.flow = Flow(self.calls, self.variables)
         self.blocks = 0
         self.reported = 0
@@ -106,35 +104,35 @@ class Interpreter:
         self.modal_depth = 0
 
     def moves(self) -> Moves:
-        """Walk to the end."""
+        """Moves of the program, interpreted to its end."""
         while not self.ended:
             self._step()
         run = self.run
-        run.close_contour()
+        close_contour(run)
         frames = tuple(run.frames)
         return run.rows.moves(list(self.setup.initial_position), tuple(run.files), frames)
 
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":
             return self.siemens.statement(program.line(line))
-        plain = plain_statement(program, line)
+        plain = statement_from_tokens(program, line)
         if plain is not None:
             return plain
         return parse_statement(program.line(line), program.name, self.setup.dialect)
 
     def _step(self) -> None:
-        """One line, or a stretch of plain ones."""
-        level = self.calls.here
+        """Execute one line, or consecutive fast lines at once."""
+        level = self.calls.current
         line = level.line
         if line >= level.source.body.stop:
-            self._fell_off()
+            self._end_of_file()
             return
         if self.compiled and not isinstance(self.variables, SiemensVariables):
-            stop = min(level.source.body.stop, line + PLAIN_AT_ONCE)
-            after = run_plain(level.source.program, line, stop, self.run, self.variables)
+            stop = min(level.source.body.stop, line + FAST_LINES_AT_ONCE)
+            after = run_fast_lines(level.source.program, line, stop, self.run, self.variables)
             if after > line:
                 self._count(after - line, after - 1)
-                self._follow(line, after)
+                self._mark_executed(line, after)
                 level.line = after
                 if self.run.state.motion != self.run.cycle.code:
                     self.run.cycle.code = CANCELLED
@@ -143,11 +141,11 @@ class Interpreter:
         level.line = line + 1
         statement = level.source.statement(line)
         if statement.skip is None or statement.skip not in self.setup.block_skip:
-            self._follow(line, line + 1)
+            self._mark_executed(line, line + 1)
             self._execute(statement)
 
-    def _follow(self, line: int, stop: int) -> None:
-        if self.calls.here.source.program is self.program:
+    def _mark_executed(self, line: int, stop: int) -> None:
+        if self.calls.current.source.program is self.program:
             self.executed[line:stop] = True
 
     def _execute(self, statement: Statement) -> None:
@@ -157,7 +155,7 @@ class Interpreter:
             block = block_of(statement, self.run, self.variables, self._file)
         if statement.assignments:
             self.flow.assign(statement.assignments, statement.line)
-            self._message_stops(statement.line)
+            self._stop_for_message(statement.line)
         if statement.comments and self.run.state.dialect == LINUXCNC:
             self._comments(statement)
         if block is not None:
@@ -167,7 +165,7 @@ class Interpreter:
 
     @property
     def _file(self) -> str:
-        return self.calls.here.source.program.name
+        return self.calls.current.source.program.name
 
     def _block(self, block: Block) -> None:
         run = self.run
@@ -186,16 +184,16 @@ class Interpreter:
             self.ended = True
         elif jump.kind == "call":
             self.calls.call(jump, block.line)
-        elif not self.calls.back(jump.number, block.line, jump):
-            run.close_contour()
-            run.stand(Kind.END, block.line)
+        elif not self.calls.return_to_caller(jump.number, block.line, jump):
+            close_contour(run)
+            run.add_row(Kind.END, block.line)
             self.ended = True
 
-    def _message_stops(self, line: int) -> None:
+    def _stop_for_message(self, line: int) -> None:
         """#3006 stops the program like M0."""
         if isinstance(self.variables, FanucVariables) and self.variables.stops:
             self.variables.stops = 0
-            self.run.stand(Kind.STOP, line)
+            self.run.add_row(Kind.STOP, line)
 
     def _comments(self, statement: Statement) -> None:
         """(abort, …) ends the program as an error; what else comments do moves nothing."""
@@ -204,9 +202,9 @@ class Interpreter:
                 reason = f"the program ends itself: {comment.strip()[6:].strip()}"
                 raise ErrorAt(self._file, statement.line, 1, f"({comment})")(reason)
 
-    def _fell_off(self) -> None:
+    def _end_of_file(self) -> None:
         """Past the last line: the end of a main program, an error in a subprogram."""
-        level = self.calls.here
+        level = self.calls.current
         if len(self.calls.levels) > 1:
             ending = "M99" if level.jump is not None else f"o<{level.label}> endsub"
             raise ErrorAt(self._file, level.source.body.stop - 1, 1, "end of file")(

@@ -1,13 +1,132 @@
-"""Modal groups: which G and M codes shut each other out, and when a block carries them out.
+"""Modal state and modal groups: what stays in force from block to block.
 
-G codes are kept ten times their number (G54.1 is 541).  Sources: ISO 6983-1; Fanuc 0i-F operator's
-manual B-64694EN (group numbers of machining centres); LinuxCNC 2.9 "G-code overview", tables of
-modal groups and "order of execution".
+Lengths are in mm, as in :mod:`pipeline.gcode.moves`, whatever the program speaks.  G codes are kept
+ten times their number, so that G38.2 is 382 and every code is an integer.  The groups say which
+codes exclude each other and when a block carries them out.  Sources: ISO 6983-1; Fanuc 0i-F
+operator's manual B-64694EN (group numbers of machining centres); LinuxCNC 2.9 "G-code overview",
+tables of modal groups and "order of execution".
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-BOTH = frozenset({"fanuc", "linuxcnc", "siemens"})
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.gcode.moves import FeedMode, PathMode
+
+FANUC, LINUXCNC, SIEMENS = range(3)
+"""Values of ``State.dialect``."""
+DIALECTS = ("fanuc", "linuxcnc", "siemens")
+CANCELLED = 800
+"""``State.motion`` after G80 where that leaves no motion in force (LinuxCNC)."""
+
+FLOATS = ("feed", "speed", "tolerance", "unit")
+"""Scalars behind the 6 of ``position`` and the 6 of ``translation`` in :meth:`State.to_arrays`."""
+INTS = (
+    "dialect", "motion", "plane", "absolute", "arc_absolute", "feed_mode", "path_mode",
+    "direction", "constant_surface_speed", "tool", "selected", "frame", "file", "wcs",
+    "compensation", "transformed",
+)  # fmt: skip
+"""Order of the integers of :meth:`State.to_arrays`."""
+
+POSITION, TRANSLATION, FEED, SPEED, TOLERANCE, UNIT = 0, 6, 12, 13, 14, 15
+"""Indices of the floats of :meth:`State.to_arrays`."""
+(
+    DIALECT, MOTION, PLANE, ABSOLUTE, ARC_ABSOLUTE, FEED_MODE, PATH_MODE,
+    DIRECTION, CONSTANT_SURFACE_SPEED, TOOL, SELECTED, FRAME, FILE, WCS,
+    COMPENSATION, TRANSFORMED,
+) = range(16)  # fmt: skip
+
+
+@dataclass(slots=True, kw_only=True)
+class State:
+    """Modal state between two blocks.
+
+    Parameters
+    ----------
+    position : list of 6 floats
+        X Y Z A B C of the machine [mm, deg].
+    translation : list of 6 floats
+        Machine = program + translation, where ``transformed`` is 0 [mm, deg].
+    feed : float
+        F [mm/min], [1/min] or [mm/rev] as ``feed_mode`` says; 0 before the first.
+    speed : float
+        S [rev/min] or [m/min], kept while the spindle stands.
+    tolerance : float
+        P of G64 [mm].
+    unit : float
+        Millimetres in the program's unit of length: 1 (G21) or 25.4 (G20).
+    dialect : int
+        ``FANUC``, ``LINUXCNC`` or ``SIEMENS``.
+    motion : int
+        Ten times the G code of group 1 (0, 10, 20, 30, 330, 382, a cycle, ``CANCELLED``).
+    plane : int
+        17, 18 or 19.
+    absolute, arc_absolute : int
+        1 for G90 (G90.1), 0 for G91 (G91.1).
+    feed_mode : int
+        93, 94 or 95.
+    path_mode : int
+        :class:`~pipeline.gcode.moves.PathMode`.
+    direction : int
+        Of the spindle: 1 for M3, -1 for M4, 0 standing.
+    constant_surface_speed : int
+        1 for G96.
+    tool, selected : int
+        In the spindle (-1 before the first) and selected by T (-1 before the first).
+    frame : int
+        Index of the frame in force in ``Moves.frames``.
+    file : int
+        Index of the file being read.
+    wcs : int
+        Ten times the G code of the work coordinate system in force (540 to 593, 541 for G54.1).
+    compensation : int
+        0 for G40, 41 or 42 (cutter radius compensation left, right).
+    transformed : int
+        1 when positions are more than program + translation: rotation, scaling, mirror, polar
+        coordinates, diameter programming, or a modal macro call.
+    """
+
+    position: list[float] = field(default_factory=lambda: [0.0] * 6)
+    translation: list[float] = field(default_factory=lambda: [0.0] * 6)
+    feed: float = 0.0
+    speed: float = 0.0
+    tolerance: float = 0.0
+    unit: float = 1.0
+    dialect: int = FANUC
+    motion: int = 0
+    plane: int = 17
+    absolute: int = 1
+    arc_absolute: int = 0
+    feed_mode: int = FeedMode.PER_MINUTE
+    path_mode: int = PathMode.CONTINUOUS
+    direction: int = 0
+    constant_surface_speed: int = 0
+    tool: int = -1
+    selected: int = -1
+    frame: int = 0
+    file: int = 0
+    wcs: int = 540
+    compensation: int = 0
+    transformed: int = 0
+
+    def to_arrays(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """Floats (16,) and integers (16,) for a compiled loop; ``FEED``, ``MOTION``… name them."""
+        floats = [*self.position, *self.translation, *(getattr(self, name) for name in FLOATS)]
+        integers = [int(getattr(self, name)) for name in INTS]
+        return np.array(floats, dtype=np.float64), np.array(integers, dtype=np.int64)
+
+    def from_arrays(self, floats: npt.NDArray[np.float64], integers: npt.NDArray[np.int64]) -> None:
+        """Take back what :meth:`to_arrays` gave."""
+        values = floats.tolist()
+        self.position, self.translation = values[POSITION:TRANSLATION], values[TRANSLATION:FEED]
+        for name, value in zip(FLOATS, values[FEED:], strict=True):
+            setattr(self, name, value)
+        for name, integer in zip(INTS, integers.tolist(), strict=True):
+            setattr(self, name, integer)
+
+
+ALL_DIALECTS = frozenset({"fanuc", "linuxcnc", "siemens"})
 FANUC_ONLY = frozenset({"fanuc"})
 LINUXCNC_ONLY = frozenset({"linuxcnc"})
 SIEMENS_ONLY = frozenset({"siemens"})
@@ -33,7 +152,7 @@ class Group:
     codes: tuple[int, ...]
     step: int
     default: int | None = None
-    dialects: frozenset[str] = BOTH
+    dialects: frozenset[str] = ALL_DIALECTS
 
 
 GROUPS: dict[str, Group] = {
@@ -69,29 +188,18 @@ GROUPS: dict[str, Group] = {
 """Name -> group.  ``cycle`` and ``motion`` are one group in LinuxCNC, groups 9 and 1 in Fanuc."""
 
 ONE_SHOT: dict[int, tuple[int, frozenset[str]]] = {
-    40: (110, BOTH),
-    80: (195, FANUC_ONLY),
-    51: (195, FANUC_ONLY),
-    50: (195, FANUC_ONLY),
-    90: (185, BOTH),
-    100: (210, BOTH),
-    110: (210, FANUC_ONLY),
-    270: (210, FANUC_ONLY),
-    280: (210, BOTH),
-    281: (210, LINUXCNC_ONLY),
-    300: (210, BOTH),
-    301: (210, LINUXCNC_ONLY),
-    310: (220, FANUC_ONLY),
-    520: (210, BOTH),
-    530: (215, BOTH),
+    40: (110, ALL_DIALECTS),
+    90: (185, ALL_DIALECTS),
     600: (185, FANUC_ONLY),
+    **dict.fromkeys((50, 51, 80), (195, FANUC_ONLY)),
+    **dict.fromkeys((100, 280, 300, 520, 920, 921), (210, ALL_DIALECTS)),
+    **dict.fromkeys((110, 270), (210, FANUC_ONLY)),
+    **dict.fromkeys((281, 301, 922, 923), (210, LINUXCNC_ONLY)),
+    530: (215, ALL_DIALECTS),
+    310: (220, FANUC_ONLY),
     650: (300, FANUC_ONLY),
-    920: (210, BOTH),
-    921: (210, BOTH),
-    922: (210, LINUXCNC_ONLY),
-    923: (210, LINUXCNC_ONLY),
 }
-"""G code of one block only (group 0) -> when it is carried out, who has it."""
+"""G code of one block only (group 0) -> when it is carried out, and the dialects that have it."""
 
 WORD_STEPS = {"F": 20, "S": 30, "T": 40, "D": 149, "H": 159}
 """Words with a meaning of their own -> when they are carried out."""
@@ -131,12 +239,12 @@ def g_code(code: int) -> str:
 
 
 def step_of(code: int, dialect: str) -> int | None:
-    """When ``dialect`` carries out a G code; None where it does not know the code."""
+    """When ``dialect`` carries out a G code; None where it has no such code."""
     if code in ONE_SHOT:
         step, dialects = ONE_SHOT[code]
         if dialect in dialects:
             return step
-    if code == CANCEL:
+    if code == CANCELLED:
         return GROUPS["cycle"].step - 1
     group = GROUPS.get(GROUP_OF.get(code, ""))
     if group is None or dialect not in group.dialects:
@@ -145,9 +253,9 @@ def step_of(code: int, dialect: str) -> int | None:
 
 
 def excludes(first: int, second: int) -> bool:
-    """Whether LinuxCNC refuses both in a block: of one group, or both want axis words."""
+    """Whether LinuxCNC refuses both in a block: of one group, or both take axis words."""
     names = {GROUP_OF.get(first), GROUP_OF.get(second)}
-    if CANCEL in (first, second) and first != second:
+    if CANCELLED in (first, second) and first != second:
         return False  # G80 G0 is no conflict: the motion is what stays in force
     if len(names) == 1 and names != {None}:
         return True
@@ -157,6 +265,5 @@ def excludes(first: int, second: int) -> bool:
     return bool({first, second} & AXIS_TAKERS) and (bool(moves) or {first, second} <= AXIS_TAKERS)
 
 
-CANCEL = 800
 AXIS_TAKERS = frozenset({100, 280, 300, 520, 920})
 """Codes of one block that take the axis words for themselves."""

@@ -1,4 +1,4 @@
-"""Moves: what a program tells the machine to do, one row each, in the machine's frame.
+"""Moves that a part program commands, one row each, in the machine's frame.
 
 Positions are in millimetre and degree, as programs speak; :data:`METRE` and its like are the
 factors to SI, the only place with them on this side.  A row that does not move (a dwell, an M code)
@@ -8,6 +8,7 @@ repeats the position.
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,14 +25,14 @@ INCH = 25.4
 
 
 class Kind(IntEnum):
-    """What a row does."""
+    """Kind of a row."""
 
     RAPID = 0
     FEED = 1
     ARC = 2  # G2, G3: arc, helix, full circles or spiral
     DWELL = 3  # G4: ``value`` seconds (``code`` 0) or revolutions of the spindle (``code`` 1)
     TOOL_CHANGE = 4  # M6: ``tool`` is in the spindle afterwards
-    SPINDLE = 5  # M3, M4, M5, M19, or an S word while it turns
+    SPINDLE = 5  # M3, M4, M5, M19, or an S word while it rotates
     STOP = 6  # M0, M1
     END = 7  # M2, M30
     M_CODE = 8  # any other M code, ``code`` is its number
@@ -40,7 +41,7 @@ class Kind(IntEnum):
 
 
 class FeedMode(IntEnum):
-    """What F means."""
+    """Meaning of F."""
 
     PER_MINUTE = 94  # millimetre/minute (of the rotary axes degree/minute)
     INVERSE_TIME = 93  # 1/minute: the block takes 1/F minutes
@@ -48,7 +49,7 @@ class FeedMode(IntEnum):
 
 
 class PathMode(IntEnum):
-    """How a block ends."""
+    """Path control mode at the end of a block."""
 
     CONTINUOUS = 0  # G64: corners as the control rounds them, within ``tolerance`` if > 0
     EXACT_STOP = 1  # G61, G9: standing still at the end
@@ -167,7 +168,7 @@ class Moves:
 
     @property
     def start(self) -> npt.NDArray[np.float64]:
-        """Where each row begins [mm, deg]; shape (M, 6)."""
+        """Start of each row [mm, deg]; shape (M, 6)."""
         return np.vstack([self.origin, self.end[:-1]]) if len(self) else self.end
 
     @property
@@ -214,3 +215,89 @@ _NORMAL = np.zeros(20, dtype=np.intp)
 _NORMAL[[17, 18, 19]] = [2, 1, 0]
 _IN_PLANE = np.zeros((20, 2), dtype=np.intp)
 _IN_PLANE[[17, 18, 19]] = [[0, 1], [2, 0], [1, 2]]
+
+COLUMNS: dict[str, tuple[type[Any], int]] = {
+    "kind": (np.uint8, 0),
+    "line": (np.int32, 0),
+    "file": (np.int16, 0),
+    "end": (np.float64, 6),
+    "centre": (np.float64, 3),
+    "angle": (np.float64, 0),
+    "plane": (np.uint8, 0),
+    "feed": (np.float64, 0),
+    "feed_mode": (np.uint8, 0),
+    "speed": (np.float64, 0),
+    "direction": (np.int8, 0),
+    "constant_surface_speed": (np.bool_, 0),
+    "tool": (np.int32, 0),
+    "frame": (np.int32, 0),
+    "path_mode": (np.uint8, 0),
+    "tolerance": (np.float64, 0),
+    "code": (np.int32, 0),
+    "value": (np.float64, 0),
+}
+"""Name -> type, and the length of its second axis (0 where there is none)."""
+NO_CENTRE = (np.nan, np.nan, np.nan)
+
+
+class Rows:
+    """Growing columns; ``count`` rows of ``capacity`` are written.
+
+    Parameters
+    ----------
+    capacity : int
+        Rows to allocate at first (pages that are never written cost no memory).
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self.count = 0
+        self.capacity = max(capacity, 16)
+        self.arrays: tuple[npt.NDArray[Any], ...] = tuple(
+            np.empty((self.capacity, width) if width else self.capacity, dtype=kind)
+            for kind, width in COLUMNS.values()
+        )
+
+    def reserve(self, rows: int) -> None:
+        """Grow the columns for ``rows`` more."""
+        if self.count + rows <= self.capacity:
+            return
+        self.capacity = max(self.count + rows, self.capacity * 2)
+        grown = []
+        for array in self.arrays:
+            larger = np.empty((self.capacity, *array.shape[1:]), dtype=array.dtype)
+            larger[: self.count] = array[: self.count]
+            grown.append(larger)
+        self.arrays = tuple(grown)
+
+    def append(self, row: tuple[Any, ...]) -> None:
+        """One row more: a value for each of :data:`COLUMNS`, in their order."""
+        if self.count == self.capacity:
+            self.reserve(1)
+        count = self.count
+        for array, item in zip(self.arrays, row, strict=True):
+            array[count] = item
+        self.count = count + 1
+
+    def copy(self, other: "Rows", rows: range) -> None:
+        """Append rows of another."""
+        self.reserve(len(rows))
+        for array, source in zip(self.arrays, other.arrays, strict=True):
+            array[self.count : self.count + len(rows)] = source[rows.start : rows.stop]
+        self.count += len(rows)
+
+    def cut(self, first: int) -> "Rows":
+        """Take the rows from ``first`` on away and return them."""
+        tail = Rows(self.count - first)
+        tail.copy(self, range(first, self.count))
+        self.count = first
+        return tail
+
+    def moves(
+        self, origin: list[float], files: tuple[str, ...], frames: tuple[Frame, ...]
+    ) -> Moves:
+        """Rows written so far, as :class:`Moves`."""
+        columns: dict[str, Any] = {
+            name: array[: self.count] for name, array in zip(COLUMNS, self.arrays, strict=True)
+        }
+        start = np.array(origin, dtype=np.float64)
+        return Moves(origin=start, files=files, frames=frames, **columns)

@@ -1,4 +1,4 @@
-"""Work coordinate systems: what lies between a program's coordinates and the machine's.
+"""Work coordinate systems: the transformation from a program's coordinates to the machine's.
 
 machine = R_w (R_68 (S (p)) + G92 + G52) + work offset + external offset + tool length, where S
 scales or mirrors (G51, G51.1) about its centre, R_68 rotates (G68) about its centre and R_w is the
@@ -19,13 +19,13 @@ IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 
 @dataclass(slots=True, kw_only=True)
 class Offsets:
-    """Everything that shifts, turns or scales a program's coordinates [mm, deg].
+    """Offsets, rotations, scaling and mirror of a program's coordinates [mm, deg].
 
     Parameters
     ----------
     work : dict of str to list of 6 floats
         By name (``"G54"``, ``"G54.1 P3"``, ``"EXT"``).
-    turned : dict of str to float
+    rotations : dict of str to float
         Rotation of a work coordinate system about Z (LinuxCNC) [deg].
     active : str
         Name of the work coordinate system in force.
@@ -35,7 +35,7 @@ class Offsets:
         What G92.2 put aside.
     length : list of 6 floats
         Tool offset in force.
-    rotation, pivot, pivot_plane : float, 2 floats, int
+    rotation, centre_of_rotation, plane_of_rotation : float, 2 floats, int
         G68: angle [deg], centre and plane; 0 where off.
     scale, scale_centre, mirror, mirror_centre : lists of 3 floats
         G51 and G51.1.
@@ -44,66 +44,69 @@ class Offsets:
     """
 
     work: dict[str, list[float]]
-    turned: dict[str, float] = field(default_factory=dict)
+    rotations: dict[str, float] = field(default_factory=dict)
     active: str = "G54"
     g52: list[float] = field(default_factory=lambda: [0.0] * 6)
     g92: list[float] = field(default_factory=lambda: [0.0] * 6)
     g92_kept: list[float] | None = None
     length: list[float] = field(default_factory=lambda: [0.0] * 6)
     rotation: float = 0.0
-    pivot: tuple[float, float] = (0.0, 0.0)
-    pivot_plane: int = 17
+    centre_of_rotation: tuple[float, float] = (0.0, 0.0)
+    plane_of_rotation: int = 17
     scale: list[float] = field(default_factory=lambda: [1.0] * 3)
     scale_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
     mirror: list[float] = field(default_factory=lambda: [1.0] * 3)
     mirror_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
     polar: bool = False
 
-    def base(self) -> list[float]:
+    def work_offset(self) -> list[float]:
         """Work offset in force with the external one."""
         work, external = self.work.get(self.active, ZERO), self.work.get("EXT", ZERO)
         return [a + b for a, b in zip(work, external, strict=True)]
 
-    def local(self) -> list[float]:
+    def local_shift(self) -> list[float]:
         """G52 and G92 together."""
         return [a + b for a, b in zip(self.g52, self.g92, strict=True)]
 
     @property
-    def turn(self) -> float:
+    def work_rotation(self) -> float:
         """Rotation of the work coordinate system in force [deg]."""
-        return self.turned.get(self.active, 0.0)
+        return self.rotations.get(self.active, 0.0)
 
     @property
-    def straight(self) -> bool:
+    def is_translation(self) -> bool:
         """Whether machine = program + translation."""
         return (
             self.rotation == 0
-            and self.turn == 0
+            and self.work_rotation == 0
             and self.scale == [1.0] * 3
             and self.mirror == [1.0] * 3
         )
 
-    def mapping(self) -> "Mapping":
-        """From program to machine, as it is now."""
-        base, local = self.base(), self.local()
+    def transform(self) -> "Transform":
+        """Transformation from program to machine that is in force."""
+        base, local = self.work_offset(), self.local_shift()
         outer = [a + b for a, b in zip(base, self.length, strict=True)]
         translation = [a + b for a, b in zip(outer, local, strict=True)]
-        if self.straight:
-            return Mapping(None, translation)
+        if self.is_translation:
+            return Transform(None, translation)
         matrix, shift = _scaling(self)
-        turn = _rotation(self.rotation, self.pivot_plane)
-        first, second, _ = IN_PLANE[self.pivot_plane]
-        pivot = [0.0] * 3
-        pivot[first], pivot[second] = self.pivot
+        turn = _rotation(self.rotation, self.plane_of_rotation)
+        first, second, _ = IN_PLANE[self.plane_of_rotation]
+        centre_of_rotation = [0.0] * 3
+        centre_of_rotation[first], centre_of_rotation[second] = self.centre_of_rotation
         matrix = _product(turn, matrix)
-        shift = [a + b for a, b in zip(_about(turn, pivot), _times(turn, shift), strict=True)]
-        work = _rotation(self.turn, 17)
+        shift = [
+            a + b
+            for a, b in zip(_about(turn, centre_of_rotation), _times(turn, shift), strict=True)
+        ]
+        work = _rotation(self.work_rotation, 17)
         shift = [a + b for a, b in zip(shift, local, strict=False)]
         shift = [a + b for a, b in zip(_times(work, shift), outer, strict=False)]
-        return Mapping(_product(work, matrix), [*shift, *translation[3:]])
+        return Transform(_product(work, matrix), [*shift, *translation[3:]])
 
-    def frame(self, mapping: "Mapping") -> Frame:
-        """What :class:`~pipeline.gcode.moves.Moves` says of it."""
+    def frame(self, transform: "Transform") -> Frame:
+        """Frame as :class:`~pipeline.gcode.moves.Moves` lists it."""
         marks = (
             ("G52", any(self.g52)),
             ("G92", any(self.g92)),
@@ -112,12 +115,14 @@ class Offsets:
             ("G68", self.rotation != 0),
         )
         name = "+".join([self.active, *(mark for mark, on in marks if on)])
-        x, y, z, a, b, c = mapping.translation
-        return Frame(name=name, translation=(x, y, z, a, b, c), rotation=self.rotation + self.turn)
+        x, y, z, a, b, c = transform.translation
+        return Frame(
+            name=name, translation=(x, y, z, a, b, c), rotation=self.rotation + self.work_rotation
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping:
+class Transform:
     """machine = matrix · program + translation; ``matrix`` None for the identity."""
 
     matrix: Matrix | None
@@ -139,7 +144,7 @@ class Mapping:
 
 
 def offsets_of(setup: Setup) -> Offsets:
-    """As the operator left them."""
+    """Offsets at the start of a program."""
     return Offsets(work={name: list(vector) for name, vector in setup.work_offsets.items()})
 
 
@@ -149,11 +154,7 @@ def _scaling(offsets: Offsets) -> tuple[Matrix, list[float]]:
     shift = [
         m_c + m * (s_c - s * s_c - m_c)
         for s, s_c, m, m_c in zip(
-            offsets.scale,
-            offsets.scale_centre,
-            offsets.mirror,
-            offsets.mirror_centre,
-            strict=True,
+            offsets.scale, offsets.scale_centre, offsets.mirror, offsets.mirror_centre, strict=True
         )
     ]
     x, y, z = factors
@@ -178,7 +179,7 @@ def _times(matrix: Matrix, vector: list[float]) -> list[float]:
 
 
 def _about(matrix: Matrix, centre: list[float]) -> list[float]:
-    """What a rotation about ``centre`` adds to one about the origin."""
+    """Shift that a rotation about ``centre`` adds to one about the origin."""
     return [c - turned for c, turned in zip(centre, _times(matrix, centre), strict=True)]
 
 

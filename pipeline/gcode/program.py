@@ -1,15 +1,102 @@
-"""A part program as a tree that loses nothing: program, lines, words, each with its bytes."""
+"""Lossless tree of a part program: tokens, lines and words, each with its bytes."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
-from pipeline.gcode.characters import BLANKS
-from pipeline.gcode.words import Kind, Tokens, tokens
+from pipeline.gcode import scanner
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.scanner import BLANKS
+
+
+class TokenKind(IntEnum):
+    """Kind of a token."""
+
+    BLANK = scanner.BLANK  # blanks, NUL, DEL, the byte order mark at the start
+    WORD = scanner.WORD  # a letter and a number
+    VALUED = scanner.VALUED  # a letter and an expression: ``X[#1+2]``, ``F#5``, ``Xsin[30]``
+    LONE = scanner.LONE  # a letter without a value
+    MACRO = scanner.MACRO  # assignments, control, O-words, Siemens names: up to a comment
+    COMMENT = scanner.COMMENT  # ``(…)``
+    REMARK = scanner.REMARK  # ``;`` and the rest of the line
+    SKIP = scanner.SKIP  # ``/`` or ``/2`` at the head of a line
+    PERCENT = scanner.PERCENT  # ``%`` at the head of a line, and the rest of it
+    LINE_END = scanner.LINE_END
+    OTHER = scanner.OTHER  # anything else: no meaning in ISO 6983
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tokens:
+    """K tokens on L lines, in the order of the bytes; together they are all of them.
+
+    Parameters
+    ----------
+    kind : (K,) array of uint8
+        :class:`Kind`.
+    start : (K + 1,) array of int32
+        Byte that each begins at; it ends where the next begins.
+    value : (K,) array of float64
+        Number of a WORD, level of a SKIP, else NaN.
+    first : (L + 1,) array of int32
+        First token of each line.
+    """
+
+    kind: npt.NDArray[np.uint8]
+    start: npt.NDArray[np.int32]
+    value: npt.NDArray[np.float64]
+    first: npt.NDArray[np.int32]
+
+
+def tokens(data: bytes, name: str) -> Tokens:
+    """Tokens of any bytes.
+
+    Parameters
+    ----------
+    data : bytes
+        A program, whatever its encoding and line ends.
+    name : str
+        Of the program, for errors.
+
+    Raises
+    ------
+    GcodeError
+        If it has 2 GiB or more.
+    """
+    if len(data) >= 2**31 - 1:
+        raise GcodeError(
+            file=name, line=0, column=0, word=f"{len(data)} bytes", reason="cut it: 2 GiB at most"
+        )
+    capacity = len(data) + 1
+    kind = np.empty(capacity, dtype=np.uint8)
+    start, first = np.empty(capacity, dtype=np.int32), np.empty(capacity, dtype=np.int32)
+    value = np.empty(capacity, dtype=np.float64)
+    count, lines = scanner.scan(np.frombuffer(data, dtype=np.uint8), kind, start, value, first)
+    for array, length in ((kind, count), (start, count + 1), (value, count), (first, lines + 1)):
+        array.resize(length, refcheck=False)  # in place: gives back what was not written
+    made = Tokens(kind=kind, start=start, value=value, first=first)
+    _read_long_numbers(data, made)
+    return made
+
+
+def number_text(word: bytes) -> str:
+    """The digits of a word with a number, without its letter and blanks."""
+    return word.translate(None, BLANKS).lstrip(LETTERS).decode("ascii")
+
+
+LETTERS = b",@^$abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+def _read_long_numbers(data: bytes, made: Tokens) -> None:
+    """Numbers with more digits than the scanner rounds correctly."""
+    for index in np.flatnonzero((made.kind == TokenKind.WORD) & np.isnan(made.value)).tolist():
+        word = data[made.start[index] : made.start[index + 1]]
+        made.value[index] = float(number_text(word))
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +133,14 @@ class Word:
 class Piece:
     """Bytes of one kind in a line."""
 
-    kind: Kind
+    kind: TokenKind
     text: bytes
     value: float
     start: int
 
 
 class Line:
-    """One line of a program; what it holds is looked up when asked for.
+    """One line of a program; its words are looked up on demand.
 
     Parameters
     ----------
@@ -74,7 +161,7 @@ class Line:
         self._tokens = made
         self._first, self._last = made.first[number - 1 : number + 1].tolist()
         self.start, stop = int(made.start[self._first]), int(made.start[self._last])
-        ends = made.kind[self._last - 1] == Kind.LINE_END
+        ends = made.kind[self._last - 1] == TokenKind.LINE_END
         text_end = int(made.start[self._last - 1]) if ends else stop
         self.text, self.end = data[self.start : text_end], data[text_end:stop]
 
@@ -85,7 +172,7 @@ class Line:
         for index in range(self._first, self._last):
             begin, end = made.start[index : index + 2].tolist()
             text = raw[begin - self.start : end - self.start]
-            yield Piece(Kind(made.kind[index]), text, float(made.value[index]), begin)
+            yield Piece(TokenKind(made.kind[index]), text, float(made.value[index]), begin)
 
     @property
     def words(self) -> tuple[Word, ...]:
@@ -94,47 +181,49 @@ class Line:
         Those are in the :class:`~pipeline.gcode.statements.Statement` of the line.
         """
         return tuple(
-            self._word(piece) for piece in self.pieces if piece.kind in (Kind.WORD, Kind.VALUED)
+            self._word(piece)
+            for piece in self.pieces
+            if piece.kind in (TokenKind.WORD, TokenKind.VALUED)
         )
 
     @property
     def comments(self) -> tuple[bytes, ...]:
         """Comments without their signs."""
         return tuple(
-            piece.text[1:-1] if piece.kind == Kind.COMMENT else piece.text[1:]
+            piece.text[1:-1] if piece.kind == TokenKind.COMMENT else piece.text[1:]
             for piece in self.pieces
-            if piece.kind in (Kind.COMMENT, Kind.REMARK)
+            if piece.kind in (TokenKind.COMMENT, TokenKind.REMARK)
         )
 
     @property
     def skip(self) -> int | None:
         """Level of block skip: 1 for ``/``, 2 for ``/2``; None where the line has none."""
         at = self._head()
-        skips = at < self._last and self._tokens.kind[at] == Kind.SKIP
+        skips = at < self._last and self._tokens.kind[at] == TokenKind.SKIP
         return int(self._tokens.value[at]) if skips else None
 
     @property
     def code_start(self) -> int:
-        """Where the code begins in ``text``: behind blanks, byte order mark and block skip."""
+        """Start of the code in ``text``: behind blanks, byte order mark and block skip."""
         at = self._head()
-        skips = at < self._last and self._tokens.kind[at] == Kind.SKIP
+        skips = at < self._last and self._tokens.kind[at] == TokenKind.SKIP
         return int(self._tokens.start[at + skips]) - self.start
 
     @property
     def is_percent(self) -> bool:
         """Whether the line begins with ``%``."""
         at = self._head()
-        return bool(at < self._last and self._tokens.kind[at] == Kind.PERCENT)
+        return bool(at < self._last and self._tokens.kind[at] == TokenKind.PERCENT)
 
     def _head(self) -> int:
-        return self._first + int(self._tokens.kind[self._first] == Kind.BLANK)
+        return self._first + int(self._tokens.kind[self._first] == TokenKind.BLANK)
 
     def _word(self, piece: Piece) -> Word:
         comma = piece.text[:1] == b","
         bare = piece.text[1:].lstrip(BLANKS) if comma else piece.text
         letter = "," * comma + bare[:1].decode("ascii").upper()
         value = bare[1:].strip(BLANKS)
-        number = piece.kind == Kind.WORD
+        number = piece.kind == TokenKind.WORD
         return Word(
             letter=letter,
             value=piece.value if number else None,
@@ -148,7 +237,7 @@ class Line:
 
 
 class Program:
-    """Bytes, and what they are.
+    """Bytes of a part program, and their tokens.
 
     Parameters
     ----------
@@ -209,8 +298,10 @@ class Program:
         it.
         """
         kind = self.tokens.kind
-        percents = self._line_of(np.flatnonzero(kind == Kind.PERCENT))
-        silent = np.isin(kind, (Kind.BLANK, Kind.COMMENT, Kind.REMARK, Kind.LINE_END))
+        percents = self._line_of(np.flatnonzero(kind == TokenKind.PERCENT))
+        silent = np.isin(
+            kind, (TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END)
+        )
         first, last = 1, len(self) + 1
         if len(percents) and silent[: self.tokens.first[percents[0] - 1]].all():
             first, percents = int(percents[0]) + 1, percents[1:]
@@ -226,8 +317,10 @@ class Program:
         kind = self.tokens.kind
         data = np.frombuffer(self.data, dtype=np.uint8)
         capital = data[self.tokens.start[:-1]] & 0xDF
-        found = np.flatnonzero((kind == Kind.WORD) & (capital == ord(letter)))
-        counted = np.concatenate([[0], np.cumsum((kind != Kind.BLANK) & (kind != Kind.SKIP))])
+        found = np.flatnonzero((kind == TokenKind.WORD) & (capital == ord(letter)))
+        counted = np.concatenate(
+            [[0], np.cumsum((kind != TokenKind.BLANK) & (kind != TokenKind.SKIP))]
+        )
         lines = self._line_of(found)
         leads = counted[found] == counted[self.tokens.first[lines - 1]]
         values = self.tokens.value[found[leads]]
@@ -237,16 +330,18 @@ class Program:
         return np.searchsorted(self.tokens.first, token, side="right")
 
 
-_CONTENT = np.full(len(Kind), 2, dtype=np.uint8)
-_CONTENT[[Kind.BLANK, Kind.WORD, Kind.COMMENT, Kind.REMARK, Kind.LINE_END]] = 0
-_CONTENT[Kind.VALUED] = 1
+_CONTENT = np.full(len(TokenKind), 2, dtype=np.uint8)
+_CONTENT[
+    [TokenKind.BLANK, TokenKind.WORD, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END]
+] = 0
+_CONTENT[TokenKind.VALUED] = 1
 
 
 def parse_program(data: bytes, name: str) -> Program:
-    """The tree of a program's bytes; nothing is too strange for it."""
+    """Program of any bytes."""
     return Program(data, name)
 
 
 def read_program(path: Path) -> Program:
-    """The tree of a file, named after it."""
+    """Program of a file, named after it."""
     return Program(path.read_bytes(), path.name)

@@ -1,14 +1,114 @@
-"""One interpretation under way: state, offsets, variables, rows written so far."""
+"""State of an interpretation: the block being executed, modal state, offsets and rows so far."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from pipeline.gcode.block import Jump
-from pipeline.gcode.contour import END, Contour, lay
-from pipeline.gcode.moves import INCH, Frame, Kind, PathMode
-from pipeline.gcode.offsets import Mapping, Offsets, offsets_of
-from pipeline.gcode.rows import COLUMNS, Rows
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.modal import CANCELLED, DIALECTS, LINUXCNC, State
+from pipeline.gcode.moves import COLUMNS, INCH, NO_CENTRE, Frame, Kind, PathMode, Rows
+from pipeline.gcode.offsets import Offsets, Transform, offsets_of
 from pipeline.gcode.setup import Setup
-from pipeline.gcode.state import CANCELLED, DIALECTS, LINUXCNC, State
+from pipeline.gcode.statements import WordItem
+
+AXES = {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5}
+"""Letter -> index into positions."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jump:
+    """Jump out of a block: M98, M99, G65 or the end of the program.
+
+    Parameters
+    ----------
+    kind : str
+        ``"call"``, ``"return"`` or ``"end"``.
+    item : WordItem
+        The word that says so.
+    number : int or None
+        Of the program to call, or of the N word to return to.
+    count : int
+        How often.
+    arguments : mapping of int to float, or None
+        Local variables of a macro; None for a plain subprogram, which shares those of its caller.
+    """
+
+    kind: str
+    item: WordItem
+    number: int | None = None
+    count: int = 1
+    arguments: Mapping[int, float] | None = None
+
+
+class Block:
+    """Evaluated words of a line.
+
+    Codes take the words that they use; a word left over is an error.
+
+    Parameters
+    ----------
+    file : str
+        Name for errors.
+    line : int
+        Counting from 1.
+    """
+
+    __slots__ = (
+        "actions", "comments", "feed_given", "file", "flow", "items", "line", "m_codes",
+        "modifiers", "ordered", "words",
+    )  # fmt: skip
+
+    def __init__(self, file: str, line: int) -> None:
+        self.file, self.line = file, line
+        self.words: dict[str, float] = {}
+        self.items: dict[str, WordItem] = {}
+        self.ordered: list[tuple[WordItem, float]] = []
+        self.actions: list[tuple[int, str, int, WordItem]] = []
+        self.m_codes: list[int] = []
+        self.modifiers: set[int] = set()
+        self.comments: tuple[str, ...] = ()
+        self.feed_given = False
+        self.flow: Jump | None = None
+
+    def take(self, letter: str) -> float | None:
+        """Value of a word, which then counts as carried out; None where there is none."""
+        return self.words.pop(letter, None)
+
+    def need(self, letter: str, what: str, item: WordItem) -> float:
+        """Value of a word that ``what`` cannot do without."""
+        value = self.words.pop(letter, None)
+        if value is None:
+            raise self.error(item, f"{what} needs {letter}: add it")
+        return value
+
+    def whole(self, letter: str, value: float, least: int, most: int) -> int:
+        """A word's value as an integer between two limits."""
+        number = round(value)
+        if abs(number - value) > 1e-4 or not least <= number <= most:
+            raise self.error(
+                self.items.get(letter),
+                f"{letter}{value:g} must be a whole number from {least} to {most}: correct it",
+            )
+        return number
+
+    def error(self, item: WordItem | None, reason: str) -> GcodeError:
+        """The error about one word of the block."""
+        return GcodeError(
+            file=self.file,
+            line=self.line,
+            column=item.column if item else 1,
+            word=item.text if item else "block",
+            reason=reason,
+        )
+
+    def any_item(self) -> WordItem | None:
+        """A word to point at when none in particular is wrong."""
+        return self.ordered[0][0] if self.ordered else None
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether an axis word is left."""
+        return not AXES.keys().isdisjoint(self.words)
+
 
 PATH_MODE = list(COLUMNS).index("path_mode")
 
@@ -66,7 +166,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, run: "Run", *, automatic: bool) -> "Snapshot":
-        """What is in force now."""
+        """State that is in force now."""
         return cls(
             values={name: getattr(run.state, name) for name in SAVED},
             length=list(run.offsets.length),
@@ -84,22 +184,50 @@ class Snapshot:
         run.remap()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contour:
+    """Contour that G41 or G42 opened.
+
+    Parameters
+    ----------
+    side : int
+        1 for left, -1 for right.
+    radius : float
+        Of the tool [mm].
+    plane : int
+        17, 18 or 19.
+    first : int
+        Row that the contour begins with.
+    start : tuple of 6 floats
+        Where the machine stood [mm, deg].
+    word : str
+        That opened it, for errors.
+    """
+
+    side: int
+    radius: float
+    plane: int
+    first: int
+    start: tuple[float, ...]
+    word: str
+
+
 SAVED = (
     "unit", "plane", "absolute", "arc_absolute", "feed_mode", "path_mode", "tolerance", "feed",
     "speed", "direction", "constant_surface_speed", "wcs",
 )  # fmt: skip
-"""What M70 saves of the state."""
+"""Fields of the state that M70 saves."""
 
 
 class Run:
-    """What the functions that carry out words work on.
+    """State of one interpretation, on which all codes act.
 
     Parameters
     ----------
     setup : Setup
         The control before the program.
     capacity : int
-        Rows to make room for.
+        Rows to allocate at first.
     """
 
     def __init__(self, setup: Setup, capacity: int) -> None:
@@ -114,11 +242,11 @@ class Run:
         }
         self.frames: dict[Frame, int] = {}
         self.files: list[str] = []
-        self.mapping: Mapping = self.offsets.mapping()
+        self.transform: Transform = self.offsets.transform()
         self.references = dict(setup.references)
         self.cycle = Cycle()
         self.contour: Contour | None = None
-        self.beside: list[float] | None = None
+        self.compensated_position: list[float] | None = None
         self.polar_angle: float | None = None
         self.modal_call: Jump | None = None
         self.saved: list[Snapshot | None] = [None]
@@ -131,13 +259,13 @@ class Run:
         self.remap()
 
     def remap(self) -> None:
-        """Take over what was changed in ``offsets``."""
-        self.mapping = self.offsets.mapping()
-        frame = self.offsets.frame(self.mapping)
+        """Update the transformation after a change of ``offsets``."""
+        self.transform = self.offsets.transform()
+        frame = self.offsets.frame(self.transform)
         self.state.frame = self.frames.setdefault(frame, len(self.frames))
-        self.state.translation = self.mapping.translation
+        self.state.translation = self.transform.translation
         self.state.transformed = int(
-            self.mapping.matrix is not None
+            self.transform.matrix is not None
             or self.offsets.polar
             or self.diameter
             or self.modal_call is not None
@@ -145,49 +273,77 @@ class Run:
 
     @property
     def point(self) -> list[float]:
-        """Where the program believes to stand [mm, deg]."""
-        return self.mapping.program(self.state.position)
+        """Position in program coordinates [mm, deg]."""
+        return self.transform.program(self.state.position)
 
     def register(self, number: int) -> Register:
         """Entry of the tool table, made when it is not there."""
         return self.registers.setdefault(number, Register())
 
-    def go(self, kind: Kind, line: int, end: list[float]) -> None:
+    def listed_tool(self, number: int, block: Block, item: WordItem) -> Register:
+        """Entry of LinuxCNC's tool table, where tool 0 is none.
+
+        Raises
+        ------
+        GcodeError
+            If the tool is not in the table.
+        """
+        if number <= 0:
+            return Register()
+        if number not in self.registers:
+            raise block.error(
+                item,
+                f"tool {number} is not in the tool table: add it to setup.tools of the machine's "
+                "file",
+            )
+        return self.registers[number]
+
+    def line_to(self, kind: Kind, line: int, end: list[float]) -> None:
         """A straight row to a machine position."""
         self.state.position = end
-        self.beside = None
-        self.rows.append(self.state, kind, line)
+        self.compensated_position = None
+        self._append(kind, line)
 
-    def go_round(
+    def arc_to(
         self, line: int, end: list[float], centre: tuple[float, float, float], angle: float
     ) -> None:
         """An arc to a machine position."""
         self.state.position = end
-        self.beside = None
-        self.rows.append(self.state, Kind.ARC, line, centre=centre, angle=angle)
+        self.compensated_position = None
+        self._append(Kind.ARC, line, centre=centre, angle=angle)
 
-    def stand(self, kind: Kind, line: int, *, code: int = 0, value: float = 0.0) -> None:
+    def add_row(self, kind: Kind, line: int, *, code: int = 0, value: float = 0.0) -> None:
         """A row that does not move."""
-        if self.beside is not None:
-            programmed, self.state.position = self.state.position, self.beside
-            self.rows.append(self.state, kind, line, code=code, value=value)
+        if self.compensated_position is not None:
+            programmed, self.state.position = self.state.position, self.compensated_position
+            self._append(kind, line, code=code, value=value)
             self.state.position = programmed
             return
-        self.rows.append(self.state, kind, line, code=code, value=value)
+        self._append(kind, line, code=code, value=value)
+
+    def _append(
+        self,
+        kind: int,
+        line: int,
+        *,
+        centre: tuple[float, float, float] = NO_CENTRE,
+        angle: float = 0.0,
+        code: int = 0,
+        value: float = 0.0,
+    ) -> None:
+        """One row more, which ends at the state's position."""
+        state = self.state
+        row = (
+            kind, line, state.file, state.position, centre, angle, state.plane, state.feed,
+            state.feed_mode, state.speed if state.direction else 0.0, state.direction,
+            state.constant_surface_speed, state.tool, state.frame, state.path_mode,
+            state.tolerance, code, value,
+        )  # fmt: skip
+        self.rows.append(row)
 
     def exact_stop(self) -> None:
         """G9: the last row ends standing still."""
         self.rows.arrays[PATH_MODE][self.rows.count - 1] = PathMode.EXACT_STOP
-
-    def close_contour(self) -> None:
-        """Lay the tool's path beside the contour that G41 or G42 opened."""
-        contour, self.contour = self.contour, None
-        self.state.compensation = 0
-        if contour is not None and self.rows.count > contour.first:
-            lay(contour, self.rows, self.dialect, self.files)
-            last = self.rows.arrays[END][self.rows.count - 1].tolist()
-            if last != self.state.position:
-                self.beside = last
 
 
 def _switched_on(setup: Setup) -> State:

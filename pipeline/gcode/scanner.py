@@ -1,42 +1,223 @@
-"""Bytes to tokens, compiled: every byte belongs to one token."""
+"""Compiled scanner of part programs: bytes to tokens, every byte in exactly one token.
+
+A number of at most 2⁵³ with up to 22 decimals is the quotient of two exact float64, so that one
+division rounds it correctly (Clinger 1990, the fast path); others are left to Python, marked NaN.
+"""
+
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.gcode.characters import (
-    AT,
-    CARET,
-    CLOSE,
-    COMMA,
-    DOLLAR,
-    EQUALS,
-    HASH,
-    LESS,
-    LETTER_C,
-    LETTER_O,
-    LETTER_R,
-    NEW_LINE,
-    OPEN,
-    OPEN_BRACKET,
-    PERCENT_SIGN,
-    RETURN,
-    SEMICOLON,
-    SLASH,
-    Bytes,
-    after_blanks,
-    code_end,
-    is_blank,
-    is_digit,
-    is_letter,
-    is_line_end,
-    line_end,
-)
-from pipeline.gcode.number_scanner import number
-from pipeline.gcode.value_scanner import function_end, value_end
 from pipeline.kernels import compiled
 
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+
+NEW_LINE, RETURN, SPACE = 10, 13, 32
+PERCENT_SIGN, HASH, SEMICOLON, SLASH, EQUALS = (ord(c) for c in "%#;/=")
+OPEN, CLOSE, OPEN_BRACKET, CLOSE_BRACKET, LESS, GREATER = (ord(c) for c in "()[]<>")
+PLUS, MINUS, STAR, POINT, COMMA = (ord(c) for c in "+-*.,")
+ZERO, NINE, LETTER_A, LETTER_Z = (ord(c) for c in "09AZ")
+LETTER_C, LETTER_O, LETTER_R = (ord(c) for c in "COR")
+AT, CARET, DOLLAR = (ord(c) for c in "@^$")
+BLANKS = b" \t\v\f\x00\x7f"
+"""Bytes ignored outside comments; NUL and DEL are the blank and the corrected rows of a tape."""
+
+
+@compiled
+def is_blank(c: int) -> bool:
+    """Whether a byte is one of :data:`BLANKS`."""
+    return c in (SPACE, 0, 9, 11, 12, 127)
+
+
+@compiled
+def is_line_end(c: int) -> bool:
+    """Whether a byte ends a line."""
+    return c in (NEW_LINE, RETURN)
+
+
+@compiled
+def is_letter(c: int) -> bool:
+    """Whether a byte is an ASCII letter."""
+    return LETTER_A <= (c & 0xDF) <= LETTER_Z
+
+
+@compiled
+def lower(c: int) -> int:
+    """The small letter of an ASCII letter, any other byte as it is."""
+    return c | 0x20 if is_letter(c) else c
+
+
+@compiled
+def is_digit(c: int) -> bool:
+    """Whether a byte is an ASCII digit."""
+    return ZERO <= c <= NINE
+
+
+@compiled
+def after_blanks(data: Bytes, at: int) -> int:
+    """Place of the next byte that is no blank."""
+    while at < len(data) and is_blank(data[at]):
+        at += 1
+    return at
+
+
+@compiled
+def line_end(data: Bytes, at: int) -> int:
+    """End of the line that ``at`` lies in, before its line end."""
+    while at < len(data) and not is_line_end(data[at]):
+        at += 1
+    return at
+
+
+@compiled
+def code_end(data: Bytes, at: int) -> int:
+    """End of the code that ``at`` lies in: at a comment or the line's end."""
+    while at < len(data):
+        c = data[at]
+        if is_line_end(c) or c in (OPEN, SEMICOLON):
+            break
+        at += 1
+    return at
+
+
+@compiled
+def holds(data: Bytes, at: int, end: int, sign: int) -> bool:
+    """Whether ``sign`` stands in the bytes from ``at`` to before ``end``."""
+    while at < end and data[at] != sign:
+        at += 1
+    return at < end
+
+
+EXACT = 2**53
+MOST_DECIMALS = 22
+POWERS: npt.NDArray[np.float64] = np.array([float(10**n) for n in range(MOST_DECIMALS + 1)])
+
+
+@compiled
+def number(data: Bytes, at: int) -> tuple[int, float]:
+    """End of the number at ``at`` (``at`` itself if there is none) and its value.
+
+    One sign, digits with at most one point, blanks between them.
+    """
+    n = len(data)
+    start = at
+    negative = data[at] == MINUS
+    if negative or data[at] == PLUS:
+        at = after_blanks(data, at + 1)
+    mantissa, decimals, digits, end = 0, 0, 0, start
+    exact, pointed = True, False
+    while at < n:
+        c = data[at]
+        if is_digit(c):
+            digits += 1
+            decimals += pointed
+            exact = exact and mantissa <= EXACT // 10 - 1
+            mantissa = mantissa * 10 + (c - ZERO) if exact else 0
+        elif c == POINT and not pointed:
+            pointed = True
+        elif not is_blank(c):
+            break
+        at += 1
+        if not is_blank(c):
+            end = at
+    if digits == 0:
+        return start, np.nan
+    if not exact or decimals > MOST_DECIMALS:
+        return end, np.nan
+    value = mantissa / POWERS[decimals]
+    return end, -value if negative else value
+
+
+LONGEST_NAME = 6
+
+
+def packed(name: str) -> int:
+    """A name of up to six letters as one integer."""
+    code = 0
+    for letter in name:
+        code = code * 32 + (ord(letter) & 31)
+    return code
+
+
+ATAN = packed("ATAN")
+FUNCTIONS = tuple(
+    packed(name)
+    for name in (
+        "ABS", "ACOS", "ASIN", "ATAN", "BCD", "BIN", "COS", "EXISTS", "EXP", "FIX", "FUP", "LN",
+        "POW", "RND", "ROUND", "SIN", "SQR", "SQRT", "TAN",
+    )
+)  # fmt: skip
+
+
+@compiled
+def value_end(data: Bytes, at: int) -> int:
+    """End of the value that begins at ``at``; ``at`` itself where there is none.
+
+    Signs, then a number, ``#…``, ``[…]`` or a function of ``[…]``.
+    """
+    start, n = at, len(data)
+    while at < n and (data[at] in (PLUS, MINUS)):
+        at = after_blanks(data, at + 1)
+    hashes = at
+    while at < n and data[at] == HASH:
+        at = after_blanks(data, at + 1)
+    if at == n:
+        return start
+    c = data[at]
+    if c == OPEN_BRACKET:
+        end = closed(data, at, OPEN_BRACKET, CLOSE_BRACKET)
+    elif c == LESS and at > hashes:
+        end = closed(data, at, LESS, GREATER)
+    elif is_digit(c) or c == POINT:
+        end, _ = number(data, at)
+    elif is_letter(c) and at == hashes:
+        end = function_end(data, at)
+    else:
+        return start
+    return end if end > at else start
+
+
+@compiled
+def function_end(data: Bytes, at: int) -> int:
+    """End of the call of a function, ``at`` itself where there is none."""
+    start, n = at, len(data)
+    code, letters = 0, 0
+    while at < n and is_letter(data[at]) and letters <= LONGEST_NAME:
+        code = code * 32 + (data[at] & 31)
+        letters += 1
+        at = after_blanks(data, at + 1)
+    if code not in FUNCTIONS or at == n or data[at] != OPEN_BRACKET:
+        return start
+    end = closed(data, at, OPEN_BRACKET, CLOSE_BRACKET)
+    if end == at:
+        return start
+    if code == ATAN:
+        slash = after_blanks(data, end)
+        if slash < n and data[slash] == SLASH:
+            bracket = after_blanks(data, slash + 1)
+            if bracket < n and data[bracket] == OPEN_BRACKET:
+                end = max(end, closed(data, bracket, OPEN_BRACKET, CLOSE_BRACKET))
+    return end
+
+
+@compiled
+def closed(data: Bytes, at: int, opening: int, closing: int) -> int:
+    """Behind the partner of the bracket at ``at``, ``at`` itself where it has none."""
+    start, depth = at, 0
+    while at < len(data):
+        c = data[at]
+        if is_line_end(c) or c in (OPEN, SEMICOLON):
+            break
+        depth += (c == opening) - (c == closing)
+        at += 1
+        if depth == 0:
+            return at
+    return start
+
+
 BLANK, WORD, VALUED, LONE, MACRO, COMMENT, REMARK, SKIP, PERCENT, LINE_END, OTHER = range(11)
-"""Kinds of token; see :class:`pipeline.gcode.words.Kind`."""
+"""Kinds of token; see :class:`pipeline.gcode.program.TokenKind`."""
 
 
 @compiled
@@ -49,7 +230,7 @@ def scan(
 ) -> tuple[int, int]:
     """Write the tokens of ``data``; their number and that of the lines.
 
-    The arrays have room for a token each byte, and one more.
+    The arrays hold one element for each byte, and one more.
     """
     at, tokens, lines, n = 0, 0, 0, len(data)
     in_line, head = False, True

@@ -1,9 +1,11 @@
-"""What a program does not say of the machine it runs on: offsets, tools, choices of the control."""
+"""Control setup that a part program does not state: offsets, tool table, options of the control."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from pipeline.schema.ranges import Range, Ranged
 
 Vector = tuple[float, float, float, float, float, float]
 """X Y Z A B C [mm, deg]."""
@@ -12,7 +14,7 @@ ZERO: Vector = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Tool:
-    """What a number of the tool table (or of the H and D registers) holds.
+    """Entry of the tool table (or of the H and D registers).
 
     Parameters
     ----------
@@ -27,7 +29,7 @@ class Tool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
+class Setup(Ranged, section="setup"):
     """The control as the operator left it before the program starts.
 
     Parameters
@@ -85,13 +87,14 @@ class Setup:
     parameters: Mapping[int | str, float] = field(default_factory=dict)
     folders: tuple[Path, ...] = ()
     block_skip: tuple[int, ...] = ()
-    block_limit: int = 1_000_000
-    arc_tolerance: float = 0.05
+    block_limit: Annotated[int, Range(least=1, finite=False, unit="blocks")] = 1_000_000
+    arc_tolerance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.05
     length_moves: bool = True
-    peck_clearance: float = 0.254
+    peck_clearance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.254
     boring_shift: str = "-Y"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.dialect not in ("fanuc", "linuxcnc", "siemens"):
             raise ValueError(
                 f"dialect is {self.dialect!r}: choose 'fanuc', 'linuxcnc' or 'siemens'"
@@ -102,11 +105,6 @@ class Setup:
             )
         if self.decimal not in ("calculator", "increment"):
             raise ValueError(f"decimal is {self.decimal!r}: choose 'calculator' or 'increment'")
-        if self.block_limit < 1:
-            raise ValueError(f"block_limit is {self.block_limit}: give 1 or more blocks")
-        for name in ("arc_tolerance", "peck_clearance"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} is {getattr(self, name)} mm: give 0 or more")
 
 
 BORING_SHIFTS = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")

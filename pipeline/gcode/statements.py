@@ -1,6 +1,14 @@
-"""What one line says: its words, assignments and control, parsed but not yet executed."""
+"""Statements of a program: the parsed tree of a line, and the values of its expressions."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
+
+
+class ExpressionError(ArithmeticError):
+    """An expression without a value; the caller adds the place and raises a GcodeError."""
+
 
 LARGEST = 1e30
 """Numbers beyond are refused: no machine has them, and products of a few would overflow."""
@@ -108,7 +116,7 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One line: number in the file, N word, what it asks for, in the order written."""
+    """One parsed line: number in the file, N word, words and control in the order written."""
 
     line: int
     skip: int | None
@@ -117,3 +125,208 @@ class Statement:
     assignments: tuple[Assignment, ...]
     control: Control | None
     comments: tuple[str, ...]
+
+
+NEAR = 1e-4
+"""Numbers that differ by less are equal to LinuxCNC (TOLERANCE_EQUAL of its interpreter)."""
+
+
+class ParameterStore(Protocol):
+    """Store of ``#`` variables, by number (int) or by name (str)."""
+
+    def read(self, key: int | str) -> float | None:
+        """Value, None where it is vacant."""
+
+    def write(self, key: int | str, value: float | None) -> None:
+        """Keep a value; None makes it vacant."""
+
+    def exists(self, key: int | str) -> bool:
+        """Whether it was ever given."""
+
+
+def evaluate(expression: Expression, parameters: ParameterStore) -> float | None:
+    """Value of an expression; None where it is Fanuc's <vacant>.
+
+    Parameters
+    ----------
+    expression : Expression
+        As parsed.
+    parameters : ParameterStore
+        Read only.
+
+    Returns
+    -------
+    float or None
+        A vacant variable alone is vacant; in arithmetic it counts 0; it equals (EQ) nothing but
+        another vacant one.
+
+    Raises
+    ------
+    ExpressionError
+        Division by zero, a root of a negative number and the like, in one sentence.
+    """
+    if isinstance(expression, Number):
+        return expression.value
+    if isinstance(expression, Parameter):
+        kept = parameters.read(parameter_key(expression, parameters))
+        return None if kept is None else _bounded(kept, "the parameter")
+    if isinstance(expression, Unary):
+        operand = evaluate(expression.operand, parameters)
+        return -_filled(operand) if expression.operator == "-" else operand
+    if isinstance(expression, Binary):
+        left = evaluate(expression.left, parameters)
+        right = evaluate(expression.right, parameters)
+        return _bounded(_binary(expression.operator, left, right), expression.operator)
+    return _bounded(_call(expression, parameters), expression.function)
+
+
+def parameter_key(parameter: Parameter, parameters: ParameterStore) -> int | str:
+    """Number or name that ``#…`` stands for.
+
+    Raises
+    ------
+    ExpressionError
+        If the number is vacant, negative or not whole.
+    """
+    if isinstance(parameter.key, str):
+        return parameter.key
+    number = evaluate(parameter.key, parameters)
+    if number is None:
+        raise ExpressionError("the number of the parameter is vacant: give it a value first")
+    if abs(number - round(number)) >= NEAR or round(number) < 0:
+        raise ExpressionError(
+            f"parameter #{number:g} does not exist: its number must be whole and not negative"
+        )
+    return round(number)
+
+
+def _binary(operator: str, left: float | None, right: float | None) -> float:
+    if operator in ("EQ", "NE"):
+        return float((left == right) == (operator == "EQ"))
+    a, b = _filled(left), _filled(right)
+    if operator in _BITS:
+        return float(_BITS[operator](_whole(a, operator), _whole(b, operator)))
+    if operator in ("/", "MOD", "REM") and b == 0:
+        raise ExpressionError(f"{a:g} {operator} 0 has no value: check the divisor first")
+    try:
+        return _ARITHMETIC[operator](a, b)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        raise ExpressionError(
+            f"{a:g} {operator} {b:g} has no value: check the numbers before"
+        ) from None
+
+
+def _filled(value: float | None) -> float:
+    """Vacant counts 0; ``or`` would take the sign from -0."""
+    return 0.0 if value is None else value
+
+
+def _modulo(a: float, b: float) -> float:
+    rest = math.fmod(a, b)
+    return rest + abs(b) if rest < 0 else rest
+
+
+def _power(a: float, b: float) -> float:
+    return math.pow(a, b)
+
+
+_ARITHMETIC: dict[str, Callable[[float, float], float]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+    "**": _power,
+    "MOD": _modulo,
+    "REM": math.fmod,
+    "NEAR": lambda a, b: float(abs(a - b) < NEAR),
+    "FAR": lambda a, b: float(abs(a - b) >= NEAR),
+    "GT": lambda a, b: float(a > b),
+    "GE": lambda a, b: float(a >= b),
+    "LT": lambda a, b: float(a < b),
+    "LE": lambda a, b: float(a <= b),
+    "AND": lambda a, b: float(a != 0 and b != 0),
+    "OR": lambda a, b: float(a != 0 or b != 0),
+    "XOR": lambda a, b: float((a != 0) != (b != 0)),
+}
+_BITS: dict[str, Callable[[int, int], int]] = {
+    "&": lambda a, b: a & b,
+    "|": lambda a, b: a | b,
+    "^": lambda a, b: a ^ b,
+}
+
+
+def _call(call: Call, parameters: ParameterStore) -> float:
+    if call.function == "EXISTS":
+        parameter = call.arguments[0]
+        known = isinstance(parameter, Parameter) and isinstance(parameter.key, str)
+        return float(known and parameters.exists(parameter.key))  # type: ignore[union-attr,arg-type]
+    values = [_filled(evaluate(argument, parameters)) for argument in call.arguments]
+    try:
+        return _FUNCTIONS[call.function, len(values)](*values)
+    except (ValueError, OverflowError):
+        shown = ", ".join(f"{value:g}" for value in values)
+        raise ExpressionError(
+            f"{call.function} of {shown} has no value: check the number before"
+        ) from None
+
+
+def _radians(a: float) -> float:
+    """As LinuxCNC rounds it, which ``math.radians`` does not always."""
+    return a * math.pi / 180
+
+
+def _degrees(a: float) -> float:
+    return a * 180 / math.pi
+
+
+def _round(a: float) -> float:
+    """Halves go away from zero; there is no -0."""
+    return math.copysign(math.floor(abs(a) + 0.5), a) + 0.0
+
+
+def _whole(a: float, operator: str) -> int:
+    if abs(a - round(a)) >= NEAR:
+        raise ExpressionError(f"{a:g} is not whole: {operator} works on whole numbers, use ROUND")
+    return round(a)
+
+
+def _from_bcd(a: float) -> float:
+    digits = f"{_whole(a, 'BIN'):x}"
+    try:
+        return float(int(digits))
+    except ValueError:
+        raise ExpressionError(f"{a:g} is no binary-coded decimal: BIN takes one") from None
+
+
+def _to_bcd(a: float) -> float:
+    return float(int(str(_whole(a, "BCD")), 16))
+
+
+_FUNCTIONS: dict[tuple[str, int], Callable[..., float]] = {
+    ("ABS", 1): abs,
+    ("SIN", 1): lambda a: math.sin(_radians(a)),
+    ("COS", 1): lambda a: math.cos(_radians(a)),
+    ("TAN", 1): lambda a: math.tan(_radians(a)),
+    ("ASIN", 1): lambda a: _degrees(math.asin(a)),
+    ("ASIN360", 1): lambda a: _degrees(math.asin(a)) % 360,
+    ("ACOS", 1): lambda a: _degrees(math.acos(a)),
+    ("ATAN", 1): lambda a: _degrees(math.atan(a)),
+    ("ATAN", 2): lambda a, b: _degrees(math.atan2(a, b)),
+    ("ATAN360", 2): lambda a, b: _degrees(math.atan2(a, b)) % 360,
+    ("SQRT", 1): math.sqrt,
+    ("EXP", 1): math.exp,
+    ("LN", 1): math.log,
+    ("ROUND", 1): _round,
+    ("FIX", 1): lambda a: float(math.trunc(a)),
+    ("FUP", 1): lambda a: math.copysign(math.ceil(abs(a)), a),
+    ("FLOOR", 1): lambda a: math.copysign(math.floor(a), a),
+    ("CEIL", 1): lambda a: math.copysign(math.ceil(a), a),
+    ("BIN", 1): _from_bcd,
+    ("BCD", 1): _to_bcd,
+}
+
+
+def _bounded(value: float, what: str) -> float:
+    if not abs(value) <= LARGEST:
+        raise ExpressionError(f"{what} gives {value:g}: keep numbers below {LARGEST:g}")
+    return value

@@ -1,15 +1,15 @@
-"""The box that is searched, seen as the unit cube.
+"""Box that is searched, seen as the unit cube, and the population that a search begins with.
 
 In the cube every parameter spans 0 to 1, so that one width of step suits parameters of any unit.  A
-parameter known within orders of magnitude only is spread evenly over its logarithm.
+parameter that spans orders of magnitude is spread evenly over its logarithm.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from pipeline.schema.arrays import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Box:
 
     low: Floats
     high: Floats
-    log: NDArray[np.bool_]
+    log: Bools
 
     @staticmethod
     def of(low: ArrayLike, high: ArrayLike, log: ArrayLike | None = None) -> "Box":
@@ -43,10 +43,10 @@ class Box:
                 f"search bounds of shapes {low.shape} and {high.shape} are no box: "
                 "give low and high as two lists of the same length, one entry a parameter"
             )
-        asked = np.array(False if log is None else log, dtype=bool)
-        if asked.shape not in ((), low.shape):
+        scale = np.array(False if log is None else log, dtype=bool)
+        if scale.shape not in ((), low.shape):
             raise ValueError(
-                f"search scale has shape {asked.shape}: give log once, or for each of the "
+                f"search scale has shape {scale.shape}: give log once, or for each of the "
                 f"{len(low)} parameters"
             )
         for k, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
@@ -55,7 +55,7 @@ class Box:
                     f"search bounds of parameter {k} are {a} to {b}: give finite ones, "
                     "the lower first"
                 )
-        logs = np.broadcast_to(asked, low.shape).copy()
+        logs = np.broadcast_to(scale, low.shape).copy()
         if (logs & (low <= 0)).any():
             k = int(np.argmax(logs & (low <= 0)))
             raise ValueError(
@@ -106,3 +106,37 @@ class Box:
             unit[:, self.log] = np.log(values[:, self.log] / low) / np.where(ratio > 0, ratio, 1.0)
         unit[:, width == 0] = 0.5
         return np.clip(unit, 0.0, 1.0)
+
+
+def first_population(
+    box: Box, many: int, start: ArrayLike | None, rng: np.random.Generator, *, setting: str
+) -> Floats:
+    """``start``, then a Latin hypercube, in the unit cube; shape (many, D).
+
+    Parameters
+    ----------
+    box : Box
+        Bounds.
+    many : int
+        Individuals.
+    start : array_like, shape (K, D), optional
+        Those that are given, in the parameters' units.
+    rng : numpy.random.Generator
+        Random numbers.
+    setting : str
+        Name under which the user set ``many``, for the message.
+
+    Raises
+    ------
+    ValueError
+        When there are more of ``start`` than places, or one lies outside the box.
+    """
+    given = np.empty((0, len(box))) if start is None else box.unit(start)
+    if len(given) > many:
+        raise ValueError(
+            f"start has {len(given)} individuals, more than the population of {many}: "
+            f"give fewer, or raise {setting}"
+        )
+    free = many - len(given)
+    strata = rng.permuted(np.tile(np.arange(free), (len(box), 1)), axis=1).T
+    return np.concatenate([given, (strata + rng.random((free, len(box)))) / max(free, 1)])

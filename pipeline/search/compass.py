@@ -1,4 +1,4 @@
-"""A few evaluations around a good start: a poll along every axis, and the step that it suggests.
+"""Compass search: a few evaluations around a good start, and the step that they suggest.
 
 Each round asks for both neighbours of the best individual along each axis at once (compass search,
 Kolda, Lewis and Torczon 2003), then for what the parabola through each three points promises, all
@@ -8,14 +8,14 @@ axes together and halfway.  Where the axes hardly act on each other one round is
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.schema.arrays import Floats
 from pipeline.search.box import Box
-from pipeline.search.result import Callback, Cost, Course, Ending, SearchResult
+from pipeline.search.result import Callback, Cost, Progress, SearchResult, StoppingCriteria
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 SHORTER = 0.25
-"""Of the step, when a turn around all axes has found nothing better."""
+"""Of the step, when a round over all axes has improved nothing."""
 FARTHEST = 4.0
 """Steps that a parabola may lead to."""
 
@@ -31,7 +31,7 @@ def compass(
     log: ArrayLike | None = None,
     callback: Callback | None = None,
 ) -> SearchResult:
-    """The least cost near ``start`` that so many evaluations find; never above the start's.
+    """Least cost near ``start`` within a number of evaluations; never above the start's.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ def compass(
     --------
     >>> def cost(x):
     ...     return ((x - [0.2, 0.7]) ** 2).sum(axis=1)
-    >>> found = compass(cost, [0, 0], [1, 1], [0.5, 0.5], evaluations=7)
-    >>> found.x.round(12).tolist(), found.evaluations
+    >>> result = compass(cost, [0, 0], [1, 1], [0.5, 0.5], evaluations=7)
+    >>> result.x.round(12).tolist(), result.evaluations
     ([0.2, 0.7], 7)
     """
     if evaluations < 1 or not 0 < step <= 1:
@@ -73,31 +73,31 @@ def compass(
             "lie above 0, at most 1"
         )
     box = Box.of(low, high, log)
-    course = Course(cost=cost, box=box)
+    progress = Progress(cost=cost, box=box)
     unit = box.unit(start)
-    best = float(course.evaluate(unit)[0])
+    best = float(progress.evaluate(unit)[0])
     place, turn, idle = unit[0], 0, 0
     free = np.flatnonzero(box.high > box.low)
-    ending = Ending(generations=evaluations + 1, callback=callback)
-    while not (stopped := course.stopped(ending)):
-        left = evaluations - course.evaluations
+    criteria = StoppingCriteria(generations=evaluations + 1, callback=callback)
+    while not (stopped := progress.stopped_by(criteria)):
+        left = evaluations - progress.evaluations
         many = min(len(free), (left - 1) // 2)
         if many < 1 or step < np.finfo(np.float64).eps:
             stopped = "limit"
             break
         axes = np.roll(free, -turn)[:many]
         polled = _neighbours(place, axes, step)
-        costs = course.evaluate(polled)
-        promised = _promised(place, axes, polled, best, costs, step)[: left - len(polled)]
-        polled = np.concatenate([polled, promised])
-        costs = np.concatenate([costs, course.evaluate(promised)])
+        costs = progress.evaluate(polled)
+        minima = _parabola_minima(place, axes, polled, best, costs, step)[: left - len(polled)]
+        polled = np.concatenate([polled, minima])
+        costs = np.concatenate([costs, progress.evaluate(minima)])
         turn, idle = turn + many, idle + many
         k = int(costs.argmin())
         if costs[k] < best:
             place, best, idle = polled[k], float(costs[k]), 0
         elif idle >= len(free):
             step, idle = SHORTER * step, 0
-    return course.result(place[None], np.array([best]), stopped)
+    return progress.result(place[None], np.array([best]), stopped)
 
 
 def _neighbours(place: Floats, axes: Rows, step: float) -> Floats:
@@ -109,10 +109,10 @@ def _neighbours(place: Floats, axes: Rows, step: float) -> Floats:
     return polled
 
 
-def _promised(
+def _parabola_minima(
     place: Floats, axes: Rows, polled: Floats, best: float, costs: Floats, step: float
 ) -> Floats:
-    """Where all axes are at the least of their parabolas, and halfway there; shape (2, D)."""
+    """Points with all axes at the minimum of their parabolas, and halfway there; shape (2, D)."""
     each = np.arange(len(axes))
     x = np.stack([polled[2 * each, axes], place[axes], polled[2 * each + 1, axes]])
     f = np.stack([costs[0::2], np.full(len(axes), best), costs[1::2]])

@@ -1,4 +1,4 @@
-"""Which of several answers are the better ones when there is more than one objective.
+"""Pareto dominance, crowding distance and the knee of a front of several objectives.
 
 An answer dominates another that is nowhere better than it and somewhere worse.  Limits come first:
 what keeps them dominates what does not, and of two that do not, the one that passes them by less
@@ -7,14 +7,14 @@ better.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from pipeline.schema.arrays import Bools, Floats
+
 Ranks = NDArray[np.intp]
 
 
-def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Flags:
+def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools:
     """Whether individuals dominate others; the leading axes broadcast.
 
     Parameters
@@ -31,8 +31,8 @@ def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Flags
         nowhere_worse &= one[..., k] <= other[..., k]
         somewhere_better |= one[..., k] < other[..., k]
     inside = (mine <= 0) & (theirs <= 0)
-    found: Flags = np.where(inside, nowhere_worse & somewhere_better, mine < theirs)
-    return found
+    dominating: Bools = np.where(inside, nowhere_worse & somewhere_better, mine < theirs)
+    return dominating
 
 
 def ranks(objectives: Floats, violation: Floats) -> Ranks:
@@ -48,14 +48,14 @@ def ranks(objectives: Floats, violation: Floats) -> Ranks:
     """
     above = dominates(objectives[:, None], objectives, violation[:, None], violation)
     dominated_by = above.sum(axis=0)
-    found = np.zeros(len(objectives), dtype=np.intp)
+    fronts = np.zeros(len(objectives), dtype=np.intp)
     rank = 0
     while (front := (dominated_by == 0).nonzero()[0]).size:
-        found[front] = rank
+        fronts[front] = rank
         dominated_by -= above[front].sum(axis=0)
         dominated_by[front] = -1
         rank += 1
-    return found
+    return fronts
 
 
 def crowding(objectives: Floats) -> Floats:
@@ -69,22 +69,22 @@ def crowding(objectives: Floats) -> Floats:
         Of the front's members, none NaN.
     """
     many = len(objectives)
-    found = np.zeros(many)
+    distance = np.zeros(many)
     for column in objectives.T:
         order = column.argsort(kind="stable")
         ordered = column[order]
-        found[order[[0, -1]]] = np.inf
+        distance[order[[0, -1]]] = np.inf
         # among those that failed an objective has no range
         span = ordered[-1] - ordered[0] if np.isfinite(ordered[-1]) else 0.0
         if span > 0:
-            found[order[1:-1]] += (ordered[2:] - ordered[:-2]) / span
-    return found
+            distance[order[1:-1]] += (ordered[2:] - ordered[:-2]) / span
+    return distance
 
 
 def survivors(objectives: Floats, violation: Floats, many: int) -> tuple[Ranks, Floats]:
-    """The ``many`` best from the best on, shape (many,), and how free each stands among all.
+    """The ``many`` best from the best on, shape (many,), and the crowding distance of each.
 
-    The lower front comes first; within one, who stands freer (:func:`crowding`).
+    The lower front comes first; within one, the greater crowding distance (:func:`crowding`).
 
     Parameters
     ----------
@@ -94,38 +94,96 @@ def survivors(objectives: Floats, violation: Floats, many: int) -> tuple[Ranks, 
         Up to P.
     """
     front = ranks(objectives, violation)
-    room = np.empty(len(front))
+    distance = np.empty(len(front))
     for rank in range(int(front.max(initial=-1)) + 1):
         members = (front == rank).nonzero()[0]
-        room[members] = crowding(objectives[members])
-    order = np.lexsort((-room, front))[:many]
-    return order, room[order]
+        distance[members] = crowding(objectives[members])
+    order = np.lexsort((-distance, front))[:many]
+    return order, distance[order]
 
 
 def crowded_tournament(
-    objectives: Floats, violation: Floats, room: Floats, draws: int, rng: np.random.Generator
+    objectives: Floats, violation: Floats, distance: Floats, draws: int, rng: np.random.Generator
 ) -> Ranks:
-    """Winners of ``draws`` pairs: who dominates, else who stands freer; shape (draws,).
+    """Winners of ``draws`` pairs: who dominates, else who has the greater distance; shape (draws,).
 
-    Everyone meets another as often as others do, but for one.  That the front itself is not asked
-    for is how Deb's own program has it: what stands alone on a worse front, and is not dominated by
+    Everyone meets another as often as others do, but for one.  The front itself is not compared,
+    as in Deb's own program: what stands alone on a worse front, and is not dominated by
     whom it meets, keeps its chance, and a front that begins in a corner still spreads.
 
     Parameters
     ----------
     objectives, violation : ndarray, shapes (P, O) and (P,)
         As in :func:`ranks`.
-    room : ndarray, shape (P,)
-        How free each stands.
+    distance : ndarray, shape (P,)
+        Crowding distance of each.
     draws : int
         Parents.
     rng : numpy.random.Generator
-        Source of chance.
+        Random numbers.
     """
-    rounds = -(-2 * draws // len(room))
-    drawn = np.concatenate([rng.permutation(len(room)) for _ in range(rounds)])[: 2 * draws]
+    rounds = -(-2 * draws // len(distance))
+    drawn = np.concatenate([rng.permutation(len(distance)) for _ in range(rounds)])[: 2 * draws]
     a, b = drawn.reshape(draws, 2).T
     better = dominates(objectives[a], objectives[b], violation[a], violation[b])
     worse = dominates(objectives[b], objectives[a], violation[b], violation[a])
-    freer = np.where(room[a] == room[b], rng.random(draws) < 0.5, room[a] > room[b])
+    freer = np.where(distance[a] == distance[b], rng.random(draws) < 0.5, distance[a] > distance[b])
     return np.where(better | (~worse & freer), a, b)
+
+
+_SAME = 1e-12  # of scaled objectives
+
+
+def knee(objectives: ArrayLike) -> int:
+    """The member of a front where giving up a little of one objective costs most of another.
+
+    Objectives are scaled to 0 and 1 over the front; the knee is the member that lies farthest from
+    the plane through the least of each objective, on the side of the ideal (Das 1999; Branke, Deb,
+    Dierolf and Osswald 2004).  Where fewer points than objectives make the plane, the side of the
+    ideal is what of -(1, ..., 1) is at right angles to them.  A front that bulges away from the
+    ideal has its knee at one of its ends; of equal ones it is the first.
+
+    Parameters
+    ----------
+    objectives : array_like, shape (F, O)
+        Of the front's members, at least one.
+
+    Raises
+    ------
+    ValueError
+        When the front is empty or an objective is not finite.
+
+    Examples
+    --------
+    >>> knee([[0.0, 4.0], [1.0, 1.0], [4.0, 0.0]])
+    1
+    """
+    front = np.array(objectives, dtype=np.float64)
+    if front.ndim != 2 or front.size == 0 or not np.isfinite(front).all():
+        raise ValueError(
+            f"front of shape {front.shape} has no knee: give at least one member, "
+            "all its objectives finite"
+        )
+    least, span = front.min(axis=0), np.ptp(front, axis=0)
+    scaled = ((front - least) / np.where(span > 0, span, 1.0))[:, span > 0]
+    if not scaled.size:
+        return 0
+    total = scaled.sum(axis=1)
+    ends = scaled[[np.lexsort((total, column))[0] for column in scaled.T]]
+    toward = _toward_ideal(ends[1:] - ends[0])
+    depth = (scaled - ends[0]) @ toward
+    # rounding may not choose between members that are as far
+    return int((depth >= depth.max() - _SAME).argmax())
+
+
+def _toward_ideal(edges: Floats) -> Floats:
+    """Unit vector to the ideal's side, shape (O,), at right angles to edges of shape (O - 1, O)."""
+    down = -np.ones(edges.shape[1])
+    if len(edges):
+        _, strengths, directions = np.linalg.svd(edges, full_matrices=False)
+        along = directions[strengths > _SAME]
+        across = down - along.T @ (along @ down)
+        if np.linalg.norm(across) > 1e-6:
+            down = across
+    unit: Floats = down / np.linalg.norm(down)
+    return unit

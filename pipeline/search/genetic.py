@@ -1,22 +1,144 @@
-"""A genetic algorithm over real numbers, all individuals of a generation at once.
+"""Genetic algorithm over real numbers, all individuals of a generation at once.
 
-Selection, crossover and mutation are functions of arrays in :mod:`pipeline.search.selection`,
-:mod:`~pipeline.search.crossover` and :mod:`~pipeline.search.mutation`;
-:mod:`~pipeline.search.breeding` puts them together.
+Selection, crossover and mutation are functions of arrays in :mod:`pipeline.search.operators`;
+:func:`offspring` puts them together.
 """
 
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.search.box import Box
-from pipeline.search.breeding import offspring
-from pipeline.search.first import first_population
-from pipeline.search.genetic_settings import GeneticSettings
-from pipeline.search.result import Callback, Cost, Course, Ending, SearchResult
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import Count, NotNegative, Range, Ranged, Share
+from pipeline.search.box import Box, first_population
+from pipeline.search.operators import (
+    Indices,
+    blend,
+    crossover_rates,
+    exponential,
+    mutation_rates,
+    polynomial,
+    ranked,
+    simulated_binary,
+    stochastic_universal,
+    tournament,
+    windowed,
+)
+from pipeline.search.result import Callback, Cost, Progress, SearchResult, StoppingCriteria
 
-__all__ = ["GeneticSettings", "SearchResult", "minimise"]
+__all__ = ["GeneticSettings", "SearchResult", "bred", "minimise", "mutation_rate", "offspring"]
 
-Floats = NDArray[np.float64]
+
+CHOICES = {
+    "selection": ("tournament", "stochastic_universal"),
+    "crossover": ("sbx", "blend"),
+    "survival": ("truncation", "replacement"),
+    "fitness": ("rank", "exponential", "window"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneticSettings(Ranged, section="genetic"):
+    """Settings of the genetic algorithm.
+
+    Parameters
+    ----------
+    population : int
+        Individuals P, at least 2.
+    generations : int
+        Generations at most, the first population among them.
+    selection : str
+        ``tournament`` or ``stochastic_universal``.
+    tournament : int
+        Competitors for each parent's place.
+    fitness : str
+        Measure of stochastic universal selection and of the adaptive rates: ``rank``,
+        ``exponential`` (FFNN2015) or ``window``, how much better than the worst.
+    crossover : str
+        ``sbx`` (simulated binary) or ``blend``.
+    crossover_eta : float
+        Distribution index of ``sbx``.
+    alpha : float
+        Widening of ``blend``.
+    crossover_rate : float
+        Share of the pairs that cross; with ``adaptive`` the greatest.
+    gene_rate : float
+        Share of a crossing pair's genes that cross.
+    mutation_rate : float, optional
+        Share of the genes that mutate, 1 / D unless given; with ``adaptive`` the greatest.
+    mutation_eta : float
+        Distribution index of polynomial mutation.
+    elite : int
+        Best individuals that always stay.
+    generation_gap : float
+        Children of a generation as a share of the population, above 0 to 1; never so many that the
+        elite had no place.
+    survival : str
+        ``truncation``: the best of parents and children together stay; ``replacement``: all
+        children do, in place of the worst parents.
+    adaptive : bool
+        Rates by fitness (Srinivas and Patnaik 1994): the best are disrupted least.
+    limit : float
+        Cost at which the search ends.
+    stall : int, optional
+        Generations without a gain of more than ``stall_gain`` after which the search ends.
+    stall_gain : float
+        In the cost's unit.
+    seed : int
+        Of the random numbers.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    population: Annotated[int, Range(least=2)] = 64
+    generations: Count = 100
+    selection: str = "stochastic_universal"
+    tournament: Count = 2
+    fitness: str = "exponential"
+    crossover: str = "sbx"
+    crossover_eta: Annotated[float, Range(least=0.0, most=1000.0)] = 5.0
+    alpha: Annotated[float, Range(least=0.0, most=10.0)] = 0.5
+    crossover_rate: Share = 1.0
+    gene_rate: Share = 1.0
+    mutation_rate: Share | None = None
+    mutation_eta: Annotated[float, Range(least=0.0, most=1000.0)] = 20.0
+    elite: Annotated[int, Range(least=0)] = 1
+    generation_gap: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
+    survival: str = "truncation"
+    adaptive: bool = False
+    limit: Annotated[float, Range(finite=False)] = -inf
+    stall: Count | None = None
+    stall_gain: NotNegative = 0.0
+    seed: Annotated[int, Range(least=0)] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.elite >= self.population:
+            raise ValueError(
+                f"genetic.elite = {self.elite} must lie below genetic.population = "
+                f"{self.population}"
+            )
+        for name in ("population", "generations", "tournament", "elite", "stall", "seed"):
+            value = getattr(self, name)
+            if value is not None and value != int(value):
+                raise ValueError(f"genetic.{name} = {value} must be a whole number")
+        for name, choices in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ValueError(
+                    f"genetic.{name} = {getattr(self, name)!r} is not one of {', '.join(choices)}"
+                )
+
+    @property
+    def children(self) -> int:
+        """Children of each generation [1]."""
+        most = self.population - self.elite
+        return min(max(round(self.generation_gap * self.population), 1), most)
 
 
 def minimise(
@@ -29,7 +151,7 @@ def minimise(
     start: ArrayLike | None = None,
     callback: Callback | None = None,
 ) -> SearchResult:
-    """The least cost that the genetic algorithm finds within the bounds.
+    """Least cost within the bounds by the genetic algorithm.
 
     Parameters
     ----------
@@ -38,7 +160,7 @@ def minimise(
     low, high : array_like, shape (D,)
         Bounds, in the parameters' units; no individual leaves them.
     settings : GeneticSettings
-        How it searches.
+        Of the algorithm.
     log : array_like of bool, optional
         Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
     start : array_like, shape (K, D), optional
@@ -56,24 +178,24 @@ def minimise(
     --------
     >>> def cost(x):
     ...     return (x[:, 0] - 3.0) ** 2 + (np.log10(x[:, 1]) + 4.0) ** 2
-    >>> found = minimise(cost, [0, 1e-6], [10, 1], GeneticSettings(), log=[False, True])
-    >>> bool(abs(found.x[0] - 3) < 0.01), bool(abs(found.x[1] - 1e-4) < 1e-6), found.evaluations
+    >>> result = minimise(cost, [0, 1e-6], [10, 1], GeneticSettings(), log=[False, True])
+    >>> bool(abs(result.x[0] - 3) < 0.01), bool(abs(result.x[1] - 1e-4) < 1e-6), result.evaluations
     (True, True, 6301)
     """
     box = Box.of(low, high, log)
-    course = Course(cost=cost, box=box)
-    ending = Ending(
+    progress = Progress(cost=cost, box=box)
+    criteria = StoppingCriteria(
         generations=settings.generations, limit=settings.limit, stall=settings.stall,
         stall_gain=settings.stall_gain, callback=callback,
     )  # fmt: skip
     rng = np.random.default_rng(settings.seed)
     unit = first_population(box, settings.population, start, rng, setting="genetic.population")
-    costs = course.evaluate(unit)
+    costs = progress.evaluate(unit)
     unit, costs = _best(unit, costs, settings.population)
-    while not (stopped := course.stopped(ending)):
+    while not (stopped := progress.stopped_by(criteria)):
         children = offspring(unit, costs, settings, rng)
-        unit, costs = _survivors(unit, costs, children, course.evaluate(children), settings)
-    return course.result(unit, costs, stopped)
+        unit, costs = _survivors(unit, costs, children, progress.evaluate(children), settings)
+    return progress.result(unit, costs, stopped)
 
 
 def _survivors(
@@ -88,3 +210,108 @@ def _survivors(
 def _best(unit: Floats, costs: Floats, many: int) -> tuple[Floats, Floats]:
     order = costs.argsort(kind="stable")[:many]
     return unit.take(order, axis=0), costs.take(order)
+
+
+def offspring(
+    unit: Floats, costs: Floats, settings: GeneticSettings, rng: np.random.Generator
+) -> Floats:
+    """Children of a generation, shape (settings.children, D), in the unit cube.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (P, D)
+        Parents in the unit cube, best first.
+    costs : ndarray, shape (P,)
+        Theirs.
+    settings : GeneticSettings
+        Of the operators.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    pairs = (settings.children + 1) // 2
+    parents, crossing, mutating = _selected(
+        costs, pairs, mutation_rate(unit.shape[1], settings), settings, rng
+    )
+    children = bred(unit.take(parents, axis=0), crossing, mutating, settings, rng)
+    return children[: settings.children]
+
+
+def mutation_rate(genes: int, settings: GeneticSettings) -> float:
+    """Share of the genes that mutate [1]; where none is set, one gene of each individual."""
+    return 1.0 / genes if settings.mutation_rate is None else settings.mutation_rate
+
+
+def bred(
+    parents: Floats, crossing: float | Floats, mutating: float | Floats,
+    settings: GeneticSettings, rng: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Children of pairs of parents, shape (2 N, D), in the unit cube.
+
+    Parameters
+    ----------
+    parents : ndarray, shape (2 N, D)
+        In the unit cube; the first N cross with the others.
+    crossing : float or ndarray, shape (N, 1)
+        Probability that a pair crosses.
+    mutating : float or ndarray, shape (2 N, 1)
+        Probability that a gene mutates.
+    settings : GeneticSettings
+        Kind of crossover, and widths of its steps and those of mutation.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    pairs = len(parents) // 2
+    first, second = parents[:pairs], parents[pairs:]
+    crossed = rng.random(first.shape) < settings.gene_rate
+    crossed &= rng.random((pairs, 1)) < crossing
+    if settings.crossover == "sbx":
+        children = simulated_binary(first, second, crossed, settings.crossover_eta, rng)
+    else:
+        children = blend(first, second, crossed, settings.alpha, rng)
+    children = children.reshape(parents.shape)
+    mutated = rng.random(parents.shape) < mutating
+    if settings.mutation_rate != 0:
+        _no_copies(mutated, children, parents, rng)
+    genes = mutated.ravel().nonzero()[0]
+    children.put(genes, polynomial(children.take(genes), settings.mutation_eta, rng))
+    return children
+
+
+def _selected(
+    costs: Floats, pairs: int, rate: float, settings: GeneticSettings, rng: np.random.Generator
+) -> tuple[Indices, float | Floats, float | Floats]:
+    """Places of the parents, (2 pairs,), and the rates at which pairs cross and genes mutate."""
+    universal = settings.selection == "stochastic_universal"
+    if not (universal or settings.adaptive):
+        return (
+            tournament(len(costs), 2 * pairs, settings.tournament, rng),
+            settings.crossover_rate,
+            rate,
+        )
+    fitness = _fitness(costs, settings.fitness)
+    if universal:
+        parents = stochastic_universal(fitness, 2 * pairs, rng)
+    else:
+        parents = tournament(len(costs), 2 * pairs, settings.tournament, rng)
+    if not settings.adaptive:
+        return parents, settings.crossover_rate, rate
+    # best first: the lower place is the fitter of a pair
+    better = np.minimum(parents[:pairs], parents[pairs:])
+    return (
+        parents,
+        crossover_rates(fitness, fitness[better], settings.crossover_rate)[:, None],
+        mutation_rates(fitness, fitness[parents], rate)[:, None],
+    )
+
+
+def _no_copies(mutated: Bools, children: Floats, parents: Floats, rng: np.random.Generator) -> None:
+    """Mutate one gene of each child that would be a copy of its parent, whose cost is computed."""
+    copies = (~((children != parents) | mutated).any(axis=1)).nonzero()[0]
+    genes = rng.random(len(copies)) * children.shape[1]
+    mutated[copies, genes.astype(np.intp)] = True
+
+
+def _fitness(costs: Floats, form: str) -> Floats:
+    if form == "rank":
+        return ranked(len(costs))
+    return exponential(costs) if form == "exponential" else windowed(costs)

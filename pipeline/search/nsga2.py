@@ -1,27 +1,78 @@
-"""A front of answers to several objectives: the genetic algorithm NSGA-II.
+"""Pareto front of several objectives by the genetic algorithm NSGA-II.
 
 Deb, Pratap, Agarwal and Meyarivan 2002 (IEEE Transactions on Evolutionary Computation 6(2)):
-parents and children together are sorted by constrained domination, and within a front by how free
-each stands, and the better half goes on.  Crossover and mutation are those of
-:mod:`pipeline.search.breeding`.
+parents and children together are sorted by constrained domination, and within a front by crowding
+distance, and the better half goes on.  Crossover and mutation are those of
+:mod:`pipeline.search.genetic`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.search.box import Box
-from pipeline.search.breeding import bred, mutation_rate
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Range, Ranged
+from pipeline.search.box import Box, first_population
 from pipeline.search.dominance import crowded_tournament, ranks, survivors
-from pipeline.search.first import first_population
-from pipeline.search.front_settings import FrontSettings
+from pipeline.search.genetic import GeneticSettings, bred, mutation_rate
 
 __all__ = ["FrontResult", "FrontSettings", "front"]
 
-Floats = NDArray[np.float64]
-Judge = Callable[[Floats], tuple[Floats, Floats]]
+
+@dataclass(frozen=True, kw_only=True)
+class FrontSettings(Ranged, section="front"):
+    """Settings of NSGA-II; the defaults are those of Deb et al. 2002.
+
+    Parameters
+    ----------
+    population : int
+        Individuals P, and children of a generation; at least 4.
+    generations : int
+        Generations at most, the first population among them.
+    crossover_rate, gene_rate : float
+        Share of the pairs that cross, and of their genes.
+    crossover_eta, mutation_eta : float
+        Distribution indices of crossover and mutation.
+    mutation_rate : float, optional
+        Share of the genes that mutate, 1 / D unless given.
+    seed : int
+        Of the random numbers.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    population: Annotated[int, Range(least=4)] = 100
+    generations: int = 250
+    crossover_rate: float = 0.9
+    gene_rate: float = 0.5
+    crossover_eta: float = 20.0
+    mutation_eta: float = 20.0
+    mutation_rate: float | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.breeding
+
+    @property
+    def breeding(self) -> GeneticSettings:
+        """The same for :func:`~pipeline.search.genetic.offspring`: as many children as parents."""
+        return GeneticSettings(
+            population=self.population, generations=self.generations, seed=self.seed,
+            selection="tournament", tournament=2, elite=0,
+            crossover_rate=self.crossover_rate, gene_rate=self.gene_rate,
+            crossover_eta=self.crossover_eta, mutation_eta=self.mutation_eta,
+            mutation_rate=self.mutation_rate,
+        )  # fmt: skip
+
+
+Objectives = Callable[[Floats], tuple[Floats, Floats]]
 """Objectives, shape (P, O), and violations, shape (P,), of individuals, shape (P, D)."""
 FrontCallback = Callable[[int, Floats, Floats], bool | None]
 """Called after each generation with its number, and x (F, D) and objectives (F, O) of its front."""
@@ -29,7 +80,7 @@ FrontCallback = Callable[[int, Floats, Floats], bool | None]
 
 @dataclass(frozen=True, kw_only=True)
 class FrontResult:
-    """Where the search ended.
+    """Result of the search.
 
     Parameters
     ----------
@@ -40,7 +91,7 @@ class FrontResult:
     violation : ndarray, shape (F,)
         Theirs: 0, or all the same where no individual keeps its limits.
     evaluations, failed : int
-        Individuals that were judged, and those among them with an objective that is not finite.
+        Individuals that were evaluated, and those among them with an objective that is not finite.
     generations : int
         The first population among them.
     stopped : str
@@ -57,7 +108,7 @@ class FrontResult:
 
 
 def front(
-    judge: Judge,
+    evaluate: Objectives,
     low: ArrayLike,
     high: ArrayLike,
     settings: FrontSettings,
@@ -66,17 +117,17 @@ def front(
     start: ArrayLike | None = None,
     callback: FrontCallback | None = None,
 ) -> FrontResult:
-    """The answers that no other is found to dominate, within the bounds.
+    """Non-dominated answers within the bounds.
 
     Parameters
     ----------
-    judge : callable
+    evaluate : callable
         Objectives, shape (P, O), all to become least, and violations, shape (P,), of individuals,
         shape (P, D); one with an objective that is not finite counts as the worst.
     low, high : array_like, shape (D,)
         Bounds, in the parameters' units; no individual leaves them.
     settings : FrontSettings
-        How it searches.
+        Of the algorithm.
     log : array_like of bool, optional
         Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
     start : array_like, shape (K, D), optional
@@ -87,48 +138,48 @@ def front(
     Raises
     ------
     ValueError
-        When bounds, start or what the judge answers do not fit together.
+        When bounds, start or what ``evaluate`` returns do not fit together.
 
     Examples
     --------
-    >>> def judge(x):
+    >>> def squares(x):
     ...     return np.stack([x[:, 0] ** 2, (x[:, 0] - 2) ** 2], axis=1), np.zeros(len(x))
-    >>> found = front(judge, [-10.0], [10.0], FrontSettings(population=20, generations=60))
-    >>> len(found.x), bool(found.x.min() > -0.01), bool(found.x.max() < 2.01)
+    >>> result = front(squares, [-10.0], [10.0], FrontSettings(population=20, generations=60))
+    >>> len(result.x), bool(result.x.min() > -0.01), bool(result.x.max() < 2.01)
     (20, True, True)
     """
     box = Box.of(low, high, log)
-    bench = _Bench(judge, box)
+    evaluator = _Evaluator(evaluate, box)
     rng = np.random.default_rng(settings.seed)
     unit = first_population(
         box, settings.population, start, rng, setting="the population of the front"
     )
-    alive = bench.judged(unit).best(settings.population)
+    population = evaluator.evaluate(unit).best(settings.population)
     done, stopped = 1, ""
     while not stopped:
-        if callback is not None and callback(done, *_front(alive, box)[:2]):
+        if callback is not None and callback(done, *_front(population, box)[:2]):
             stopped = "callback"
         elif done >= settings.generations:
             stopped = "generations"
         else:
-            children = _children(alive, settings, rng)
-            alive = alive.joined(bench.judged(children)).best(settings.population)
+            children = _children(population, settings, rng)
+            population = population.joined(evaluator.evaluate(children)).best(settings.population)
             done += 1
-    x, objectives, violation = _front(alive, box)
+    x, objectives, violation = _front(population, box)
     return FrontResult(
-        x=x, objectives=objectives, violation=violation, evaluations=bench.evaluations,
-        failed=bench.failed, generations=done, stopped=stopped,
+        x=x, objectives=objectives, violation=violation, evaluations=evaluator.evaluations,
+        failed=evaluator.failed, generations=done, stopped=stopped,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Population:
-    """P individuals in the unit cube, their objectives and violations, and how free they stand."""
+    """P individuals in the unit cube, their objectives, violations and crowding distances."""
 
     unit: Floats
     objectives: Floats
     violation: Floats
-    room: Floats
+    distance: Floats
 
     def joined(self, other: "_Population") -> "_Population":
         return _Population(
@@ -138,45 +189,45 @@ class _Population:
                     (self.unit, other.unit),
                     (self.objectives, other.objectives),
                     (self.violation, other.violation),
-                    (self.room, other.room),
+                    (self.distance, other.distance),
                 )
             )
         )
 
     def best(self, many: int) -> "_Population":
         """The ``many`` best, best first."""
-        stay, room = survivors(self.objectives, self.violation, many)
-        return _Population(self.unit[stay], self.objectives[stay], self.violation[stay], room)
+        stay, distance = survivors(self.objectives, self.violation, many)
+        return _Population(self.unit[stay], self.objectives[stay], self.violation[stay], distance)
 
 
-def _children(alive: _Population, settings: FrontSettings, rng: np.random.Generator) -> Floats:
+def _children(population: _Population, settings: FrontSettings, rng: np.random.Generator) -> Floats:
     """As many children as there are parents, shape (P, D), in the unit cube."""
-    many, genes = alive.unit.shape
+    many, genes = population.unit.shape
     parents = crowded_tournament(
-        alive.objectives, alive.violation, alive.room, 2 * ((many + 1) // 2), rng
+        population.objectives, population.violation, population.distance, 2 * ((many + 1) // 2), rng
     )
     breeding = settings.breeding
     rate = mutation_rate(genes, breeding)
-    return bred(alive.unit[parents], breeding.crossover_rate, rate, breeding, rng)[:many]
+    return bred(population.unit[parents], breeding.crossover_rate, rate, breeding, rng)[:many]
 
 
 @dataclass
-class _Bench:
-    """Where individuals are judged, and counted."""
+class _Evaluator:
+    """Evaluates individuals, and counts them."""
 
-    judge: Judge
+    objectives: Objectives
     box: Box
     evaluations: int = 0
     failed: int = 0
 
-    def judged(self, unit: Floats) -> _Population:
-        objectives, violation = self.judge(self.box.place(unit))
+    def evaluate(self, unit: Floats) -> _Population:
+        objectives, violation = self.objectives(self.box.place(unit))
         objectives = np.array(objectives, dtype=np.float64)
         violation = np.array(violation, dtype=np.float64)
         many = len(unit)
         if objectives.ndim != 2 or len(objectives) != many or violation.shape != (many,):
             raise ValueError(
-                f"the judge answered with objectives of shape {objectives.shape} and violations "
+                f"the evaluation returned objectives of shape {objectives.shape} and violations "
                 f"of shape {violation.shape} to {many} individuals: return shapes "
                 f"({many}, O) and ({many},)"
             )
@@ -187,12 +238,12 @@ class _Bench:
         return _Population(unit, objectives, violation, np.zeros(many))
 
 
-def _front(alive: _Population, box: Box) -> tuple[Floats, Floats, Floats]:
+def _front(population: _Population, box: Box) -> tuple[Floats, Floats, Floats]:
     """x, objectives and violations of those that none dominates, each once."""
-    first = (ranks(alive.objectives, alive.violation) == 0).nonzero()[0]
-    x = box.place(alive.unit[first])
+    first = (ranks(population.objectives, population.violation) == 0).nonzero()[0]
+    x = box.place(population.unit[first])
     _, once = np.unique(x, axis=0, return_index=True)
     members = first[once]
-    by_first = np.lexsort((*x[once].T, *alive.objectives[members].T[::-1]))
+    by_first = np.lexsort((*x[once].T, *population.objectives[members].T[::-1]))
     members = members[by_first]
-    return x[once][by_first], alive.objectives[members], alive.violation[members]
+    return x[once][by_first], population.objectives[members], population.violation[members]

@@ -1,15 +1,14 @@
-"""What every search shares: how costs are asked for, when it ends, and what it hands back."""
+"""Progress of a search: evaluations, stopping criteria and the result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.schema.arrays import Floats
 from pipeline.search.box import Box
 
-Floats = NDArray[np.float64]
 Cost = Callable[[Floats], Floats]
 """Costs, shape (P,), of individuals, shape (P, D)."""
 Callback = Callable[[int, Floats, float], bool | None]
@@ -18,7 +17,7 @@ Callback = Callable[[int, Floats, float], bool | None]
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """Where a search ended.
+    """Result of a search.
 
     Parameters
     ----------
@@ -27,7 +26,7 @@ class SearchResult:
     cost : float
         Its cost; infinite when no individual had a finite one.
     evaluations : int
-        Individuals whose cost was asked for.
+        Individuals whose cost was computed.
     failed : int
         Those among them whose cost was not finite; they count as the worst.
     generations : int
@@ -54,8 +53,8 @@ class SearchResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ending:
-    """When a search ends.
+class StoppingCriteria:
+    """Stopping criteria of a search.
 
     Parameters
     ----------
@@ -79,15 +78,15 @@ class Ending:
 
 
 @dataclass(kw_only=True)
-class Course:
-    """A search under way: what it asked, the best it found, and its history.
+class Progress:
+    """Progress of a search: evaluations, best individual and history.
 
     Parameters
     ----------
     cost : callable
-        What is to become least.
+        Cost to be minimised.
     box : Box
-        What the search walks in, as the unit cube.
+        Bounds of the search, mapped to the unit cube.
     """
 
     cost: Cost
@@ -107,40 +106,42 @@ class Course:
             When the cost does not answer with one number for each individual.
         """
         many = len(unit)
-        found = np.array(self.cost(self.box.place(unit)), dtype=np.float64)
-        if found.shape != (many,):
+        costs = np.array(self.cost(self.box.place(unit)), dtype=np.float64)
+        if costs.shape != (many,):
             raise ValueError(
-                f"cost answered with shape {found.shape} to {many} individuals: "
+                f"cost answered with shape {costs.shape} to {many} individuals: "
                 f"return one number for each, shape ({many},)"
             )
-        known = np.isfinite(found)
-        if not known.all():
-            found[~known] = inf
-            self.failed += many - int(known.sum())
-        k = int(found.argmin())
-        if found[k] < self.best or not self.evaluations:
-            self.best = float(found[k])
+        finite = np.isfinite(costs)
+        if not finite.all():
+            costs[~finite] = inf
+            self.failed += many - int(finite.sum())
+        k = int(costs.argmin())
+        if costs[k] < self.best or not self.evaluations:
+            self.best = float(costs[k])
             self.x = self.box.place(unit[k : k + 1])[0]
         self.evaluations += many
-        return found
+        return costs
 
-    def stopped(self, ending: Ending) -> str:
-        """Write a generation into the history; why the search ends with it, or an empty word."""
+    def stopped_by(self, criteria: StoppingCriteria) -> str:
+        """Add a generation to the history; the reason why the search ends with it, or ""."""
         self.history.append(self.best)
         done = len(self.history)
-        asked = ending.callback is not None and ending.callback(done, self.x.copy(), self.best)
-        if self.best <= ending.limit:
+        interrupted = criteria.callback is not None and criteria.callback(
+            done, self.x.copy(), self.best
+        )
+        if self.best <= criteria.limit:
             return "limit"
-        if asked:
+        if interrupted:
             return "callback"
-        if ending.stall is not None and done > ending.stall:
-            before = self.history[-1 - ending.stall]
-            if not before - self.best > ending.stall_gain:
+        if criteria.stall is not None and done > criteria.stall:
+            before = self.history[-1 - criteria.stall]
+            if not before - self.best > criteria.stall_gain:
                 return "stall"
-        return "generations" if done >= ending.generations else ""
+        return "generations" if done >= criteria.generations else ""
 
     def result(self, unit: Floats, costs: Floats, stopped: str) -> SearchResult:
-        """What is handed back, with the last population, shape (P, D), and its costs."""
+        """Result with the last population, shape (P, D), and its costs."""
         return SearchResult(
             x=self.x,
             cost=self.best,

@@ -3,6 +3,7 @@
 import cmath
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pipeline.gcode.compensation import RULES, CompensationError, Element, compensate
-from tests.gcode.compensated_contours import distance, points, signed_offset
+from tests.gcode.compensated_contours import (
+    RS274,
+    SCALE,
+    distance,
+    points,
+    random_contour,
+    rows_of,
+    rs274,
+    signed_offset,
+)
 
 EXACT = 1e-9
 """Rounding of coordinates of some hundred mm, a few operations each [mm]."""
@@ -295,3 +305,34 @@ def test_linuxcnc_refuses_a_first_move_that_only_plunges():
     plunge = Element(start=0j, end=0j, normal=-5.0, row=0)
     with pytest.raises(CompensationError, match="does not move in the plane"):
         compensate([plunge], side=1, radius=2.0, dialect="linuxcnc")
+
+
+# against LinuxCNC's own interpreter
+
+PRINTED = 1.1e-4
+"""rs274 prints four decimals [mm]; in contours of metres that is 1e-7 mm of a contour in mm."""
+STRICTER = (
+    "would run backwards",  # rs274 does not look at a line whose next element is an arc
+    "no arc can follow",  # rs274 then arrives backwards, around a circle on the other side
+)
+
+
+@pytest.mark.skipif(not Path(RS274).exists(), reason=f"{RS274} is not installed")
+@pytest.mark.parametrize("plane", [17, 18])
+@pytest.mark.parametrize("block", range(4))
+def test_path_is_rs274s(plane, block, tmp_path):
+    same = 0
+    for seed in range(50):
+        rng = np.random.default_rng([plane, block, seed])
+        contour = random_contour(rng, plane)
+        side, radius = int(rng.choice([1, -1])), round(rng.uniform(0.05, 3) * SCALE, 9)
+        rows, error = rs274(contour, side, radius, tmp_path)
+        try:
+            path = compensate(contour.elements, side=side, radius=radius, dialect="linuxcnc")
+        except CompensationError as refused:
+            assert error or any(why in str(refused) for why in STRICTER), (seed, str(refused))
+            continue
+        if error is None:
+            np.testing.assert_allclose(rows_of(path), rows, atol=PRINTED, rtol=0, err_msg=seed)
+            same += 1
+    assert same > 30

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.gcode.cursor import Cursor
-from pipeline.gcode.errors import ExpressionError, GcodeError
-from pipeline.gcode.expression_parser import ExpressionParser
-from pipeline.gcode.expressions import evaluate
+from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.statements import ExpressionError, evaluate
 
 RS274 = shutil.which("rs274")
 FIXED: dict[int | str, float] = {1: 2.0, 2: -0.5, 3: 4.0, 4: 1.0, 7: math.inf, "gap": 0.25}

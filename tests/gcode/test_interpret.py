@@ -5,14 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
+from pipeline.gcode.modal import INTS, State
 from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
-from pipeline.gcode.plain_statement import plain_statement
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup, Tool
-from pipeline.gcode.state import INTS, State
-from pipeline.gcode.statements_parser import parse_statement
 from tests.gcode.following import follow, kinds, points, refusal
 
 
@@ -186,8 +185,8 @@ def test_what_cannot_be_followed_is_said_with_place_word_and_remedy(text, dialec
     [
         ({"dialect": "heidenhain"}, "dialect is 'heidenhain'"),
         ({"decimal": "comma"}, "decimal is 'comma'"),
-        ({"arc_tolerance": -1.0}, "arc_tolerance is -1.0 mm"),
-        ({"block_limit": 0}, "block_limit is 0"),
+        ({"arc_tolerance": -1.0}, "setup.arc_tolerance = -1.0 mm must be at least 0"),
+        ({"block_limit": 0}, "setup.block_limit = 0 blocks must be at least 1"),
         ({"boring_shift": "Q"}, "boring_shift is 'Q'"),
     ],
 )
@@ -199,7 +198,7 @@ def test_a_setup_that_cannot_be_is_refused(choice, words):
 @given(st.text("gGxYnN019.+- \t\x00/aE\xff(;", max_size=12), st.sampled_from(["fanuc", "linuxcnc"]))
 def test_plain_lines_say_what_the_parser_reads(text, dialect):
     program = parse_program(text.encode("latin-1") + b"\n", "P")
-    found = plain_statement(program, 1)
+    found = statement_from_tokens(program, 1)
     assert found is None or found == parse_statement(program.line(1), "P", dialect)
 
 

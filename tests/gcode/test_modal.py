@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.gcode.codes import HANDLERS
+from pipeline.gcode.codes.execution import HANDLERS
 from pipeline.gcode.modal import GROUPS, M_STEPS, ONE_SHOT, WORD_STEPS, excludes, g_code, step_of
 from tests.gcode.following import follow, kinds, points, refusal
 

@@ -184,11 +184,15 @@ number = st.floats(-500, 500)
 def test_program_coordinates_come_back_from_the_machine(
     point, angle, turn, plane, scale, mirror, shift
 ):
-    offsets = Offsets(work={"G54": shift}, turned={"G54": turn})
-    offsets.rotation, offsets.pivot, offsets.pivot_plane = angle, (shift[0], shift[1]), plane
+    offsets = Offsets(work={"G54": shift}, rotations={"G54": turn})
+    offsets.rotation, offsets.centre_of_rotation, offsets.plane_of_rotation = (
+        angle,
+        (shift[0], shift[1]),
+        plane,
+    )
     offsets.scale, offsets.mirror, offsets.g92 = scale, mirror, shift
     offsets.scale_centre = offsets.mirror_centre = shift[:3]
-    mapping = offsets.mapping()
+    mapping = offsets.transform()
     back = mapping.program(mapping.machine(point))
     # 1e4 mm times the rounding of doubles, divided by the smallest scale
     np.testing.assert_allclose(back, point, atol=1e-9, rtol=0)

@@ -9,18 +9,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.gcode.dialects.siemens import SiemensReader
+from pipeline.gcode.dialects.siemens_line import (
+    UNROTATED,
+    WITHOUT_MOTION,
+    constant,
+    rotated,
+    rotation,
+    tilt,
+)
+from pipeline.gcode.dialects.siemens_tokens import VARIABLE
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, PathMode
 from pipeline.gcode.program import parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
-from pipeline.gcode.siemens import SiemensReader
-from pipeline.gcode.siemens_frames import UNTURNED, rotation, tilt, turned
-from pipeline.gcode.siemens_line import constant
-from pipeline.gcode.siemens_scanner import VARIABLE
-from pipeline.gcode.siemens_words import WITHOUT_MOTION
 from pipeline.gcode.statements import Parameter
-from tests.gcode.gcode_texts import recorded, short
+from tests.gcode.following import recorded, short
 
 PROGRAMS = recorded("gcode/elmoe_5axis/*.mpf", "gcode/elmoe_5axis/*ner.txt")
 needs_recordings = pytest.mark.skipif(not PROGRAMS, reason="KERF_RECORDINGS is not set")
@@ -157,11 +162,11 @@ def test_deep_brackets_are_refused():
 
 
 def test_arot_turns_about_axes_already_turned():
-    frame = turned(turned(UNTURNED, 90, 0, 0), 0, 0, 90)
+    frame = rotated(rotated(UNROTATED, 90, 0, 0), 0, 0, 90)
     # X first lies on X; turned by Z about the new Z, which is old -Y, it becomes old Z
     np.testing.assert_allclose(frame @ [1, 0, 0], [0, 0, 1], atol=1e-15)
     np.testing.assert_allclose(
-        turned(UNTURNED, 10, 20, 30), rotation(2, 30) @ rotation(1, 20) @ rotation(0, 10)
+        rotated(UNROTATED, 10, 20, 30), rotation(2, 30) @ rotation(1, 20) @ rotation(0, 10)
     )
 
 
@@ -169,7 +174,7 @@ def test_arot_turns_about_axes_already_turned():
 def test_tilt_is_the_angle_that_is_left(b, c, more):
     square = rotation(2, c) @ rotation(1, b)
     assert tilt(square, b, c) < 1e-14
-    assert tilt(turned(square, 0, more, 0), b, c) == pytest.approx(math.radians(more), rel=1e-4)
+    assert tilt(rotated(square, 0, more, 0), b, c) == pytest.approx(math.radians(more), rel=1e-4)
 
 
 def test_hole_by_mcall():
@@ -277,13 +282,13 @@ def test_recorded_arcs_end_on_their_circles(path):
 def test_recorded_work_planes_are_square_to_the_tool():
     """The kinematics that is assumed of the machine is the one that its post processor had."""
     path = next(path for path in PROGRAMS if "Achskreuz" in path.name)
-    frame, table, planes = UNTURNED, (0.0, 0.0), 0
+    frame, table, planes = UNROTATED, (0.0, 0.0), 0
     for text in path.read_text().splitlines():
         if found := re.search(r"G0 B(-?[\d.]+) C(-?[\d.]+)", text):
             table = (float(found[1]), float(found[2]))
         if found := re.search(r"AROT ([XYZ])(-?[\d.]+)", text):
-            frame = turned(frame, *(float(found[2]) * (found[1] == axis) for axis in "XYZ"))
+            frame = rotated(frame, *(float(found[2]) * (found[1] == axis) for axis in "XYZ"))
         if "TRANS" in text:
             assert tilt(frame, *table) < 1e-14
-            frame, planes = UNTURNED, planes + 1
+            frame, planes = UNROTATED, planes + 1
     assert planes == 21

@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from gcode_texts import BYTES, MANY, PROGRAM, RECORDINGS, recorded, short
-from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.gcode.dialects.statement_parser import parse_statement
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.program import parse_program, read_program
 from pipeline.gcode.statements import (
@@ -20,7 +19,7 @@ from pipeline.gcode.statements import (
     Unary,
     WordItem,
 )
-from pipeline.gcode.statements_parser import parse_statement
+from tests.gcode.following import BYTES, PROGRAM, RECORDINGS, fuzzed, recorded, short
 
 LINUXCNC = recorded("gcode/linuxcnc/**/*.ngc")
 FANUC = recorded("gcode/nist_d2mi/*.NC", "nist_box/programs/*.NC")
@@ -187,8 +186,7 @@ def test_recorded_programs_are_understood(path: Path) -> None:
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True))
 
 
-@MANY
-@given(st.one_of(BYTES, PROGRAM), st.sampled_from(["fanuc", "linuxcnc"]))
+@fuzzed(st.one_of(BYTES, PROGRAM), st.sampled_from(["fanuc", "linuxcnc"]))
 def test_any_line_is_understood_or_refused(data: bytes, dialect: str) -> None:
     """Words that the tree shows and those of the statement are the same, but for macro text."""
     for line in parse_program(data, "p.nc").lines:

@@ -11,7 +11,7 @@ from pipeline.optimisation.problem.decision import Decision
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.search.pareto import Front, pareto
 from pipeline.optimisation.settings import OBJECTIVES, Grouping, SearchSettings
-from pipeline.search.knee import knee
+from pipeline.search.dominance import knee
 from tests.optimisation.problem_parts import cut_on, problem_on
 from tests.optimisation.zigzags import FREE, PAPER, zigzag, zigzag_problem
 

@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.search.breeding import offspring
-from pipeline.search.genetic import GeneticSettings, minimise
-from pipeline.search.genetic_settings import CHOICES
+from pipeline.search.genetic import CHOICES, GeneticSettings, minimise, offspring
 from tests.search.landscapes import LANDSCAPES, rastrigin, sphere
 
 SMALL = GeneticSettings(population=20, generations=15, seed=3)

@@ -168,5 +168,5 @@ def test_more_starts_than_places_are_refused() -> None:
 
 
 def test_a_front_of_three_places_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"front.population = 3 must be at least 4"):
+    with pytest.raises(ValueError, match=r"front.population = 3 must be finite and at least 4"):
         FrontSettings(population=3)

@@ -10,12 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.search.adaptive import crossover_rates, mutation_rates
-from pipeline.search.crossover import blend, simulated_binary
-from pipeline.search.mutation import polynomial
-from pipeline.search.selection import (
+from pipeline.search.operators import (
+    blend,
+    crossover_rates,
     exponential,
+    mutation_rates,
+    polynomial,
     ranked,
+    simulated_binary,
     stochastic_universal,
     tournament,
     windowed,

@@ -12,8 +12,7 @@ from pipeline.optimisation.problem.groups import Groups
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.search.shares import Shares
 from pipeline.optimisation.settings import OBJECTIVES, SearchSettings
-from pipeline.search.dominance import ranks, survivors
-from pipeline.search.knee import knee
+from pipeline.search.dominance import knee, ranks, survivors
 from pipeline.search.nsga2 import FrontSettings, front
 
 Floats = NDArray[np.float64]
@@ -35,7 +34,7 @@ class Front:
     no_worse : ndarray of bool, shape (F,)
         Members that are in nothing that counts worse than the program as it is.
     knee : int
-        The member that gives most for what it takes (:func:`pipeline.search.knee.knee`), of those
+        The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of those
         that are no worse than the program; of all where there is none.
     evaluations : int
         That it took.

@@ -11,19 +11,49 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.gcode.characters import BLANKS
 from pipeline.gcode.moves import INCH
-from pipeline.gcode.program import Program
-from pipeline.gcode.words import Kind
+from pipeline.gcode.program import Program, TokenKind
+from pipeline.gcode.scanner import BLANKS
 
 Lines = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 CLOSED_G = (
-    4, 10, 11, 25, 26, 31, 33, 33.1, 34, 35, 38.2, 38.3, 38.4, 38.5, 50, 63, 65, 66, 66.1, 67, 74,
-    76, 84, 92, 92.1, 92.2, 92.3, 93, 96, 961, 962, 331, 332,
-)  # fmt: skip
+    4,
+    10,
+    11,
+    25,
+    26,
+    31,
+    33,
+    33.1,
+    34,
+    35,
+    38.2,
+    38.3,
+    38.4,
+    38.5,
+    50,
+    63,
+    65,
+    66,
+    66.1,
+    67,
+    74,
+    76,
+    84,
+    92,
+    92.1,
+    92.2,
+    92.3,
+    93,
+    96,
+    961,
+    962,
+    331,
+    332,
+)
 """Under which F or S of the same line means something else, or might."""
 CLOSED_M = (19, 29, 70, 71, 72, 73, 96, 97, 98, 99, 198)
 WINDING_M = (96, 97, 98, 99, 198)
@@ -58,7 +88,7 @@ class ProgramWords:
         tokens = self.program.tokens
         data = np.frombuffer(self.program.data, dtype=np.uint8)
         capital = data[tokens.start[:-1]] & 0xDF if len(data) else np.zeros(0, dtype=np.uint8)
-        lettered = np.isin(tokens.kind, (Kind.WORD, Kind.VALUED, Kind.LONE))
+        lettered = np.isin(tokens.kind, (TokenKind.WORD, TokenKind.VALUED, TokenKind.LONE))
         return np.where(lettered, capital, 0).astype(np.uint8)
 
     def _has(self, token: Flags) -> Flags:
@@ -69,7 +99,7 @@ class ProgramWords:
     def codes(self, letter: str, codes: tuple[float, ...]) -> Flags:
         """Lines with one of some G or M codes (L + 1,)."""
         tokens = self.program.tokens
-        named = (self._letters == ord(letter)) & (tokens.kind == Kind.WORD)
+        named = (self._letters == ord(letter)) & (tokens.kind == TokenKind.WORD)
         near = np.round(np.nan_to_num(tokens.value) * 10)
         return self._has(named & np.isin(near, np.round(np.array(codes) * 10)))
 
@@ -78,7 +108,7 @@ class ProgramWords:
         found = np.flatnonzero(self._letters == ord(letter))
         at = np.full(len(self.program) + 1, NONE, dtype=np.intp)
         lines = self.line_of[found]
-        at[lines] = np.where(self.program.tokens.kind[found] == Kind.WORD, found, OTHER)
+        at[lines] = np.where(self.program.tokens.kind[found] == TokenKind.WORD, found, OTHER)
         several = np.bincount(lines, minlength=len(at)) > 1
         at[several[: len(at)]] = OTHER
         return at
@@ -88,7 +118,7 @@ class ProgramWords:
         """Lines that nothing is written into (L + 1,)."""
         kind = self.program.tokens.kind
         plain = (
-            Kind.BLANK, Kind.WORD, Kind.VALUED, Kind.COMMENT, Kind.REMARK, Kind.SKIP, Kind.LINE_END,
+            TokenKind.BLANK, TokenKind.WORD, TokenKind.VALUED, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.SKIP, TokenKind.LINE_END,
         )  # fmt: skip
         odd = ~np.isin(kind, plain) | (self._letters == ord("O")) | self._odd_values
         return self._has(odd) | self.codes("G", CLOSED_G) | self.codes("M", CLOSED_M)
@@ -97,7 +127,7 @@ class ProgramWords:
     def _odd_values(self) -> Flags:
         """Expressions that are no variable and no bracket, or those of G and M (K,)."""
         tokens = self.program.tokens
-        found = tokens.kind == Kind.VALUED
+        found = tokens.kind == TokenKind.VALUED
         for at in np.flatnonzero(found).tolist():
             text = self.program.data[tokens.start[at] : tokens.start[at + 1]]
             value = text[1:].strip(BLANKS + b"+-")
@@ -107,17 +137,17 @@ class ProgramWords:
     @cached_property
     def optional(self) -> Flags:
         """Lines that begin with ``/`` and may be left out at the machine (L + 1,)."""
-        return self._has(self.program.tokens.kind == Kind.SKIP)
+        return self._has(self.program.tokens.kind == TokenKind.SKIP)
 
     @cached_property
     def winding(self) -> bool:
         """Whether lines may be left out or come again: jumps, loops, calls, block skip."""
         tokens = self.program.tokens
         data = np.frombuffer(self.program.data, dtype=np.uint8)
-        macros = tokens.start[:-1][tokens.kind == Kind.MACRO]
+        macros = tokens.start[:-1][tokens.kind == TokenKind.MACRO]
         return bool(
             (data[macros] != ord("#")).any()
-            or (tokens.kind == Kind.SKIP).any()
+            or (tokens.kind == TokenKind.SKIP).any()
             or self.codes("M", WINDING_M).any()
             or self.codes("G", WINDING_G).any()
         )
@@ -153,7 +183,7 @@ class ProgramWords:
             return True
         word = letters > 0
         together = np.count_nonzero(word[1:] & word[:-1])
-        apart = np.count_nonzero(word[2:] & (kind[1:-1] == Kind.BLANK) & word[:-2])
+        apart = np.count_nonzero(word[2:] & (kind[1:-1] == TokenKind.BLANK) & word[:-2])
         return bool(apart >= together)
 
     def place(self, line: int) -> tuple[int, bytes, bool]:
@@ -167,6 +197,6 @@ class ProgramWords:
         at = int(tokens.start[words[-1] + 1])
         spaced = self._spaced
         if len(words) > 1 and not (len(words) == 2 and letters[words[0]] == ord("N")):
-            spaced = bool(tokens.kind[words[-1] - 1] == Kind.BLANK)
+            spaced = bool(tokens.kind[words[-1] - 1] == TokenKind.BLANK)
         small = self.program.data[tokens.start[words[-1]]] >= ord("a")
         return at, b" " * spaced, bool(small)

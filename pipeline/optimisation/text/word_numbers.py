@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.gcode.characters import BLANKS
+from pipeline.gcode.scanner import BLANKS
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,390 @@
+"""Canned cycles G73, G74, G76 and G81 to G89, as the moves that they consist of.
+
+Sources: Fanuc 0i-F operator's manual B-64694EN, 5 "Functions to simplify programming"; LinuxCNC 2.9
+"Canned cycles".
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pipeline.gcode.codes.motion import check_feed, programmed
+from pipeline.gcode.modal import CANCELLED, FANUC, LINUXCNC, g_code
+from pipeline.gcode.moves import FeedMode, Kind
+from pipeline.gcode.offsets import IN_PLANE
+from pipeline.gcode.run import AXES, Block, Cycle, Run
+from pipeline.gcode.statements import WordItem
+
+NEGLIGIBLE_DEPTH = 1e-9
+"""Remaining depth of a hole that is not drilled [mm]."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Hole:
+    """One hole, in program coordinates.
+
+    Parameters
+    ----------
+    run : Run
+        Interpretation that records the moves.
+    line : int
+        Of the block.
+    point : list of 6 floats
+        Position of the tool; its coordinate ``normal`` changes as it moves [mm, deg].
+    normal : int
+        Index of the axis it drills along.
+    words : dict of str to float
+        R, Z, Q, P, I, J, K of the cycle [mm, s].
+    """
+
+    run: Run
+    line: int
+    point: list[float]
+    normal: int
+    words: dict[str, float]
+
+    @property
+    def bottom(self) -> float:
+        """Z of the cycle."""
+        return self.words["Z"]
+
+    @property
+    def plane_r(self) -> float:
+        """R of the cycle."""
+        return self.words["R"]
+
+    def rapid(self, level: float) -> None:
+        """Rapid to a level; no row where nothing moves."""
+        self._to(Kind.RAPID, level)
+
+    def feed(self, level: float) -> None:
+        """Feed to a level."""
+        self._to(Kind.FEED, level)
+
+    def _to(self, kind: Kind, level: float) -> None:
+        self.point[self.normal] = level
+        end = self.run.transform.machine(self.point)
+        if end != self.run.state.position:
+            self.run.line_to(kind, self.line, end)
+
+    def dwell(self) -> None:
+        """P at the bottom."""
+        seconds = self.words.get("P", 0.0)
+        if seconds > 0:
+            self.run.add_row(Kind.DWELL, self.line, value=seconds)
+
+    def spindle(self, direction: int) -> None:
+        """Turn the spindle, or stop it with 0."""
+        self.run.state.direction = direction
+        self.run.add_row(Kind.SPINDLE, self.line)
+
+    def shift(self, sign: int) -> None:
+        """Sideways, away from the cutting edge's side or back."""
+        for axis, amount in _shift(self).items():
+            self.point[axis] += sign * amount
+        self.rapid(self.point[self.normal])
+
+
+def _shift(hole: Hole) -> dict[int, float]:
+    """By axis [mm]: I J K where they are given, else Q as the control is set."""
+    run = hole.run
+    given = {axis: hole.words.get(letter, 0.0) for axis, letter in enumerate("IJK")}
+    if any(given[axis] for axis in given if axis != hole.normal):
+        return {axis: value for axis, value in given.items() if axis != hole.normal}
+    shift = run.setup.boring_shift
+    sign = 1 if shift[0] == "+" else -1
+    return {"XYZ".index(shift[1]): sign * hole.words.get("Q", 0.0)}
+
+
+def _drilling(hole: Hole, level: float) -> None:
+    hole.feed(hole.bottom)
+    hole.rapid(level)
+
+
+def _drilling_with_dwell(hole: Hole, level: float) -> None:
+    hole.feed(hole.bottom)
+    hole.dwell()
+    hole.rapid(level)
+
+
+def _chip_breaking(hole: Hole, level: float) -> None:
+    """G73: Q deeper, a little back."""
+    gap = hole.run.setup.peck_clearance
+    for depth in _pecks(hole):
+        hole.feed(depth)
+        if depth > hole.bottom:
+            hole.rapid(depth + gap)
+    hole.dwell()
+    hole.rapid(level)
+
+
+def _pecking(hole: Hole, level: float) -> None:
+    """G83: Q deeper, out to R, back to just above."""
+    gap = hole.run.setup.peck_clearance
+    for depth in _pecks(hole):
+        hole.feed(depth)
+        if depth > hole.bottom:
+            hole.rapid(hole.plane_r)
+            hole.rapid(depth + gap)
+    hole.dwell()
+    hole.rapid(level)
+
+
+def _pecks(hole: Hole) -> list[float]:
+    """Depths reached, the bottom last."""
+    step = hole.words["Q"]
+    count = int((hole.plane_r - hole.bottom) / step + 2)
+    depths = [hole.plane_r - step * (i + 1) for i in range(count)]
+    return [depth for depth in depths if depth > hole.bottom + NEGLIGIBLE_DEPTH] + [hole.bottom]
+
+
+def _tapping(direction: int) -> Callable[[Hole, float], None]:
+    def tap(hole: Hole, level: float) -> None:
+        state = hole.run.state
+        mode, feed = state.feed_mode, state.feed
+        kind = Kind.FEED
+        if hole.run.rigid and state.speed > 0:
+            kind = Kind.THREAD
+            if mode != FeedMode.PER_REVOLUTION:
+                state.feed_mode, state.feed = FeedMode.PER_REVOLUTION, feed / state.speed
+        if state.direction != direction:
+            hole.spindle(direction)
+        hole._to(kind, hole.bottom)
+        if state.dialect == FANUC:
+            hole.dwell()
+        hole.spindle(-direction)
+        if state.dialect == LINUXCNC:
+            hole.dwell()
+        hole._to(kind, level if state.dialect == LINUXCNC else hole.plane_r)
+        hole.spindle(direction)
+        state.feed_mode, state.feed = mode, feed
+        hole.rapid(level)
+
+    return tap
+
+
+def _fine_boring(hole: Hole, level: float) -> None:
+    """G76: orient at the bottom, leave the wall, come out without a mark."""
+    direction = hole.run.state.direction
+    hole.feed(hole.bottom)
+    hole.dwell()
+    hole.spindle(0)
+    hole.shift(1)
+    hole.rapid(level)
+    hole.shift(-1)
+    hole.spindle(direction)
+
+
+def _boring(hole: Hole, level: float) -> None:
+    hole.feed(hole.bottom)
+    hole.feed(hole.plane_r)
+    hole.rapid(level)
+
+
+def _boring_spindle_stopped(hole: Hole, level: float) -> None:
+    direction = hole.run.state.direction
+    hole.feed(hole.bottom)
+    if hole.run.state.dialect == LINUXCNC:
+        hole.dwell()
+    hole.spindle(0)
+    hole.rapid(level)
+    hole.spindle(direction)
+
+
+def _back_boring(hole: Hole, level: float) -> None:
+    """G87: through the hole beside its wall, then cut upwards.
+
+    A Fanuc goes down to R and cuts up to Z; LinuxCNC goes down to Z and cuts up to K.
+    """
+    direction = hole.run.state.direction
+    linuxcnc = hole.run.state.dialect == LINUXCNC
+    low, high = (hole.bottom, hole.words.get("K", 0.0)) if linuxcnc else (hole.plane_r, hole.bottom)
+    if linuxcnc:
+        hole.rapid(hole.plane_r)
+        if not hole.run.state.absolute:
+            high += low
+    hole.spindle(0)
+    hole.shift(1)
+    hole.rapid(low)
+    hole.shift(-1)
+    hole.spindle(direction)
+    hole.feed(high)
+    hole.dwell()
+    if linuxcnc:
+        hole.feed(low)
+    hole.spindle(0)
+    hole.shift(1)
+    hole.rapid(level)
+    hole.shift(-1)
+    hole.spindle(direction)
+
+
+def _boring_manual_retract(hole: Hole, level: float) -> None:
+    """G88: stop at the bottom and leave the retraction to the operator."""
+    direction = hole.run.state.direction
+    hole.feed(hole.bottom)
+    hole.dwell()
+    hole.spindle(0)
+    hole.run.add_row(Kind.STOP, hole.line)
+    if hole.run.state.dialect == FANUC:
+        hole.rapid(level)
+    hole.spindle(direction)
+
+
+def _boring_with_dwell(hole: Hole, level: float) -> None:
+    hole.feed(hole.bottom)
+    hole.dwell()
+    hole.feed(level if hole.run.state.dialect == LINUXCNC else hole.plane_r)
+    hole.rapid(level)
+
+
+HOLE_CYCLES: dict[int, Callable[[Hole, float], None]] = {
+    730: _chip_breaking,
+    740: _tapping(-1),
+    760: _fine_boring,
+    810: _drilling,
+    820: _drilling_with_dwell,
+    830: _pecking,
+    840: _tapping(1),
+    850: _boring,
+    860: _boring_spindle_stopped,
+    870: _back_boring,
+    880: _boring_manual_retract,
+    890: _boring_with_dwell,
+}
+"""Ten times the G code -> what it does, given the hole and the level to end at [mm]."""
+
+LETTERS = "XYZ"
+STICKY = "QPIJK"
+"""Words of a Fanuc cycle that stay in force with it."""
+MAX_PECKS = 10_000
+"""Greatest number of pecks of one hole."""
+LINUXCNC_WORDS = {
+    **dict.fromkeys((730, 830), "Q"),
+    **dict.fromkeys((740, 820, 840, 860, 880, 890), "P"),
+    870: "IJK",
+}
+"""Cycle -> words that LinuxCNC takes beside R and Z; a Fanuc keeps any."""
+MAX_REPEATS = 100_000
+PECKING = (730, 830)
+
+
+def drill(run: Run, block: Block, code: int, item: WordItem | None) -> None:
+    """One block of a cycle: at each position that it names, one hole."""
+    state = run.state
+    first, second, normal = IN_PLANE[state.plane]
+    if run.contour is not None:
+        raise block.error(item, f"{g_code(code)} cannot run under G41 or G42: write G40 before")
+    _check_cycle(run, block, code, item)
+    fresh = _begin_cycle(run, block, code, item)
+    repeats = _repeats(run, block)
+    positions = {LETTERS[first], LETTERS[second], LETTERS[normal], "R"} & block.words.keys()
+    other = ({letter for letter in AXES if AXES[letter] > 2} | {"@", "^"}) & block.words.keys()
+    if state.dialect == FANUC and not positions and not other:
+        return
+    _take_depths(run, block, fresh)
+    check_feed(run, block, code, item or block.any_item())
+    words = {letter: block.take(letter) for letter in (LETTERS[first], LETTERS[second], *other)}
+    given = {letter: value for letter, value in words.items() if value is not None}
+    if state.dialect == LINUXCNC:
+        _rise_to_r(run, block.line, normal)
+    for _ in range(repeats):
+        block.words.update(given)
+        point = programmed(run, block)
+        point[normal] = run.point[normal]
+        hole = Hole(run=run, line=block.line, point=point, normal=normal, words=run.cycle.words)
+        _drill_one(run, hole, code)
+
+
+def _check_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> None:
+    if run.state.dialect == LINUXCNC and code == 740 and run.state.direction > 0:
+        raise block.error(item, "G74 taps left-handed and the spindle turns clockwise: write M4")
+    if run.state.dialect == LINUXCNC and code == 840 and run.state.direction < 0:
+        raise block.error(item, "G84 taps right-handed and the spindle turns backwards: write M3")
+    if code not in HOLE_CYCLES:
+        raise block.error(item, f"{g_code(code)} is no cycle that is supported: use G81 to G89")
+
+
+def _begin_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> bool:
+    """Note the initial level where a cycle begins; whether this one just did."""
+    normal = IN_PLANE[run.state.plane][2]
+    if run.cycle.code == code:
+        return False
+    another = run.cycle.code != CANCELLED
+    initial = run.cycle.initial if another else run.point[normal]
+    keep = run.cycle.words if another and run.state.dialect == FANUC else {}
+    run.cycle = Cycle(code=code, initial=initial, words=dict(keep))
+    depth = LETTERS[normal]
+    for letter in ("R", depth):
+        if letter not in block.words and letter.replace(depth, "Z") not in run.cycle.words:
+            raise block.error(
+                item or block.any_item(), f"{g_code(code)} begins without {letter}: add it"
+            )
+    return True
+
+
+def _repeats(run: Run, block: Block) -> int:
+    letters = ("L",) if run.state.dialect == LINUXCNC or run.cycle.code == 870 else ("L", "K")
+    for letter in letters:
+        if letter in block.words:
+            least = 1 if run.state.dialect == LINUXCNC else 0
+            return block.whole(letter, block.words.pop(letter), least, MAX_REPEATS)
+    return 1
+
+
+def _take_depths(run: Run, block: Block, fresh: bool) -> None:
+    """R and Z as program coordinates; under G91 R counts from the start, Z from R."""
+    state, cycle = run.state, run.cycle
+    normal = IN_PLANE[state.plane][2]
+    radius, depth = block.take("R"), block.take(LETTERS[normal])
+    if radius is not None:
+        base = 0.0 if state.absolute else cycle.initial
+        cycle.words["R"] = base + radius * state.unit
+    if depth is not None:
+        base = 0.0 if state.absolute else cycle.words["R"]
+        cycle.words["Z"] = base + depth * state.unit
+    for letter in STICKY if state.dialect == FANUC else LINUXCNC_WORDS.get(cycle.code, ""):
+        value = block.take(letter)
+        if value is None:
+            continue
+        if letter == "P":
+            written = "." in block.items["P"].text or state.dialect != FANUC
+            cycle.words["P"] = value if written else value / 1000
+        else:
+            cycle.words[letter] = value * state.unit
+    if cycle.code in PECKING and not cycle.words.get("Q", 0.0) > 0:
+        raise block.error(
+            block.any_item(), f"{g_code(cycle.code)} has no depth of cut: add Q above 0"
+        )
+    if cycle.code in PECKING and cycle.words["R"] - cycle.words["Z"] > MAX_PECKS * cycle.words["Q"]:
+        raise block.error(
+            block.items.get("Q") or block.any_item(),
+            f"a depth of cut of {cycle.words['Q']:g} mm makes more than {MAX_PECKS} pecks: raise Q",
+        )
+    sticky_depth = cycle.words["Z"] > cycle.words["R"] and cycle.code != 870
+    if sticky_depth:
+        raise block.error(
+            block.items.get("R") or block.any_item(),
+            f"R lies at {cycle.words['R']:g} mm, below the bottom of the hole at "
+            f"{cycle.words['Z']:g} mm: exchange them",
+        )
+
+
+def _rise_to_r(run: Run, line: int, normal: int) -> None:
+    """LinuxCNC goes up to R before it goes anywhere else."""
+    point = run.point
+    if point[normal] < run.cycle.words["R"]:
+        point[normal] = run.cycle.words["R"]
+        Hole(run=run, line=line, point=point, normal=normal, words={}).rapid(point[normal])
+
+
+def _drill_one(run: Run, hole: Hole, code: int) -> None:
+    """Over the hole, to R, what the cycle does, and back."""
+    words = run.cycle.words
+    level = words["R"] if run.retract_to_r else max(run.cycle.initial, words["R"])
+    before = hole.point[hole.normal]
+    if run.state.dialect == LINUXCNC and not run.retract_to_r:
+        before = level
+    hole.rapid(before)
+    if code != 870:
+        hole.rapid(words["R"])
+    HOLE_CYCLES[code](hole, level)

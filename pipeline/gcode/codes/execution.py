@@ -1,0 +1,400 @@
+"""Execution of a block: its words evaluated, sorted into the control's order and carried out."""
+
+from collections.abc import Callable
+
+from pipeline.gcode.codes.cycles import drill
+from pipeline.gcode.codes.motion import arc, straight, tap_rigidly, thread, thread_cycle
+from pipeline.gcode.codes.tools import (
+    cutter_side,
+    m_code,
+    macro_call,
+    modal_macro,
+    radius_word,
+    spindle_mode,
+    spindle_word,
+    tool_length,
+    tool_length_word,
+    tool_word,
+)
+from pipeline.gcode.codes.work_offsets import (
+    data_input,
+    local_system,
+    machine_move,
+    mirror,
+    polar,
+    position_set,
+    reference_return,
+    rotation,
+    scaling,
+    select_system,
+)
+from pipeline.gcode.modal import (
+    CANCELLED,
+    FANUC,
+    GROUP_OF,
+    GROUPS,
+    LINUXCNC,
+    M_GROUPS,
+    M_STEPS,
+    OTHER_M_STEP,
+    WORD_STEPS,
+    excludes,
+    g_code,
+    step_of,
+)
+from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
+from pipeline.gcode.run import AXES, Block, Run
+from pipeline.gcode.statements import (
+    ExpressionError,
+    Number,
+    ParameterStore,
+    Statement,
+    WordItem,
+    evaluate,
+)
+
+MACRO_CALLS = (650, 660, 661)
+MOTION_STEP = 220
+LENGTHS = frozenset("XYZABCIJKRQ")
+"""Words that a Fanuc reads in input increments where they have no decimal point."""
+INCREMENT = {False: 1e-3, True: 1e-4}
+"""Least input increment [mm] and, for G20, [inch] (IS-B)."""
+
+
+def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: str) -> Block:
+    """The statement's words with their values."""
+    block = Block(file, statement.line)
+    block.comments = statement.comments
+    words, items = block.words, block.items
+    linuxcnc = run.state.dialect == LINUXCNC
+    calls_macro = False
+    for item in statement.words:
+        expression = item.value
+        if type(expression) is Number:
+            value = expression.value
+        else:
+            result = _value(item, parameters, block)
+            if result is None:
+                continue  # a vacant variable: the word counts as not written
+            value = result
+        block.ordered.append((item, value))
+        letter = item.letter
+        if calls_macro:
+            items[letter] = item
+            continue  # an argument, whatever its letter
+        if letter == "G":
+            _g_word(block, run, item, value)
+            calls_macro = block.actions[-1][2] in MACRO_CALLS
+        elif letter == "M":
+            _m_word(block, run, item, value)
+        else:
+            if letter in words and linuxcnc:
+                raise block.error(item, f"{letter} stands twice in the block: keep one of them")
+            words[letter] = value
+            items[letter] = item
+            step = WORD_STEPS.get(letter)
+            if step is not None:
+                block.actions.append((step, letter, 0, item))
+    if run.setup.decimal == "increment" and run.state.dialect == FANUC:
+        _scale_increments(block, run)
+    return block
+
+
+def carry_out(block: Block, run: Run) -> None:
+    """Everything that the block says, in the dialect's order."""
+    actions = block.actions
+    if len(actions) > 1:
+        actions.sort(key=_by_step)
+    moved = False
+    for step, kind, code, item in actions:
+        if step > MOTION_STEP and not moved:
+            moved = True
+            motion(run, block)
+        if kind == "G":
+            HANDLERS[code](run, block, code, item)
+        elif kind == "M":
+            m_code(run, block, code, item)
+        else:
+            WORDS[kind](run, block, item)
+    if not moved:
+        motion(run, block)
+    if block.words:
+        _refuse_rest(block, run)
+
+
+def _by_step(action: tuple[int, str, int, WordItem]) -> int:
+    return action[0]
+
+
+def _value(item: WordItem, parameters: ParameterStore, block: Block) -> float | None:
+    try:
+        return evaluate(item.value, parameters)
+    except ExpressionError as error:
+        raise block.error(item, str(error)) from None
+
+
+def _g_word(block: Block, run: Run, item: WordItem, value: float) -> None:
+    code = round(value * 10)
+    step = step_of(code, run.dialect) if abs(code - value * 10) < 1e-3 else None
+    if step is None:
+        raise block.error(item, _unknown_g(value, run.dialect))
+    for index, (_, kind, other, _) in enumerate(block.actions):
+        if kind != "G" or not excludes(code, other):
+            continue
+        if run.state.dialect == LINUXCNC:
+            raise block.error(
+                item, f"{g_code(other)} and {g_code(code)} exclude each other: keep one a block"
+            )
+        if GROUP_OF.get(code) == GROUP_OF.get(other) and code in GROUP_OF:
+            del block.actions[index]  # of one group the last one counts on a Fanuc
+            break
+    block.actions.append((step, "G", code, item))
+
+
+def _unknown_g(value: float, dialect: str) -> str:
+    code = round(value * 10)
+    reason = UNSUPPORTED.get((dialect, code)) or UNSUPPORTED.get(("", code))
+    return reason or f"G{value:g} is not known in the dialect {dialect}: delete it or rewrite it"
+
+
+def _m_word(block: Block, run: Run, item: WordItem, value: float) -> None:
+    code = round(value)
+    if abs(code - value) > 1e-4 or not 0 <= code <= 99_999_999:
+        raise block.error(item, f"M{value:g} is no M code: use a whole number")
+    if run.state.dialect == LINUXCNC:
+        group = M_GROUPS.get(code)
+        clash = next((m for m in block.m_codes if group and M_GROUPS.get(m) == group), None)
+        if clash is not None:
+            raise block.error(
+                item, f"M{clash} and M{code} exclude each other: put them into two blocks"
+            )
+    block.m_codes.append(code)
+    step = M_STEPS[run.dialect].get(code, OTHER_M_STEP[run.dialect])
+    block.actions.append((step, "M", code, item))
+
+
+def _scale_increments(block: Block, run: Run) -> None:
+    """Numbers without a decimal point count least input increments."""
+    inch = run.state.unit != 1.0
+    for _, kind, code, _ in block.actions:
+        if kind == "G" and code in (200, 210):
+            inch = code == 200
+    for letter, item in block.items.items():
+        if letter in LENGTHS and type(item.value) is Number and "." not in item.text:
+            step = INCREMENT[inch] if letter not in "ABC" else INCREMENT[False]
+            block.words[letter] *= step
+
+
+def _refuse_rest(block: Block, run: Run) -> None:
+    letter = next(iter(block.words))
+    item = block.items[letter]
+    if letter in AXES:
+        reason = "no motion is in force that could take this axis word: write G0, G1, … before"
+    elif letter in ("U", "V", "W"):
+        reason = f"the machine has no axis {letter}: use X Y Z A B C"
+    else:
+        reason = "nothing in this block takes the word: delete it or add the code it belongs to"
+    raise block.error(item, reason)
+
+
+UNSUPPORTED: dict[tuple[str, int], str] = {
+    ("", 50): "splines (G5) are not supported: post the program with lines and arcs",
+    ("linuxcnc", 51): "splines (G5.1) are not supported: post the program with lines and arcs",
+    ("linuxcnc", 52): "NURBS (G5.2) are not supported: post the program with lines and arcs",
+    ("linuxcnc", 53): "NURBS (G5.3) are not supported: post the program with lines and arcs",
+    ("", 62): "NURBS (G6.2) are not supported: post the program with lines and arcs",
+    ("linuxcnc", 700): "the lathe cycle G70 is not supported: post it as single moves",
+    ("linuxcnc", 710): "the lathe cycle G71 is not supported: post it as single moves",
+    ("linuxcnc", 711): "the lathe cycle G71.1 is not supported: post it as single moves",
+    ("linuxcnc", 712): "the lathe cycle G71.2 is not supported: post it as single moves",
+    ("linuxcnc", 720): "the lathe cycle G72 is not supported: post it as single moves",
+    ("linuxcnc", 721): "the lathe cycle G72.1 is not supported: post it as single moves",
+    ("linuxcnc", 722): "the lathe cycle G72.2 is not supported: post it as single moves",
+    ("fanuc", 71): "cylindrical interpolation (G7.1) is not supported: post X Y Z moves",
+    ("fanuc", 121): "polar interpolation (G12.1) is not supported: post X Y Z moves",
+    ("fanuc", 290): "return from the reference position (G29) is not supported: post G0 moves",
+    ("fanuc", 434): "tool centre point control (G43.4) is not supported: post 3-axis moves",
+    ("fanuc", 435): "tool centre point control (G43.5) is not supported: post 3-axis moves",
+    ("fanuc", 682): "tilted work planes (G68.2) are not supported: post 3-axis moves",
+}
+"""Codes that are refused, with the remedy."""
+
+Handler = Callable[[Run, Block, int, WordItem], None]
+
+DWELLS = {"fanuc": ("P", "X", "U"), "linuxcnc": ("P",), "siemens": ("P",)}
+"""Words that say how long G4 waits."""
+FEED_MODES = {930: FeedMode.INVERSE_TIME, 940: FeedMode.PER_MINUTE, 950: FeedMode.PER_REVOLUTION}
+
+
+def _plane(run: Run, block: Block, code: int, item: WordItem) -> None:
+    if run.contour is not None and run.state.plane != code // 10:
+        raise block.error(item, "the plane cannot change while G41 or G42 is in force: G40 first")
+    run.state.plane = code // 10
+
+
+def _units(run: Run, block: Block, code: int, item: WordItem) -> None:
+    run.state.unit = INCH if code in (200, 700) else 1.0
+
+
+def _distance(run: Run, block: Block, code: int, item: WordItem) -> None:
+    run.state.absolute = int(code == 900)
+
+
+def _arc_distance(run: Run, block: Block, code: int, item: WordItem) -> None:
+    run.state.arc_absolute = int(code == 901)
+
+
+def _feed_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
+    mode = FEED_MODES[code]
+    if mode != run.state.feed_mode:
+        run.state.feed_mode = mode
+        # LinuxCNC discards F when its meaning changes
+        run.state.feed = 0.0
+
+
+def _retract(run: Run, block: Block, code: int, item: WordItem) -> None:
+    run.retract_to_r = code == 990
+
+
+def _path_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
+    run.state.path_mode = PathMode.EXACT_STOP if code in (610, 611) else PathMode.CONTINUOUS
+    run.state.tolerance = 0.0
+    if code == 640:
+        run.state.tolerance = (block.take("P") or 0.0) * run.state.unit
+        if run.state.dialect == LINUXCNC:
+            block.take("Q")  # how far the planner may join collinear moves: no motion
+
+
+def _g8(run: Run, block: Block, code: int, item: WordItem) -> None:
+    """LinuxCNC: radius or diameter programming; Fanuc: look-ahead on and off, no motion."""
+    if run.state.dialect == FANUC:
+        block.need("P", "G8", item)
+        return
+    run.diameter = code == 70
+    run.remap()
+
+
+def _look_ahead(run: Run, block: Block, code: int, item: WordItem) -> None:
+    """G5 P…, G5.1 Q…: how the control computes, not where it goes."""
+    letter = "P" if code == 50 else "Q"
+    block.need(letter, g_code(code), item)
+    block.take("R")
+
+
+def _feed_word(run: Run, block: Block, item: WordItem) -> None:
+    value = block.take("F")
+    if value is None:
+        return
+    if value < 0:
+        raise block.error(item, f"F is {value:g}: give 0 or more")
+    block.feed_given = True
+    inverse = run.state.feed_mode == FeedMode.INVERSE_TIME
+    run.state.feed = value if inverse else value * run.state.unit
+
+
+def _modifier(run: Run, block: Block, code: int, item: WordItem) -> None:
+    """G9, G31 and G53 say how the block's motion is done."""
+    block.modifiers.add(code)
+
+
+def _dwell(run: Run, block: Block, code: int, item: WordItem) -> None:
+    letters = DWELLS[run.dialect]
+    given = [letter for letter in letters if letter in block.words]
+    if not given:
+        raise block.error(item, f"{item.text} does not say how long: add {letters[0]}")
+    value = block.words.pop(given[0])
+    if given[0] == "P" and run.state.dialect == FANUC:
+        value = seconds(block, value)
+    if value < 0:
+        raise block.error(item, f"a dwell of {value:g} s is not possible: give 0 or more")
+    run.add_row(Kind.DWELL, block.line, value=value)
+
+
+def seconds(block: Block, value: float) -> float:
+    """P of a Fanuc: milliseconds, unless it is written with a decimal point."""
+    item = block.items.get("P")
+    return value if item is not None and "." in item.text else value / 1000
+
+
+def _motion_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
+    if code != run.cycle.code:
+        run.cycle.code = CANCELLED if GROUP_OF[code] == "motion" or code == 800 else run.cycle.code
+    if run.state.dialect != FANUC:
+        run.state.motion = CANCELLED if code == 800 else code
+        return
+    if code == 800:
+        run.state.motion = run.group_1
+        run.rigid = False
+        return
+    if GROUP_OF[code] == "motion" and code in (0, 10, 20, 30, 330):
+        run.group_1 = code
+    run.state.motion = code
+
+
+def motion(run: Run, block: Block) -> None:
+    """Carry out the axis words under the motion in force."""
+    code = run.state.motion
+    words = block.words
+    item = next((i for _, kind, c, i in block.actions if kind == "G" and c == code), None)
+    if 530 in block.modifiers:
+        machine_move(run, block, code, item)
+    elif 310 in block.modifiers:
+        straight(run, block, 310, item)
+    elif words and not _MOVING.isdisjoint(words):
+        if code == CANCELLED:
+            return
+        if code == 760 and run.state.dialect == LINUXCNC:
+            thread_cycle(run, block, code, item)
+        else:
+            _MOTIONS.get(code, drill)(run, block, code, item)
+    elif run.pending_length:
+        straight(run, block, 0 if code not in (0, 10) else code, item)
+    elif item is not None and run.state.dialect == LINUXCNC and code not in (0, 10, CANCELLED):
+        raise block.error(item, f"{g_code(code)} has no axis words: add them")
+    if 90 in block.modifiers and run.rows.count:
+        run.exact_stop()
+
+
+_MOVING = frozenset(AXES) | frozenset("RIJK@^")
+_MOTIONS: dict[int, Callable[[Run, Block, int, WordItem | None], None]] = {
+    0: straight, 10: straight, 20: arc, 30: arc, 310: straight, 382: straight, 383: straight,
+    384: straight, 385: straight, 330: thread, 331: tap_rigidly,
+}  # fmt: skip
+HANDLERS: dict[int, Handler] = {
+    **dict.fromkeys((200, 210, 700, 710), _units),
+    **dict.fromkeys(FEED_MODES, _feed_mode),
+    **dict.fromkeys((960, 970), spindle_mode),
+    **dict.fromkeys((170, 180, 190), _plane),
+    **dict.fromkeys((70, 80), _g8),
+    **dict.fromkeys((50, 51), _look_ahead),
+    **dict.fromkeys((90, 530, 310), _modifier),
+    **dict.fromkeys((900, 910), _distance),
+    **dict.fromkeys((901, 911), _arc_distance),
+    **dict.fromkeys((980, 990), _retract),
+    **dict.fromkeys((600, 610, 611, 620, 630, 640), _path_mode),
+    **dict.fromkeys(GROUPS["compensation"].codes, cutter_side),
+    **dict.fromkeys(GROUPS["length"].codes, tool_length),
+    **dict.fromkeys(GROUPS["wcs"].codes, select_system),
+    **dict.fromkeys((150, 160), polar),
+    **dict.fromkeys((500, 510), scaling),
+    **dict.fromkeys((501, 511), mirror),
+    **dict.fromkeys((680, 690), rotation),
+    **dict.fromkeys((660, 661, 670), modal_macro),
+    **dict.fromkeys(GROUPS["cycle"].codes + GROUPS["motion"].codes, _motion_mode),
+    **dict.fromkeys((270, 280, 281, 300, 301), reference_return),
+    **dict.fromkeys((920, 921, 922, 923), position_set),
+    40: _dwell,
+    100: data_input,
+    110: lambda run, block, code, item: None,
+    520: local_system,
+    650: macro_call,
+}
+"""Ten times the G code -> what carries it out."""
+WORDS: dict[str, Callable[[Run, Block, WordItem], None]] = {
+    "F": _feed_word,
+    "S": spindle_word,
+    "T": tool_word,
+    "D": radius_word,
+    "H": tool_length_word,
+}
+"""Word with a meaning of its own -> what carries it out."""

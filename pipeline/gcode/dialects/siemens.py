@@ -1,0 +1,129 @@
+"""Programs of the Sinumerik 840D, line by line to statements of ISO 6983.
+
+Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
+G53, CYCLE81 as G81, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
+:data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Jumps are
+not supported, so that lines are read in the order in which they are carried out and a reader may
+remember what it read: the tool, the modal call, the turned work plane.
+
+Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
+"""
+
+from collections.abc import Mapping
+
+from pipeline.gcode.dialects.siemens_line import (
+    AXES,
+    SQUARE,
+    LineReader,
+    ModalMemory,
+    constant,
+    tilt,
+)
+from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream
+from pipeline.gcode.program import Line
+from pipeline.gcode.statements import Binary, Number, Statement, WordItem
+
+
+class SiemensReader:
+    """Reads the lines of one program, in order.
+
+    Parameters
+    ----------
+    file : str
+        Name for errors.
+    tools : mapping of str to int, optional
+        Number in the tool table of a tool's name; names that are not in it get the next free
+        numbers in the order in which they are called.
+    """
+
+    def __init__(self, file: str, tools: Mapping[str, int] | None = None) -> None:
+        self.file = file
+        self.memory = ModalMemory(dict(tools or {}))
+
+    def statement(self, line: Line) -> Statement:
+        """Statement of the next line.
+
+        Raises
+        ------
+        GcodeError
+            A word that is not supported.
+        """
+        stream = TokenStream(line.text.decode("latin-1"), line.number, self.file, line.code_start)
+        reader = LineReader(self.memory, stream)
+        reader.read()
+        if not reader.shifts:
+            self._remember(reader)
+            self._check(reader)
+        return Statement(
+            line.number,
+            line.skip,
+            reader.number,
+            tuple(self._drilled(reader)),
+            tuple(reader.assignments),
+            None,
+            tuple(stream.comments),
+        )
+
+    def _remember(self, reader: LineReader) -> None:
+        memory = self.memory
+        for word in reader.words:
+            value = constant(word.value)
+            if word.letter == "G" and value in (0.0, 1.0, 2.0, 3.0):
+                memory.motion = value
+            elif word.letter == "G" and value in (90.0, 91.0):
+                memory.absolute = value == 90.0
+            elif word.letter == "M" and value == 6:
+                memory.tool = memory.selected
+            elif word.letter in memory.at:
+                unknown = not memory.absolute or (word.letter == "Z" and reader.machine)
+                memory.at[word.letter] = None if unknown else value
+
+    def _check(self, reader: LineReader) -> None:
+        """Refuse motion that the turned work plane or table does not allow."""
+        memory = self.memory
+        moved = next((word for word in reader.words if word.letter in AXES), None)
+        if moved is None or reader.machine:
+            return
+        b, c = (memory.at["B"], memory.at["C"]) if memory.transformed else (0.0, 0.0)
+        if b is None or c is None or tilt(memory.frame, b, c) > SQUARE:
+            reason = (
+                "the work plane that AROT makes is not square to the tool with the table at this B "
+                "and C under TRAORI: correct the angles, or give B and C as numbers before"
+            )
+        elif memory.transformed and any(word.letter in "BC" for word in reader.words):
+            reason = (
+                "moving B or C under TRAORI needs the machine's dimensions, which are not known: "
+                "post the program with 3+2 axes"
+            )
+        elif memory.transformed and memory.shifted:
+            reason = "TRANS under TRAORI is not supported: shift the coordinates in the program"
+        else:
+            return
+        raise reader.stream.error(_token(moved), reason)
+
+    def _drilled(self, reader: LineReader) -> list[WordItem]:
+        """The words; in a block that moves under MCALL with the hole."""
+        drilling, words = self.memory.drilling, reader.words
+        moved = next((word for word in words if word.letter in "XYZ"), None)
+        if drilling is None or reader.calls or reader.shifts or moved is None:
+            return words
+        retract, reference, clearance, depth = drilling
+        level = constant(retract)
+        if self.memory.motion != 0 or level is None or self.memory.at["Z"] != level:
+            raise reader.stream.error(
+                _token(moved),
+                "holes are followed where G0 is in force and Z stands at CYCLE81's retraction "
+                "plane: position there before MCALL, in numbers",
+            )
+        plane = Binary("+", reference, clearance)
+        hole = (("G", Number(81.0)), ("Z", depth), ("R", plane))
+        kept = [word for word in words if word.letter != "Z" and not _is_rapid(word)]
+        return kept + [WordItem(name, value, moved.column, moved.text) for name, value in hole]
+
+
+def _is_rapid(word: WordItem) -> bool:
+    return word.letter == "G" and word.value == Number(0.0)
+
+
+def _token(word: WordItem) -> Token:
+    return Token("", word.text, word.column, "", 0.0)

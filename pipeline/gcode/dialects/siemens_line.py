@@ -1,0 +1,376 @@
+"""Words of one line of a Sinumerik 840D program, as words of ISO 6983.
+
+On a machine whose table turns about B and C, TRAORI keeps the tool's tip on the workpiece while the
+table turns, AROT turns the program's axes on the workpiece.  A post processor that mills in a
+tilted plane turns both so that they cancel,
+
+    R_y(-B) R_z(-C) R_AROT = 1,
+
+and then the linear axes move as the program says, from the point where the axes of B and C meet,
+which is where the work offset must lie.  Only this is followed here; everything else would need the
+machine's dimensions.
+
+Source: Sinumerik 840D sl, Programming Manual Fundamentals, "Frames" (AROT: additive, about the axes
+already turned; R_z R_y R_x within a block), Job Planning, "Transformations".
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
+from pipeline.gcode.statements import Assignment, Expression, Number, Parameter, Unary, WordItem
+
+Matrix = npt.NDArray[np.float64]
+SQUARE = 1e-6
+"""Angle by which table and work plane may miss cancelling each other [rad]."""
+UNROTATED: Matrix = np.eye(3)
+
+
+def rotation(axis: int, degrees: float) -> Matrix:
+    """Matrix (3, 3) of a rotation about X (0), Y (1) or Z (2)."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    matrix[first, first] = matrix[second, second] = cosine
+    matrix[first, second], matrix[second, first] = -sine, sine
+    return matrix
+
+
+def rotated(frame: Matrix, x: float, y: float, z: float) -> Matrix:
+    """A frame after a further AROT X Y Z [deg]."""
+    return frame @ rotation(2, z) @ rotation(1, y) @ rotation(0, x)
+
+
+def tilt(frame: Matrix, b: float, c: float) -> float:
+    """Angle between the program's axes and the machine's with the table at B and C [rad]."""
+    residual = rotation(1, -b) @ rotation(2, -c) @ frame
+    # |R - 1| is √2 times a small angle; the arccos of the trace would lose half its digits
+    return float(np.linalg.norm(residual - UNROTATED) / math.sqrt(2))
+
+
+G_CODES = frozenset(
+    (0, 1, 2, 3, 4, 9, 17, 18, 19, 40, 41, 42, 53, 54, 55, 56, 57, 64, 70, 71, 90, 91, 93, 94, 95,
+     96, 97, 500)
+)  # fmt: skip
+"""G codes with the same meaning as in ISO 6983."""
+FOREIGN_M = frozenset((98, 99, 198))
+"""Subprograms of other controls."""
+SAME_AS: dict[float, int] = {
+    60: 61,  # exact stop, modal
+    641: 64,
+    642: 64,
+    643: 64,
+    644: 64,
+    645: 64,
+    700: 70,
+    710: 71,
+}
+"""G code -> the one with the same path here; 641 to 645 differ in how they round corners."""
+
+WITHOUT_MOTION: dict[str, str] = {
+    "BRISK": "acceleration in steps",
+    "COMPCAD": "compressor on",
+    "COMPCURV": "compressor on",
+    "COMPOF": "compressor off",
+    "COMPON": "compressor on",
+    "DRIVE": "acceleration that falls with speed",
+    "DYNFINISH": "dynamics for finishing",
+    "DYNNORM": "normal dynamics",
+    "DYNPOS": "dynamics for positioning",
+    "DYNROUGH": "dynamics for roughing",
+    "DYNSEMIFIN": "dynamics for semi-finishing",
+    "FFWOF": "feed-forward control off",
+    "FFWON": "feed-forward control on",
+    "FNORM": "feed as F says, constant in a block",
+    "G601": "exact stop fine",
+    "G602": "exact stop coarse",
+    "G603": "exact stop at the end of interpolation",
+    "SOFT": "acceleration with limited jerk",
+}
+"""Word -> what it sets; where the path goes does not depend on it."""
+
+AXES = frozenset("XYZABC")
+LETTERS = frozenset("ABCFIJKMSXYZ")
+"""Addresses whose value is passed on as it stands; H would be a function of the machine builder."""
+TYPES = frozenset({"REAL", "INT", "BOOL"})
+CALLS: dict[str, str] = {
+    "CYCLE800": "swivelling by CYCLE800 needs the machine's dimensions: post the turned plane with "
+    "TRAORI and AROT",
+    "": "this cycle or function is not known in the dialect siemens: post it as single moves",
+}
+"""Why a call is refused."""
+
+
+@dataclass(slots=True)
+class ModalMemory:
+    """Modal data of a Sinumerik program that later lines refer to.
+
+    Parameters
+    ----------
+    tools : dict of str to int
+        Number of each tool's name.
+    selected, tool : Expression
+        Number of the tool called by T, and of the one in the spindle.
+    motion : float
+        G code of group 1 in force.
+    drilling : tuple of Expression or None
+        RTP, RFP, SDIS and DP of the CYCLE81 that MCALL put in force.
+    frame : (3, 3) array
+        AROT: from the program's axes to the workpiece's.
+    absolute, shifted, transformed : bool
+        G90, TRANS by more than 0, TRAORI.
+    at : dict of str to (float or None)
+        Last B, C and Z, where they were given as numbers [mm, deg].
+    """
+
+    tools: dict[str, int]
+    selected: Expression = field(default_factory=lambda: Number(0.0))
+    tool: Expression = field(default_factory=lambda: Number(0.0))
+    motion: float = 0.0
+    drilling: tuple[Expression, ...] | None = None
+    frame: Matrix = field(default_factory=lambda: UNROTATED)
+    absolute: bool = True
+    shifted: bool = False
+    transformed: bool = False
+    at: dict[str, float | None] = field(default_factory=lambda: {"B": None, "C": None, "Z": None})
+
+    def tool_number(self, name: str) -> float:
+        """Number of a tool in the tool table."""
+        taken = set(self.tools.values())
+        free = next(number for number in range(1, len(taken) + 2) if number not in taken)
+        return float(self.tools.setdefault(name, free))
+
+
+class LineReader:
+    """Reader of one line, token by token, and the words read so far."""
+
+    def __init__(self, memory: ModalMemory, stream: TokenStream) -> None:
+        self.memory, self.stream = memory, stream
+        self.number: float | None = None
+        self.words: list[WordItem] = []
+        self.assignments: list[Assignment] = []
+        self.machine = self.shifts = self.calls = False
+
+    def read(self) -> None:
+        """Read all tokens."""
+        first = self.stream.next
+        if first is not None and first.kind == "address" and first.head == "N":
+            self.number = self.stream.take().value
+        while (token := self.stream.next) is not None:
+            self.stream.at += 1
+            kind = _KINDS.get(token.kind)
+            if kind is None:
+                raise self.stream.error(token, "a word is expected here: delete this")
+            kind(self, token)
+        self._dwell()
+
+    def word(self, letter: str, value: Expression | float, token: Token) -> None:
+        """Add a word of ISO 6983."""
+        if isinstance(value, float | int):
+            value = Number(float(value))
+        self.words.append(WordItem(letter, value, token.column, token.text))
+
+    def address(self, token: Token) -> None:
+        """A letter and a number."""
+        if token.head == "G":
+            self._g(token)
+        elif token.head == "D":
+            self._edge(token)
+        elif token.head == "T":
+            self._tool(Number(token.value), token)
+        elif token.head == "M" and token.value in FOREIGN_M:
+            raise self.stream.error(
+                token, "subprograms are not called by M codes in the dialect siemens: delete it"
+            )
+        elif token.head in LETTERS:
+            self.word(token.head, token.value, token)
+        else:
+            raise self.stream.error(token, f"{token.head} is no address that is known: delete it")
+
+    def _g(self, token: Token) -> None:
+        if f"G{token.value:g}" in WITHOUT_MOTION:
+            return
+        code = float(SAME_AS.get(token.value, token.value))
+        if token.value not in SAME_AS and code not in G_CODES:
+            raise self.stream.error(
+                token, f"G{token.value:g} is not known in the dialect siemens: delete or rewrite it"
+            )
+        self.word("G", code, token)
+
+    def _dwell(self) -> None:
+        """G4 F: seconds."""
+        if any(word.letter == "G" and word.value == Number(4.0) for word in self.words):
+            self.words = [
+                replace(word, letter="P") if word.letter == "F" else word for word in self.words
+            ]
+
+    def _edge(self, token: Token) -> None:
+        """D0: no tool offset; D1: length and radius of the tool in the spindle."""
+        if token.value not in (0, 1):
+            raise self.stream.error(token, "only the first cutting edge is known: write D1 or D0")
+        tool = self.memory.tool if token.value else Number(0.0)
+        self.word("D", tool, token)
+        self.word("H", tool, token)
+        self.word("G", 43.0, token)
+
+    def _tool(self, number: Expression, token: Token) -> None:
+        self.memory.selected = number
+        self.word("T", number, token)
+
+    def assigned(self, token: Token) -> None:
+        """``X=…``, ``CR=…``, ``T="…"`` or ``VARIABLE=…``."""
+        stream, name = self.stream, token.head
+        following = stream.next
+        if name == "T" and following is not None and following.kind == "string":
+            stream.at += 1
+            self._tool(Number(self.memory.tool_number(following.text.strip('" '))), token)
+            return
+        value = stream.expression()
+        if name == "CR":
+            self.word("R", value, token)
+        elif name in LETTERS:
+            self.word(name, value, token)
+        elif len(name) > 1:
+            target = Parameter(VARIABLE + name.lower())
+            self.assignments.append(Assignment(target, value, token.column))
+        else:
+            raise stream.error(token, f"{name} takes no expression here: write a number")
+
+    def named(self, token: Token) -> None:
+        """A word of its own."""
+        if token.head in WITHOUT_MOTION:
+            return
+        action = _NAMED.get(token.head)
+        if action is None:
+            raise self.stream.error(
+                token, "this word is not known in the dialect siemens: delete it or rewrite it"
+            )
+        action(self, token)
+
+    def called(self, token: Token) -> None:
+        """A word with arguments in brackets."""
+        if token.head == "MSG":
+            self._message()
+            return
+        arguments = self.stream.arguments()
+        if token.head == "CYCLE832":
+            self.word("G", 64.0, token)
+            if arguments:
+                self.word("P", arguments[0], token)
+        elif token.head != "CYCLE800" or arguments:
+            raise self.stream.error(token, CALLS.get(token.head, CALLS[""]))
+
+    def _message(self) -> None:
+        text = self.stream.next
+        if text is not None and text.kind == "string":
+            self.stream.comments.append(self.stream.take().text.strip('"'))
+        if not self.stream.skips(")"):
+            raise self.stream.error(self.stream.next, 'MSG takes a text: write MSG("…")')
+
+    def define(self, token: Token) -> None:
+        """``DEF REAL A, B=1``: variables are 0 unless they are given a value."""
+        stream = self.stream
+        kind = stream.next
+        if kind is None or kind.head not in TYPES:
+            raise stream.error(kind, "DEF needs a type: write REAL, INT or BOOL")
+        stream.at += 1
+        while (name := stream.next) is not None:
+            stream.at += 1
+            if name.kind not in ("name", "set"):
+                raise stream.error(name, "the name of a variable is expected here: add it")
+            value = stream.expression() if name.kind == "set" else Number(0.0)
+            target = Parameter(VARIABLE + name.head.lower())
+            self.assignments.append(Assignment(target, value, name.column))
+            if stream.next is not None and not stream.skips(","):
+                raise stream.error(stream.next, "a comma is expected here: add it")
+
+    def supa(self, token: Token) -> None:
+        """The machine's coordinates, in this block."""
+        self.machine = True
+        self.word("G", 53.0, token)
+
+    def translate(self, token: Token) -> None:
+        """TRANS: shifts the origin and forgets every turn of the axes before."""
+        given = self._axes(token)
+        self.shifts = True
+        self.memory.frame = UNROTATED
+        self.memory.shifted = any(constant(value) != 0 for value in given.values())
+        self.word("G", 52.0, token)
+        for letter in "XYZ":
+            self.word(letter, given.get(letter, Number(0.0)), token)
+
+    def turn(self, token: Token) -> None:
+        """AROT: additive rotation of the axes."""
+        given = self._axes(token)
+        if not given:
+            raise self.stream.error(token, "AROT names no axis: add X, Y or Z and an angle")
+        angles = [constant(given.get(letter, Number(0.0))) for letter in "XYZ"]
+        if None in angles:
+            raise self.stream.error(token, "AROT takes numbers here: write the angle itself")
+        x, y, z = (angle or 0.0 for angle in angles)
+        self.memory.frame = rotated(self.memory.frame, x, y, z)
+
+    def _axes(self, token: Token) -> dict[str, Expression]:
+        """The rest of the line, as axes and values."""
+        given: dict[str, Expression] = {}
+        while (item := self.stream.next) is not None:
+            self.stream.at += 1
+            if item.kind not in ("address", "set") or item.head not in "XYZ":
+                raise self.stream.error(item, f"{token.head} takes X, Y and Z only: delete this")
+            given[item.head] = (
+                self.stream.expression() if item.kind == "set" else Number(item.value)
+            )
+        return given
+
+    def transform(self, token: Token) -> None:
+        """TRAORI, TRAFOOF."""
+        self.memory.transformed = token.head == "TRAORI"
+
+    def modal_call(self, token: Token) -> None:
+        """MCALL CYCLE81(…): after each block that moves, a hole; MCALL: no more."""
+        call = self.stream.next
+        self.calls = True
+        if call is None:
+            self.memory.drilling = None
+            self.word("G", self.memory.motion, token)
+            return
+        self.stream.at += 1
+        if call.head != "CYCLE81":
+            raise self.stream.error(call, "MCALL is known with CYCLE81 only: post single moves")
+        arguments = self.stream.arguments()
+        if len(arguments) != 4:
+            raise self.stream.error(
+                call, "CYCLE81 is known as (RTP, RFP, SDIS, DP): write these four"
+            )
+        self.memory.drilling = arguments
+
+
+def constant(value: Expression) -> float | None:
+    """Value of a number with its signs, None of anything else."""
+    if isinstance(value, Number):
+        return value.value
+    if isinstance(value, Unary):
+        inner = constant(value.operand)
+        return None if inner is None else -inner if value.operator == "-" else inner
+    return None
+
+
+_KINDS: Mapping[str, Callable[[LineReader, Token], None]] = {
+    "address": LineReader.address,
+    "set": LineReader.assigned,
+    "name": LineReader.named,
+    "call": LineReader.called,
+}
+_NAMED: Mapping[str, Callable[[LineReader, Token], None]] = {
+    "DEF": LineReader.define,
+    "SUPA": LineReader.supa,
+    "TRANS": LineReader.translate,
+    "AROT": LineReader.turn,
+    "TRAORI": LineReader.transform,
+    "TRAFOOF": LineReader.transform,
+    "MCALL": LineReader.modal_call,
+}

@@ -1,0 +1,176 @@
+"""Tokens of a line of a Sinumerik 840D program, and its expressions.
+
+Source: Sinumerik 840D sl, Programming Manual Fundamentals, "Block rules" and "Value assignments".
+"""
+
+import re
+from dataclasses import dataclass
+
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.statements import Binary, Call, Expression, Number, Parameter, Unary
+
+DEEPEST = 60
+"""Brackets and signs within each other in an expression."""
+VARIABLE = "def "
+"""Prefix of variable names, which keeps them apart from those that other dialects predefine."""
+FUNCTIONS = frozenset({"SIN", "COS", "TAN", "ASIN", "ACOS", "SQRT", "ABS", "LN", "EXP"})
+_TOKEN = re.compile(
+    r"""(?P<blank>[ \t\v\f\x00\x7f\r\n]+)
+    |(?P<comment>;.*)
+    |(?P<string>"[^"]*")
+    |(?P<set>(?P<target>[A-Z_$][A-Z0-9_]*)[ \t]*=)
+    |(?P<call>(?P<function>[A-Z_$][A-Z0-9_]*)[ \t]*\()
+    |(?P<address>(?P<letter>[A-Z])[ \t]*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))(?![A-Z0-9_.]))
+    |(?P<name>[A-Z_$][A-Z0-9_]*)
+    |(?P<number>\d+\.?\d*|\.\d+)
+    |(?P<sign>[-+*/(),])""",
+    re.X | re.S | re.I,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A piece of a line; ``column`` counts from 1."""
+
+    kind: str
+    text: str
+    column: int
+    head: str
+    value: float
+
+
+class TokenStream:
+    """The tokens of a line, to be taken from left to right.
+
+    Parameters
+    ----------
+    text : str
+        The line, a character for each byte.
+    line : int
+        Its number, counting from 1.
+    file : str
+        Name of the program.
+    start : int
+        Where the code begins in ``text``.
+
+    Raises
+    ------
+    GcodeError
+        At a character that begins nothing.
+    """
+
+    __slots__ = ("at", "comments", "file", "line", "tokens")
+
+    def __init__(self, text: str, line: int, file: str, start: int = 0) -> None:
+        self.file, self.line, self.at = file, line, 0
+        self.tokens: list[Token] = []
+        self.comments: list[str] = []
+        while start < len(text):
+            found = _TOKEN.match(text, start)
+            if found is None:
+                raise self.error(
+                    Token("", text[start], start + 1, "", 0.0),
+                    "this character has no meaning here: delete it",
+                )
+            self._note(found)
+            start = found.end()
+
+    def _note(self, found: re.Match[str]) -> None:
+        kind = found.lastgroup or ""
+        kind = next(k for k in (kind, *_KINDS) if k in _KINDS and found[k] is not None)
+        if kind == "comment":
+            self.comments.append(found[0][1:])
+        elif kind != "blank":
+            head = found["target"] or found["function"] or found["letter"] or found["name"] or ""
+            value = float(found["value"] or found["number"] or 0.0)
+            token = Token(kind, found[0].rstrip(), found.start() + 1, head.upper(), value)
+            self.tokens.append(token)
+
+    @property
+    def next(self) -> Token | None:
+        """The token that comes next; None at the end."""
+        return self.tokens[self.at] if self.at < len(self.tokens) else None
+
+    def take(self) -> Token:
+        """The next token, which is then behind; there must be one."""
+        token = self.tokens[self.at]
+        self.at += 1
+        return token
+
+    def skips(self, sign: str) -> bool:
+        """Whether a sign comes next; then it is behind."""
+        found = self.next is not None and self.next.text == sign
+        self.at += found
+        return found
+
+    def error(self, token: Token | None, reason: str) -> GcodeError:
+        """The error about a token, or about the end of the line."""
+        return GcodeError(
+            file=self.file,
+            line=self.line,
+            column=token.column if token else 1,
+            word=token.text if token else "end of line",
+            reason=reason,
+        )
+
+    def arguments(self) -> tuple[Expression, ...]:
+        """Arguments up to the closing bracket of a call; one that is left out counts 0."""
+        found: list[Expression] = []
+        if self.skips(")"):
+            return ()
+        while True:
+            empty = self.next is not None and self.next.text in (",", ")")
+            found.append(Number(0.0) if empty else self.expression())
+            if self.skips(")"):
+                return tuple(found)
+            if not self.skips(","):
+                raise self.error(self.next, "a comma or ) is expected here: correct the call")
+
+    def expression(self, depth: int = 0) -> Expression:
+        """A sum of products."""
+        left = self._product(depth)
+        while self.next is not None and self.next.text in ("+", "-") and not self._apart():
+            operator = self.take().text
+            left = Binary(operator, left, self._product(depth))
+        return left
+
+    def _apart(self) -> bool:
+        """Whether a sign opens nothing, as at the end of the line."""
+        return self.at + 1 >= len(self.tokens)
+
+    def _product(self, depth: int) -> Expression:
+        left = self._factor(depth)
+        while self.next is not None and self.next.text in ("*", "/"):
+            operator = self.take().text
+            left = Binary(operator, left, self._factor(depth))
+        return left
+
+    def _factor(self, depth: int) -> Expression:
+        token = self.next
+        if depth > DEEPEST:
+            raise self.error(token, f"more than {DEEPEST} brackets lie in each other: shorten it")
+        if token is None:
+            raise self.error(None, "a value is missing at the end: add it")
+        self.at += 1
+        if token.text in ("+", "-"):
+            return Unary(token.text, self._factor(depth + 1))
+        if token.text == "(":
+            inner = self.expression(depth + 1)
+            self._close()
+            return inner
+        if token.kind == "number":
+            return Number(token.value)
+        if token.kind == "call" and token.head in FUNCTIONS:
+            inner = self.expression(depth + 1)
+            self._close()
+            return Call(token.head, (inner,))
+        if token.kind == "name" or (token.kind == "address" and token.head == "R"):
+            return Parameter(VARIABLE + token.text.lower())
+        raise self.error(token, "this is no value: use numbers, variables, + - * / and ( )")
+
+    def _close(self) -> None:
+        if not self.skips(")"):
+            raise self.error(self.next, "a ) is missing: add it")
+
+
+_KINDS = ("blank", "comment", "string", "set", "call", "address", "name", "number", "sign")

@@ -1,0 +1,227 @@
+"""Operators of evolutionary search: selection, crossover and mutation, in the unit cube.
+
+Pure functions of arrays with an explicit generator.  Populations stand best first, those that
+failed last.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.schema.arrays import Bools, Floats
+
+Indices = NDArray[np.intp]
+
+
+def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Indices:
+    """The best of ``size`` individuals drawn with replacement, ``draws`` times; shape (draws,).
+
+    The one at place i of P (best is 0) wins with probability ((P - i)^s - (P - i - 1)^s) / P^s.
+
+    Parameters
+    ----------
+    many : int
+        Individuals P, best first, so that the lowest place wins.
+    draws, size : int
+        Parents, and competitors s for each.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    # the least of s even draws in 0..1 is 1 - (1 - u)^(1/s) of one
+    least = 1.0 - (1.0 - rng.random(draws)) ** (1.0 / size)
+    winners: Indices = np.minimum((many * least).astype(np.intp), many - 1)
+    return winners
+
+
+def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) -> Indices:
+    """Places in proportion to fitness, from one spin of a wheel with evenly spaced pointers.
+
+    Each individual is drawn its expectation draws f_i / sum f times, rounded up or down (Baker
+    1987); the order is shuffled.
+
+    Parameters
+    ----------
+    fitness : ndarray, shape (P,)
+        At least 0, not all 0.
+    draws : int
+        Parents.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    edges = fitness.cumsum()
+    pointers = (np.arange(draws) + rng.random()) * (edges[-1] / draws)
+    places = edges.searchsorted(pointers, side="right")
+    # rounding may push the last pointer onto the edge of the last that has any fitness
+    last = edges.searchsorted(edges[-1])
+    shuffled: Indices = rng.permutation(np.minimum(places, last))
+    return shuffled
+
+
+def ranked(many: int, pressure: float = 2.0) -> Floats:
+    """Fitness that falls linearly with the place, from ``pressure`` to 2 - ``pressure``; mean 1.
+
+    Parameters
+    ----------
+    many : int
+        Individuals P.
+    pressure : float
+        Expected children of the best, 1 to 2 (Baker 1985).
+    """
+    return np.linspace(pressure, 2.0 - pressure, many) if many > 1 else np.ones(1)
+
+
+def windowed(costs: Floats) -> Floats:
+    """How much better than the worst finite cost, shape (P,); ones when all are the same.
+
+    Parameters
+    ----------
+    costs : ndarray, shape (P,)
+        Best first.
+    """
+    finite = costs[: costs.searchsorted(np.inf)]
+    if len(finite) == 0:
+        return np.ones(len(costs))
+    # halves, so that no difference overflows
+    fitness: Floats = np.maximum(0.5 * finite[-1] - 0.5 * costs, 0.0)
+    return fitness if fitness[0] > 0 else np.ones(len(costs))
+
+
+def exponential(costs: Floats, breadth: float = 1.0) -> Floats:
+    """exp(-(f - f_min) / (c sigma)), shape (P,), sigma of the generation's finite costs.
+
+    Parameters
+    ----------
+    costs : ndarray, shape (P,)
+        f, best first; of those that are infinite the fitness is 0.
+    breadth : float
+        c (FFNN2015: r_g = c sigma_g).
+    """
+    many = int(costs.searchsorted(np.inf))
+    span = float(costs[many - 1]) - float(costs[0]) if many else 0.0
+    if not 0 < span < np.inf:
+        return np.isfinite(costs) * 1.0 if many else np.ones(len(costs))
+    depth = (costs - costs[0]) / span
+    finite = depth[:many]
+    # 0 and 1 are among them, so that the difference of squares is well off 0
+    sigma = sqrt(finite @ finite / many - (finite.sum() / many) ** 2)
+    fitness: Floats = np.exp(depth / (-breadth * sigma))
+    return fitness
+
+
+_NARROW = 1e-14  # parents nearer to each other than this are the same but for rounding
+
+
+def simulated_binary(
+    first: Floats, second: Floats, crossed: Bools, eta: float, rng: np.random.Generator
+) -> Floats:
+    """Two children each, as far from their middle as beta times the parents; shape (2, N, D).
+
+    The spread factor beta has density (eta + 1) / 2 beta^eta up to 1 and
+    (eta + 1) / 2 beta^-(eta + 2) beyond (Deb and Agrawal 1995), cut off where the first child
+    would leave the cube, the same for both, so that they keep their parents' middle.  Which child
+    is nearer to which parent is left to chance for each gene.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (N, D)
+        Parents.
+    crossed : ndarray of bool, shape (N, D)
+        Genes that cross; the others are their parent's.
+    eta : float
+        The greater, the nearer the children are to their parents.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    middle = 0.5 * (first + second)
+    half = 0.5 * np.abs(second - first)
+    gap = np.minimum(middle, 1.0 - middle)
+    # half / gap is 1 / beta at the nearer wall
+    cut = (half / np.maximum(gap, _NARROW)) ** (eta + 1.0)
+    chance = rng.uniform(-1.0, 1.0, middle.shape)
+    share = np.abs(chance) * (2.0 - cut)
+    spread = np.where(share <= 1.0, share, 1.0 / np.maximum(2.0 - share, _NARROW))
+    beta = spread ** (1.0 / (eta + 1.0))
+    step = np.copysign(np.minimum(beta * half, gap), chance)
+    return _pair(first, second, crossed, middle - step, middle + step)
+
+
+def blend(
+    first: Floats, second: Floats, crossed: Bools, alpha: float,
+    rng: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Two children each, anywhere in the parents' interval widened by ``alpha`` of its length.
+
+    What is outside the cube is cut off (BLX-alpha, Eshelman and Schaffer 1993); shape (2, N, D).
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (N, D)
+        Parents.
+    crossed : ndarray of bool, shape (N, D)
+        Genes that cross; the others are their parent's.
+    alpha : float
+        At least 0; at 0.5 the children spread as their parents do.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    wider = alpha * np.abs(second - first)
+    low = np.maximum(np.minimum(first, second) - wider, 0.0)
+    high = np.minimum(np.maximum(first, second) + wider, 1.0)
+    chance = rng.random((2, *first.shape))
+    child, other = low + chance * (high - low)
+    return _pair(first, second, crossed, child, other)
+
+
+def _pair(first: Floats, second: Floats, crossed: Bools, child: Floats, other: Floats) -> Floats:
+    children = np.empty((2, *first.shape))
+    children[0], children[1] = first, second
+    np.copyto(children[0], child, where=crossed)
+    np.copyto(children[1], other, where=crossed)
+    return children
+
+
+def polynomial(x: Floats, eta: float, rng: np.random.Generator) -> Floats:
+    """Genes moved by a step of density (eta + 1) / 2 (1 - |d|)^eta, any shape.
+
+    Each side of the density keeps its half and is cut off at the wall on its side, so that no gene
+    leaves the cube (Deb and Agrawal 1999).
+
+    Parameters
+    ----------
+    x : ndarray
+        Genes, 0 to 1.
+    eta : float
+        The greater, the smaller the steps; without walls their mean size is 1 / (eta + 2).
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    chance = rng.uniform(-1.0, 1.0, x.shape)
+    gap = np.where(chance > 0, 1.0 - x, x)
+    beyond = (1.0 - gap) ** (eta + 1.0)
+    size = 1.0 - (1.0 - np.abs(chance) * (1.0 - beyond)) ** (1.0 / (eta + 1.0))
+    size = np.minimum(size, gap)
+    return x + np.copysign(size, chance)
+
+
+def crossover_rates(fitness: Floats, better: Floats, greatest: float) -> Floats:
+    """Probability p_c that a pair crosses [1], shape (N,).
+
+    Parameters
+    ----------
+    fitness : ndarray, shape (P,)
+        Of the population; the greater, the better.
+    better : ndarray, shape (N,)
+        f', the better of the two fitnesses of each pair.
+    greatest : float
+        k, the probability of pairs below the mean.
+    """
+    best, mean = fitness.max(), fitness.mean()
+    if not best > mean:
+        return np.full(len(better), greatest)
+    return greatest * np.minimum((best - better) / (best - mean), 1.0)
+
+
+def mutation_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
+    """Probability p_m that a gene mutates [1], shape (N,), of individuals with fitness ``own``."""
+    return crossover_rates(fitness, own, greatest)
