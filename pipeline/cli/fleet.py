@@ -85,14 +85,20 @@ def fleet(
 @app.command()
 def golden(
     machine: Machine,
-    first: Annotated[str, typer.Option(help="First UTC day, YYYY-MM-DD.")],
-    last: Annotated[str, typer.Option(help="Last UTC day, YYYY-MM-DD.")],
+    first: Annotated[str | None, typer.Option(help="First UTC day of logs, YYYY-MM-DD.")] = None,
+    last: Annotated[str | None, typer.Option(help="Last UTC day of logs, YYYY-MM-DD.")] = None,
+    files: Annotated[
+        list[str] | None, typer.Option(help="Pattern of further raw files; may be repeated.")
+    ] = None,
+    sealed: Annotated[
+        bool, typer.Option(help="Freeze the sealed set, which promotion alone looks at.")
+    ] = False,
 ) -> None:
-    """Freeze a golden week of MACHINE: no model may learn from it, every model is judged on it."""
-    from pipeline.commands.fleet import freeze_golden
+    """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
+    from pipeline.commands.fleet import freeze_set
 
     with one_sentence():
-        frozen = freeze_golden(machine, first, last)
+        frozen = freeze_set(machine, first=first, last=last, files=files or (), sealed=sealed)
     typer.echo(f"froze {len(frozen.files)} files, sha256 {frozen.sha256[:12]}")
 
 

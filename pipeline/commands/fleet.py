@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
+from fnmatch import fnmatchcase
 from pathlib import Path
 from shutil import copy2
 from typing import Any
@@ -14,12 +15,13 @@ import yaml
 
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.signals.ingest import MachineIdentity, ingest
 from pipeline.signals.manifest import sha256_of
 from pipeline.signals.raw_files import shown
 from pipeline.signals.records import RecordSource
 from pipeline.signals.sniff import source_of
-from pipeline.validation.golden import GoldenWeek, Week, freeze, write_golden
+from pipeline.submodels.cases import sources
 
 CONF = Path("conf")
 DATA = Path("data")
@@ -162,12 +164,19 @@ def use_fleet(name: str) -> Fleet:
         said = " ".join(str(error).split()).removeprefix("params.yaml, ")
         raise ValueError(f"{folder}/{name}.yaml is no fleet: {said}") from error
     _composed(f"fleet={name}")  # refuses machines that are not known
-    for folder_of_some in ("truth", "parts", "trials"):  # empty where no machine has any
+    for folder_of_some in (
+        "truth",
+        "programs",
+        "parts",
+        "trials",
+    ):  # empty where no machine has any
         (DATA / folder_of_some).mkdir(parents=True, exist_ok=True)
-    link = folder / "active.yaml"
-    if not (link.is_symlink() and link.readlink() == Path(f"{name}.yaml")):
-        link.unlink(missing_ok=True)
-        link.symlink_to(f"{name}.yaml")
+    # a plain file: in other revisions DVC would read a link's target by its name
+    active, text = folder / "active.yaml", (folder / f"{name}.yaml").read_text()
+    if active.is_symlink():
+        active.unlink()
+    if not active.exists() or active.read_text() != text:
+        active.write_text(text)
     return chosen
 
 
@@ -216,25 +225,79 @@ def _wanted(folder: Path, sources: Sequence[RecordSource]) -> list[Path]:
     return sorted(found | devices)
 
 
-def freeze_golden(machine: str, first: str, last: str) -> GoldenWeek:
-    """Freeze the files of ``machine`` from ``first`` to ``last``, both included.
+def freeze_set(
+    machine: str,
+    *,
+    first: str | None = None,
+    last: str | None = None,
+    files: Sequence[str] = (),
+    sealed: bool = False,
+) -> FrozenSet:
+    """Freeze raw files of ``machine`` as its golden set, or as the sealed set beside it.
+
+    Parameters
+    ----------
+    machine : str
+        Whose.
+    first, last : str, optional
+        Days of logs that count, ``YYYY-MM-DD``, both included; every file that reaches into them.
+    files : sequence of str
+        Patterns of further files, which have no clock.
+    sealed : bool
+        Whether it is the set that promotion alone looks at.
 
     Raises
     ------
     ValueError
-        When a day is no date, the machine's records were not ingested, or none is in the week.
+        When a day is no date, nothing is named, the records were not ingested, a pattern fits no
+        file, or a file is in the other set already.
     """
     machine_parameters(machine)  # refuses one that is not known
-    days = [_day(day) for day in (first, last)]
-    if days[0] > days[1]:
-        raise ValueError(f"--first {first} lies after --last {last}: name the earlier day first")
     manifest = DATA / "signals" / machine / "manifest.json"
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
-    files = _document(manifest)["files"]
-    frozen = freeze(machine, Week(first=days[0], last=days[1]), files)
-    write_golden(frozen, DATA / "golden" / f"{machine}.json")
+    known = _document(manifest)["files"]
+    days = _days(first, last)
+    names = set() if days is None else {
+        name for name, entry in known.items()
+        if entry.get("last") and str(entry["last"])[:10] in days
+    }  # fmt: skip
+    if days is not None and not names:
+        raise ValueError(
+            f"{machine} has no record from {days.first} to {days.last}: put its files into "
+            f"data/raw/{machine} and run `dvc repro`, or name other days"
+        )
+    for pattern in files:
+        fitting = {name for name in known if fnmatchcase(name, pattern)}
+        if not fitting:
+            raise ValueError(f"{machine} has no raw file {pattern!r}: `kerf golden` names files "
+                             "below its folder in data/raw, with * for any letters")  # fmt: skip
+        names |= fitting
+    if not names:
+        raise ValueError("name what to freeze: --first and --last of a week, or --files")
+    path = DATA / "golden" / f"{machine}.json"
+    sets = read_golden(path) or GoldenSets(machine=machine)
+    other = sets.golden if sealed else sets.sealed
+    both = sorted(names & {one.file for one in (other.files if other else ())})
+    if both:
+        raise ValueError(
+            f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
+            "file is in one of them"
+        )
+    frozen = FrozenSet(files=sources(known, sorted(names)), days=days)
+    write_golden(replace(sets, **{"sealed" if sealed else "golden": frozen}), path)
     return frozen
+
+
+def _days(first: str | None, last: str | None) -> Days | None:
+    if first is None and last is None:
+        return None
+    if first is None or last is None:
+        raise ValueError("--first and --last go together: name both days, or none")
+    days = [_day(day) for day in (first, last)]
+    if days[0] > days[1]:
+        raise ValueError(f"--first {first} lies after --last {last}: name the earlier day first")
+    return Days(first=days[0], last=days[1])
 
 
 def _day(text: str) -> str:
