@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.twin.program import planned_program, program_moves
 from pipeline.twin.program_files import simulate_files
-from tests.identification.control.part_programs import SETUP, exciting, truth
+from tests.submodels.control.part_programs import SETUP, exciting, truth
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from pipeline.twin.simulation import (
     type_of,
     write_trace,
 )
-from tests.identification.control.part_programs import axis, exciting, moves_of, truth
+from tests.submodels.control.part_programs import axis, exciting, moves_of, truth
 from tests.machine.programs import Writer
 
 MILLISECOND = 1e-3

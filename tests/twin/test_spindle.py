@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches, stretch_of, with_heat
-from tests.identification.spindle_days import ONE, RECORDS, state_table
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, state_table
 
 C_AXIS = replace(RECORDS, position_control=True)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline.identification.residual import ForestSettings, examples, train_residual_forest
-from pipeline.identification.spindle import SpindleFitSettings, fit_network
-from pipeline.identification.spindle_document import spindle_document
+from pipeline.submodels.spindle.residual import (ForestSettings, examples, train_residual_forest)
+from pipeline.submodels.spindle.fit import (SpindleFitSettings, fit_network)
+from pipeline.submodels.spindle.submodel import spindle_document
 
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.residual import save_forest
@@ -19,7 +19,7 @@ from pipeline.twin.spindle_model import (
     network_document,
     network_from,
 )
-from tests.identification.spindle_days import ONE, RECORDS, TWO, day_of, days_of, state_table
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of, state_table
 
 MODEL = SpindleModel(network=ONE, records=RECORDS, step_s=10.0)
 

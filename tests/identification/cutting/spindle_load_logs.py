@@ -20,7 +20,7 @@ from pipeline.identification.cutting.spindle_load_records import (
     LoadItems,
     SpindleLoadRecords,
 )
-from tests.identification.control.polled_logs import Said, write_log
+from tests.submodels.control.polled_logs import Said, write_log
 
 DRIVE = SpindleDrive(
     rated_power_kW=12.0, base_speed_rpm=3000.0, top_speed_rpm=12000.0, efficiency=0.9

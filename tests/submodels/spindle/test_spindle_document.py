@@ -6,18 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline.identification.spindle import SpindleFitSettings, fit_network
-from pipeline.identification.spindle_document import (
-    REMEDY,
-    spindle_document,
-    training_stretches,
-)
+from pipeline.submodels.spindle.fit import (SpindleFitSettings, fit_network)
+from pipeline.submodels.spindle.submodel import (REMEDY, spindle_document, training_stretches)
 
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.spindle import SpindleRecords
 from pipeline.twin.spindle_model import network_from
-from tests.identification.spindle_days import ONE, RECORDS, days_of, state_table
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
 
 SETTINGS = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,), nodes=(1,))
 IDENTITY = MachineIdentity(name="mill", description="a mill", origin="simulated", credit="")

@@ -17,7 +17,7 @@ from pipeline.submodels.control.fit import ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.segments import observe
 from pipeline.twin.control import read_controls
-from tests.identification.control.part_programs import (
+from tests.submodels.control.part_programs import (
     change,
     long_cuts,
     moves_of,
@@ -25,7 +25,7 @@ from tests.identification.control.part_programs import (
     start,
     truth,
 )
-from tests.identification.control.polled_logs import logged_runs, polled_log
+from tests.submodels.control.polled_logs import logged_runs, polled_log
 
 IDENTITY = MachineIdentity(name="mill", origin="simulated")
 

@@ -10,8 +10,8 @@ from pipeline.submodels.control.fit import planned
 from pipeline.submodels.control.runs import Run, Series
 from pipeline.submodels.control.segments import TOGETHER, WAITS, clusters, observe, shares
 from pipeline.twin.program import planned_program
-from tests.identification.control.part_programs import exciting, moves_of, truth
-from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+from tests.submodels.control.part_programs import exciting, moves_of, truth
+from tests.submodels.control.polled_logs import ALONE, Operated, logged_runs, polled_log
 
 SHORTEST = 1.0
 

@@ -4,21 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pipeline.validation.control import (
-    WAIT,
-    ControlLimits,
-    control_metrics,
-    control_verdict,
-    naive_times,
-)
+from pipeline.submodels.control.submodel import (WAIT, ControlLimits, control_metrics, control_verdict, naive_times)
 
 from pipeline.gcode.moves import Kind
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.control.programs import match
 from pipeline.submodels.control.records import ControlRecords, observations
 from pipeline.twin.program import planned_program
-from tests.identification.control.part_programs import exciting, moves_of, truth
-from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+from tests.submodels.control.part_programs import exciting, moves_of, truth
+from tests.submodels.control.polled_logs import ALONE, Operated, logged_runs, polled_log
 
 RECORDS = ControlRecords(logs="*", programs="*", training=("train*",))
 IDENTITY = MachineIdentity(name="mill", origin="simulated")

@@ -11,14 +11,14 @@ from pipeline.submodels.control.records import (
     read_matches,
     read_programs,
 )
-from tests.identification.control.part_programs import (
+from tests.submodels.control.part_programs import (
     SETUP,
     change,
     long_cuts,
     moves_of,
     truth,
 )
-from tests.identification.control.polled_logs import ITEMS, polled_log, write_log
+from tests.submodels.control.polled_logs import ITEMS, polled_log, write_log
 
 RECORDS = ControlRecords(
     logs="control/*.txt", programs="programs/*.nc", training=("control/a*",),

@@ -15,8 +15,8 @@ from pipeline.submodels.control.overrides import (
     steady_ratios,
 )
 from pipeline.submodels.control.runs import Run, Series
-from tests.identification.control.part_programs import change, circles, long_cuts, moves_of, truth
-from tests.identification.control.polled_logs import (
+from tests.submodels.control.part_programs import change, circles, long_cuts, moves_of, truth
+from tests.submodels.control.polled_logs import (
     Operated,
     in_force,
     logged_runs,

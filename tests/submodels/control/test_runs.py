@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.submodels.control.runs import Series, activities, joined, read_runs, stopped_within
-from tests.identification.control.polled_logs import ITEMS, write_log
+from tests.submodels.control.polled_logs import ITEMS, write_log
 
 LINES = [(1.0, 10.0), (2.0, 11.0), (3.0, 12.0), (4.0, 13.0)]
 

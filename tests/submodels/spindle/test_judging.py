@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from pipeline.validation.metrics import errors
-from pipeline.validation.spindle import SpindleLimits, judge, predictions
+from pipeline.submodels.spindle.submodel import (SpindleLimits, judge, predictions)
 from pipeline.validation.verdict import flat_metrics, verdict
 
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.spindle import TARGET
 from pipeline.twin.spindle_model import SpindleModel
 from pipeline.validation.golden import Week, freeze, write_golden
-from tests.identification.spindle_days import ONE, RECORDS, state_table
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, state_table
 
 LIMITS = SpindleLimits()
 STEP = 10.0

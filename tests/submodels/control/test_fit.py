@@ -9,7 +9,7 @@ from pipeline.gcode.moves import Kind
 from pipeline.submodels.control.fit import ControlFitSettings, identify_control, planned
 from pipeline.submodels.control.parameters import control_of, free_parameters
 from pipeline.submodels.control.segments import observe, rapid_rates
-from tests.identification.control.part_programs import (
+from tests.submodels.control.part_programs import (
     axis,
     change,
     circles,
@@ -20,7 +20,7 @@ from tests.identification.control.part_programs import (
     start,
     truth,
 )
-from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+from tests.submodels.control.polled_logs import ALONE, Operated, logged_runs, polled_log
 
 SETTINGS = ControlFitSettings()
 TWICE = (ALONE, ALONE)

@@ -2,20 +2,12 @@
 
 import numpy as np
 import pytest
-from pipeline.identification.spindle import (
-    SpindleFitSettings,
-    days_left_out,
-    fit_network,
-    identify_spindle_network,
-    is_determined,
-    solve,
-    window_errors,
-)
-from pipeline.identification.spindle_problem import Problem
+from pipeline.submodels.spindle.fit import (SpindleFitSettings, days_left_out, fit_network, identify_spindle_network, is_determined, solve, window_errors)
+from pipeline.submodels.spindle.fit import Problem
 
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources
 from pipeline.twin.spindle import SpindleRecords
-from tests.identification.spindle_days import ONE, RECORDS, TWO, day_of, days_of
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of
 
 QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,))
 HELD = SpindleRecords(training_from="2026-01-05", training_to="2026-01-30", position_control=True)

@@ -11,16 +11,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from pipeline.identification.residual import (
-    Examples,
-    ForestSettings,
-    examples,
-    train_residual_forest,
-)
+from pipeline.submodels.spindle.residual import (Examples, ForestSettings, examples, train_residual_forest)
 
 from pipeline.twin.residual import feature_names, load_forest, save_forest
 from pipeline.twin.spindle import TARGET, SpindleRecords
-from tests.identification.spindle_days import ONE, RECORDS, days_of
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of
 
 QUICK = ForestSettings(trees=8, depth=6, leaf=5, folds=4, every_s=1800.0, sample_s=300.0)
 
@@ -202,7 +197,7 @@ def test_a_forest_of_other_time_constants_is_refused(tmp_path: Path) -> None:
 
 def test_no_day_is_on_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every fit but the last leaves out whole days, and each day is left out once."""
-    from pipeline.identification import residual
+    from pipeline.submodels.spindle import residual
 
     data = noisy()
     marked = replace(data, x=np.column_stack([data.x, pd.factorize(data.day)[0]]))

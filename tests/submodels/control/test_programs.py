@@ -11,7 +11,7 @@ from pipeline.gcode.moves import Kind
 from pipeline.submodels.control.programs import match, tool_changes
 from pipeline.submodels.control.runs import Run, Series
 from pipeline.twin.program import planned_program
-from tests.identification.control.part_programs import (
+from tests.submodels.control.part_programs import (
     change,
     circles,
     long_cuts,
@@ -19,7 +19,7 @@ from tests.identification.control.part_programs import (
     truth,
     zigzag,
 )
-from tests.identification.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+from tests.submodels.control.polled_logs import ALONE, Operated, logged_runs, polled_log
 
 CUTS = {
     1: [*long_cuts((600, 1200)), *zigzag(2000, 10, 90, 12)],
