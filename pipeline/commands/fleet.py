@@ -164,13 +164,8 @@ def use_fleet(name: str) -> Fleet:
         said = " ".join(str(error).split()).removeprefix("params.yaml, ")
         raise ValueError(f"{folder}/{name}.yaml is no fleet: {said}") from error
     _composed(f"fleet={name}")  # refuses machines that are not known
-    for folder_of_some in (
-        "truth",
-        "programs",
-        "parts",
-        "trials",
-    ):  # empty where no machine has any
-        (DATA / folder_of_some).mkdir(parents=True, exist_ok=True)
+    for some in ("truth", "programs", "parts", "trials"):  # empty where no machine has any
+        (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
     active, text = folder / "active.yaml", (folder / f"{name}.yaml").read_text()
     if active.is_symlink():
@@ -285,7 +280,8 @@ def freeze_set(
             "file is in one of them"
         )
     frozen = FrozenSet(files=sources(known, sorted(names)), days=days)
-    write_golden(replace(sets, **{"sealed" if sealed else "golden": frozen}), path)
+    changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
+    write_golden(changed, path)
     return frozen
 
 

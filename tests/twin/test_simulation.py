@@ -18,8 +18,8 @@ from pipeline.twin.simulation import (
     type_of,
     write_trace,
 )
-from tests.submodels.control.part_programs import axis, exciting, moves_of, truth
 from tests.machine.programs import Writer
+from tests.submodels.control.part_programs import axis, exciting, moves_of, truth
 
 MILLISECOND = 1e-3
 """Times are rounded to it: each term of a sum is off by half of it."""

@@ -1,23 +1,22 @@
 """The stored model: what it predicts, from where, and that it comes back from disk the same."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline.submodels.spindle.residual import (ForestSettings, examples, train_residual_forest)
-from pipeline.submodels.spindle.fit import (SpindleFitSettings, fit_network)
-from pipeline.submodels.spindle.submodel import spindle_document
 
-from pipeline.signals.ingest import MachineIdentity
-from pipeline.twin.residual import save_forest
+from pipeline.schema.model import Correlation
+from pipeline.schema.store import json_text, parsed, write_json
+from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
+from pipeline.thermal.network import SpindleThermalParameters
+from pipeline.twin.residual import ResidualForest, save_forest
 from pipeline.twin.spindle import TARGET, stretch_of
 from pipeline.twin.spindle_model import (
+    SpindleFitFacts,
     SpindleModel,
+    SpindleModelFile,
     load_spindle_model,
-    network_document,
-    network_from,
 )
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of, state_table
 
@@ -73,20 +72,23 @@ def test_what_is_measured_in_a_window_does_not_change_its_prediction() -> None:
 
 def test_a_stored_model_predicts_the_same(tmp_path: Path) -> None:
     days = days_of(ONE, 4, 4, noise_K=0.3)
-    settings = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,))
     quick = ForestSettings(trees=5, depth=4, folds=2, every_s=1800.0, sample_s=300.0)
-    fit = fit_network(days, RECORDS, settings, 1)
-    forest, about = train_residual_forest(
-        examples(days, RECORDS, fit.parameters, quick), RECORDS, quick
-    )
-    identity = MachineIdentity(name="mill")
-    document = spindle_document(identity, RECORDS, settings, fit, {}, days, [])
-    (tmp_path / "spindle_thermal.json").write_text(json.dumps(document))
-    save_forest(forest, tmp_path / "residual", {**about, "used": True})
-    loaded = load_spindle_model(tmp_path / "spindle_thermal.json", tmp_path / "residual")
-    assert loaded.records == RECORDS
-    assert loaded.network == fit.parameters
-    kept = SpindleModel(network=fit.parameters, records=RECORDS, step_s=60.0, forest=forest)
+    trees, about = train_residual_forest(examples(days, RECORDS, ONE, quick), RECORDS, quick)
+    about = replace(about, used=True)
+    facts = SpindleFitFacts(
+        step_s=60.0, nodes=1, rmse_K=0.1, rmse_days_left_out_K={}, condition=None,
+        correlation=Correlation(), evaluations=1, seconds=60.0, bridged_s=0.0,
+    )  # fmt: skip
+    stored = SpindleModelFile(
+        submodel="spindle", machine="mill", origin="simulated", parameters={}, trained_on=(),
+        network=ONE, records=RECORDS, fit=facts, training_days=(), forest=about,
+    )  # fmt: skip
+    write_json(stored, tmp_path / "model.json")
+    save_forest(trees, tmp_path / "residual")
+    loaded = load_spindle_model(tmp_path)
+    assert (loaded.records, loaded.network) == (RECORDS, ONE)
+    forest = ResidualForest(forest=trees, sources=about.sources, extra=about.extra)
+    kept = SpindleModel(network=ONE, records=RECORDS, step_s=60.0, forest=forest)
     state = state_table(ONE, 5, "2026-01-12", hours=1.0)
     expected = kept.predict(state, 24.0)
     np.testing.assert_array_equal(loaded.predict(state, 24.0), expected)
@@ -102,10 +104,9 @@ def test_a_stored_model_predicts_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize("network", [ONE, TWO], ids=["one node", "two nodes"])
 def test_a_network_comes_back_from_json(network: object) -> None:
     given = ONE if network is ONE else TWO
-    text = json.dumps({"network": network_document(given)})
-    assert network_from(json.loads(text)) == given
+    assert parsed(json_text(given).encode(), SpindleThermalParameters, "network") == given
 
 
 def test_a_model_that_was_never_made_says_what_makes_it(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"spindle_thermal\.json does not exist: run `dvc repro`"):
-        load_spindle_model(tmp_path / "spindle_thermal.json", tmp_path / "residual")
+    with pytest.raises(ValueError, match=r"model\.json does not exist: run `dvc repro`"):
+        load_spindle_model(tmp_path)

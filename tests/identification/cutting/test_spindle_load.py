@@ -10,7 +10,6 @@ import pytest
 from pipeline.identification.cutting.spindle_load import spindle_load
 from pipeline.identification.cutting.spindle_load_records import SpindleLoadRecords
 from pipeline.parameters import ParametersError, structure
-from tests.submodels.control.polled_logs import Said
 from tests.identification.cutting.spindle_load_logs import (
     CUT_LOG,
     FREE_LOG,
@@ -28,6 +27,7 @@ from tests.identification.cutting.spindle_load_logs import (
     stock,
     write_bench,
 )
+from tests.submodels.control.polled_logs import Said
 
 BENCH = Bench()
 

@@ -81,7 +81,7 @@ def test_the_residuals_are_those_of_polling(found):
     """Two ends, each late by a uniform share of 0.15 s: sqrt(2 / 12) x 0.15 = 0.061 s."""
     assert found.rmse_s == pytest.approx(0.061, rel=0.15)
     assert found.determined.all()
-    assert [one.key for one, told in zip(found.free, found.told, strict=True) if told] == [
+    assert [one.key for one, told in zip(found.free, found.from_speeds, strict=True) if told] == [
         "rapid_speed"
     ] * 3
 

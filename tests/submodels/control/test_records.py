@@ -7,7 +7,6 @@ import pytest
 
 from pipeline.submodels.control.records import (
     ControlRecords,
-    observations,
     read_matches,
     read_programs,
 )
@@ -21,7 +20,7 @@ from tests.submodels.control.part_programs import (
 from tests.submodels.control.polled_logs import ITEMS, polled_log, write_log
 
 RECORDS = ControlRecords(
-    logs="control/*.txt", programs="programs/*.nc", training=("control/a*",),
+    logs="control/*.txt", programs="programs/*.nc",
     units={"left": "*-left.txt", "right": "*-right.txt"}, default_unit="left",
     simulate=("programs/one*",),
 )  # fmt: skip
@@ -30,6 +29,10 @@ TEXTS = {
     "two": ["G21 G90 G94", *change(2, 3000), *long_cuts((500, 700, 900)), "M30"],
     "bad": ["G21 G90", "G1 X10 F500", "G2 X20 Y0 I500 F100", "M30"],
 }
+
+
+def files_of(signals):
+    return json.loads((signals / "manifest.json").read_text())["files"]
 
 
 @pytest.fixture
@@ -66,45 +69,34 @@ def test_programs_are_read_and_what_cannot_be_followed_is_kept_with_its_reason(m
 def test_runs_are_those_of_the_logs_in_order_of_their_names(machine):
     raw, signals = machine
     programs = read_programs(raw, RECORDS, SETUP).moves
-    matches = read_matches(signals, RECORDS, ITEMS, programs)
+    matches = read_matches(signals, files_of(signals), RECORDS, ITEMS, programs)
     assert [(m.run.name, m.program) for m in matches] == [
         ("control/a-right.txt", "programs/two.nc"),
         ("control/b-left.txt", "programs/one.nc"),
     ]
-    found = observations(matches, RECORDS, programs, 1.0)
-    assert [(match.run.name, one.unit) for match, one in found] == [
-        ("control/a-right.txt", "right"),
-        ("control/b-left.txt", "left"),
-    ]
+    assert [RECORDS.unit(m.run.recording) for m in matches] == ["right", "left"]
 
 
 def test_a_run_without_its_program_has_no_segments_but_a_reason(machine):
     raw, signals = machine
     programs = read_programs(raw, RECORDS, SETUP).moves
     only = {"programs/one.nc": programs["programs/one.nc"]}
-    matches = read_matches(signals, RECORDS, ITEMS, only)
+    matches = read_matches(signals, files_of(signals), RECORDS, ITEMS, only)
     assert [bool(m.reason) for m in matches] == [True, False]
-    assert [m.run.name for m, _ in observations(matches, RECORDS, only, 1.0)] == [
-        "control/b-left.txt"
-    ]
 
 
-def test_patterns_say_what_is_learnt_from_and_what_is_shown(machine):
+def test_a_pattern_says_what_is_shown(machine):
     raw, _ = machine
-    assert RECORDS.is_training("control/a-right.txt")
-    assert not RECORDS.is_training("control/b-left.txt")
     assert [p.name for p in RECORDS.shown(raw)] == ["one.nc"]
 
 
 def test_a_recording_of_no_unit_is_refused_in_one_sentence():
     with pytest.raises(ValueError, match=r"^recording control/c.txt fits no pattern .*left\.txt"):
         RECORDS.unit("control/c.txt")
-    alone = ControlRecords(logs="*", programs="*", training=())
+    alone = ControlRecords(logs="*", programs="*")
     assert alone.unit("control/c.txt") == ""
 
 
 def test_a_default_unit_that_is_none_is_refused():
     with pytest.raises(ValueError, match=r"default_unit is 'middle': name one of its units, left"):
-        ControlRecords(
-            logs="*", programs="*", training=(), units={"left": "*"}, default_unit="middle"
-        )
+        ControlRecords(logs="*", programs="*", units={"left": "*"}, default_unit="middle")

@@ -14,7 +14,7 @@ from pipeline.thermal.network import (
 )
 from pipeline.twin.spindle import SpindleRecords
 
-RECORDS = SpindleRecords(training_from="2026-01-05", training_to="2026-01-30")
+RECORDS = SpindleRecords()
 
 ONE = SpindleThermalParameters(
     heating={"bearing_friction": 6e-7, "copper": 0.08}, cooling_rate=1 / 900, ambient=24.0

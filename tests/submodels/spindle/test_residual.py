@@ -1,6 +1,5 @@
 """The forest: judged by days that it did not see, used only when it helps there."""
 
-import json
 import os
 import subprocess
 import sys
@@ -11,8 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from pipeline.submodels.spindle.residual import (Examples, ForestSettings, examples, train_residual_forest)
 
+from pipeline.submodels.spindle.residual import (
+    Examples,
+    ForestSettings,
+    examples,
+    train_residual_forest,
+)
 from pipeline.twin.residual import feature_names, load_forest, save_forest
 from pipeline.twin.spindle import TARGET, SpindleRecords
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of
@@ -35,9 +39,9 @@ def test_a_forest_helps_where_a_signal_explains_what_is_left() -> None:
         days.append(replace(piece, frame=frame))
     data = examples(days, with_extra("coolant"), ONE, QUICK)
     _, about = train_residual_forest(data, with_extra("coolant"), QUICK)
-    assert about["used"] is True
-    assert about["rmse_days_left_out_K"] < 0.8 * about["rmse_without_K"]  # type: ignore[operator]
-    assert about["days"] == [p.day for p in days]
+    assert about.used is True
+    assert about.rmse_days_left_out_K < 0.8 * about.rmse_without_K
+    assert about.days == tuple(p.day for p in days)
 
 
 def test_a_signal_that_only_tells_the_day_does_not_help() -> None:
@@ -56,10 +60,10 @@ def test_a_signal_that_only_tells_the_day_does_not_help() -> None:
     settings = replace(QUICK, every_s=1e6, sample_s=60.0)
     data = examples(days, with_extra("batch"), ONE, settings)
     forest, about = train_residual_forest(data, with_extra("batch"), settings)
-    assert about["used"] is False
-    assert "does not lower" in str(about["why"])
+    assert about.used is False
+    assert "does not lower" in str(about.why)
     # the leak is real: on the days it was trained on the forest takes most of the error away
-    left = data.error - forest.forest.predict(data.x)
+    left = data.error - forest.predict(data.x)
     assert np.mean(left**2) < 0.3 * np.mean(data.error**2)
 
 
@@ -67,15 +71,15 @@ def test_noise_is_not_worth_a_forest() -> None:
     days = days_of(ONE, 3, 5, noise_K=0.5)
     data = examples(days, RECORDS, ONE, QUICK)
     _, about = train_residual_forest(data, RECORDS, QUICK)
-    assert about["used"] is False
+    assert about.used is False
 
 
 def test_one_day_says_nothing_of_another() -> None:
     data = examples(days_of(ONE, 4, 1, noise_K=0.5), RECORDS, ONE, QUICK)
     _, about = train_residual_forest(data, RECORDS, QUICK)
-    assert about["used"] is False
-    assert "only 1 day" in str(about["why"])
-    assert about["rmse_days_left_out_K"] is None
+    assert about.used is False
+    assert "only 1 day" in str(about.why)
+    assert about.rmse_days_left_out_K is None
 
 
 def test_examples_are_measured_minus_network_from_each_windows_start() -> None:
@@ -106,7 +110,7 @@ def test_an_unknown_signal_stays_unknown_in_the_examples() -> None:
     assert not unknown.all()
     assert np.isfinite(data.x[:, :-3]).all()
     forest, _ = train_residual_forest(data, with_extra("flow"), QUICK)
-    assert np.isfinite(forest.forest.predict(data.x)).all()
+    assert np.isfinite(forest.predict(data.x)).all()
 
 
 def test_no_window_is_an_error_with_its_remedy() -> None:
@@ -132,8 +136,8 @@ def test_a_forest_predicts_the_same_bits_on_any_number_of_cores() -> None:
     data = noisy()
     forest, _ = train_residual_forest(data, RECORDS, QUICK)
     assert forest.forest.n_jobs == 1
-    by_hand = sum(tree.predict(data.x) for tree in forest.forest.estimators_) / QUICK.trees
-    np.testing.assert_array_equal(forest.forest.predict(data.x), by_hand)
+    by_hand = sum(tree.predict(data.x) for tree in forest.estimators_) / QUICK.trees
+    np.testing.assert_array_equal(forest.predict(data.x), by_hand)
 
 
 def noisy() -> Examples:
@@ -146,11 +150,11 @@ def noisy() -> Examples:
 SAVE = """
 import sys
 from pathlib import Path
-from pipeline.identification.residual import train_residual_forest
+from pipeline.submodels.spindle.residual import train_residual_forest
 from pipeline.twin.residual import save_forest
-from tests.identification.test_residual import QUICK, RECORDS, noisy
+from tests.submodels.spindle.test_residual import QUICK, RECORDS, noisy
 forest, about = train_residual_forest(noisy(), RECORDS, QUICK)
-save_forest(forest, Path(sys.argv[1]), about)
+save_forest(forest, Path(sys.argv[1]))
 """
 
 
@@ -161,38 +165,40 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
         subprocess.run(
             [sys.executable, "-c", SAVE, str(folder)],
             check=True,
-            cwd=Path(__file__).parents[2],
+            cwd=Path(__file__).parents[3],
             env={**os.environ, "PYTHONHASHSEED": seed},
         )
         hashes.append({p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()})
     assert hashes[0] == hashes[1]
-    assert set(hashes[0]) == {"forest.skops", "features.json"}
+    assert set(hashes[0]) == {"forest.skops"}
 
 
 def test_a_stored_forest_is_the_one_that_was_trained(tmp_path: Path) -> None:
     data = noisy()
     forest, about = train_residual_forest(data, RECORDS, QUICK)
-    save_forest(forest, tmp_path, {**about, "used": True})
-    loaded = load_forest(tmp_path)
+    save_forest(forest, tmp_path)
+    loaded = load_forest(tmp_path, replace(about, used=True))
     assert loaded is not None
-    assert (loaded.sources, loaded.extra) == (forest.sources, forest.extra)
-    np.testing.assert_array_equal(loaded.forest.predict(data.x), forest.forest.predict(data.x))
+    assert (loaded.sources, loaded.extra) == (about.sources, about.extra)
+    np.testing.assert_array_equal(loaded.forest.predict(data.x), forest.predict(data.x))
 
 
 def test_a_forest_that_does_not_help_is_not_loaded(tmp_path: Path) -> None:
-    forest, about = train_residual_forest(noisy(), RECORDS, QUICK)
-    save_forest(forest, tmp_path, {**about, "used": False})
-    assert load_forest(tmp_path) is None
+    _, about = train_residual_forest(noisy(), RECORDS, QUICK)
+    assert load_forest(tmp_path, replace(about, used=False)) is None
 
 
-def test_a_forest_of_other_time_constants_is_refused(tmp_path: Path) -> None:
+def test_a_forest_that_cannot_be_read_or_has_other_time_constants_is_refused(
+    tmp_path: Path,
+) -> None:
     forest, about = train_residual_forest(noisy(), RECORDS, QUICK)
-    save_forest(forest, tmp_path, {**about, "used": True})
-    path = tmp_path / "features.json"
-    meta = json.loads(path.read_text())
-    path.write_text(json.dumps({**meta, "smoothing_s": [60.0]}))
-    with pytest.raises(ValueError, match=r"smoothed over \[60.0\] s.*train the forest again"):
-        load_forest(tmp_path)
+    save_forest(forest, tmp_path)
+    used = replace(about, used=True)
+    with pytest.raises(ValueError, match=r"means over \[60.0\] s.*train it again"):
+        load_forest(tmp_path, replace(used, smoothing_s=(60.0,)))
+    (tmp_path / "forest.skops").write_bytes(b"no archive")
+    with pytest.raises(ValueError, match=r"forest\.skops cannot be read .*: run `dvc repro`"):
+        load_forest(tmp_path, used)
 
 
 def test_no_day_is_on_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,15 +2,23 @@
 
 import numpy as np
 import pytest
-from pipeline.submodels.spindle.fit import (SpindleFitSettings, days_left_out, fit_network, identify_spindle_network, is_determined, solve, window_errors)
-from pipeline.submodels.spindle.fit import Problem
 
+from pipeline.submodels.spindle.fit import (
+    Problem,
+    SpindleFitSettings,
+    days_left_out,
+    fit_network,
+    identify_spindle_network,
+    is_determined,
+    solve,
+    window_errors,
+)
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources
 from pipeline.twin.spindle import SpindleRecords
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of
 
 QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,))
-HELD = SpindleRecords(training_from="2026-01-05", training_to="2026-01-30", position_control=True)
+HELD = SpindleRecords(position_control=True)
 DIRT = {"noise_K": 0.3, "whole_degrees": True, "gap": True}
 
 
@@ -37,7 +45,7 @@ def test_whole_degrees_noise_and_gaps_leave_a_few_percent() -> None:
 def test_a_measured_ambient_gives_its_offset() -> None:
     truth = SpindleThermalParameters(heating=ONE.heating, cooling_rate=1 / 900, ambient_offset=2.5)
     ambient = 18 + 4 * np.sin(np.arange(360) / 60)
-    records = SpindleRecords(training_from="2026-01-05", training_to="2026-01-30", ambient=True)
+    records = SpindleRecords(ambient=True)
     days = days_of(truth, 3, 6, ambient=ambient, **DIRT)
     fit = fit_network(days, records, QUICK, 1)
     assert "ambient" not in fit.names

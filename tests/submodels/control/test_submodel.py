@@ -1,0 +1,248 @@
+"""The control as a sub-model: what is stored of it, runs and their errors, what is not judged."""
+
+import json
+from dataclasses import replace
+from hashlib import sha256
+
+import numpy as np
+import pytest
+
+from pipeline.gcode.moves import Kind
+from pipeline.schema.store import StoreError, json_text, parsed, read_json, write_json
+from pipeline.signals.cleaning.settings import CleanMachine
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.control.fit import ControlFitSettings
+from pipeline.submodels.control.records import ControlRecords
+from pipeline.submodels.control.submodel import (
+    FITTED,
+    FROM_SPEEDS,
+    NAIVE,
+    NOT_DETERMINED,
+    OVERRIDE_ONLY,
+    SUBMODEL,
+    TIME,
+    WAIT,
+    WHOLE,
+    ControlLimits,
+    Fitting,
+    Judging,
+    naive_times,
+)
+from pipeline.submodels.judge import judge, metrics
+from pipeline.twin.control import ControlModelFile, read_controls
+from pipeline.twin.program import planned_program
+from tests.submodels.control.part_programs import SETUP, exciting, moves_of, start, truth
+from tests.submodels.control.polled_logs import ALONE, ITEMS, Operated, polled_log, write_log
+
+RECORDS = ControlRecords(logs="*.txt", programs="*.nc")
+IDENTITY = MachineIdentity(name="mill", origin="simulated")
+ROLES = Roles(training=("train*",))
+POLLS = 0.3
+"""Both ends of a run are seen up to a poll late [s]."""
+SHARED = {
+    "identity": IDENTITY, "roles": ROLES, "mapping": CleanMachine(signals=ITEMS), "setup": SETUP,
+    "control_records": RECORDS, "control_fit": ControlFitSettings(),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def moves(tmp_path_factory):
+    return moves_of(exciting(), tmp_path_factory.mktemp("programs"), "part")
+
+
+def machine(folder, moves, runs, ran=None):
+    """Folders of a machine that ran the program ``part`` as ``runs`` say, by name of the log."""
+    raw, signals = folder / "raw", folder / "signals"
+    raw.mkdir(parents=True)
+    (signals / "observations").mkdir(parents=True)
+    (raw / "part.nc").write_text("\n".join(exciting()) + "\n")
+    files = {}
+    for seed, (name, operated) in enumerate(runs.items()):
+        log = polled_log(moves, ran or truth(), np.random.default_rng(seed), operated, begin=1.0)
+        output = f"observations/{name}.parquet"
+        write_log(log, signals / output)
+        digest = sha256(name.encode()).hexdigest()
+        files[f"{name}.txt"] = {"output": output, "sha256": digest, "last": None}
+    (signals / "manifest.json").write_text(json.dumps({"files": files}))
+    return Records(raw=raw, signals=signals)
+
+
+def model_of(control):
+    """A stored model whose control is known."""
+    from pipeline.schema.model import Correlation
+    from pipeline.twin.control import ControlFitFacts
+
+    fit = ControlFitFacts(rmse_s=0.0, segments=1, condition=1.0, correlation=Correlation())
+    return ControlModelFile(
+        submodel="control", machine="mill", origin="simulated", parameters={}, trained_on=(),
+        control={"": control}, fit=fit, programs={},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def judged(moves, tmp_path):
+    """The verdict on runs of the program ``part``, by name, under ``control``."""
+
+    def verdict(runs, control=None, ran=None, percent=9.0):
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        records = machine(folder, moves, runs, ran)
+        settings = Judging(**SHARED, control_limits=ControlLimits(total_percent=percent))
+        model = model_of(control or truth())
+        write_json(model, folder / "model.json")
+        return judge(
+            model, SUBMODEL.load(folder, settings), SUBMODEL.cases(records, settings),
+            SUBMODEL.targets(settings, model), sets=None, files=records.files,
+        ).verdict  # fmt: skip
+
+    return verdict
+
+
+def fact(verdict, run, name):
+    return next(c for c in verdict.cases if c.case == f"{run}.txt").facts[name].value
+
+
+def score(verdict, run):
+    return next(s for s in verdict.of(TIME, group=f"{run}.txt") if s.regime == WHOLE)
+
+
+def total(moves, operated=ALONE):
+    return planned_program(moves, truth(), operated.overrides(moves)).total
+
+
+def test_the_true_control_is_right_but_for_polling(judged, moves):
+    slower = Operated(feed={0: 60.0})
+    found = judged({"train": ALONE, "new": slower})
+    for run, operated in (("train", ALONE), ("new", slower)):
+        measured = fact(found, run, "measured")
+        assert measured == pytest.approx(total(moves, operated), abs=POLLS)
+        assert fact(found, run, "predicted") == pytest.approx(total(moves, operated), rel=0.001)
+        assert abs(fact(found, run, "error")) < 100 * POLLS / measured + 0.1
+    assert (score(found, "train").role, score(found, "new").role) == ("training", "held_out")
+    assert found.status == "passed"
+
+
+def test_types_add_up_to_the_run_and_errors_are_those_of_the_times(judged):
+    found = judged({"new": Operated(feed={0: 80.0})})
+    measured, predicted = fact(found, "new", "measured"), fact(found, "new", "predicted")
+    rounding = 100 * 0.01 / measured + 0.005  # times are rounded to 0.01 s
+    error = 100 * (predicted / measured - 1)
+    assert fact(found, "new", "error") == pytest.approx(error, abs=rounding)
+    assert score(found, "new").mean_percent == pytest.approx(error, abs=rounding)
+    types = [s for s in found.of(TIME, group="new.txt") if s.regime != WHOLE]
+    # segments begin at the first line that a poll saw
+    assert sum(s.bias for s in types) == pytest.approx(predicted - measured, abs=POLLS)
+
+
+def test_holds_of_the_operator_are_stops_and_no_error(judged, moves):
+    found = judged({"new": Operated(holds=((40.0, 12.0), (90.0, 30.0)))})
+    assert fact(found, "new", "stops") == pytest.approx(42.0, abs=2 * POLLS)
+    assert fact(found, "new", "measured") == pytest.approx(total(moves), abs=3 * POLLS)
+
+
+def test_waiting_at_m1_beyond_a_moment_is_the_operators(judged, moves):
+    """The machine stands 20 s at each M1 where 0.6 s is planned, and the log calls it active."""
+    waited = replace(truth(), auxiliary=replace(truth().auxiliary, stop=20.0))
+    found = judged({"new": ALONE}, ran=waited)
+    many = int((moves.kind == Kind.STOP).sum())
+    beyond = 20.0 - truth().auxiliary.stop - WAIT
+    assert fact(found, "new", "stops") == pytest.approx(many * beyond, abs=many * 0.1)
+
+
+def test_a_feed_that_only_the_speeds_tell_is_an_error_without_them(judged):
+    found = judged({"new": Operated(feed={0: 50.0})})
+    assert fact(found, "new", "feed read from speeds") > 0.5
+    assert abs(fact(found, "new", "error")) < 0.3
+    assert fact(found, "new", f"error of {OVERRIDE_ONLY}") < -10
+
+
+def test_simple_estimates_are_far_off(judged):
+    found = judged({"new": ALONE})
+    assert fact(found, "new", f"error of {NAIVE}") < -40
+    assert abs(fact(found, "new", "error")) < 0.5
+    assert metrics(found)[f"{TIME}, {WHOLE}"]["skill_mae"][NAIVE] > 0.95
+
+
+def test_a_naive_time_is_the_path_over_the_feed(moves):
+    naive = naive_times(moves, np.full(len(moves), 0.5), 12000.0)
+    cut, rapid = moves.kind == Kind.FEED, moves.kind == Kind.RAPID
+    np.testing.assert_allclose(naive[cut], moves.length[cut] / (moves.feed[cut] / 120), rtol=1e-12)
+    np.testing.assert_allclose(naive[rapid], moves.length[rapid] / 200, rtol=1e-12)
+    assert (naive[~cut & ~rapid & (moves.kind != Kind.ARC)] == 0).all()
+
+
+def test_a_slow_control_fails_and_the_worst_run_decides(judged, moves):
+    slow = replace(truth(), auxiliary=replace(truth().auxiliary, tool_change=8.0))
+    found = judged({"train": ALONE, "a": ALONE, "b": Operated(feed={0: 40.0})}, control=slow)
+    late = 6 * (8.0 - truth().auxiliary.tool_change)
+    assert fact(found, "a", "error") == pytest.approx(100 * late / total(moves), abs=0.3)
+    assert fact(found, "a", "error") > 9.0 > fact(found, "b", "error") > 0
+    assert found.status == "failed"
+    assert (score(found, "a").status, score(found, "b").status) == ("failed", "passed")
+
+
+def test_at_the_limit_a_run_passes(judged):
+    slow = replace(truth(), auxiliary=replace(truth().auxiliary, tool_change=8.0))
+    error = score(judged({"a": ALONE}, control=slow), "a").relative_percent
+    assert judged({"a": ALONE}, control=slow, percent=error).status == "passed"
+    assert judged({"a": ALONE}, control=slow, percent=error - 0.01).status == "failed"
+
+
+@pytest.mark.parametrize("runs", [{"train": ALONE}, {"new": Operated(abort=100.0)}, {}])
+def test_without_a_run_to_judge_there_is_no_verdict(judged, runs):
+    found = judged(runs)
+    assert found.status == "not judged"
+    assert len(found.reasons) == 1
+
+
+@pytest.fixture(scope="module")
+def fitted(moves, tmp_path_factory):
+    """The model of two training runs."""
+    folder = tmp_path_factory.mktemp("fitted")
+    records = machine(folder, moves, {"train1": ALONE, "train2": ALONE, "new": ALONE})
+    settings = Fitting(**SHARED, control=start())
+    return SUBMODEL.fit(SUBMODEL.cases(records, settings), settings, folder)
+
+
+def test_the_model_says_what_it_was_fitted_on_and_by_what_method(fitted):
+    assert [case.case for case in fitted.trained_on] == ["train1.txt", "train2.txt"]
+    assert fitted.trained_on[0].files[0].sha256 == sha256(b"train1").hexdigest()
+    assert set(fitted.programs.values()) == {"part.nc"}
+    parameters = fitted.parameters[""]
+    for one in parameters.values():
+        if one.determined:
+            low, high = one.interval_95
+            assert low <= one.value <= high
+            assert one.method in (FITTED, FROM_SPEEDS)
+            assert one.remedy == ""
+        else:
+            assert (one.value, one.interval_95, one.method) == (None, None, NOT_DETERMINED)
+            assert one.remedy.startswith("log ")
+    names = [n for n, p in parameters.items() if p.method == FITTED]
+    assert list(fitted.fit.correlation.names) == names
+    np.testing.assert_array_equal(np.diag(fitted.fit.correlation.values), 1.0)
+
+
+def test_the_model_comes_back_from_disk_as_it_was(fitted, tmp_path):
+    write_json(fitted, tmp_path / "model.json")
+    assert read_json(tmp_path / "model.json", ControlModelFile) == fitted
+    assert read_controls(tmp_path / "model.json") == fitted.control
+    json.loads(json_text(fitted))  # without infinite or missing numbers
+
+
+def test_the_registry_serves_times_by_block(fitted, tmp_path):
+    write_json(fitted, tmp_path / "model.json")
+    served = SUBMODEL.serve(tmp_path)(SUBMODEL.example(tmp_path))
+    assert (served["program"] == 0).all()
+    assert served["time"].sum() > 12.0  # 120 mm at 600 mm/min, and corners
+
+
+@pytest.mark.parametrize("text", [b"", b"[]", b"{}", b"\xff", b'{"control": {}}', b"null"])
+def test_another_file_is_no_identified_control(text):
+    with pytest.raises(StoreError, match=r"model\.json is (no JSON|not what this version stores)"):
+        parsed(text, ControlModelFile, "model.json")
+
+
+def test_a_file_that_is_not_there_says_what_makes_it(tmp_path):
+    with pytest.raises(StoreError, match=r"model\.json does not exist: run `dvc repro`"):
+        read_controls(tmp_path / "model.json")

@@ -1,0 +1,270 @@
+"""One set of faults for every sub-model: each is found and named by the shared judge."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets
+from pipeline.schema.model import Model, SourceFile
+from pipeline.schema.predictions import read_predictions, write_predictions
+from pipeline.schema.store import read_json, write_json
+from pipeline.schema.verdict import Fact, Verdict
+from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, role_of
+from pipeline.submodels.contract import Prediction, Target, submodels
+from pipeline.submodels.judge import figures, judge, metrics, outside_conditions
+
+ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
+"""Error of the model in each recording, constant over its samples."""
+
+
+def sha(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def case(name: str, role: str, *, bytes_of: str = "", feed: float = 600.0) -> Case:
+    file = SourceFile(file=f"{name}.csv", sha256=sha(bytes_of or name))
+    return Case(
+        name=name, group=name, role=role, files=(file,), load=lambda: name,
+        conditions={"feed": Fact(value=feed, unit="mm/min"), "material": Fact(value="C45")},
+    )  # fmt: skip
+
+
+def predictor(one: Case) -> Prediction:
+    """A ramp that is predicted too high by the recording's error; the baseline by 1."""
+    measured = np.linspace(10.0, 20.0, 50)
+    frame = pd.DataFrame(
+        {
+            "quantity": "force", "unit": "N", "t": np.arange(50.0), "measured": measured,
+            "predicted": measured + ERRORS.get(one.name, 0.2), "low": measured - 0.5,
+            "high": measured + 0.5, "baseline_mean": measured + 1.0,
+        }
+    )  # fmt: skip
+    return Prediction(frame=frame.assign(regime=""))
+
+
+TARGET = Target(
+    quantity="force", unit="N", limits={"mae": 0.35}, baselines=("mean",), must_beat=("mean",)
+)
+
+
+def judged(name: str, cases: list[Case], *, target=TARGET, predict=predictor, sets=None, **files):
+    training = [one for one in cases if one.role == "training"]
+    model = Model(
+        submodel=name, machine="mill", origin="simulated", parameters={},
+        trained_on=tuple(one.training for one in training), conditions=conditions_of(training),
+    )  # fmt: skip
+    known = {f.file: {"sha256": f.sha256, "last": None} for one in cases for f in one.files}
+    return judge(
+        model, predict, Cases(cases=tuple(cases)), [target], sets=sets, files=known | files
+    )
+
+
+TRAIN, A, B = case("train", "training"), case("a", "held_out"), case("b", "held_out")
+every_submodel = pytest.mark.parametrize("name", submodels())
+
+
+@every_submodel
+def test_a_sound_model_passes_on_what_it_was_not_fitted_on(name: str) -> None:
+    found = judged(name, [TRAIN, A, B]).verdict
+    assert (found.status, found.reasons, found.judged_role) == ("passed", (), "held_out")
+    scores = {s.group: s for s in found.scores if s.role == "held_out"}
+    assert (scores["a"].mae, scores["b"].rmse) == (0.2, 0.3)
+    assert scores["all"].mae == 0.25
+    assert scores["a"].coverage_90 == 1.0
+    assert scores["a"].baselines["mean"].mae == 1.0
+    (trained,) = found.of("force", group="train")
+    assert (trained.status, trained.role) == ("not judged", "training")
+    assert metrics(found)["force"]["skill_mae"] == {"mean": 0.75}
+
+
+@every_submodel
+def test_an_error_beyond_its_limit_is_named_with_value_and_limit(name: str) -> None:
+    found = judged(name, [TRAIN, A, case("c", "held_out")]).verdict
+    assert found.status == "failed"
+    assert found.reasons == ("c: force, mean error 0.4 N is above 0.35 N",)
+
+
+@every_submodel
+def test_the_same_bytes_under_another_name_are_a_leak(name: str) -> None:
+    copy = case("copy", "held_out", bytes_of="train")
+    found = judged(name, [TRAIN, A, copy]).verdict
+    assert found.status == "failed"
+    assert (
+        "copy.csv has the same bytes as train.csv, which the model was fitted on"
+        in (found.reasons[0])
+    )
+
+
+@every_submodel
+def test_a_case_outside_of_the_learnt_conditions_is_named_and_its_interval_widened(
+    name: str,
+) -> None:
+    trained = [TRAIN, case("train2", "training", feed=1200.0)]
+    far = case("a", "held_out", feed=1800.0)
+    result = judged(name, [*trained, far, B])
+    (outside,) = result.verdict.outside
+    assert (outside.case, outside.condition, outside.value) == ("a", "feed", 1800.0)
+    assert outside.learnt == "600 to 1200"
+    rows = result.predictions.set_index("case")
+    inside = rows.loc["b", "high"] - rows.loc["b", "predicted"]
+    widened = rows.loc["a", "high"] - rows.loc["a", "predicted"]
+    # one width of the range beyond its end: twice as wide, of what the predictor said itself
+    np.testing.assert_allclose(widened, 2 * 0.3)
+    np.testing.assert_allclose(inside, 0.2)
+
+
+@every_submodel
+def test_a_word_that_was_not_learnt_is_outside(name: str) -> None:
+    steel = replace(A, conditions={"material": Fact(value="1.4301")})
+    (outside,) = outside_conditions(steel, conditions_of([TRAIN]))
+    assert (outside.value, outside.learnt) == ("1.4301", "C45")
+
+
+@every_submodel
+def test_a_model_that_is_worse_than_its_baseline_fails(name: str) -> None:
+    def worse(one: Case) -> Prediction:
+        frame = predictor(one).frame
+        return Prediction(frame=frame.assign(predicted=frame["measured"] - 1.5))
+
+    wide = replace(TARGET, limits={"mae": 9.0})
+    found = judged(name, [TRAIN, A, B], target=wide, predict=worse).verdict
+    assert found.status == "failed"
+    assert found.reasons == ("force is predicted worse than by mean: mean error 1.5 against 1 N",)
+
+
+@every_submodel
+def test_a_golden_file_that_changed_is_named(name: str) -> None:
+    frozen = FrozenSet(
+        files=(SourceFile(file="a.csv", sha256="0" * 64), SourceFile(file="gone.csv", sha256="1")),
+        days=Days(first="2026-01-19", last="2026-01-25"),
+    )
+    late = {"late.txt": {"sha256": "2", "last": "2026-01-20T12:00:00Z"}}
+    golden = replace(A, role="golden")
+    sets = GoldenSets(machine="mill", golden=frozen)
+    found = judged(name, [TRAIN, golden, B], sets=sets, **late).verdict
+    assert found.status == "failed"
+    changed, gone, new = found.reasons
+    assert "a.csv of the golden set has sha256" in changed
+    assert "frozen was 000000000000" in changed
+    assert gone == "gone.csv of the golden set is not among the records"
+    assert new == "late.txt reaches into the days of the golden set and was not frozen with it"
+
+
+@every_submodel
+def test_a_golden_file_that_was_fitted_on_is_named(name: str) -> None:
+    frozen = FrozenSet(files=TRAIN.files)
+    found = judged(name, [TRAIN, A], sets=GoldenSets(machine="mill", golden=frozen)).verdict
+    assert found.status == "failed"
+    assert "train.csv of the golden set has the same bytes as train.csv" in found.reasons[0]
+
+
+def test_another_machines_golden_set_is_refused() -> None:
+    sets = GoldenSets(machine="lathe", golden=FrozenSet(files=A.files))
+    found = judged("spindle", [TRAIN, replace(A, role="golden")], sets=sets).verdict
+    assert found.reasons[0] == "the golden set is one of lathe, not of mill"
+
+
+def test_golden_cases_decide_where_there_are_some_and_sealed_ones_are_not_looked_at() -> None:
+    sealed = replace(case("c", "sealed"), load=lambda: pytest.fail("a sealed case was loaded"))
+    bad = case("c2", "held_out")
+    golden = replace(A, role="golden")
+    result = judged("drive", [TRAIN, golden, B, bad, sealed])
+    assert result.verdict.judged_role == "golden"
+    assert result.verdict.status == "passed"
+    assert "c" not in set(result.predictions["case"])
+
+
+def test_without_a_case_to_judge_by_the_reason_says_what_to_do() -> None:
+    found = judged("drive", [TRAIN]).verdict
+    assert found.status == "not judged"
+    assert found.reasons[0].startswith("train.csv is the only recording of use")
+    both = judged("drive", [TRAIN, case("train2", "training")]).verdict
+    assert "leave some out of roles.training" in both.reasons[0]
+
+
+def test_every_group_counts_where_the_target_says_so() -> None:
+    def uneven(one: Case) -> Prediction:
+        frame = predictor(one).frame
+        return Prediction(frame=frame.assign(baseline_mean=frame["measured"] + 0.25))
+
+    each = replace(TARGET, each_group=True)
+    found = judged("spindle", [TRAIN, A, B], target=each, predict=uneven).verdict
+    assert any("b: RMSE 0.3 N is not below that of mean, 0.25 N" in r for r in found.reasons)
+
+
+def test_the_bootstrap_draws_groups_and_says_how_sure_a_skill_is() -> None:
+    cases = [TRAIN, *(case(f"h{k}", "held_out") for k in range(5))]
+    (skill,) = judged("drive", cases).verdict.skills
+    assert (skill.baseline, skill.groups) == ("mean", 5)
+    assert skill.mae == pytest.approx(0.8)
+    # the same error in every group: nothing to be unsure of
+    assert skill.mae_interval_95 == pytest.approx((0.8, 0.8))
+    (few,) = judged("drive", [TRAIN, A, B]).verdict.skills
+    assert few.mae_interval_95 is None
+
+
+def test_verdict_and_predictions_come_back_from_disk(tmp_path: Path) -> None:
+    result = judged("drive", [TRAIN, A, B])
+    write_json(result.verdict, tmp_path / "verdict.json")
+    assert read_json(tmp_path / "verdict.json", Verdict) == result.verdict
+    write_predictions(result.predictions, tmp_path / "predictions.parquet")
+    back = read_predictions(tmp_path / "predictions.parquet")
+    assert len(back) == 150
+    np.testing.assert_array_equal(back["predicted"], result.predictions["predicted"])
+    write_predictions(pd.DataFrame(), tmp_path / "empty.parquet")
+    assert read_predictions(tmp_path / "empty.parquet").empty
+
+
+def test_only_what_model_and_baselines_know_is_scored() -> None:
+    def partly(one: Case) -> Prediction:
+        frame = predictor(one).frame.copy()
+        frame.loc[:9, "measured"] = np.nan
+        frame.loc[10:19, "baseline_mean"] = np.nan
+        frame.loc[20:29, "scored"] = False
+        frame["scored"] = frame["scored"].fillna(True).astype(bool)
+        return Prediction(frame=frame)
+
+    (score,) = judged("drive", [TRAIN, A], predict=partly).verdict.of("force", group="a")
+    assert score.n == 20
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30), st.floats(-10, 10))
+def test_figures_are_those_of_their_definitions(values: list[float], off: float) -> None:
+    measured = np.array(values)
+    predicted = measured + off
+    found, error = figures(predicted, measured), predicted - measured
+    assert found.mae == pytest.approx(np.abs(error).mean(), rel=1e-5)
+    assert found.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-5)
+    assert found.bias == pytest.approx(error.mean(), rel=1e-5, abs=1e-300)
+    assert found.max == pytest.approx(np.abs(error).max(), rel=1e-5)
+
+
+def test_figures_of_nothing_are_none() -> None:
+    assert figures(np.array([np.nan, 1.0]), np.array([1.0, np.nan])) == figures(
+        np.array([]), np.array([])
+    )
+
+
+def test_roles_stand_in_one_place() -> None:
+    roles = Roles(training=("servo/*",), training_days=Days(first="2026-01-05", last="2026-01-09"))
+    sets = GoldenSets(
+        machine="mill",
+        golden=FrozenSet(
+            files=(SourceFile(file="servo/b.csv", sha256="b"),),
+            days=Days(first="2026-01-19", last="2026-01-25"),
+        ),
+        sealed=FrozenSet(files=(SourceFile(file="servo/c.csv", sha256="c"),)),
+    )
+    assert role_of(["servo/a.csv"], roles) == "training"
+    assert role_of(["other/a.csv"], roles) == "held_out"
+    assert role_of(["agent.txt"], roles, sets, "2026-01-06") == "training"
+    assert role_of(["agent.txt"], roles, sets, "2026-01-12") == "held_out"
+    assert role_of(["agent.txt"], roles, sets, "2026-01-20") == "golden"
+    assert role_of(["servo/b.csv"], roles, sets) == "golden"
+    assert role_of(["servo/c.csv"], roles, sets) == "sealed"
