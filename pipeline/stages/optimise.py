@@ -14,7 +14,7 @@ from pipeline.optimisation.part_files import part_metrics, write_part
 from pipeline.optimisation.part_job import Catalogue, machine_models, part_job
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.signals.ingest import MachineIdentity
-from pipeline.submodels.control.records import ControlRecords
+from pipeline.twin.control import ControlRecords
 
 
 def optimise(

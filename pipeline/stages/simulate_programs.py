@@ -4,8 +4,7 @@ from pathlib import Path
 
 from pipeline.gcode.setup import Setup
 from pipeline.signals.ingest import MachineIdentity
-from pipeline.submodels.control.records import ControlRecords
-from pipeline.twin.control import control_of_unit, read_controls
+from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
 from pipeline.twin.program_files import simulate_files
 
 

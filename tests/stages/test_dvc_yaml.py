@@ -10,7 +10,7 @@ import yaml
 from pipeline.cutting.energy import EnergyParameters
 from pipeline.cutting.spindle_power import SpindleDrive
 from pipeline.parameters import read_params, section_path, structure
-from pipeline.stages.__main__ import load_stage, split_signature
+from pipeline.stages.__main__ import load_stage
 from pipeline.twin.cut_dynamics import TipModes
 from tests.test_architecture import imported
 
@@ -22,12 +22,17 @@ BY_HAND: dict[str, Any] = {
     "machine.*.energy": EnergyParameters,
 }
 """Sections that no stage reads, only ``kerf simulate`` for who runs it by hand, and their types."""
-LISTS = {
-    f"${{{name}}}": name
-    for name in ("machines", "simulated", "spindles", "controls", "drives", "cuts", "optimised",
-                 "trials")
-}  # fmt: skip
-"""What a stage goes over -> the list of the fleet."""
+
+
+def listed(each: str, fleet: dict[str, Any]) -> list[str]:
+    """Machines that a stage goes over: ``${machines}``, ``${submodels.drive}``, … of a fleet."""
+    found: Any = fleet
+    for key in each.removeprefix("${").removesuffix("}").split("."):
+        found = found[key]
+    machines: list[str] = found
+    return machines
+
+
 FLEETS = sorted(p.stem for p in (ROOT / "conf/fleet").glob("*.yaml") if p.stem != "active")
 
 
@@ -60,7 +65,7 @@ def reached(module: str) -> set[str]:
 @pytest.mark.parametrize("name", DVC)
 def test_the_command_gives_the_stage_its_paths(name: str) -> None:
     stage = definition(name)
-    wanted, _ = split_signature(load_stage(name))
+    wanted = load_stage(name).paths
     words = shlex.split(stage["cmd"])
     assert words[:3] == ["python", "-m", "pipeline.stages"]
     assert words[3] == (f"{name}@${{item}}" if "foreach" in DVC[name] else name)
@@ -76,22 +81,25 @@ def test_the_command_gives_the_stage_its_paths(name: str) -> None:
 @pytest.mark.parametrize("name", DVC)
 def test_the_stage_declares_its_sections(name: str) -> None:
     stage = definition(name)
-    _, sections = split_signature(load_stage(name))
+    sections = load_stage(name).sections
     values = read_params(ROOT / "params.yaml")
     each = DVC[name].get("foreach")
-    if each and not values["fleet"][LISTS[each]]:
-        pytest.skip(f"no machine of the active fleet is in its list {LISTS[each]}")
-    some = values["fleet"][LISTS[each]][0] if each else None
+    machines = listed(each, values["fleet"]) if each else []
+    if each and not machines:
+        pytest.skip(f"no machine of the active fleet is in its list {each}")
+    some = machines[0] if each else None
     found = {section_path(values, s, some) for s in sections}
     if some:
         found = {f.replace(f"machine.{some}.", "machine.${item}.") for f in found}
-    assert set(stage.get("params", [])) == found
+    declared = {p for p in stage.get("params", []) if isinstance(p, str)}
+    assert declared == found
 
 
 @pytest.mark.parametrize("name", DVC)
 def test_the_rooms_that_a_stage_reaches_are_among_its_deps(name: str) -> None:
     deps = paths(definition(name)["deps"])
-    for module in reached(f"pipeline.stages.{name}"):
+    reach = {m for module in load_stage(name).modules for m in reached(module)}
+    for module in reach:
         if module == "pipeline/stages/__init__" or module == "pipeline":
             continue
         inside = any(module == d.removesuffix(".py") or module.startswith(d + "/") for d in deps)
@@ -115,9 +123,9 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
     values = yaml.safe_load(composed(ROOT / "conf", (f"fleet={fleet}",)))
     used = {"fleet", "machine", "budget"}
     for name in DVC:
-        _, sections = split_signature(load_stage(name))
+        sections = load_stage(name).sections
         each = DVC[name].get("foreach")
-        for item in values["fleet"][LISTS[each]] if each else [None]:
+        for item in listed(each, values["fleet"]) if each else [None]:
             for section, wanted in sections.items():
                 path = section_path(values, section, item)
                 structure(values, path, wanted)

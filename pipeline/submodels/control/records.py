@@ -1,7 +1,7 @@
 """Records of a control: logs of runs, the programs that they executed, and both matched."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -12,64 +12,6 @@ from pipeline.gcode.setup import Setup
 from pipeline.submodels.control.programs import Match, match
 from pipeline.submodels.control.runs import read_runs
 from pipeline.twin.program import program_moves
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlRecords:
-    """Recordings of runs of programs, and the programs.
-
-    Parameters
-    ----------
-    logs : str
-        Pattern of the recordings' names below the machine's folder.
-    programs : str
-        Pattern of the part programs there.
-    units : mapping of str to str
-        Where several machines of a kind are taken as one: name -> pattern of its recordings.
-    default_unit : str
-        Whose control programs are simulated with when nobody names another.
-    simulate : tuple of str
-        Patterns of the programs that the report shows.
-    """
-
-    logs: str
-    programs: str
-    units: Mapping[str, str] = field(default_factory=dict)
-    default_unit: str = ""
-    simulate: tuple[str, ...] = ("*",)
-
-    def __post_init__(self) -> None:
-        if self.units and self.default_unit not in self.units:
-            raise ValueError(
-                f"control_records.default_unit is {self.default_unit!r}: "
-                f"name one of its units, {', '.join(self.units)}"
-            )
-
-    def shown(self, raw: Path) -> list[Path]:
-        """Programs below ``raw`` that the report shows."""
-        return [
-            path
-            for path in sorted(raw.glob(self.programs))
-            if any(fnmatchcase(path.relative_to(raw).as_posix(), p) for p in self.simulate)
-        ]
-
-    def unit(self, recording: str) -> str:
-        """Which machine of the kind a recording is of; "" where there is one only.
-
-        Raises
-        ------
-        ValueError
-            When there are units and none of their patterns fits.
-        """
-        for name, pattern in self.units.items():
-            if fnmatchcase(recording, pattern):
-                return name
-        if self.units:
-            raise ValueError(
-                f"recording {recording} fits no pattern of control_records.units "
-                f"({', '.join(self.units.values())}): add its unit in conf/machine/"
-            )
-        return ""
 
 
 @dataclass(frozen=True, kw_only=True)

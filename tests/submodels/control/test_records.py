@@ -5,11 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.submodels.control.records import (
-    ControlRecords,
-    read_matches,
-    read_programs,
-)
+from pipeline.submodels.control.records import read_matches, read_programs
+from pipeline.twin.control import ControlRecords
 from tests.submodels.control.part_programs import (
     SETUP,
     change,

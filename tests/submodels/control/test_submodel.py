@@ -13,7 +13,6 @@ from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.control.fit import ControlFitSettings
-from pipeline.submodels.control.records import ControlRecords
 from pipeline.submodels.control.submodel import (
     FITTED,
     FROM_SPEEDS,
@@ -30,7 +29,7 @@ from pipeline.submodels.control.submodel import (
     naive_times,
 )
 from pipeline.submodels.judge import judge, metrics
-from pipeline.twin.control import ControlModelFile, read_controls
+from pipeline.twin.control import ControlModelFile, ControlRecords, read_controls
 from pipeline.twin.program import planned_program
 from tests.submodels.control.part_programs import SETUP, exciting, moves_of, start, truth
 from tests.submodels.control.polled_logs import ALONE, ITEMS, Operated, polled_log, write_log

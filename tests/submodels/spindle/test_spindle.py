@@ -175,7 +175,7 @@ def test_fewer_blocks_than_parameters_determine_nothing() -> None:
 
 
 def test_no_stretch_is_said_with_its_remedy() -> None:
-    with pytest.raises(ValueError, match=r"2026-01-05 to 2026-01-30.*record a working day"):
+    with pytest.raises(ValueError, match=r"on the training days: record a working day"):
         fit_network([], RECORDS, QUICK, 1)
 
 
@@ -208,7 +208,7 @@ def test_position_and_parameters_are_inverse() -> None:
         ({"window_s": float("nan")}, "window_s = nan"),
         ({"bridge_s": -1.0}, "bridge_s = -1.0"),
         ({"nodes": ()}, "nodes"),
-        ({"nodes": (1, 3)}, r"nodes = \(1, 3\)"),
+        ({"nodes": (1, 3)}, r"nodes = 3 must lie from 1 to 2"),
         ({"time_constants_s": ()}, "time_constants_s"),
         ({"time_constants_s": (300.0, 0.0)}, "time_constants_s"),
     ],
