@@ -23,7 +23,8 @@ class FreeParameter:
     Parameters
     ----------
     name : str
-        As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit behind it.
+        As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the
+        unit behind it.
     unit : str
         Of its value.
     low, high : float

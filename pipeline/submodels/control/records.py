@@ -11,6 +11,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.setup import Setup
 from pipeline.submodels.control.programs import Match, match
 from pipeline.submodels.control.runs import read_runs
+from pipeline.twin.control import ControlRecords
 from pipeline.twin.program import program_moves
 
 
