@@ -18,9 +18,8 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, source_of
 from pipeline.signals.ingest import MachineIdentity, ingest
-from pipeline.signals.records import ColumnSource, RecordSource, TableLayout
-from pipeline.signals.sniff import source_of
 from tests.fuzz.seeds import DOCUMENTS, LOGS, TREES
 from tests.small_project import ROOT, inside
 

@@ -16,11 +16,9 @@ import yaml
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
-from pipeline.signals.ingest import MachineIdentity, ingest
-from pipeline.signals.manifest import sha256_of
-from pipeline.signals.raw_files import shown
-from pipeline.signals.records import RecordSource
-from pipeline.signals.sniff import source_of
+from pipeline.signals.formats import RecordSource, source_of
+from pipeline.signals.ingest import MachineIdentity, display_name, ingest
+from pipeline.signals.store import sha256_of
 from pipeline.submodels.cases import sources
 
 CONF = Path("conf")
@@ -71,7 +69,7 @@ def ingest_files(
 ) -> list[FileResult]:
     """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else.
 
-    See :func:`pipeline.signals.sniff.source_of` for how a file is read.
+    See :func:`pipeline.signals.formats.source_of` for how a file is read.
 
     Raises
     ------
@@ -116,7 +114,7 @@ def ingest_files(
 
 def _places(files: Sequence[Path]) -> dict[str, Path]:
     """A name for each file, its own where no two are called the same."""
-    names = [shown(path.name).lstrip(".") or "records" for path in files]
+    names = [display_name(path.name).lstrip(".") or "records" for path in files]
     if len(set(names)) < len(names):
         width = len(str(len(names)))
         names = [f"{number:0{width}d}/{name}" for number, name in enumerate(names, 1)]

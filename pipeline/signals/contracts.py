@@ -1,6 +1,6 @@
-"""What the tables promise: pandera schemas made from the table of signals, and one check for all.
+"""Contracts of stored tables: pandera schemas made from the table of signals, and their check.
 
-A table that breaks its promise is told by one sentence: column, row, value, remedy.
+A table that breaks its contract raises one sentence: column, row, value, remedy.
 """
 
 from collections.abc import Iterable, Mapping

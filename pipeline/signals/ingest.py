@@ -5,43 +5,141 @@ parameters it was read with.  Only what changed is read again; what vanished is 
 is the one that a build from nothing gives.
 """
 
+import hashlib
 import json
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.signals.manifest import (
+from pipeline.signals.formats import RecordSource, Rejection, Trace, UnreadableFile
+from pipeline.signals.store import (
     Entry,
     parquet_name,
     read_manifest,
     read_rejections,
-    tidy,
-    whole,
+    remove_stale,
+    replacing,
+    sha256_of,
     write_data_items,
     write_manifest,
+    write_observations,
+    write_rejected,
     write_runs,
 )
-from pipeline.signals.raw_files import RawFile, raw_files
-from pipeline.signals.records import RecordSource, Rejection, Trace, UnreadableFile
-from pipeline.signals.store import write_observations, write_rejected
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawFile:
+    """A raw file: its name below the folder, who claims it, hashes of all it is made from."""
+
+    name: str
+    path: Path
+    source: RecordSource | None
+    made_from: dict[str, str]
+    broken: str | None
+    """Why its bytes cannot be read."""
+
+
+def raw_files(raw: Path, sources: Sequence[RecordSource]) -> Iterator[RawFile]:
+    """Every raw file in order of its name.
+
+    Devices documents are read as such; hidden files are no records.
+    """
+    claims = _claims(raw, sources)
+    code = _code()
+    devices = {s.devices: raw / s.devices for s in sources if s.devices}
+    hashes = {name: _hash_of(p)[0] for name, p in devices.items()}
+    # A pattern reaches through linked folders, rglob does not.
+    for path in sorted(p for p in {*raw.rglob("*"), *claims} if not p.is_dir()):
+        below = path.relative_to(raw)
+        if path in devices.values() or any(part.startswith(".") for part in below.parts):
+            continue
+        source = claims.get(path)
+        sha256, broken = _hash_of(path)
+        parameters = json.dumps(asdict(source) if source else None, sort_keys=True)
+        yield RawFile(
+            name=display_name(below.as_posix()),
+            path=path,
+            source=source,
+            broken=broken,
+            made_from={
+                "sha256": sha256,
+                "code": code,
+                "parameters": hashlib.sha256(parameters.encode()).hexdigest(),
+                "devices": hashes[source.devices] if source and source.devices else "",
+            },
+        )
+
+
+def display_name(name: str | Path) -> str:
+    r"""A file's name as text; bytes that are not UTF-8 as ``\xff``."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _claims(raw: Path, sources: Sequence[RecordSource]) -> dict[Path, RecordSource]:
+    """The first source that names each file."""
+    claims: dict[Path, RecordSource] = {}
+    for source in sources:
+        for pattern in (source.files, source.devices or "."):
+            if not pattern or pattern.startswith("/") or ".." in PurePosixPath(pattern).parts:
+                raise ValueError(
+                    f"records name the files {pattern!r}: name them below the machine's folder"
+                )
+        for path in sorted(raw.glob(source.files)):
+            claims.setdefault(path, source)
+    return claims
+
+
+def _hash_of(path: Path) -> tuple[str, str | None]:
+    """Hash of the bytes of a file, or why they cannot be read."""
+    if not path.is_file():
+        return "", "it is a link to nothing, or no regular file"
+    try:
+        return sha256_of(path), None
+    except OSError as error:
+        return "", f"it cannot be opened: {error.strerror or error}"
+
+
+_DOWNSTREAM = (
+    "cleaning/",
+    "conditions.py",
+    "contracts.py",
+    "recordings.py",
+    "sampling.py",
+    "windows.py",
+)
+"""Modules that read what the ingest wrote; they have no part in it."""
+
+
+def _code() -> str:
+    """Hash of the code that reads: every module of this folder and below, but for its readers."""
+    folder, digest = Path(__file__).parent, hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        name = path.relative_to(folder).as_posix()
+        if not name.startswith(_DOWNSTREAM):
+            digest.update(name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
 
 READERS = {
-    "shdr": "shdr.log",
-    "mtconnect_xml": "mtconnect.xml_document",
-    "mtconnect_json": "mtconnect.json_document",
-    "csv": "tables.csv_table",
-    "parquet": "tables.parquet_table",
-    "matlab": "tables.matlab",
-    "hdf5": "tables.hdf5",
-    "tdms": "tables.tdms",
+    "shdr": "shdr.log:read",
+    "mtconnect_xml": "mtconnect.xml_document:read",
+    "mtconnect_json": "mtconnect.json_document:read",
+    "csv": "tables.csv_table:read",
+    "parquet": "tables.columnar:read_parquet",
+    "matlab": "tables.matlab:read",
+    "hdf5": "tables.columnar:read_hdf5",
+    "tdms": "tables.columnar:read_tdms",
 }
-"""Module of each format; those of tables return one Trace, the others batches of observations."""
+"""Module and function of each format; those of tables return one Trace, the others batches of
+observations."""
 
 OBSERVING = {"shdr", "mtconnect_xml", "mtconnect_json"}
 
@@ -59,9 +157,9 @@ class MachineIdentity:
     description : str
         Make and kind, for people.
     origin : str
-        ``"simulated"`` or ``"recorded"``; shown wherever its results are.
+        ``"simulated"`` or ``"recorded"``; display_name wherever its results are.
     credit : str
-        Who is to be credited wherever its results are shown.
+        Who is to be credited wherever its results are display_name.
     recordings : str
         Folder under KERF_RECORDINGS that its files are collected from.
     """
@@ -146,7 +244,7 @@ def ingest(
                 **outcome.entry, "sha256": file.made_from["sha256"], "made_from": file.made_from,
             }  # fmt: skip
             rejections[file.name] = outcome.rejected
-    tidy(out, entries)
+    remove_stale(out, entries)
     write_rejected({n: rejections.get(n, []) for n in sorted(entries)}, out / "rejected.parquet")
     write_runs(out, entries)
     write_manifest(out, {**head, "files": entries})
@@ -176,12 +274,13 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
         return _unreadable(NOT_NAMED, None)
     if source.format == "program":
         return _program()
-    reader = import_module(f"pipeline.signals.{READERS[source.format]}")
+    module, _, function = READERS[source.format].partition(":")
+    read = getattr(import_module(f"pipeline.signals.{module}"), function)
     target = parquet_name(file.name)
     try:
         if source.format in OBSERVING:
-            return _observations(reader.read(file.path, source, raw), out, target, source.format)
-        return _trace(reader.read(file.path, source, raw), out, target, source.format)
+            return _observations(read(file.path, source, raw), out, target, source.format)
+        return _trace(read(file.path, source, raw), out, target, source.format)
     except UnreadableFile as error:
         return _unreadable(str(error), source.format)
     except ValueError as error:
@@ -206,9 +305,9 @@ def _observations(batches: Any, out: Path, target: str, form: str) -> Outcome:
 
 
 def _trace(trace: Trace, out: Path, target: str, form: str) -> Outcome:
-    (out / "traces").mkdir(exist_ok=True)
     table = trace.table
-    whole(out / "traces" / target, lambda part: pq.write_table(table, part, compression="zstd"))
+    with replacing(out / "traces" / target) as part:
+        pq.write_table(table, part, compression="zstd")
     first, last = _ends(table)
     entry = {
         "format": form,

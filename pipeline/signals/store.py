@@ -1,7 +1,12 @@
-"""Observations on disk: a Parquet file for each raw file, written as they come."""
+"""Ingested records on disk: observations in Parquet, manifest, rejections, table of recordings.
 
+Every file is written under another name and renamed when it is whole.
+"""
+
+import hashlib
+import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -14,7 +19,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pipeline.signals.columns import OBSERVATIONS, REJECTED
-from pipeline.signals.records import Batch, Rejection
+from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
 
 GROUP = 1 << 19
 """Rows that are gathered before a row group is written."""
@@ -67,7 +72,7 @@ def write_observations(batches: Iterable[Batch], path: Path) -> Written:
     counts = [0, 0]
     rejections: list[Rejection] = []
     times: list[int] = []
-    with _appearing(path) as part, pq.ParquetWriter(part, OBSERVATIONS, **_layout()) as writer:
+    with replacing(path) as part, pq.ParquetWriter(part, OBSERVATIONS, **_layout()) as writer:
         for table in _groups(_counted(batches, rejections, counts)):
             writer.write_table(table, row_group_size=2 * GROUP)
             rows += len(table)
@@ -101,7 +106,7 @@ def _layout() -> dict[str, Any]:
 
 
 @contextmanager
-def _appearing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> Iterator[Path]:
     """A name to write to; the file is renamed to ``path`` when all went well, else removed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -170,7 +175,7 @@ def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> i
         for file, some in rejected.items()
         for r in some
     ]
-    with _appearing(path) as part:
+    with replacing(path) as part:
         pq.write_table(pa.Table.from_pylist(said, schema=REJECTED), part, compression="zstd")
     return len(said)
 
@@ -261,3 +266,134 @@ def _first_of_each(table: pa.Table, order: Any) -> Any:
         same &= column[ranked][1:] == column[ranked][:-1]
     keep[at[ranked[1:][same]]] = False
     return keep
+
+
+Entry = dict[str, Any]
+"""One raw file in the manifest."""
+
+LONGEST = 160
+"""Bytes of a raw file's name that go into the name of its Parquet; file systems allow 255."""
+
+RUNS = pa.schema(
+    [
+        ("recording", pa.string()),
+        ("file", pa.string()),
+        ("format", pa.string()),
+        ("start", pa.timestamp("ns", tz="UTC")),
+        ("end", pa.timestamp("ns", tz="UTC")),
+        ("rows", pa.int64()),
+    ]
+)
+
+
+def read_manifest(out: Path) -> dict[str, Entry]:
+    """Entries of the last ingest; none when there is no manifest that can be read."""
+    try:
+        files: dict[str, Entry] = json.loads((out / "manifest.json").read_text())["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}  # all is read anew
+    return files
+
+
+def write_manifest(out: Path, content: dict[str, Any]) -> None:
+    """Write ``content`` as ``manifest.json``."""
+    text = json.dumps(content, indent=1, sort_keys=True) + "\n"
+    with replacing(out / "manifest.json") as part:
+        part.write_text(text)
+
+
+def read_rejections(out: Path) -> dict[str, list[Rejection]]:
+    """Rejections of the last ingest by raw file; none when they cannot be read."""
+    try:
+        rows = pq.read_table(out / "rejected.parquet").to_pylist()
+    except (OSError, pa.ArrowException):
+        return {}  # files that had some are read anew
+    found: dict[str, list[Rejection]] = {}
+    for row in rows:
+        rejection = Rejection(line=row["line"], reason=row["reason"], excerpt=row["excerpt"] or "")
+        found.setdefault(row["file"], []).append(rejection)
+    return found
+
+
+def write_runs(out: Path, entries: dict[str, Entry]) -> None:
+    """Write ``runs.parquet``: one row a recording that was read."""
+    rows = [
+        {
+            "recording": Path(name).stem,
+            "file": name,
+            "format": entry["format"],
+            "start": entry["first"],
+            "end": entry["last"],
+            "rows": entry["rows"],
+        }
+        for name, entry in sorted(entries.items())
+        if entry["output"] is not None
+    ]
+    arrays = []
+    for column in RUNS:
+        values = [row[column.name] for row in rows]
+        words = pa.types.is_timestamp(column.type)  # ISO 8601
+        arrays.append(pa.array(values, pa.string() if words else column.type).cast(column.type))
+    table = pa.table(arrays, names=RUNS.names)
+    with replacing(out / "runs.parquet") as part:
+        pq.write_table(table, part, compression="zstd")
+
+
+def write_data_items(
+    raw: Path, sources: Sequence[RecordSource], out: Path
+) -> dict[str, dict[str, Any]]:
+    """Write the data items of every Devices document that a source names; say what was found.
+
+    One that cannot be read takes the files that need it with it, not the machine's other files.
+    """
+    from pipeline.signals.mtconnect.devices import read_devices
+    from pipeline.signals.mtconnect.model import data_items_table
+
+    tables, found = [], {}
+    for name, device in sorted({(s.devices, s.device) for s in sources if s.devices}, key=str):
+        if not (raw / name).exists():
+            continue
+        said: dict[str, Any] = {"data_items": 0, "reason": None}
+        try:
+            tables.append(data_items_table(read_devices(raw / name, device)))
+            said["data_items"] = tables[-1].num_rows
+        except UnreadableFile as error:
+            said["reason"] = str(error)
+        found[name if device is None else f"{name} {device}"] = said
+    target = out / "data_items.parquet"
+    if tables:
+        with replacing(target) as part:
+            pq.write_table(pa.concat_tables(tables), part, compression="zstd")
+    else:
+        target.unlink(missing_ok=True)
+    return found
+
+
+def remove_stale(out: Path, entries: dict[str, Entry]) -> None:
+    """Remove the Parquet of raw files that are gone, and what an ingest cut short left behind."""
+    wanted = {e["output"] for e in entries.values()}
+    for folder in ("observations", "traces"):
+        for path in [*(out / folder).glob("*.parquet"), *(out / folder).glob(".*.part")]:
+            if f"{folder}/{path.name}" not in wanted:
+                path.unlink()
+
+
+def parquet_name(name: str) -> str:
+    """Name of the Parquet of the raw file ``name``: another one for every file.
+
+    Examples
+    --------
+    >>> parquet_name("agent/2026-01-05.txt")
+    'agent__2026-01-05.txt.parquet'
+    """
+    flat = name.replace("/", "__")
+    if flat.replace("__", "/") != name or len(flat.encode()) > LONGEST:
+        kept = flat.encode()[:LONGEST].decode(errors="ignore")
+        flat = f"{kept}.{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    return f"{flat}.parquet"
+
+
+def sha256_of(path: Path) -> str:
+    """Hash of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

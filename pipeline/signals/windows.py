@@ -1,4 +1,4 @@
-"""Stretches of the clean state table that a model can be started in and judged on."""
+"""Contiguous segments of the state table in which every input is known."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """A stretch of a day in which every input is known.
+class StateSegment:
+    """Contiguous segment of a day in which every input is known.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def read_state(clean: Path, day: str) -> pd.DataFrame:
     return pd.read_parquet(path).set_index("time")
 
 
-def stretches(
+def state_segments(
     frame: pd.DataFrame,
     day: str,
     *,
@@ -61,11 +61,11 @@ def stretches(
     step: float,
     bridge_s: float,
     shortest_s: float,
-) -> Iterator[Stretch]:
-    """Average a day over steps and cut it into stretches in which every input is known.
+) -> Iterator[StateSegment]:
+    """Average a day over steps and cut it into segments in which every input is known.
 
     Unknown inputs are held for up to ``bridge_s`` seconds, so that a burst of UNAVAILABLE does not
-    end a stretch; a longer gap does.  With ``bridge_s = inf`` nothing does.  A stretch begins with
+    end a segment; a longer gap does.  With ``bridge_s = inf`` nothing does.  A segment begins with
     a measured target and lasts at least ``shortest_s`` seconds.
 
     Raises
@@ -93,7 +93,7 @@ def stretches(
             continue
         begin, end = first + measured[0], first + measured[-1] + 1
         if (end - begin) * step >= shortest_s:
-            yield Stretch(
+            yield StateSegment(
                 day=day,
                 frame=steps.iloc[begin:end],
                 step=step,

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from pipeline.signals.contracts import check_files
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.signals.ingest import ingest as read_records
-from pipeline.signals.records import RecordSource
 
 TABLES = {
     "observations": "observations/*.parquet",

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.schema.arrays import Floats
 from pipeline.signals.columns import column
-from pipeline.signals.windows import Stretch, stretches
+from pipeline.signals.windows import StateSegment, state_segments
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources, temperatures
 
 TARGET = "spindle_temperature"
@@ -88,10 +88,10 @@ def spindle_stretches(
     step: float,
     bridge_s: float,
     shortest_s: float,
-) -> Iterator[Stretch]:
+) -> Iterator[StateSegment]:
     """The stretches of one day's state table, ready for the network."""
     inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
-    yield from stretches(
+    yield from state_segments(
         with_heat(state, records),
         day,
         inputs=inputs,
@@ -104,7 +104,7 @@ def spindle_stretches(
 
 def stretch_of(
     state: pd.DataFrame, start_temperature: float, records: SpindleRecords, *, step: float
-) -> Stretch:
+) -> StateSegment:
     """A whole state table as one stretch that starts from a given temperature.
 
     Unknown inputs are held from before however long; the temperature of the spindle in ``state``
@@ -123,7 +123,7 @@ def stretch_of(
     given = state.assign(**{TARGET: float(start_temperature)})
     inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     found = list(
-        stretches(
+        state_segments(
             with_heat(given, records),
             str(state.index[0].date()),
             inputs=inputs,
@@ -158,7 +158,7 @@ def ambient_of(frame: pd.DataFrame, records: SpindleRecords) -> Floats | None:
 
 
 def free_run(
-    stretch: Stretch, records: SpindleRecords, parameters: SpindleThermalParameters
+    stretch: StateSegment, records: SpindleRecords, parameters: SpindleThermalParameters
 ) -> Floats:
     """Node temperatures over a stretch from its first measured temperature only, (nodes, T)."""
     frame = stretch.frame
@@ -172,7 +172,7 @@ def free_run(
 
 
 def from_measured(
-    stretch: Stretch,
+    stretch: StateSegment,
     start: int,
     length: int,
     records: SpindleRecords,

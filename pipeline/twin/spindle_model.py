@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Correlation, Model
 from pipeline.schema.store import read_json
-from pipeline.signals.windows import Stretch
+from pipeline.signals.windows import StateSegment
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import Forest, ResidualForest, load_forest, smoothed_inputs
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured, stretch_of
@@ -71,12 +71,12 @@ class SpindleModel:
     step_s: float
     forest: ResidualForest | None = None
 
-    def free_run(self, stretch: Stretch) -> tuple[Floats, Floats]:
+    def free_run(self, stretch: StateSegment) -> tuple[Floats, Floats]:
         """Temperature of network alone and of the whole model, each (T,), from the first sample."""
         physics = free_run(stretch, self.records, self.network)[0]
         return physics, self._corrected(stretch, self._inputs(stretch), physics, 0)
 
-    def windows(self, stretch: Stretch, window_s: float) -> tuple[Floats, Floats, Floats]:
+    def windows(self, stretch: StateSegment, window_s: float) -> tuple[Floats, Floats, Floats]:
         """Network alone, whole model, and persistence, each (T,), window by window.
 
         Every window starts from a measured temperature; where there is none, the window begins at
@@ -97,13 +97,13 @@ class SpindleModel:
             persistence[window] = measured[start]
         return physics, model, persistence
 
-    def _inputs(self, stretch: Stretch) -> pd.DataFrame:
+    def _inputs(self, stretch: StateSegment) -> pd.DataFrame:
         """What the forest looks at over a stretch; no columns when there is no forest."""
         names = [*self.forest.sources, *self.forest.extra] if self.forest else []
         return smoothed_inputs(stretch.frame, stretch.step, names)
 
     def _corrected(
-        self, stretch: Stretch, inputs: pd.DataFrame, physics: Floats, start: int
+        self, stretch: StateSegment, inputs: pd.DataFrame, physics: Floats, start: int
     ) -> Floats:
         if self.forest is None:
             return physics

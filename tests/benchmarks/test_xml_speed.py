@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.signals.mtconnect.text import content
-from pipeline.signals.mtconnect.xml_document import asked_of, documents
-from pipeline.signals.records import RecordSource
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.mtconnect.xml_document import documents, selection_of
+from pipeline.signals.mtconnect.xml_events import content
 from pipeline.signals.store import write_observations
 
 SOURCE = RecordSource(format="mtconnect_xml", files="*.xml")
@@ -66,25 +66,25 @@ def streams(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     return path, count
 
 
-def _to_parquet(path: Path, out: Path, *, quick: bool) -> int:
+def _to_parquet(path: Path, out: Path, *, fast: bool) -> int:
     pa.set_cpu_count(1)
     whole = content(path)
-    asked = asked_of(whole, SOURCE, path.parent)
-    return write_observations(documents(whole, asked, quick=quick), out).rows
+    asked = selection_of(whole, SOURCE, path.parent)
+    return write_observations(documents(whole, asked, fast=fast), out).rows
 
 
-@pytest.mark.parametrize("quick", [True, False], ids=["quick", "careful"])
+@pytest.mark.parametrize("fast", [True, False], ids=["fast", "reference"])
 def test_observations_a_second(
-    streams: tuple[Path, int], tmp_path: Path, benchmark, quick: bool
+    streams: tuple[Path, int], tmp_path: Path, benchmark, fast: bool
 ) -> None:
     path, count = streams
     small = tmp_path / "small.xml"
     small.write_text(HEAD.format(next=0) + TAIL)
-    _to_parquet(small, tmp_path / "small.parquet", quick=quick)  # compiles
+    _to_parquet(small, tmp_path / "small.parquet", fast=fast)  # compiles
     out = tmp_path / "out.parquet"
-    rows = benchmark.pedantic(_to_parquet, args=(path, out), kwargs={"quick": quick}, rounds=3)
+    rows = benchmark.pedantic(_to_parquet, args=(path, out), kwargs={"fast": fast}, rounds=3)
     assert rows == count == pq.read_metadata(out).num_rows
     rate = count / benchmark.stats.stats.min
-    way = "quick" if quick else "careful"
+    way = "fast" if fast else "reference"
     sys.stdout.write(f"\n{way}: {rate / 1e6:.2f} million observations a second\n")
     benchmark.extra_info["observations_a_second"] = rate

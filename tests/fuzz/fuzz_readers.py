@@ -23,15 +23,15 @@ READERS = {
     "shdr": LOGS,
     "shdr_fast": LOGS,
     "mtconnect_xml": DOCUMENTS,
-    "mtconnect_xml_quick": DOCUMENTS,
+    "mtconnect_xml_fast": DOCUMENTS,
     "mtconnect_json": TREES,
 }
-"""Readers, and the ways that they take with large files, with the corpus each starts from."""
+"""Readers and their fast paths, with the corpus that each starts from."""
 
 COMPILED = {
-    "pipeline.signals.mtconnect": ("bytes", "digits", "parse", "scan", "tags"),
-    "pipeline.signals.shdr": ("kernel", "scan"),
-    "pipeline.signals.tables": ("mat5",),
+    "pipeline.signals.mtconnect": ("tokens", "scan"),
+    "pipeline.signals.shdr": ("scan",),
+    "pipeline.signals.tables": ("matlab",),
 }
 """Modules of compiled functions, which cannot be instrumented; what calls them is."""
 
@@ -40,18 +40,18 @@ LONGEST = 4096
 
 
 def reader(name: str) -> Callable[..., Any]:
-    """The function ``read`` of a reader, or the way that it takes with large files."""
+    """The function ``read`` of a reader, or its fast path."""
     from pipeline.signals.mtconnect import json_document as mtconnect_json
     from pipeline.signals.mtconnect import xml_document as mtconnect_xml
     from pipeline.signals.shdr import log as shdr
 
-    if name == "mtconnect_xml_quick":
-        mtconnect_xml.QUICK_FROM = 0
+    if name == "mtconnect_xml_fast":
+        mtconnect_xml.FAST_FROM = 0
     return {
-        "shdr": shdr.read_plain,
+        "shdr": shdr.read_reference,
         "shdr_fast": shdr.read_fast,
         "mtconnect_xml": mtconnect_xml.read,
-        "mtconnect_xml_quick": mtconnect_xml.read,
+        "mtconnect_xml_fast": mtconnect_xml.read,
         "mtconnect_json": mtconnect_json.read,
     }[name]
 
@@ -65,7 +65,7 @@ def check(read: Callable[..., Any], path: Path, form: str) -> int | None:
         When a batch does not account for what was read.
     """
     from pipeline.signals.columns import OBSERVATIONS
-    from pipeline.signals.records import RecordSource, UnreadableFile
+    from pipeline.signals.formats import RecordSource, UnreadableFile
 
     n = 0
     try:
@@ -92,9 +92,9 @@ def fuzz(name: str, runs: int, seed: int, crashes: Path) -> None:
     compiled = [f"{room}.{module}" for room, modules in COMPILED.items() for module in modules]
     with atheris.instrument_imports(include=["pipeline.signals"], exclude=compiled):
         read = reader(name)
-        from pipeline.signals.mtconnect import devices_json  # noqa: F401
-        from pipeline.signals.shdr import line  # noqa: F401
-    form = "shdr" if name.startswith("shdr") else name.removesuffix("_quick")
+        from pipeline.signals.mtconnect import devices  # noqa: F401
+        from pipeline.signals.shdr import reference  # noqa: F401
+    form = "shdr" if name.startswith("shdr") else name.removesuffix("_fast")
     folder = Path(tempfile.mkdtemp())
     corpus = folder / "corpus"
     corpus.mkdir()

@@ -43,13 +43,13 @@ def mutations(draw: st.DrawFn, corpus: tuple[bytes, ...]) -> bytes:
 
 @pytest.fixture(params=READERS)
 def way(request: pytest.FixtureRequest) -> Iterator[str]:
-    before = xml_document.QUICK_FROM
+    before = xml_document.FAST_FROM
     yield request.param
-    xml_document.QUICK_FROM = before
+    xml_document.FAST_FROM = before
 
 
 def form(way: str) -> str:
-    return "shdr" if way.startswith("shdr") else way.removesuffix("_quick")
+    return "shdr" if way.startswith("shdr") else way.removesuffix("_fast")
 
 
 @settings(

@@ -42,8 +42,8 @@ from pipeline.shop.dynamometer_records import write_dynamometer
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.spindle_load_parameters import SpindleTests
 from pipeline.shop.trial import TrialJob
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
-from pipeline.signals.records import RecordSource
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_document import CutBasis
 from pipeline.twin.cut_laws import identified_law, tool_laws

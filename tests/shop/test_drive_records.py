@@ -18,8 +18,8 @@ from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.shop.drive_records import write_drives
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
-from pipeline.signals.records import RecordSource
 
 from .conftest import Simulated, run
 

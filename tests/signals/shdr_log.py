@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from pipeline.signals.records import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
 
 SOURCE = RecordSource(format="shdr", files="*.txt")
 TIME = "2019-05-20T10:46:17.123456Z"
@@ -47,10 +47,10 @@ def rows_of(batches: list[Batch]) -> list[tuple[object, ...]]:
     return rows
 
 
-def outcome(way, path: Path, source: RecordSource, chunk: int) -> tuple[object, ...]:  # type: ignore[no-untyped-def]
+def outcome(reader, path: Path, source: RecordSource, chunk: int) -> tuple[object, ...]:  # type: ignore[no-untyped-def]
     """All that a path says of a file: rows, rejections, count; or why it is unreadable."""
     try:
-        batches = list(way(path, source, path.parent, chunk))
+        batches = list(reader(path, source, path.parent, chunk))
     except UnreadableFile as error:
         return (str(error),)
     for batch in batches:
@@ -63,14 +63,14 @@ def outcome(way, path: Path, source: RecordSource, chunk: int) -> tuple[object, 
 class Log:
     """Reads text as a log by one path."""
 
-    def __init__(self, way, folder: Path) -> None:  # type: ignore[no-untyped-def]
-        self.way, self.folder = way, folder
+    def __init__(self, reader, folder: Path) -> None:  # type: ignore[no-untyped-def]
+        self.reader, self.folder = reader, folder
         (folder / "Devices.xml").write_text(DEVICES)
 
     def batches(self, data: str | bytes, source: RecordSource = SOURCE) -> list[Batch]:
         path = self.folder / "log.txt"
         path.write_bytes(data.encode() if isinstance(data, str) else data)
-        return list(self.way(path, source, self.folder))
+        return list(self.reader(path, source, self.folder))
 
     def rows(self, data: str | bytes, source: RecordSource = SOURCE) -> list[tuple[object, ...]]:
         return rows_of(self.batches(data, source))

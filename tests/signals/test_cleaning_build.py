@@ -9,7 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 from cleaning_records import day_rows, nanoseconds, read, record
 
-from pipeline.signals.cleaning import CleanMachine, CleanSettings, PositionControl, clean
+from pipeline.signals.cleaning.clean import clean
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings, PositionControl
 from pipeline.signals.contracts import check
 
 MACHINE = CleanMachine(
@@ -236,7 +237,7 @@ def test_a_logger_that_runs_all_night_does_not_switch_the_machine_on(signals, tm
     summary = clean(signals, tmp_path / "clean", machine=machine)
     assert [note["seconds"] for note in summary["days"].values()] == [900, 900, 0]
     state = read(tmp_path / "clean" / "state" / "2024-03-04.parquet")
-    assert state["ambient_temperature"].notna().all()  # also while the agent told nothing
+    assert state["ambient_temperature"].notna().all()  # also while the agent reported nothing
     np.testing.assert_allclose(np.diff(state["ambient_temperature"]), 1e-4, atol=1e-9)
     segments = read(tmp_path / "clean" / "segments.parquet")
     assert (segments["kind"] == "off").sum() == 1
@@ -283,7 +284,7 @@ def test_settings_come_from_plain_dictionaries_and_refuse_what_is_out_of_range()
     assert machine.position_control == PositionControl(angle="C", speed="S")
     assert machine.names == ("spindle_speed", "spindle_position_control")
     assert converter.structure(asdict(CleanSettings()), CleanSettings) == CleanSettings()
-    with pytest.raises(ValueError, match=r"settle_s = -1.*outside"):
+    with pytest.raises(ValueError, match=r"settle_s = -1.* s must lie from 1 to 86400"):
         CleanSettings(settle_s=-1.0)
     with pytest.raises(ValueError, match=r"spindle_sped.*spindle_speed"):
         CleanMachine(signals={"spindle_sped": "S"})

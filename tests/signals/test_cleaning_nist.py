@@ -10,7 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from cleaning_records import table
 
-from pipeline.signals.cleaning import CleanMachine, PositionControl, clean
+from pipeline.signals.cleaning.clean import clean
+from pipeline.signals.cleaning.settings import CleanMachine, PositionControl
 from pipeline.signals.columns import OBSERVATIONS
 from pipeline.signals.contracts import check
 

@@ -1,4 +1,4 @@
-"""Text tables: every form that loggers and spreadsheets write, and every way they break."""
+"""Text tables: every dialect that loggers and spreadsheets write, and every way they break."""
 
 import csv
 import gzip
@@ -13,15 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.signals.records import (
-    ColumnSource,
-    RecordSource,
-    TableLayout,
-    Trace,
-    UnreadableFile,
-)
-from pipeline.signals.tables.csv_form import Lines, form_of
-from pipeline.signals.tables.csv_table import read, rows_by_arrow, rows_by_record
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace, UnreadableFile
+from pipeline.signals.tables.csv_table import Lines, dialect_of, read, rows_by_arrow, rows_by_record
 
 FORCES = {"force_x": ColumnSource(column="Fx", unit="N")}
 
@@ -268,17 +261,17 @@ def test_both_parsers_give_the_same_rows(rows: Sequence[Sequence[str]]) -> None:
     text = "a,b,c\n" + "".join(",".join(row) + "\n" for row in rows)
     lines = Lines(text.encode())
     layout = TableLayout(columns={}, time="a", names=(), rest=True, header=0)
-    form = form_of(lines, layout)
-    needed = list(form.names)
-    if form.first >= len(lines) or not text[6:].strip("\n"):
+    dialect = dialect_of(lines, layout)
+    needed = list(dialect.names)
+    if dialect.first >= len(lines) or not text[6:].strip("\n"):
         return
-    quick = rows_by_arrow(lines, form, needed)
-    slow = rows_by_record(lines, form, needed, fill=False)
-    assert {n: c.to_pylist() for n, c in quick[0].items()} == {
+    fast = rows_by_arrow(lines, dialect, needed)
+    slow = rows_by_record(lines, dialect, needed, fill=False)
+    assert {n: c.to_pylist() for n, c in fast[0].items()} == {
         n: c.to_pylist() for n, c in slow[0].items()
     }
-    assert quick[1].tolist() == slow[1].tolist()
-    assert [r.line for r in quick[2]] == [r.line for r in slow[2]]
+    assert fast[1].tolist() == slow[1].tolist()
+    assert [r.line for r in fast[2]] == [r.line for r in slow[2]]
 
 
 @settings(deadline=None, max_examples=200)

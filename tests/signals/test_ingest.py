@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.signals import manifest, raw_files
+from pipeline.signals import ingest as ingesting
+from pipeline.signals import store
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.ingest import NOT_NAMED, Ingested, MachineIdentity, ingest
-from pipeline.signals.manifest import parquet_name
-from pipeline.signals.records import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.shdr import log
-from pipeline.signals.store import read_observations
+from pipeline.signals.store import parquet_name, read_observations
 from tests.signals.shdr_log import DEVICES
 
 MILL = MachineIdentity(name="mill", origin="simulated")
@@ -138,9 +138,27 @@ FILES = st.sampled_from(["agent/1.txt", "agent/2.txt", "agent/a__b.txt", "agent/
 TEXTS = st.sampled_from([GOOD, DIRTY, TABLE, EMPTY, DEVICES, None])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.lists(st.dictionaries(FILES, TEXTS, max_size=4), min_size=1, max_size=5))
 def test_any_history_ends_where_a_build_from_nothing_does(
+    history: list[dict[str, str | None]],
+) -> None:
+    sources = (dataclasses.replace(LOGS, files="agent/**/*.txt"), TABLES)
+    with tempfile.TemporaryDirectory() as folder:
+        raw, out = Path(folder) / "raw", Path(folder) / "signals"
+        raw.mkdir()
+        for changes in history:
+            write(raw, {name: text for name, text in changes.items() if text is not None})
+            for name in (name for name, text in changes.items() if text is None):
+                (raw / name).unlink(missing_ok=True)
+            run(raw, out, sources)
+        assert content(out) == from_nothing(raw, sources)
+
+
+@pytest.mark.proof
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.dictionaries(FILES, TEXTS, max_size=4), min_size=1, max_size=5))
+def test_any_of_many_histories_ends_where_a_build_from_nothing_does(
     history: list[dict[str, str | None]],
 ) -> None:
     sources = (dataclasses.replace(LOGS, files="agent/**/*.txt"), TABLES)
@@ -239,10 +257,10 @@ def test_rejections_survive_a_run_that_does_not_read_their_file(raw: Path, out: 
 def test_other_code_reads_anew(raw: Path, out: Path, tmp_path: Path) -> None:
     run(raw, out)
     code = tmp_path / "signals_code"
-    here = Path(raw_files.__file__)
+    here = Path(ingesting.__file__)
     shutil.copytree(here.parent, code, ignore=shutil.ignore_patterns("__pycache__"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(raw_files, "__file__", str(code / here.name))
+        patch.setattr(ingesting, "__file__", str(code / here.name))
         assert run(raw, out) == []  # the same code in another place
         with (code / "tables/csv_table.py").open("a") as file:
             file.write("# changed\n")
@@ -367,11 +385,8 @@ def test_what_breaks_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "x.parquet"
     path.write_text("old")
 
-    def broken(part: Path) -> None:
+    with pytest.raises(pa.ArrowInvalid), store.replacing(path) as part:
         part.write_text("half")
         raise pa.ArrowInvalid("broken")
-
-    with pytest.raises(pa.ArrowInvalid):
-        manifest.whole(path, broken)
     assert [p.name for p in tmp_path.iterdir()] == ["x.parquet"]
     assert path.read_text() == "old"

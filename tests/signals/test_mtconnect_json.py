@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.signals.columns import OBSERVATIONS
+from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
 from pipeline.signals.mtconnect import json_document as mtconnect_json
 from pipeline.signals.mtconnect import xml_document as mtconnect_xml
-from pipeline.signals.records import RecordSource, Rejection, UnreadableFile
 
 SOURCE = RecordSource(format="mtconnect_json", files="*.json")
 WHEN = "2024-03-04T10:00:00.5Z"

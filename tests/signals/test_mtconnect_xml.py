@@ -13,11 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.signals.columns import OBSERVATIONS
-from pipeline.signals.mtconnect.elements import Document
-from pipeline.signals.mtconnect.quick import Quick
-from pipeline.signals.mtconnect.text import content
-from pipeline.signals.mtconnect.xml_document import asked_of, documents, read
-from pipeline.signals.records import RecordSource, Rejection, UnreadableFile
+from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
+from pipeline.signals.mtconnect.fast import FastPath
+from pipeline.signals.mtconnect.reference import Document
+from pipeline.signals.mtconnect.xml_document import documents, read, selection_of
+from pipeline.signals.mtconnect.xml_events import content
 
 SOURCE = RecordSource(format="mtconnect_xml", files="*.xml")
 STAMP = 'timestamp="2024-03-04T10:00:00.5Z"'
@@ -55,13 +55,13 @@ def _sample(value: str = "1.5", *, item: str = "x1", sequence: int = 7, more: st
 
 
 def _ways(text: str | bytes, tmp_path: Path, source: RecordSource = SOURCE) -> list[tuple]:
-    """Rows, records read and rejections of the quick and of the careful way."""
+    """Rows, records read and rejections of the fast and the reference path."""
     path = tmp_path / "streams.xml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     found = []
-    for quick in (True, False):
+    for fast in (True, False):
         whole = content(path)
-        batches = list(documents(whole, asked_of(whole, source, tmp_path), quick=quick))
+        batches = list(documents(whole, selection_of(whole, source, tmp_path), fast=fast))
         for batch in batches:
             assert batch.read == batch.kept + len(batch.rejected)
             assert batch.observations.schema.equals(OBSERVATIONS)
@@ -81,9 +81,9 @@ def _rows(table: pa.Table) -> Rows:
 def _both(
     text: str | bytes, tmp_path: Path, source: RecordSource = SOURCE
 ) -> tuple[Rows, int, list[Rejection]]:
-    quick, careful = _ways(text, tmp_path, source)
-    assert quick == careful
-    return careful
+    fast, reference = _ways(text, tmp_path, source)
+    assert fast == reference
+    return reference
 
 
 def test_a_sample(tmp_path: Path) -> None:
@@ -450,7 +450,7 @@ def test_document_type_declarations_are_refused(tmp_path: Path, text: str) -> No
         ("", "empty"),
         ("2024-01-01T00:00:00Z|a|1\n", "begins with '2024"),
         ("<html><body/></html>", "<html>"),
-        ("<Broken", "no XML"),
+        ("<BrokenElement", "no XML"),
         ('<?xml version="1.0" encoding="klingon"?><MTConnectStreams/>', "'klingon'"),
     ],
 )
@@ -514,12 +514,12 @@ def mutated(draw: Callable[..., Any]) -> bytes:
 @given(text=st.binary(max_size=200) | mutated())
 def test_any_bytes_are_read_alike_or_refused_alike(tmp_path: Path, text: bytes) -> None:
     refused = []
-    for quick in (True, False):
+    for fast in (True, False):
         path = tmp_path / "any.xml"
         path.write_bytes(text)
         try:
             whole = content(path)
-            list(documents(whole, asked_of(whole, SOURCE, tmp_path), quick=quick))
+            list(documents(whole, selection_of(whole, SOURCE, tmp_path), fast=fast))
         except UnreadableFile as error:
             refused.append(str(error))
     if not refused:
@@ -529,23 +529,23 @@ def test_any_bytes_are_read_alike_or_refused_alike(tmp_path: Path, text: bytes) 
         assert refused[0] == refused[1]
 
 
-def _left_to_the_careful_way(path: Path) -> int | None:
-    """Where the quick way stopped, None when it came to the end."""
+def _left_to_the_reference_path(path: Path) -> int | None:
+    """Where the fast path stopped, None when it came to the end."""
     whole = content(path)
-    way = Quick(Document(whole, asked_of(whole, SOURCE, path.parent))).run(whole.start)
+    fast_path = FastPath(Document(whole, selection_of(whole, SOURCE, path.parent))).run(whole.start)
     while True:
         try:
-            next(way)
+            next(fast_path)
         except StopIteration as end:
             return end.value.at
 
 
-def test_what_agents_write_never_leaves_the_quick_way(tmp_path: Path) -> None:
+def test_what_agents_write_never_leaves_the_fast_path(tmp_path: Path) -> None:
     path = tmp_path / "streams.xml"
     path.write_bytes(TEMPLATE * 3)
-    assert _left_to_the_careful_way(path) is None
+    assert _left_to_the_reference_path(path) is None
     path.write_bytes(TEMPLATE + TEMPLATE.replace(b'"b"', b"'b'"))
-    stopped = _left_to_the_careful_way(path)
+    stopped = _left_to_the_reference_path(path)
     assert stopped == len(TEMPLATE) + TEMPLATE.index(b"<Block")
 
 
@@ -557,7 +557,7 @@ needs_recordings = pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS na
 @pytest.mark.parametrize("name", ["qdr_input001.xml", "qdr_input100.xml"])
 def test_both_ways_read_nist_documents_alike(tmp_path: Path, name: str) -> None:
     path = Path(RECORDINGS or "") / "nist_mazak01" / "xml_streams" / name
-    assert _left_to_the_careful_way(path) is None
+    assert _left_to_the_reference_path(path) is None
     rows, read_, rejected = _both(path.read_bytes(), tmp_path)
     assert (read_, rejected) == (path.read_text().count(" sequence="), [])
     assert {r["kind"] for r in rows} == {"SAMPLE", "EVENT", "CONDITION"}

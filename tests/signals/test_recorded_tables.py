@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.signals.records import ColumnSource, RecordSource, TableLayout, Trace
-from pipeline.signals.tables import csv_table, matlab, parquet_table
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace
+from pipeline.signals.tables import columnar, csv_table, matlab
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(
@@ -90,14 +90,14 @@ def test_fanuc_millturn() -> None:
     )  # fmt: skip
     (path,) = recordings("fanuc_millturn", "KS*.parquet")
     source = RecordSource(format="parquet", files="*", table=form)
-    result = parquet_table.read(path, source, path.parent)
+    result = columnar.read_parquet(path, source, path.parent)
     assert result.kept == 177_000
     assert values(result, "t")[-1] == 176.999
     form = layout({"spindle_speed": ("speed_main", "rpm"), "x_torque_command": ("tcmd_x", "")},
                   time="index", time_unit="ms", rest=True)  # fmt: skip
     (path,) = recordings("fanuc_millturn", "split*.parquet")
     source = RecordSource(format="parquet", files="*", table=form)
-    result = parquet_table.read(path, source, path.parent)
+    result = columnar.read_parquet(path, source, path.parent)
     assert result.kept == 458_288
     assert result.table.column("x_torque_command").null_count > 0
     assert notes(result)["clock_backwards"]["count"] > 0
@@ -111,7 +111,7 @@ def test_uniwear() -> None:
     )  # fmt: skip
     (path,) = recordings("uniwear", "*.parquet")
     source = RecordSource(format="parquet", files="*", table=form)
-    result = parquet_table.read(path, source, path.parent)
+    result = columnar.read_parquet(path, source, path.parent)
     assert result.kept == 35_923
     assert len(set(values(result, "experiment"))) == 10
     assert notes(result)["clock_backwards"]["count"] == 9  # each experiment starts anew

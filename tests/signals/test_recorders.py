@@ -13,14 +13,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline.signals.records import (
-    ColumnSource,
-    RecordSource,
-    TableLayout,
-    Trace,
-    UnreadableFile,
-)
-from pipeline.signals.tables import hdf5, mat5, matlab, tdms
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace, UnreadableFile
+from pipeline.signals.tables import columnar, matlab
 
 T = np.arange(50) / 1000
 F = np.arange(50) * 0.5
@@ -61,8 +55,8 @@ def write_tdms(path: Path) -> None:
 
 FORMATS = [
     (matlab.read, write_mat, "x.mat", FORCE),
-    (hdf5.read, write_h5, "x.h5", FORCE),
-    (tdms.read, write_tdms, "x.tdms", source({"force_x": ("F", "N")}, group="g")),
+    (columnar.read_hdf5, write_h5, "x.h5", FORCE),
+    (columnar.read_tdms, write_tdms, "x.tdms", source({"force_x": ("F", "N")}, group="g")),
 ]
 formats = pytest.mark.parametrize(("read", "write", "name", "form"), FORMATS)
 Read = Callable[[Path, RecordSource, Path], Trace]
@@ -159,10 +153,10 @@ def test_hdf5_compound_and_own_units(tmp_path: Path) -> None:
         file["kilo"].attrs["unit"] = "kN"
         file["t"] = T
     form = source({"force_x": ("F", "N"), "tag": ("tag", None)}, group="log/rows", text=("tag",))
-    result = hdf5.read(tmp_path / "x.h5", form, tmp_path)
+    result = columnar.read_hdf5(tmp_path / "x.h5", form, tmp_path)
     check(result)
     assert set(result.table.column("tag").to_pylist()) == {"mill"}
-    kilo = hdf5.read(tmp_path / "x.h5", source({"force_x": ("kilo", None)}), tmp_path)
+    kilo = columnar.read_hdf5(tmp_path / "x.h5", source({"force_x": ("kilo", None)}), tmp_path)
     assert kilo.table.column("force_x").to_pylist() == (F * 1000).tolist()
 
 
@@ -170,7 +164,7 @@ def test_channels_of_two_rates_are_refused(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "x.h5", "w") as file:
         file["t"], file["F"] = T, F[:40]
     with pytest.raises(UnreadableFile, match="'t' has 50 samples and 'F' has 40"):
-        hdf5.read(tmp_path / "x.h5", FORCE, tmp_path)
+        columnar.read_hdf5(tmp_path / "x.h5", FORCE, tmp_path)
 
 
 def test_tdms_states_its_own_rate_start_and_unit(tmp_path: Path) -> None:
@@ -183,7 +177,7 @@ def test_tdms_states_its_own_rate_start_and_unit(tmp_path: Path) -> None:
     with nptdms.TdmsWriter(tmp_path / "x.tdms") as writer:
         writer.write_segment([nptdms.ChannelObject("g", "F", F, properties=facts)])
     form = source({"force_x": ("F", None)}, group="g", time=None)
-    result = tdms.read(tmp_path / "x.tdms", form, tmp_path)
+    result = columnar.read_tdms(tmp_path / "x.tdms", form, tmp_path)
     time = result.table.column("time").cast("int64").to_pylist()
     assert time[:2] == [1_715_932_800_000_001_000, 1_715_932_800_000_101_000]
     assert result.table.column("force_x").to_pylist() == (F * 1000).tolist()
@@ -195,7 +189,7 @@ def test_a_cut_tdms_file_says_so(tmp_path: Path) -> None:
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment([nptdms.ChannelObject("g", "F", F)])
     path.write_bytes(path.read_bytes()[:-80])  # ten samples of eight bytes
-    result = tdms.read(path, form, tmp_path)
+    result = columnar.read_tdms(path, form, tmp_path)
     assert result.table.column("force_x").to_pylist() == F[:40].tolist()
     assert [rejection.line for rejection in result.rejected] == [41]
 
@@ -206,7 +200,7 @@ def test_without_nptdms_the_remedy_is_named(
     write_tdms(tmp_path / "x.tdms")
     monkeypatch.setitem(sys.modules, "nptdms", None)  # what an import finds when it is missing
     with pytest.raises(UnreadableFile, match=r"pip install kerf\[tdms\]"):
-        tdms.read(tmp_path / "x.tdms", FORCE, tmp_path)
+        columnar.read_tdms(tmp_path / "x.tdms", FORCE, tmp_path)
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -218,7 +212,7 @@ def test_mat5_reads_what_scipy_reads(tmp_path: Path, packed: bool) -> None:
     saved["cube"] = np.arange(24.0).reshape(2, 3, 4)
     path = tmp_path / "x.mat"
     scipy.io.savemat(path, saved, do_compression=packed)
-    found = dict(mat5.arrays(path.read_bytes()))
+    found = dict(matlab.level_5_arrays(path.read_bytes()))
     expected = scipy.io.loadmat(path)
     assert set(found) == set(saved)
     for name in saved:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.signals.columns import OBSERVATIONS, REJECTED
-from pipeline.signals.records import Batch, Rejection, UnreadableFile
+from pipeline.signals.formats import Batch, Rejection, UnreadableFile
 from pipeline.signals.store import (
     GROUP,
     read_observations,

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.signals.columns import COLUMNS
-from pipeline.signals.records import (
+from pipeline.signals.formats import (
     ColumnSource,
     RecordSource,
     Rejection,
@@ -19,9 +19,8 @@ from pipeline.signals.records import (
     Trace,
     UnreadableFile,
 )
-from pipeline.signals.tables import csv_table, parquet_table
-from pipeline.signals.tables.channels import known_signal
-from pipeline.signals.tables.table import RawTable, assemble
+from pipeline.signals.tables import columnar, csv_table
+from pipeline.signals.tables.table import RawTable, assemble, known_signal
 
 
 def layout(columns: Mapping[str, tuple[str, str | None]], **options: Any) -> TableLayout:
@@ -212,7 +211,9 @@ def test_a_wrong_layout_is_an_error(tmp_path: Path, options: dict[str, Any], mes
 def parquet(folder: Path, table: pa.Table, form: TableLayout) -> Trace:
     path = folder / "x.parquet"
     pq.write_table(table, path)
-    return parquet_table.read(path, RecordSource(format="parquet", files="*", table=form), folder)
+    return columnar.read_parquet(
+        path, RecordSource(format="parquet", files="*", table=form), folder
+    )
 
 
 def test_parquet_reads_its_own_trace_back(tmp_path: Path) -> None:
@@ -246,7 +247,7 @@ def test_damaged_parquet(tmp_path: Path) -> None:
     for length in (0, 3, 20, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
         with pytest.raises(UnreadableFile):
-            parquet_table.read(path, source, tmp_path)
+            columnar.read_parquet(path, source, tmp_path)
     path.write_text("F\n1\n")
     with pytest.raises(UnreadableFile, match="no whole Parquet"):
-        parquet_table.read(path, source, tmp_path)
+        columnar.read_parquet(path, source, tmp_path)

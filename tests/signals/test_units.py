@@ -10,8 +10,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pipeline.signals.columns import COLUMNS
-from pipeline.signals.unit_names import MTCONNECT_UNITS, NATIVE_UNITS
-from pipeline.signals.units import conversion, mtconnect_factor, mtconnect_unit
+from pipeline.signals.units import (
+    MTCONNECT_UNITS,
+    NATIVE_UNITS,
+    conversion,
+    mtconnect_factor,
+    mtconnect_unit,
+)
 
 # Definitions: 1 inch = 25.4 mm, 1 lb = 0.45359237 kg, g_n = 9.80665 m/s² (exact, 1959 and CGPM
 # 1901); 1 US gallon = 231 inch³; 1 atm = 101325 Pa = 760 torr; 1 mmHg = 133.322387415 Pa.

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.signals.windows import Stretch, read_state, state_days, stretches
+from pipeline.signals.windows import StateSegment, read_state, state_days, state_segments
 
 
 def day(seconds: int = 600) -> pd.DataFrame:
@@ -16,9 +16,11 @@ def day(seconds: int = 600) -> pd.DataFrame:
     )
 
 
-def cut(frame: pd.DataFrame, bridge_s: float = 60.0, shortest_s: float = 60.0) -> list[Stretch]:
+def cut(
+    frame: pd.DataFrame, bridge_s: float = 60.0, shortest_s: float = 60.0
+) -> list[StateSegment]:
     return list(
-        stretches(
+        state_segments(
             frame, "2026-01-05", inputs=["load", "speed"], target="temperature", step=10.0,
             bridge_s=bridge_s, shortest_s=shortest_s,
         )

@@ -1,11 +1,8 @@
-"""From what a machine said to what is known of it: gaps, glitches, states on a grid, cycles."""
+"""Cleaning of a machine's records: gaps, glitches, the state table on a regular grid, activity.
 
-from pipeline.signals.cleaning.clean import clean
-from pipeline.signals.cleaning.settings import (
-    CleanMachine,
-    CleanSettings,
-    PositionControl,
-    SignalMap,
-)
+Values that cannot be true are removed and audited, never replaced.  The state table has one row a
+period, in the units of the table of signals, UTC; cycles of programs and segments (off, warm_up,
+idle, air, cut) are derived from it.  States are those of the MTConnect controller (ANSI/MTC1.4).
+"""
 
-__all__ = ["CleanMachine", "CleanSettings", "PositionControl", "SignalMap", "clean"]
+__all__ = ["clean", "settings"]

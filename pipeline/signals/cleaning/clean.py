@@ -1,4 +1,4 @@
-"""Clean a machine's records, a day at a time, and only the days whose inputs have changed."""
+"""Incremental cleaning of a machine's records: only the days whose inputs have changed."""
 
 import json
 from collections.abc import Mapping
@@ -10,11 +10,16 @@ from typing import Any
 import pandas as pd
 
 from pipeline.signals.cleaning import tables
-from pipeline.signals.cleaning.cycles import cycles
-from pipeline.signals.cleaning.day import Day, clean_day
-from pipeline.signals.cleaning.gaps import Gap
-from pipeline.signals.cleaning.habits import N_BINS, Habit, habit
-from pipeline.signals.cleaning.item import Carry
+from pipeline.signals.cleaning.activity import (
+    CONTROLLER,
+    USED,
+    cycles,
+    intervals,
+    seconds_in_states,
+    segments,
+)
+from pipeline.signals.cleaning.day import Carry, Day, clean_day
+from pipeline.signals.cleaning.gaps import N_BINS, Gap, ReportingInterval, reporting_interval
 from pipeline.signals.cleaning.recorded import (
     DAY,
     LOGGER,
@@ -22,16 +27,14 @@ from pipeline.signals.cleaning.recorded import (
     Index,
     conversions,
     day_start,
-    file_hash,
     files_of,
     index,
     is_trace,
     merged_intervals,
     rows_of,
 )
-from pipeline.signals.cleaning.segments import USED, segments
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
-from pipeline.signals.cleaning.states import CONTROLLER, intervals, seconds_in_states
+from pipeline.signals.store import sha256_of
 
 Summary = dict[str, Any]
 
@@ -70,10 +73,10 @@ def clean(
     rules = _digest([tables.code_version(), asdict(machine), asdict(settings), converted])
     known = before.get("files", {}) if before.get("rules") == rules else {}
     indices = [_index(p, signals, known, machine, settings) for p in files_of(signals)]
-    habits = _habits(indices, machine)
+    reporting = _reporting(indices, machine)
     build = _Build(
         signals=signals, out=out, machine=machine, settings=settings, rules=rules,
-        indices=indices, habits=habits, before=before, converted=converted,
+        indices=indices, reporting=reporting, before=before, converted=converted,
     )  # fmt: skip
     return build.run()
 
@@ -86,12 +89,12 @@ def _index(
     path: Path, signals: Path, known: Mapping[str, Any], machine: CleanMachine, s: CleanSettings
 ) -> Index:
     old = known.get(path.relative_to(signals).as_posix())
-    if old is not None and old["sha256"] == file_hash(path):
+    if old is not None and old["sha256"] == sha256_of(path):
         return Index(**old)
     return index(path, signals, machine, s)
 
 
-def _habits(indices: list[Index], machine: CleanMachine) -> dict[str, Habit]:
+def _reporting(indices: list[Index], machine: CleanMachine) -> dict[str, ReportingInterval]:
     import numpy as np
 
     found = {}
@@ -100,12 +103,12 @@ def _habits(indices: list[Index], machine: CleanMachine) -> dict[str, Habit]:
         voice = LOGGER if item == WHOLE and not _has_agent(indices) else item
         for place, n in merged_intervals(indices, voice).items():
             counts[int(place)] = n
-        found[item] = habit(counts)
+        found[item] = reporting_interval(counts)
     return found
 
 
 def _has_agent(indices: list[Index]) -> bool:
-    """Whether an agent tells when the machine is on; else its recordings do."""
+    """Whether an agent reports when the machine is on; else its recordings show it."""
     return any(one.days and not is_trace(one.file) for one in indices)
 
 
@@ -119,7 +122,7 @@ class _Build:
     settings: CleanSettings
     rules: str
     indices: list[Index]
-    habits: dict[str, Habit]
+    reporting: dict[str, ReportingInterval]
     before: Summary
     converted: dict[str, tuple[float, float]]
 
@@ -152,8 +155,8 @@ class _Build:
 
     def _key(self, day: str, carry: Carry) -> str:
         files = [(i.file, i.sha256) for i in self._files(day)]
-        habits = {k: v.effect(self.settings) for k, v in self.habits.items()}
-        return _digest([self.rules, day, files, carry, habits, _has_agent(self.indices)])
+        reporting = {k: v.effect(self.settings) for k, v in self.reporting.items()}
+        return _digest([self.rules, day, files, carry, reporting, _has_agent(self.indices)])
 
     def _day(self, day: str, carry: Carry) -> Day:
         start = day_start(day)
@@ -168,7 +171,9 @@ class _Build:
         for item, (factor, offset) in self.converted.items():
             chosen = (rows["data_item"] == item).to_numpy()
             rows.loc[chosen, "number"] = rows.loc[chosen, "number"] * factor + offset
-        done = clean_day(rows, start, start + DAY, carry, self.habits, self.machine, self.settings)
+        done = clean_day(
+            rows, start, start + DAY, carry, self.reporting, self.machine, self.settings
+        )
         tables.write_state(self.out, day, done.state, self.machine)
         return done
 

@@ -1,21 +1,148 @@
-"""One day of a machine: from its rows and what was known before to the state table."""
+"""State table of one day of a machine, from its rows and what was known before, item by item."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.arrays import Ints
 from pipeline.signals.cleaning import gaps as found_gaps
-from pipeline.signals.cleaning.gaps import Gap, Lost
-from pipeline.signals.cleaning.habits import Habit
-from pipeline.signals.cleaning.item import Audit, Carry, Item
+from pipeline.signals.cleaning.gaps import NO_MACHINE_GAPS, Gap, MachineGaps, ReportingInterval
+from pipeline.signals.cleaning.glitches import Audit, without_glitches
 from pipeline.signals.cleaning.position_control import position_control
 from pipeline.signals.cleaning.recorded import WHOLE
-from pipeline.signals.cleaning.resample import grid, held, on_spans, resampled
-from pipeline.signals.cleaning.series import Ints, Series
+from pipeline.signals.cleaning.series import (
+    Series,
+    empty,
+    grid,
+    held,
+    joined,
+    on_spans,
+    removed_holes,
+    resampled,
+)
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS, Column
+
+Carry = dict[str, Any]
+"""What one day leaves to the next, as JSON: ``spoken``, ``agent``, ``items``, ``held`` (position
+control); times in ns."""
+
+
+class Item:
+    """One data item in the course of a day."""
+
+    def __init__(self, item: str, signal: Column, before: Carry) -> None:
+        self.item, self.signal, self.before = item, signal, before
+        self.series = self.raw = empty(text=signal.text)
+        self.holes = np.array([], dtype=np.int64)
+        self.words: list[Audit] = []
+        self.apart = False
+
+    def read(self, rows: pd.DataFrame) -> None:
+        """Take the item's rows, after what was known before."""
+        chosen = rows["wanted"].to_numpy() & (rows["data_item"] == self.item).to_numpy()
+        part = rows[chosen]
+        time = part["time"].to_numpy().astype(np.int64)
+        value = _words(part) if self.signal.text else self._numbers(part, time)
+        said = Series(time=time, value=value, fresh=~part["restated"].to_numpy(dtype=bool))
+        self.apart = bool(part["apart"].any() or self.before.get("apart", False))
+        known = [tuple(v) for k in ("good", "said") if (v := self.before.get(k))]
+        past = list(dict.fromkeys(known))  # the last value is often also the last good one
+        self.raw = joined(_brought_over(past, self.signal.text), said)
+
+    def _numbers(self, part: pd.DataFrame, time: Ints) -> np.ndarray:
+        number = part["number"].to_numpy(dtype=float).copy()
+        word = part["text"].notna().to_numpy() & np.isnan(number)
+        if word.any():
+            text = part["text"].astype(object)[word]
+            number[word] = pd.to_numeric(text, errors="coerce")
+            lost = np.isnan(number[word])
+            self.words = [
+                Audit(time=int(t), data_item=self.item, before=str(w), rule="not_a_number")
+                for t, w in zip(time[word][lost], text[lost], strict=True)
+            ]
+        return number
+
+    def glitches(self, settings: CleanSettings, lost: MachineGaps) -> list[Audit]:
+        """Remove what cannot be true; what was removed, as audit rows."""
+        cuts = NO_MACHINE_GAPS.cuts if self.apart else lost.cuts
+        done = without_glitches(self.raw, self.signal, settings, cuts)
+        self.series = done.series
+        self.holes = removed_holes(self.raw, done.removed, settings.bridge_s)
+        at = np.flatnonzero(done.removed)
+        return self.words + [
+            Audit(time=int(self.raw.time[i]), data_item=self.item,
+                  before=f"{self.raw.value[i]:.10g}", rule=str(done.rule[i]))
+            for i in at
+        ]  # fmt: skip
+
+    def gaps(
+        self, lost: MachineGaps, interval: ReportingInterval, settings: CleanSettings
+    ) -> list[Gap]:
+        """The item's own gaps."""
+        own = found_gaps.unavailable(self.item, self.raw)
+        if self.apart:
+            quiet = found_gaps.silences(self.raw.time, interval, settings, self.item)
+        else:
+            quiet = found_gaps.item_silences(self.item, self.raw, lost.gaps, interval, settings)
+        self.holes = np.unique(np.r_[self.holes, [g.start + 1 for g in quiet]]).astype(np.int64)
+        return own + quiet
+
+    def known(self, lost: MachineGaps) -> Series:
+        """The clean series with "not known" wherever it is not."""
+        lost = NO_MACHINE_GAPS if self.apart else lost
+        hole = self.before.get("hole")
+        past = np.array([] if hole is None else [hole], dtype=np.int64)
+        self.holes = np.unique(np.r_[self.holes, lost.cuts, past]).astype(np.int64)
+        whole = self.series.unknown_at(self.holes)
+        since, until = lost.pauses[:, 0], lost.pauses[:, 1]
+        again = Series(time=until, value=held(whole, until), fresh=np.zeros(len(until), dtype=bool))
+        return joined(whole.unknown_at(since), again.keep(again.known))
+
+    def left(self, end: int) -> Carry:
+        """What is known of the item at ``end`` [ns], for the next day."""
+        said = self.series.before(end)
+        good = said.keep(said.known)
+        holes = self.holes[self.holes < end]
+        last = int(said.time[-1]) if len(said.time) else -1
+        open_hole = len(holes) and holes[-1] >= last
+        return {
+            "said": _last_value(said),
+            "good": _last_value(good),
+            "hole": int(holes[-1]) if open_hole else None,
+            "apart": self.apart,
+        }
+
+
+def _last_value(series: Series) -> list[Any] | None:
+    if not len(series.time):
+        return None
+    value = series.value[-1]
+    lost = value is None or (not series.text and np.isnan(value))
+    plain = None if lost else (str(value) if series.text else float(value))
+    return [int(series.time[-1]), plain]
+
+
+def _brought_over(past: list[tuple[Any, ...]], text: bool) -> Series:
+    if not past:
+        return empty(text=text)
+    missing = None if text else np.nan
+    words = [missing if v is None else v for _, v in past]
+    value = np.array(words, dtype=object if text else float)
+    time = np.array([t for t, _ in past], dtype=np.int64)
+    return Series(time=time, value=value, fresh=np.zeros(len(past), dtype=bool))
+
+
+def _words(part: pd.DataFrame) -> np.ndarray:
+    text = np.array([None if pd.isna(word) else word for word in part["text"]], dtype=object)
+    number = part["number"].to_numpy(dtype=float)
+    for i in np.flatnonzero(~np.isnan(number)):
+        if text[i] is None:
+            text[i] = f"{number[i]:.10g}"
+    return text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +166,7 @@ def clean_day(
     start: int,
     end: int,
     carry: Carry,
-    habits: Mapping[str, Habit],
+    reporting: Mapping[str, ReportingInterval],
     machine: CleanMachine,
     settings: CleanSettings,
 ) -> Day:
@@ -49,12 +176,12 @@ def clean_day(
     ----------
     rows : DataFrame
         As of ``recorded.rows_of``, from ``start`` to ``end`` and the lookahead after it, and
-        ``apart``: told by a logger that may run while the machine is off.
+        ``apart``: reported by a logger that may run while the machine is off.
     start, end : int
         The day [ns].
     carry : dict
         What the day before left; empty for the first.
-    habits : mapping of str to Habit
+    reporting : mapping of str to ReportingInterval
         By data item, and ``"*"`` for the machine as a whole.
     machine, settings
         Where signals are, and by which rules they are cleaned.
@@ -66,7 +193,7 @@ def clean_day(
     counts["restated"] = int((rows["restated"] & today).sum())
     rows = rows[~twice]
     spoken = _spoken(rows, carry)
-    lost = _lost(rows, spoken, carry, habits[WHOLE], settings)
+    lost = _lost(rows, spoken, carry, reporting[WHOLE], settings)
     if len(spoken) and spoken[-1] < end:  # a silence that nothing has ended yet
         lost = replace(lost, cuts=np.unique(np.r_[lost.cuts, spoken[-1] + 1]))
     audit: list[Audit] = []
@@ -77,11 +204,11 @@ def clean_day(
         one = Item(item, _signal_of(item, machine), carry.get("items", {}).get(item, {}))
         one.read(rows)
         audit += [a for a in one.glitches(settings, lost) if start <= a.time < end]
-        all_gaps += one.gaps(lost, habits.get(item, Habit()), settings)
+        all_gaps += one.gaps(lost, reporting.get(item, ReportingInterval()), settings)
         clean[item] = one.known(lost)
         items[item] = one.left(end)
     at = grid(on_spans(spoken, settings), start, end, settings.period_s)
-    state, control = _state(at, clean, habits, machine, settings, carry)
+    state, control = _state(at, clean, reporting, machine, settings, carry)
     state.insert(0, "time", at)
     before_end = spoken[spoken < end]
     left: Carry = {
@@ -123,8 +250,12 @@ def _agent(rows: pd.DataFrame, carry: Carry) -> list[int] | None:
 
 
 def _lost(
-    rows: pd.DataFrame, spoken: Ints, carry: Carry, habit: Habit, settings: CleanSettings
-) -> Lost:
+    rows: pd.DataFrame,
+    spoken: Ints,
+    carry: Carry,
+    interval: ReportingInterval,
+    settings: CleanSettings,
+) -> MachineGaps:
     """Gaps of the machine as a whole, and what they leave unknown."""
     given = rows["instance"].notna().to_numpy()
     time = rows["time"].to_numpy()[given]
@@ -135,7 +266,7 @@ def _lost(
         time, instance = np.r_[np.int64(t), time], np.r_[np.uint64(i), instance]
         sequence = np.r_[np.uint64(s), sequence]
     real = np.ones(len(time), dtype=bool)
-    quiet = found_gaps.silences(spoken, habit, settings, None)
+    quiet = found_gaps.silences(spoken, interval, settings, None)
     anew = found_gaps.instances(time, instance, real)
     missing = found_gaps.missing_sequences(time, sequence, instance, real)
     off = [
@@ -144,15 +275,15 @@ def _lost(
         if (g.end or g.start) - g.start > settings.off_after_s * NS
         and not found_gaps.continuous(g, time, sequence, instance, real)
     ]
-    longest = habit.threshold_s(settings) * NS
+    longest = interval.threshold_s(settings) * NS
     torn = [g for g in missing if (g.end or g.start) - g.start > longest]
-    return found_gaps.lost([*quiet, *anew, *missing], [*off, *anew, *torn])
+    return found_gaps.machine_gaps([*quiet, *anew, *missing], [*off, *anew, *torn])
 
 
 def _state(
     at: Ints,
     clean: Mapping[str, Series],
-    habits: Mapping[str, Habit],
+    reporting: Mapping[str, ReportingInterval],
     machine: CleanMachine,
     settings: CleanSettings,
     carry: Carry,
@@ -163,8 +294,10 @@ def _state(
     for name in machine.names:
         item = machine.signals.get(name)
         if item is not None:
-            habit = habits.get(item, Habit())
-            columns[name] = resampled(clean[item], COLUMNS[name].between, at, habit, settings)
+            typical_s = reporting.get(item, ReportingInterval()).typical_s
+            columns[name] = resampled(
+                clean[item], COLUMNS[name].between, at, typical_s=typical_s, settings=settings
+            )
         elif machine.position_control is not None:
             spindle = machine.position_control
             before = carry.get("held")

@@ -1,22 +1,102 @@
-"""Stretches in which a machine, or one of its items, said nothing that can be known.
+"""Gaps of a record: times in which a machine, or one of its items, reported nothing.
 
-Four causes: the item was UNAVAILABLE; it was silent for longer than its habit; the agent began
-anew (its instance changed); sequence numbers are missing.  A gap of the whole machine has no data
-item.  An item that reports on change and does not change is no gap while the machine speaks.
+Four causes: the item was UNAVAILABLE; it was silent for longer than its reporting interval allows;
+the agent began anew (its instance changed); sequence numbers are missing.  A gap of the whole
+machine has no data item.  An item that reports on change and does not change is no gap while the
+machine reports.
 
 After a gap, what was known before counts again only where nothing can have been lost: after a
 silence that is too short for the machine to have been off and in which its agent announced no loss
 (it would have said UNAVAILABLE), and after any silence over which the agent's numbers go on
-without a hole.  Else an item is unknown until it speaks again.
+without a hole.  Else an item is unknown until it reports again.
+
+Reporting intervals are learnt from an item's own reports while the machine is on, counted in eight
+bins an octave, so that the counts of many files add up in any order and a new day seldom moves
+them.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.signals.cleaning.habits import Habit
-from pipeline.signals.cleaning.series import Bools, Ints, Series
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import NS, CleanSettings
+
+BINS_PER_OCTAVE = 8
+_LOWEST = -10  # octave: about 1 ms
+_HIGHEST = 20  # octave: about 12 days
+N_BINS = (_HIGHEST - _LOWEST) * BINS_PER_OCTAVE
+
+FAST_S = 10.0
+"""Longest typical interval [s] of an item that reports by the clock; others follow the work."""
+
+ENOUGH = 300
+"""Smallest number of intervals [1] from which a reporting interval is learnt."""
+
+STEADY_SHARE = 0.01
+"""Share of its time [1] that long intervals take up at most of an item that reports steadily."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportingInterval:
+    """How often an item reports.
+
+    Parameters
+    ----------
+    typical_s : float
+        Median interval [s]; NaN when it is not known.
+    long_s : float
+        Interval that one in a thousand exceeds, up to the next power of two [s].
+    steady : bool
+        Whether the item reports all the time, so that its silence means something: at least every
+        few seconds (``FAST_S``), and almost never less often.
+    """
+
+    typical_s: float = float("nan")
+    long_s: float = float("nan")
+    steady: bool = False
+
+    def threshold_s(self, settings: CleanSettings) -> float:
+        """The longest interval that is no silence [s]."""
+        if math.isnan(self.long_s):
+            return settings.off_after_s
+        longest = max(settings.silence_min_s, settings.silence_factor * self.long_s)
+        return float(min(longest, settings.off_after_s))
+
+    def effect(self, settings: CleanSettings) -> list[float | bool | None]:
+        """All that cleaning takes from it."""
+        typical = None if math.isnan(self.typical_s) else self.typical_s
+        return [typical, self.threshold_s(settings), self.steady]
+
+
+def counted_intervals(time: Ints, longest_s: float) -> Ints:
+    """How many of the intervals between ascending times [ns] fall in each bin, shape (N_BINS,).
+
+    Intervals of zero are several values at one time; longer ones than ``longest_s`` are a machine
+    that is off.
+    """
+    interval = np.diff(time) / NS
+    interval = interval[(interval > 0) & (interval <= longest_s)]
+    place = np.floor((np.log2(interval) - _LOWEST) * BINS_PER_OCTAVE).astype(int)
+    return np.bincount(np.clip(place, 0, N_BINS - 1), minlength=N_BINS).astype(np.int64)
+
+
+def reporting_interval(counts: Ints) -> ReportingInterval:
+    """Reporting interval from counted intervals, shape (N_BINS,)."""
+    n = int(counts.sum())
+    if n == 0:
+        return ReportingInterval()
+    top: Floats = 2.0 ** (_LOWEST + (np.arange(N_BINS) + 1) / BINS_PER_OCTAVE)
+    below = np.cumsum(counts)
+    typical = float(top[np.searchsorted(below, 0.5 * n)])
+    long = 2.0 ** math.ceil(math.log2(top[np.searchsorted(below, 0.999 * n)]))
+    spent = counts * top
+    late = float(spent[top > 5 * typical].sum() / spent.sum())
+    steady = n >= ENOUGH and late <= STEADY_SHARE and typical <= FAST_S
+    return ReportingInterval(typical_s=typical, long_s=long, steady=steady)
+
 
 CAUSES = ("unavailable", "silence", "instance", "sequence")
 
@@ -38,10 +118,10 @@ class Gap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lost:
+class MachineGaps:
     """Gaps of the machine as a whole.
 
-    ``cuts`` [ns], shape (K,): from then on an item is unknown until it speaks; ``pauses`` [ns],
+    ``cuts`` [ns], shape (K,): from then on an item is unknown until it reports; ``pauses`` [ns],
     shape (L, 2): unknown from the first until before the second time.
     """
 
@@ -50,17 +130,17 @@ class Lost:
     pauses: Ints
 
 
-def lost(gaps: list[Gap], torn: list[Gap]) -> Lost:
+def machine_gaps(gaps: list[Gap], torn: list[Gap]) -> MachineGaps:
     """What gaps leave unknown; ``torn`` are those in which something can have been lost.
 
-    What was said at the last moment before a gap was still known at that moment.
+    What was reported last before a gap was still known at that time.
     """
     cuts = np.array(sorted({g.start + 1 for g in torn}), dtype=np.int64)
     pauses = sorted((g.start + 1, g.end) for g in gaps if g.end is not None and g not in torn)
-    return Lost(gaps=gaps, cuts=cuts, pauses=np.array(pauses, dtype=np.int64).reshape(-1, 2))
+    return MachineGaps(gaps=gaps, cuts=cuts, pauses=np.array(pauses, dtype=np.int64).reshape(-1, 2))
 
 
-NOTHING_LOST = lost([], [])
+NO_MACHINE_GAPS = machine_gaps([], [])
 
 
 def unavailable(item: str, series: Series) -> list[Gap]:
@@ -79,9 +159,11 @@ def unavailable(item: str, series: Series) -> list[Gap]:
     return gaps
 
 
-def silences(spoken: Ints, habit: Habit, settings: CleanSettings, item: str | None) -> list[Gap]:
-    """Intervals between ascending times [ns] that are longer than the habit."""
-    long = np.flatnonzero(np.diff(spoken) > habit.threshold_s(settings) * NS)
+def silences(
+    spoken: Ints, interval: ReportingInterval, settings: CleanSettings, item: str | None
+) -> list[Gap]:
+    """Intervals between ascending times [ns] that are longer than the reporting interval allows."""
+    long = np.flatnonzero(np.diff(spoken) > interval.threshold_s(settings) * NS)
     return [
         Gap(start=int(spoken[i]), end=int(spoken[i + 1]), data_item=item, cause="silence")
         for i in long
@@ -89,14 +171,18 @@ def silences(spoken: Ints, habit: Habit, settings: CleanSettings, item: str | No
 
 
 def item_silences(
-    item: str, series: Series, machine: list[Gap], habit: Habit, settings: CleanSettings
+    item: str,
+    series: Series,
+    machine: list[Gap],
+    interval: ReportingInterval,
+    settings: CleanSettings,
 ) -> list[Gap]:
-    """Silences of an item that speaks all the time, while the machine as a whole does speak."""
-    if not habit.steady:
+    """Silences of an item that reports steadily, while the machine as a whole does report."""
+    if not interval.steady:
         return []
     known = series.known
     found = []
-    for gap in silences(series.time, habit, settings, item):
+    for gap in silences(series.time, interval, settings, item):
         i = int(np.searchsorted(series.time, gap.start, side="right")) - 1
         covered = any(g.start < (gap.end or 0) and gap.start < (g.end or 0) for g in machine)
         if known[i] and not covered:
@@ -120,7 +206,7 @@ def missing_sequences(
 ) -> list[Gap]:
     """Where sequence numbers of one instance of the agent are missing.
 
-    A record that was made of some of the agent's items lacks numbers everywhere and tells nothing.
+    A record that was made of some of the agent's items lacks numbers everywhere and shows no gap.
     """
     gaps: list[Gap] = []
     for one in np.unique(instance[given]):

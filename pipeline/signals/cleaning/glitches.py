@@ -1,4 +1,4 @@
-"""Values that cannot be true: out of range, impossible jumps, zeros that stand for nothing.
+"""Glitches: values out of range, impossible jumps, zeros that stand for nothing.
 
 A value is removed, never replaced.  A series is cut where it jumps further than physics allows
 (a *break*); the pieces between breaks agree with themselves.  A piece that agrees with the last
@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.signals.cleaning.series import Bools, Floats, Ints, Series
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import NS, CleanSettings
 from pipeline.signals.columns import Column
 
@@ -28,6 +29,16 @@ Possible = Callable[[Floats, Floats, Bools], Bools]
 """(change, elapsed [s], whether data was lost between) -> whether the quantity can do that."""
 
 NO_CUTS = np.array([], dtype=np.int64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Audit:
+    """One change that cleaning made; ``after`` is null: removed."""
+
+    time: int
+    data_item: str
+    before: str
+    rule: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,9 +157,9 @@ def _impossible(points: _Points, possible: Possible, settings: CleanSettings) ->
     keep = np.zeros(len(start), dtype=bool)
     base = _base(start, stop, lasts, zero, points.fresh)
     keep[base] = True
-    for way in (range(base + 1, len(start)), range(base - 1, -1, -1)):
+    for direction in (range(base + 1, len(start)), range(base - 1, -1, -1)):
         last = base
-        for k in way:
+        for k in direction:
             if zero[k]:
                 continue
             a, b = (last, k) if k > last else (k, last)

@@ -1,28 +1,24 @@
-"""When a spindle is held by its position loop, as a C axis.
+"""Position control of a spindle: engaged while its position loop holds it as a C axis.
 
 A motor that holds a position carries current while it stands: it heats although the speed is zero.
-A machine that reports its rotary mode says so.  Of the others, two things tell it: the angle of the
-C axis changes, or driven tools turn in the other spindle, while this one's speed is zero (engaged);
+A machine may report its rotary mode.  Of the others, two signs show it: the angle of the C axis
+changes, or driven tools turn in the other spindle, while this one's speed is zero (engaged);
 and the spindle turns under speed control (released).  Between the two the state stays, also over
-pauses and over short stretches without data.  What the log then cannot tell: a spindle that is
+pauses and over short times without data.  What a log then cannot show: a spindle that is
 held at angle zero and neither moves nor is milled, a brake that takes over, a release without a
 turn, and whether a machine that was switched off engages again.
 """
 
 import numpy as np
 
-from pipeline.signals.cleaning.resample import held
-from pipeline.signals.cleaning.series import Bools, Floats, Ints, Series, empty
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.signals.cleaning.series import Series, empty, held
 from pipeline.signals.cleaning.settings import NS, CleanSettings
 
 ANGLE_STEP = 1e-3
 """Smallest change of angle that is a motion [DEGREE]."""
-
-
 RATE = 1e-2
 """Smallest angular velocity that is a motion [DEGREE/SECOND]; a held axis shows less."""
-
-
 HELD_MODES = ("INDEX", "CONTOUR")
 """Rotary modes in which the position loop holds the spindle."""
 
@@ -37,7 +33,7 @@ def position_control(
     mode: Series | None = None,
     initial: float = np.nan,
 ) -> Series:
-    """The state at each moment at which angle or speed says something.
+    """Position control at each time at which angle or speed is reported.
 
     Parameters
     ----------
@@ -62,8 +58,8 @@ def position_control(
     rate = empty(text=False) if rate is None else rate
     tool_speed = empty(text=False) if tool_speed is None else tool_speed
     mode = empty(text=True) if mode is None else mode
-    told = (angle, speed, rate, tool_speed, mode)
-    time = np.unique(np.concatenate([series.time for series in told]))
+    reported = (angle, speed, rate, tool_speed, mode)
+    time = np.unique(np.concatenate([series.time for series in reported]))
     if not len(time):
         return Series(time=time, value=np.array([]), fresh=np.array([], dtype=bool))
     turning, standing = _speeds(speed, time, settings.turning_rpm)

@@ -1,11 +1,10 @@
-"""What lies in ``data/signals/<machine>``: an index of its files, and the rows of one file.
+"""Ingested files of a machine: an index of each, and the rows of one file.
 
 An agent's file often begins with what was known before: old times, each item once.  Such rows are
-taken as said at the first moment that the file tells anew (its live start); at their own times they
-are in the file before, or not known to be all that was said.
+taken as reported at the first time that the file reports anew (its live start); at their own times
+they are in the file before, or not known to be complete.
 """
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,10 +14,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.signals.cleaning.habits import counted_intervals
-from pipeline.signals.cleaning.series import Bools, Ints
+from pipeline.schema.arrays import Bools, Ints
+from pipeline.signals.cleaning.gaps import counted_intervals
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS
+from pipeline.signals.store import sha256_of
 from pipeline.signals.units import conversion
 
 DAY = 86400 * NS
@@ -41,13 +41,13 @@ class Index:
     file, sha256 : str
         Path under the machine's folder, and the hash of its bytes.
     live_start, last : int
-        First and last time [ns] that it tells anew; both -1 when there is none.
+        First and last time [ns] that it reports anew; both -1 when there is none.
     late, restated : int
         Rows out of order, rows that restate what was known before.
     days : list of str
         Days with rows.
     intervals : dict of str to dict of str to int
-        Counted intervals of each item: bin -> count (see ``habits``).
+        Counted intervals of each item: bin -> count (see ``reporting``).
     """
 
     file: str
@@ -70,12 +70,6 @@ def is_trace(name: str) -> bool:
     return name.startswith("traces/")
 
 
-def file_hash(path: Path) -> str:
-    """Hash of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def day_of(time: int) -> str:
     """The day [UTC] of a time [ns]."""
     return str(np.datetime64(time // DAY, "D"))
@@ -88,7 +82,7 @@ def day_start(day: str) -> int:
 
 def index(path: Path, signals: Path, machine: CleanMachine, settings: CleanSettings) -> Index:
     """Read one file through and note what later reading needs."""
-    name, digest = path.relative_to(signals).as_posix(), file_hash(path)
+    name, digest = path.relative_to(signals).as_posix(), sha256_of(path)
     rows = rows_of(path, machine, settings)
     if rows.empty:
         return Index(file=name, sha256=digest)

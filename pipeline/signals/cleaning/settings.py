@@ -1,8 +1,10 @@
-"""What cleaning is told: where a machine's signals are found, and by which rules it cleans."""
+"""Settings of cleaning: data items of a machine's signals, and rules."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+from typing import Annotated
 
+from pipeline.schema.ranges import Range, Ranged
 from pipeline.signals.columns import COLUMNS, column
 
 NS = 1_000_000_000
@@ -11,7 +13,7 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class PositionControl:
-    """Data items that tell when a spindle is held by its position loop.
+    """Data items that show when a spindle is held by its position loop.
 
     Parameters
     ----------
@@ -20,7 +22,7 @@ class PositionControl:
     speed : str
         Data item of the same spindle's speed [REVOLUTION/MINUTE].
     rate : str or None
-        Data item of the C axis' angular velocity [DEGREE/SECOND]: it betrays a motion that ended
+        Data item of the C axis' angular velocity [DEGREE/SECOND]: it shows a motion that ended
         between two reports of the angle.
     tool_speed : str or None
         Data item of a second spindle's speed [REVOLUTION/MINUTE] that carries driven tools: while
@@ -103,30 +105,8 @@ class CleanMachine:
 SignalMap = CleanMachine
 
 
-_RANGES: dict[str, tuple[str, float, float]] = {
-    "period_s": ("s", 1e-3, 3600),
-    "off_after_s": ("s", 1, 7 * 86400),
-    "lookahead_s": ("s", 60, 86400),
-    "silence_factor": ("1", 1, 1000),
-    "silence_min_s": ("s", 0.1, 86400),
-    "bridge_s": ("s", 0, 86400),
-    "settle_s": ("s", 1, 86400),
-    "temperature_step_K": ("K", 0.1, 50),
-    "temperature_slew_K_per_s": ("K/s", 1e-4, 10),
-    "temperature_reach_s": ("s", 1, 3600),
-    "counter_slack_s": ("s", 0, 3600),
-    "linear_intervals": ("1", 1, 100),
-    "turning_rpm": ("rev/min", 0.1, 1000),
-    "cold_after_s": ("s", 60, 30 * 86400),
-    "warm_up_min_s": ("s", 1, 86400),
-    "segment_min_s": ("s", 0, 3600),
-    "load_margin": ("PERCENT", 0, 100),
-    "load_spreads": ("1", 1, 20),
-}
-
-
 @dataclass(frozen=True, kw_only=True)
-class CleanSettings:
+class CleanSettings(Ranged, section="cleaning"):
     """By which rules records are cleaned.
 
     Parameters
@@ -134,7 +114,7 @@ class CleanSettings:
     period_s : float
         Period of the state table [s].
     off_after_s : float
-        A machine that says nothing for longer was off [s]; shorter gaps stay in the table as nulls.
+        A machine that is silent for longer was off [s]; shorter gaps stay in the table as nulls.
     lookahead_s : float
         How far a day looks into the next one, to judge and to join its last values [s].
     silence_factor : float
@@ -142,7 +122,7 @@ class CleanSettings:
     silence_min_s : float
         No silence is shorter [s].
     bridge_s : float
-        Longest stretch of removed values over which a signal still counts as known [s].
+        Longest run of removed values over which a signal still counts as known [s].
     settle_s : float
         A level that lasts this long is a new level, not a glitch [s].
     temperature_step_K, temperature_slew_K_per_s, temperature_reach_s : float
@@ -171,32 +151,28 @@ class CleanSettings:
         When a value is out of its range.
     """
 
-    period_s: float = 1.0
-    off_after_s: float = 900.0
-    lookahead_s: float = 3600.0
-    silence_factor: float = 5.0
-    silence_min_s: float = 10.0
-    bridge_s: float = 60.0
-    settle_s: float = 60.0
-    temperature_step_K: float = 5.0
-    temperature_slew_K_per_s: float = 0.1
-    temperature_reach_s: float = 60.0
-    counter_slack_s: float = 5.0
-    linear_intervals: float = 3.0
-    turning_rpm: float = 5.0
-    cold_after_s: float = 7200.0
-    warm_up_min_s: float = 120.0
-    segment_min_s: float = 3.0
-    load_margin: float = 2.0
-    load_spreads: float = 4.0
+    period_s: Annotated[float, Range(least=1e-3, most=3600, unit="s")] = 1.0
+    off_after_s: Annotated[float, Range(least=1, most=7 * 86400, unit="s")] = 900.0
+    lookahead_s: Annotated[float, Range(least=60, most=86400, unit="s")] = 3600.0
+    silence_factor: Annotated[float, Range(least=1, most=1000)] = 5.0
+    silence_min_s: Annotated[float, Range(least=0.1, most=86400, unit="s")] = 10.0
+    bridge_s: Annotated[float, Range(least=0, most=86400, unit="s")] = 60.0
+    settle_s: Annotated[float, Range(least=1, most=86400, unit="s")] = 60.0
+    temperature_step_K: Annotated[float, Range(least=0.1, most=50, unit="K")] = 5.0
+    temperature_slew_K_per_s: Annotated[float, Range(least=1e-4, most=10, unit="K/s")] = 0.1
+    temperature_reach_s: Annotated[float, Range(least=1, most=3600, unit="s")] = 60.0
+    counter_slack_s: Annotated[float, Range(least=0, most=3600, unit="s")] = 5.0
+    linear_intervals: Annotated[float, Range(least=1, most=100)] = 3.0
+    turning_rpm: Annotated[float, Range(least=0.1, most=1000, unit="rev/min")] = 5.0
+    cold_after_s: Annotated[float, Range(least=60, most=30 * 86400, unit="s")] = 7200.0
+    warm_up_min_s: Annotated[float, Range(least=1, most=86400, unit="s")] = 120.0
+    segment_min_s: Annotated[float, Range(least=0, most=3600, unit="s")] = 3.0
+    load_margin: Annotated[float, Range(least=0, most=100, unit="PERCENT")] = 2.0
+    load_spreads: Annotated[float, Range(least=1, most=20)] = 4.0
 
     def __post_init__(self) -> None:
         """Check every range."""
-        for f in fields(self):
-            unit, low, high = _RANGES[f.name]
-            value = getattr(self, f.name)
-            if not low <= value <= high:
-                raise ValueError(f"{f.name} = {value!r} {unit} is outside {low} … {high} {unit}")
+        super().__post_init__()
         if self.lookahead_s < self.off_after_s:
             raise ValueError(
                 f"lookahead_s = {self.lookahead_s} s is shorter than off_after_s = "

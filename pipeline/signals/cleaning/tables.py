@@ -1,4 +1,4 @@
-"""The files of ``data/clean/<machine>``: how they are written and read back."""
+"""Tables of ``data/clean/<machine>``, written and read back."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -13,12 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.signals import columns
+from pipeline.signals.cleaning.activity import Intervals
 from pipeline.signals.cleaning.gaps import Gap
-from pipeline.signals.cleaning.item import Audit
+from pipeline.signals.cleaning.glitches import Audit
 from pipeline.signals.cleaning.recorded import Index, day_of
 from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import CleanMachine
-from pipeline.signals.cleaning.states import Intervals
 
 TIME = pa.timestamp("ns", tz="UTC")
 AUDIT = pa.schema(

@@ -1,159 +1,32 @@
 """The device model of an MTConnect agent: which data items a machine has, and in which units.
 
 Read from a Devices document of any version (1.0 to 2.7) and namespace, or from a bare ``<Device>``
-as vendors' templates hold, or from the JSON forms of both.  Source: ANSI/MTC1.4, part 2.
+as vendors' templates hold, or from the JSON forms of both.  JSON nests the same things in three
+ways:
+
+======================= ========================================================================
+cppagent, jsonVersion 1 lists of ``{"Element": {...}}``
+cppagent, jsonVersion 2 ``{"Element": [{...}, ...]}``, grouped by the element's name
+MTConnect.NET           lists of plain objects, names in camel case, the element's name as ``type``
+======================= ========================================================================
+
+Source: ANSI/MTC1.4, part 2.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from functools import cached_property
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import pyarrow as pa
-
-from pipeline.signals.mtconnect.text import Content, XmlEvents, content, local, quoted
-from pipeline.signals.records import UnreadableFile
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataItem:
-    """One data item as its device declares it; None where the document says nothing.
-
-    ``component`` is the element's name of the component that has the item (``Linear``),
-    ``component_name`` what that component is called (``X``), ``source`` the name under which the
-    adapter sends it, ``device`` the device that it belongs to, ``sample_rate`` in HERTZ.
-    """
-
-    id: str
-    name: str | None = None
-    category: str | None = None
-    type: str | None = None
-    sub_type: str | None = None
-    units: str | None = None
-    native_units: str | None = None
-    native_scale: float | None = None
-    representation: str | None = None
-    component: str | None = None
-    component_name: str | None = None
-    source: str | None = None
-    device: str | None = None
-    sample_rate: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Device:
-    """How a device is called; ``label`` is the first of the others that no other device has."""
-
-    label: str
-    name: str | None
-    uuid: str | None
-    id: str | None
-
-    def is_called(self, called: str) -> bool:
-        """Whether ``called`` is its name, uuid or id."""
-        return called in (self.name, self.uuid, self.id)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DeviceModel:
-    """The data items of one device, or of all devices of a document when none was chosen."""
-
-    items: tuple[DataItem, ...]
-    devices: tuple[Device, ...] = ()
-
-    @property
-    def several(self) -> bool:
-        """Whether items of more than one device stand side by side."""
-        return len(self.devices) > 1
-
-    def item_name(self, item: DataItem) -> str:
-        """What ``data_item`` is in the observations: the item's name, or its id when it has none.
-
-        With several devices the name alone may stand for two items: ``device:name``.
-        """
-        name = item.name or item.id
-        return f"{item.device}:{name}" if self.several else name
-
-    def find(self, key: str) -> DataItem | None:
-        """The item called ``key``: by its name in observations, its name, its id or its source."""
-        for index in (self._by_label, self._by_name, self._by_id, self._by_source):
-            if key in index:
-                return index[key]
-        return None
-
-    def by_id(self, item_id: str) -> DataItem | None:
-        """The item whose id is ``item_id``; ids are unique in a document."""
-        return self._by_id.get(item_id)
-
-    @cached_property
-    def _by_label(self) -> dict[str, DataItem]:
-        return _first((self.item_name(i), i) for i in self.items)
-
-    @cached_property
-    def _by_name(self) -> dict[str, DataItem]:
-        return _first((i.name, i) for i in self.items)
-
-    @cached_property
-    def _by_id(self) -> dict[str, DataItem]:
-        return _first((i.id, i) for i in self.items)
-
-    @cached_property
-    def _by_source(self) -> dict[str, DataItem]:
-        return _first((i.source, i) for i in self.items)
-
-
-def _first(pairs: Iterable[tuple[str | None, DataItem]]) -> dict[str, DataItem]:
-    found: dict[str, DataItem] = {}
-    for key, item in pairs:
-        if key:
-            found.setdefault(key, item)
-    return found
-
-
-def device_of(said: dict[str, str], others: Iterable[Device]) -> Device:
-    """A device from the attributes of its element, told apart from ``others`` by its label."""
-    name, uuid, own_id = said.get("name"), said.get("uuid"), said.get("id")
-    taken = {d.label for d in others}
-    words = [w for w in (name, uuid, own_id) if w]
-    free = [w for w in words if w not in taken]
-    label = (free or words or ["?"])[0]
-    return Device(label=label, name=name, uuid=uuid, id=own_id)
-
-
-def data_item(said: dict[str, str], **where: str | None) -> DataItem:
-    """A data item from the attributes of its element.
-
-    Raises
-    ------
-    ValueError
-        When it has no id: nothing in a stream could be told to be its own.
-    """
-    if not said.get("id"):
-        raise ValueError("a data item has no id")
-    return DataItem(
-        id=said["id"],
-        name=said.get("name") or None,
-        category=_upper(said.get("category")),
-        type=said.get("type"),
-        sub_type=said.get("subType"),
-        units=said.get("units"),
-        native_units=said.get("nativeUnits"),
-        native_scale=_number(said.get("nativeScale")),
-        representation=_upper(said.get("representation")),
-        sample_rate=_number(said.get("sampleRate")),
-        **where,
-    )
-
-
-def _upper(word: str | None) -> str | None:
-    return word.upper() if word else None
-
-
-def _number(text: str | None) -> float | None:
-    try:
-        return float(text) if text else None
-    except ValueError:
-        return None
+from pipeline.signals.formats import RecordSource, UnreadableFile
+from pipeline.signals.mtconnect.model import (
+    DataItem,
+    Device,
+    DeviceModel,
+    data_item,
+    device_of,
+    element_name,
+)
+from pipeline.signals.mtconnect.xml_events import Content, XmlEvents, content, local, quoted
 
 
 class _Reader(XmlEvents):
@@ -169,39 +42,39 @@ class _Reader(XmlEvents):
         self._source: str | None = None
         self._text: list[str] = []
 
-    def start(self, name: str, said: dict[str, str]) -> None:
+    def start(self, name: str, attributes: dict[str, str]) -> None:
         tag = local(name)
         parent = self._path[-1][0] if self._path else ""
         if tag != "fragment" and parent in ("", "fragment"):
             self.roots.append(tag)
         if parent == "Devices" or (tag == "Device" and parent in ("", "fragment")):
-            self.devices.append(device_of(said, self.devices))
+            self.devices.append(device_of(attributes, self.devices))
         if tag == "DataItem" and self._item is None:
-            self._item, self._source = said, None
+            self._item, self._source = attributes, None
         elif tag == "Source" and self._item is not None:
-            self._source = said.get("dataItemId")
+            self._source = attributes.get("dataItemId")
             self._text.clear()
-        self._path.append((tag, said))
+        self._path.append((tag, attributes))
 
     def characters(self, text: str) -> None:
         if self._path and self._path[-1][0] == "Source":
             self._text.append(text)
 
     def end(self, name: str) -> None:
-        tag, said = self._path.pop()
+        tag, attributes = self._path.pop()
         if tag == "Source" and self._item is not None:
             self._source = "".join(self._text).strip() or self._source
-        elif tag == "DataItem" and said is self._item:
-            self._keep(said)
+        elif tag == "DataItem" and attributes is self._item:
+            self._keep(attributes)
             self._item = None
 
-    def _keep(self, said: dict[str, str]) -> None:
-        if not said.get("id"):
+    def _keep(self, attributes: dict[str, str]) -> None:
+        if not attributes.get("id"):
             return
         component, of = self._path[-2] if len(self._path) > 1 else ("", {})
         self.items.append(
             data_item(
-                said,
+                attributes,
                 component=component or None,
                 component_name=of.get("name") or of.get("id"),
                 source=self._source,
@@ -227,7 +100,7 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
     """
     whole = content(path)
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
-        from pipeline.signals.mtconnect.devices_json import model_of_json
+        from pipeline.signals.mtconnect.devices import model_of_json
 
         return chosen(model_of_json(whole.everything()), device)
     reader = _Reader(whole)
@@ -260,13 +133,146 @@ def chosen(model: DeviceModel, device: str | None) -> DeviceModel:
     return DeviceModel(items=items, devices=(which[0],))
 
 
-def data_items_table(model: DeviceModel) -> pa.Table:
-    """The model as a table, one row a data item; ``data_item`` is the name in observations."""
-    columns: dict[str, pa.Array] = {
-        "data_item": pa.array([model.item_name(i) for i in model.items], pa.string())
-    }
-    for field in fields(DataItem):
-        numeric = field.name in ("native_scale", "sample_rate")
-        values = [getattr(i, field.name) for i in model.items]
-        columns[field.name] = pa.array(values, pa.float64() if numeric else pa.string())
-    return pa.table(columns)
+def device_model(source: RecordSource, root: Path) -> DeviceModel | None:
+    """The device model that ``source`` names, None when it names none.
+
+    Raises
+    ------
+    UnreadableFile
+        When that document cannot be read.
+    """
+    if source.devices is None:
+        return None
+    try:
+        return read_devices(root / source.devices, source.device)
+    except UnreadableFile as error:
+        reason = f"its device document {source.devices} cannot be read: {error}"
+        raise UnreadableFile(reason) from None
+
+
+Node = dict[str, Any]
+
+
+def part(node: Any, *names: str) -> Any:
+    """The member of ``node`` by the first name that it has, whatever the case of letters."""
+    if isinstance(node, dict):
+        for name in names:
+            if name in node:
+                return node[name]
+        lowered = {key.lower(): key for key in node}
+        for name in names:
+            if name.lower() in lowered:
+                return node[lowered[name.lower()]]
+    return None
+
+
+def named(node: Any) -> Iterator[tuple[str, Any]]:
+    """Element name and body of each member in any form; the name is ``""`` where none stands.
+
+    A member that is no object is handed over as it is, for the caller to reject.
+    """
+    if node == {}:
+        return
+    for group in node if isinstance(node, list) else [node]:
+        if isinstance(group, dict) and _is_wrapped(group):
+            for name, inside in group.items():
+                for body in inside if isinstance(inside, list) else [inside]:
+                    yield name, body
+        elif group is not None:
+            yield "", group
+
+
+def _is_wrapped(group: Node) -> bool:
+    """Whether an object only holds named elements; a plain element has at least one plain value."""
+    return bool(group) and all(
+        isinstance(v, dict) or (isinstance(v, list) and all(isinstance(x, dict) for x in v))
+        for v in group.values()
+    )
+
+
+def bodies(node: Any, *names: str) -> Iterator[Node]:
+    """The objects among the members of ``node`` that are elements called so, in any form."""
+    for group in node if isinstance(node, list) else [node]:
+        inside = [part(group, name) for name in names]
+        found = [body for body in inside if body is not None] or [group]
+        for body in found:
+            members = body if isinstance(body, list) else [body]
+            yield from (member for member in members if isinstance(member, dict))
+
+
+def plain(node: Node) -> dict[str, str]:
+    """The plain values of an object as an element's attributes would hold them."""
+    return {k: word(v) for k, v in node.items() if isinstance(v, (str, int, float))}
+
+
+def word(value: Any) -> str:
+    """A plain value as XML would write it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else "" if value is None else repr(value)
+
+
+def model_of_json(text: bytes) -> DeviceModel:
+    """The model in a JSON document.
+
+    Raises
+    ------
+    UnreadableFile
+        When it is no JSON, or declares no device.
+    """
+    import orjson
+
+    try:
+        tree = orjson.loads(text)
+    except orjson.JSONDecodeError as error:
+        raise UnreadableFile(f"the device document is no JSON: {error}") from None
+    devices = list(devices_of(tree))
+    if not devices:
+        raise UnreadableFile("no device is declared in this JSON document")
+    known: list[Device] = []
+    items: list[DataItem] = []
+    for device in devices:
+        known.append(device_of(plain(device), known))
+        items += items_of(device, known[-1].label)
+    return DeviceModel(items=tuple(items), devices=tuple(known))
+
+
+def devices_of(tree: Any) -> Iterator[Node]:
+    """The devices (and agents) of a document, or the device that ``tree`` itself is."""
+    root = part(tree, "MTConnectDevices") or tree
+    group = part(root, "Devices")
+    if group is not None:
+        yield from bodies(group, "Device", "Agent")
+    elif part(root, "Device") is not None:
+        yield from bodies(root, "Device")
+    elif part(root, "DataItems") is not None or part(root, "Components") is not None:
+        yield root
+
+
+def items_of(device: Node, label: str | None) -> Iterator[DataItem]:
+    """Data items of a device and of all that it is made of; those without id are left out."""
+    waiting: list[tuple[str, Node]] = [("Device", device)]
+    while waiting:
+        tag, node = waiting.pop()
+        for item in bodies(part(node, "DataItems"), "DataItem"):
+            attributes = plain(item)
+            if attributes.get("id"):
+                yield data_item(
+                    attributes,
+                    component=tag,
+                    component_name=word(part(node, "name") or part(node, "id")) or None,
+                    source=_source(part(item, "Source")),
+                    device=label,
+                )
+        inside = [
+            (name or element_name(word(part(body, "type"))), body)
+            for name, body in named(part(node, "Components"))
+            if isinstance(body, dict)
+        ]
+        waiting += reversed(inside)
+
+
+def _source(source: Any) -> str | None:
+    if isinstance(source, dict):
+        source = part(source, "value") or part(source, "dataItemId")
+    return word(source) or None

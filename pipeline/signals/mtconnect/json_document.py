@@ -8,26 +8,38 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.signals.mtconnect.devices_json import devices_of, items_of
-from pipeline.signals.mtconnect.elements import instance_of
-from pipeline.signals.mtconnect.rows import RECORDS, Rows, gathered
-from pipeline.signals.mtconnect.streams import Asked, device_name, foreign_reason
-from pipeline.signals.mtconnect.text import content
-from pipeline.signals.mtconnect.tree import Node, bodies, named, part, plain, word
-from pipeline.signals.mtconnect.values import Entry
-from pipeline.signals.mtconnect.words import (
+from pipeline.signals.formats import EXCERPT, Batch, RecordSource, UnreadableFile
+from pipeline.signals.mtconnect.devices import (
+    Node,
+    bodies,
+    device_model,
+    devices_of,
+    items_of,
+    named,
+    part,
+    plain,
+    word,
+)
+from pipeline.signals.mtconnect.model import element_name
+from pipeline.signals.mtconnect.observations import (
     BLANK,
     SECTIONS,
+    Entry,
     MalformedError,
-    Naming,
     Shape,
     json_of,
     nanoseconds,
     shape_of,
 )
-from pipeline.signals.mtconnect.xml_document import device_model
-from pipeline.signals.names import element_name
-from pipeline.signals.records import EXCERPT, Batch, RecordSource, UnreadableFile
+from pipeline.signals.mtconnect.reference import (
+    Selection,
+    device_name,
+    foreign_reason,
+    instance_of,
+    selection,
+)
+from pipeline.signals.mtconnect.rows import RECORDS, Rows, gathered
+from pipeline.signals.mtconnect.xml_events import content
 
 _VALUES = ("value", "result", "samples", "entries")
 
@@ -50,15 +62,9 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
         When it is no JSON, or nothing of MTConnect.
     """
     trees, broken = _trees(content(path).everything())
-    model = device_model(source, root)
     names = {device_name(plain(d)) for tree in trees for d in _device_streams(tree)}
-    several = source.device is None and (len(names) > 1 or bool(model and model.several))
-    wanted = None
-    if source.device is not None:
-        called = (w for d in (model.devices if model else ()) for w in (d.name, d.uuid) if w)
-        wanted = frozenset((source.device, *called))
-    asked = Asked(naming=Naming(model=model, several=several), device=wanted)
-    return gathered(_batches(_Reader(asked), trees, broken))
+    chosen = selection(source, device_model(source, root), lambda: len(names) > 1)
+    return gathered(_batches(_Reader(chosen), trees, broken))
 
 
 def _trees(text: bytes) -> tuple[list[Any], list[tuple[int, str, str]]]:
@@ -110,9 +116,9 @@ def _device_streams(tree: Any) -> Iterator[Node]:
 class _Reader:
     """Fills rows from documents."""
 
-    def __init__(self, asked: Asked) -> None:
+    def __init__(self, selection: Selection) -> None:
         self.rows = Rows()
-        self._asked = asked
+        self._selection = selection
         self._place = 0
         self._instance: int | None = None
         self._created: str | None = None
@@ -124,8 +130,8 @@ class _Reader:
             return
         root = part(tree, "MTConnectStreams", "MTConnectAssets", "MTConnectError") or tree
         header = part(root, "Header")
-        said = plain(header) if isinstance(header, dict) else {}
-        self._instance = instance_of({k[:1].lower() + k[1:]: v for k, v in said.items()})
+        attributes = plain(header) if isinstance(header, dict) else {}
+        self._instance = instance_of({k[:1].lower() + k[1:]: v for k, v in attributes.items()})
         self._created = word(part(header, "creationTime")) or None
         if part(root, "Streams") is not None:
             yield True
@@ -164,12 +170,12 @@ class _Reader:
         self._reject("the JSON document is none of MTConnect", tree)
         yield False
 
-    def _reject(self, reason: str, said: Any) -> None:
+    def _reject(self, reason: str, attributes: Any) -> None:
         import orjson
 
         self._place += 1
         try:
-            excerpt = orjson.dumps(said)[: 4 * EXCERPT].decode("utf-8", "replace")
+            excerpt = orjson.dumps(attributes)[: 4 * EXCERPT].decode("utf-8", "replace")
         except orjson.JSONEncodeError:  # nested too deeply
             excerpt = ""
         self.rows.reject(self._place, reason, excerpt)
@@ -177,10 +183,10 @@ class _Reader:
     # Streams ------------------------------------------------------------------------------------
 
     def _device_stream(self, stream: Node) -> Iterator[bool]:
-        said = plain(stream)
-        device = device_name(said)
-        if not self._asked.wants(said):
-            self._reject(foreign_reason(device), said)
+        attributes = plain(stream)
+        device = device_name(attributes)
+        if not self._selection.wants(attributes):
+            self._reject(foreign_reason(device), attributes)
             return
         components = part(stream, "ComponentStreams", "ComponentStream")
         for component in bodies(components, "ComponentStream"):
@@ -193,10 +199,13 @@ class _Reader:
         try:
             if not isinstance(body, dict):
                 raise MalformedError("the observation is no JSON object")
-            said = {k: v for k, v in body.items() if k not in _VALUES and v is not None}
-            timestamp, sequence = said.pop("timestamp", None), said.pop("sequence", None)
-            tag = tag.rpartition(":")[2] or _tag(section, said, body)
-            shape = shape_of(section, tag, said, device, self._asked.naming)
+            attributes = {k: v for k, v in body.items() if k not in _VALUES and v is not None}
+            timestamp, sequence = (
+                attributes.pop("timestamp", None),
+                attributes.pop("sequence", None),
+            )
+            tag = tag.rpartition(":")[2] or _tag(section, attributes, body)
+            shape = shape_of(section, tag, attributes, device, self._selection.naming)
             self.rows.record(
                 shape,
                 None if timestamp is None else word(timestamp),
@@ -219,7 +228,9 @@ class _Reader:
             if not timestamp:
                 raise MalformedError("the asset has no timestamp and its document no creationTime")
             shape = Shape(
-                data_item=self._asked.naming.label(word(part(asset, "deviceUuid")), None, "asset"),
+                data_item=self._selection.naming.label(
+                    word(part(asset, "deviceUuid")), None, "asset"
+                ),
                 kind="ASSET",
                 manner="text",
                 key=word(part(asset, "assetId")),
@@ -242,11 +253,11 @@ class _Reader:
             self._reject(f"the agent answered {code}: {text}", error)
 
 
-def _tag(section: str, said: Node, body: Node) -> str:
+def _tag(section: str, attributes: Node, body: Node) -> str:
     """The element's name that a plain observation would have; its type is no attribute then."""
     if section == "CONDITION":
-        return word(said.pop("level", "")).capitalize()
-    tag = element_name(word(said.pop("type", "")))
+        return word(attributes.pop("level", "")).capitalize()
+    tag = element_name(word(attributes.pop("type", "")))
     if "samples" in body:
         return f"{tag}TimeSeries"
     entries = body.get("entries")

@@ -1,8 +1,8 @@
 """Reader of MTConnect XML: Streams, Devices, Assets and Error documents, one or many in a file.
 
 Documents may follow each other directly or as parts of a multipart stream, in any version and
-namespace.  What an agent writes goes the quick way, all else element by element; both give the
-same rows.
+namespace.  What an agent writes is read by the fast path, all else by the reference path; both give
+the same rows.
 """
 
 import re
@@ -10,19 +10,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.signals.mtconnect.devices import DeviceModel, read_devices
-from pipeline.signals.mtconnect.elements import Document
+from pipeline.signals.formats import Batch, RecordSource, UnreadableFile
+from pipeline.signals.mtconnect.devices import device_model
+from pipeline.signals.mtconnect.reference import Document, Selection, selection
 from pipeline.signals.mtconnect.rows import gathered
-from pipeline.signals.mtconnect.streams import Asked
-from pipeline.signals.mtconnect.text import BEGIN, FRAGMENT, Content, content, quoted
-from pipeline.signals.mtconnect.words import Naming
-from pipeline.signals.records import Batch, RecordSource, UnreadableFile
+from pipeline.signals.mtconnect.xml_events import BEGIN, FRAGMENT, Content, content, quoted
 
 if TYPE_CHECKING:
-    from pipeline.signals.mtconnect.quick import Quick
+    from pipeline.signals.mtconnect.fast import FastPath
 
-QUICK_FROM = 1 << 20
-"""Bytes from which a file is worth starting the compiled way."""
+FAST_FROM = 1 << 20
+"""Bytes from which a file is worth starting the fast path."""
 
 FIRST_WITHIN = 1 << 16
 """Bytes within which a file's first document must begin."""
@@ -36,7 +34,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
     """What the documents in the file at ``path`` say, in batches of about 200 000 records.
 
     A record is an observation, an asset, a data item of a device document, an error that the agent
-    answered, or a stretch that cannot be read.  Times of a time series are spread backwards from
+    answered, or bytes that cannot be read.  Times of a time series are spread backwards from
     its timestamp, which is that of its last sample.
 
     Parameters
@@ -54,57 +52,33 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
         When it is no MTConnect document, or one with a document type declaration.
     """
     whole = content(path)
-    asked = asked_of(whole, source, root)
-    return gathered(documents(whole, asked, quick=whole.size >= QUICK_FROM))
+    chosen = selection_of(whole, source, root)
+    return gathered(documents(whole, chosen, fast=whole.size >= FAST_FROM))
 
 
-def asked_of(whole: Content, source: RecordSource, root: Path) -> Asked:
-    """What ``source`` asks of the file."""
-    model = device_model(source, root)
-    if source.device is not None:
-        names = {source.device}
-        for device in model.devices if model else ():
-            names |= {w for w in (device.name, device.uuid) if w}
-        return Asked(naming=Naming(model=model, several=False), device=frozenset(names))
-    several = (model is not None and model.several) or _several_devices(whole)
-    return Asked(naming=Naming(model=model, several=several), device=None)
-
-
-def device_model(source: RecordSource, root: Path) -> DeviceModel | None:
-    """The device model that ``source`` names, None when it names none.
-
-    Raises
-    ------
-    UnreadableFile
-        When that document cannot be read.
-    """
-    if source.devices is None:
-        return None
-    try:
-        return read_devices(root / source.devices, source.device)
-    except UnreadableFile as error:
-        reason = f"its device document {source.devices} cannot be read: {error}"
-        raise UnreadableFile(reason) from None
+def selection_of(whole: Content, source: RecordSource, root: Path) -> Selection:
+    """Selection that ``source`` makes of the file."""
+    return selection(source, device_model(source, root), lambda: _several_devices(whole))
 
 
 def _several_devices(whole: Content) -> bool:
     """Whether the streams in a file are of more than one device."""
     seen: set[bytes] = set()
     for at in _device_tags(whole):
-        said = dict(_NAME.findall(whole.mapped[at : at + 1024].split(b">", 1)[0]))
-        seen.add(said.get(b"name") or said.get(b"uuid") or b"?")
+        attributes = dict(_NAME.findall(whole.mapped[at : at + 1024].split(b">", 1)[0]))
+        seen.add(attributes.get(b"name") or attributes.get(b"uuid") or b"?")
         if len(seen) > 1:
             return True
     return False
 
 
 def _device_tags(whole: Content) -> Iterator[int]:
-    if whole.size < QUICK_FROM:
+    if whole.size < FAST_FROM:
         yield from (found.start() for found in _DEVICE.finditer(whole.mapped))
         return
     import numpy as np
 
-    from pipeline.signals.mtconnect.bytes import device_tag
+    from pipeline.signals.mtconnect.tokens import device_tag
 
     buffer = np.frombuffer(whole.mapped, np.uint8)
     at = device_tag(buffer, 0, whole.size)
@@ -113,25 +87,25 @@ def _device_tags(whole: Content) -> Iterator[int]:
         at = device_tag(buffer, at + 1, whole.size)
 
 
-def documents(whole: Content, asked: Asked, *, quick: bool) -> Iterator[Batch]:
-    """Batches of one document after the other; ``quick`` lets the compiled way try first."""
-    document = Document(whole, asked)
-    way = _quick_way(document) if quick else None
+def documents(whole: Content, selection: Selection, *, fast: bool) -> Iterator[Batch]:
+    """Batches of one document after the other; ``fast`` lets the fast path try first."""
+    document = Document(whole, selection)
+    fast_path = _fast_path(document) if fast else None
     at: int = whole.start
     begin: int | None = _first(whole)
     known = False
     while begin is not None:
         document.stray(at, begin)
         context = FRAGMENT if not known and _is_fragment(whole, begin) else b""
-        if way and not context:
+        if fast_path and not context:
             yield document.handed_over()
-            resume = yield from way.run(begin)
+            resume = yield from fast_path.run(begin)
             known = known or resume.at != begin
             if resume.at is None:
                 at = whole.size
                 break
             begin, context = resume.at, resume.context
-        yield from _careful(document, begin, context)
+        yield from _by_reference(document, begin, context)
         if not document.known:
             _refuse(document, begin, known)
         known = True
@@ -143,11 +117,11 @@ def documents(whole: Content, asked: Asked, *, quick: bool) -> Iterator[Batch]:
     yield document.handed_over()
 
 
-def _quick_way(document: Document) -> "Quick":
+def _fast_path(document: Document) -> "FastPath":
     # Compiled code is slow to load: only for files that are worth it.
-    from pipeline.signals.mtconnect.quick import Quick
+    from pipeline.signals.mtconnect.fast import FastPath
 
-    return Quick(document)
+    return FastPath(document)
 
 
 def _first(whole: Content) -> int:
@@ -173,7 +147,7 @@ def _is_fragment(whole: Content, begin: int) -> bool:
     return root is not None and root[1].rpartition(b":")[2] in (b"Device", b"DataItem")
 
 
-def _careful(document: Document, begin: int, context: bytes) -> Iterator[Batch]:
+def _by_reference(document: Document, begin: int, context: bytes) -> Iterator[Batch]:
     document.begin()
     for _ in document.steps(begin, context):
         # Rows are objects here: few at a time, or the garbage collector walks them again and again.

@@ -1,4 +1,4 @@
-"""The quick path through an SHDR log: bytes are scanned, odd lines go through the plain reader."""
+"""Fast path through an SHDR log: bytes are scanned, other lines go through the reference path."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,13 +8,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.signals.columns import KINDS
-from pipeline.signals.records import Batch, Rejection
+from pipeline.signals.formats import Batch, Rejection
 from pipeline.signals.shdr import scan
-from pipeline.signals.shdr.items import Items, Plan
-from pipeline.signals.shdr.kernel import scan as scan_lines
-from pipeline.signals.shdr.line import LineReader, Row, read_stretch
-from pipeline.signals.shdr.rows import Codes, Rows, merged, rows_of
-from pipeline.signals.shdr.source import LONGEST, Stretch
+from pipeline.signals.shdr.lines import LONGEST, Segment
+from pipeline.signals.shdr.record_forms import ItemPlan, Items
+from pipeline.signals.shdr.reference import (
+    Codes,
+    LineReader,
+    Row,
+    Rows,
+    merged,
+    read_segment,
+    rows_of,
+)
+from pipeline.signals.shdr.scan import scan as scan_lines
 
 ROWS = 1 << 20
 SLOW_LINES = 1 << 16
@@ -24,11 +31,11 @@ HARD_BYTES = 1 << 24
 ENOUGH = 1 << 18
 """Rows after which a batch is handed over."""
 
-_FORMS = {"any": scan.ANY, "sample": scan.SAMPLE, "event": scan.EVENT, "word": scan.WORD}
+_FORM_CODES = {"any": scan.ANY, "sample": scan.SAMPLE, "event": scan.EVENT, "word": scan.WORD}
 
 
 class Scanner:
-    """Reads stretches one after the other and hands over what has come together."""
+    """Reads segments one after the other and hands over what has come together."""
 
     def __init__(self, items: Items) -> None:
         self.reader = LineReader(items)
@@ -38,32 +45,32 @@ class Scanner:
         self._slow = np.empty((SLOW_LINES, 4), np.int64)
         self._keys = _words(KEYS, KEY_BYTES)
         self._plans = (np.zeros(KEYS, "u1"), np.ones(KEYS), np.zeros(KEYS))
-        self._known: list[Plan] = []
+        self._known: list[ItemPlan] = []
         self._texts = _words(ROWS, TEXT_BYTES)
         self._hard = (np.empty(ROWS, "i4"), np.zeros(ROWS + 1, "i4"), np.empty(HARD_BYTES, "u1"))
-        self._odd: list[tuple[int, Stretch]] = []  # with the rows before each
+        self._odd: list[tuple[int, Segment]] = []  # with the rows before each
 
-    def batches(self, stretches: Iterator[Stretch]) -> Iterator[Batch]:
+    def batches(self, segments: Iterator[Segment]) -> Iterator[Batch]:
         """Batches of the whole log."""
-        for stretch in stretches:
-            if stretch.kind == "lines":
-                yield from self._lines(stretch)
+        for segment in segments:
+            if segment.kind == "lines":
+                yield from self._lines(segment)
             else:
-                self._odd.append((int(self._state[scan.ROWS]), stretch))
+                self._odd.append((int(self._state[scan.ROWS]), segment))
             if self._state[scan.ROWS] + len(self._odd) >= ENOUGH:
                 yield self._batch()
         if self._state[scan.ROWS] or self._odd:
             yield self._batch()
 
-    def _lines(self, stretch: Stretch) -> Iterator[Batch]:
-        buffer = np.frombuffer(stretch.data, np.uint8)
-        self._state[scan.POSITION], self._state[scan.LINE] = 0, stretch.line
+    def _lines(self, segment: Segment) -> Iterator[Batch]:
+        buffer = np.frombuffer(segment.data, np.uint8)
+        self._state[scan.POSITION], self._state[scan.LINE] = 0, segment.line
         why = scan.FULL
         while why != scan.LINES:
             why = scan_lines(buffer, self._closed, LONGEST, self._state, self._rows,
                              self._slow, self._keys, self._plans, self._texts,
                              self._hard)  # fmt: skip
-            self._take_slow(stretch.data)
+            self._take_slow(segment.data)
             if why == scan.NEW_KEY:
                 self._learn(buffer)
             elif why == scan.FULL:
@@ -71,7 +78,7 @@ class Scanner:
 
     def _take_slow(self, data: bytes) -> None:
         for before, line, start, end in self._slow[: self._state[scan.SLOW]].tolist():
-            self._odd.append((before, Stretch("lines", data[start:end], line)))
+            self._odd.append((before, Segment("lines", data[start:end], line)))
         self._state[scan.SLOW] = 0
 
     @property
@@ -87,7 +94,7 @@ class Scanner:
         _, slot = scan.find(buffer, start, end, *self._keys)
         scan.add(buffer, start, end, code, slot, *self._keys)
         shapes, factors, offsets = self._plans
-        shapes[code] = _FORMS.get(plan.shape, scan.OTHER)
+        shapes[code] = _FORM_CODES.get(plan.shape, scan.OTHER)
         factors[code], offsets[code] = plan.factor, plan.offset
         self._known.append(plan)
 
@@ -99,10 +106,10 @@ class Scanner:
         rejected: list[Rejection] = []
         odd_records = np.zeros(n + 1, np.int64)
         last = done = 0
-        for place, stretch in self._odd:
+        for place, segment in self._odd:
             if place > last:
                 self.reader.previous = int(self._rows[0][place - 1])
-            read = read_stretch(self.reader, stretch, self.records + place + done + 1)
+            read = read_segment(self.reader, segment, self.records + place + done + 1)
             rows += read.rows
             before += [place] * len(read.rows)
             rejected += read.rejected
@@ -126,14 +133,14 @@ class Scanner:
         name_of = np.array([names.code(p.name) for p in self._known] or [0], np.int32)
         kind_of = np.array([KINDS.index(p.kind) for p in self._known] or [0], np.int32)
         texts = _strings(int(self._state[scan.TEXTS]), *self._texts[1:])
-        quick = Rows(
+        fast = Rows(
             time=time.copy(), item=name_of[item], number=number.copy(), holds=holds,
-            text=text.copy(), sequence=sequence, kind=kind_of[item], key=None, said=None,
+            text=text.copy(), sequence=sequence, kind=kind_of[item], key=None, attributes=None,
             items=names.array(), texts=texts, keys=pa.array([], pa.string()),
         )  # fmt: skip
         if not odd:
-            return quick.table()
-        return merged(quick, rows_of(odd, names, Codes(texts.to_pylist())), before).table()
+            return fast.table()
+        return merged(fast, rows_of(odd, names, Codes(texts.to_pylist())), before).table()
 
     def _convert_hard(self, number: Any, item: Any) -> None:
         """Convert the numbers that the scanner copied out; Arrow rounds as Python does."""

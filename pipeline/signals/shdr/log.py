@@ -9,7 +9,7 @@ its place in the file from 1.  Commands (``* key: value``) are kept without rows
   with ``{"time": "of the line before"}``.  Old times at the beginning are kept as they are.
 - Values: UNAVAILABLE is null in both columns; an item that the Devices document declares a SAMPLE
   must be a number; events are numbers where they look so unless their type is a name (PROGRAM);
-  without a document see :mod:`pipeline.signals.shdr.shapes`.
+  without a document see :mod:`pipeline.signals.shdr.record_forms`.
 - Conditions: ``text`` is the level in capitals, ``key`` the conditionId or else the code,
   ``attributes`` has severity, qualifier, message (and nativeCode) where they are not empty.
 - Assets: item ``asset``, ``key`` the id, ``text`` the type, ``attributes`` has the document as
@@ -25,11 +25,10 @@ Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, version
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.signals.records import Batch, RecordSource, Rejection, UnreadableFile
-from pipeline.signals.shdr.items import Items
-from pipeline.signals.shdr.line import LineReader, Row, read_stretch
-from pipeline.signals.shdr.rows import Codes, rows_of
-from pipeline.signals.shdr.source import CHUNK, LogBytes, Stretch, stretches
+from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.shdr.lines import CHUNK, LogBytes, Segment, segments
+from pipeline.signals.shdr.record_forms import Items
+from pipeline.signals.shdr.reference import Codes, LineReader, Row, read_segment, rows_of
 
 SMALL = 1 << 17
 """Bytes below which the scanner is not worth its start."""
@@ -46,7 +45,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
     path : Path
         The log, plain or gzip.
     source : RecordSource
-        ``devices``, ``device`` and ``values`` tell what its items are; see there.
+        ``devices``, ``device`` and ``values`` declare its items; see there.
     root : Path
         Folder that ``source.devices`` is relative to.
 
@@ -61,7 +60,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
         When the file is empty, or no line of it has the form of a log.
     """
     if path.stat().st_size < SMALL:
-        yield from read_plain(path, source, root)
+        yield from read_reference(path, source, root)
     else:
         yield from read_fast(path, source, root)
 
@@ -71,23 +70,25 @@ def read_fast(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) 
     from pipeline.signals.shdr.fast import Scanner
 
     scanner = Scanner(Items(source, root))
-    yield from _judged(scanner.batches(stretches(LogBytes(path, chunk))), scanner.reader)
+    yield from _recognised(scanner.batches(segments(LogBytes(path, chunk))), scanner.reader)
 
 
-def read_plain(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
+def read_reference(
+    path: Path, source: RecordSource, root: Path, chunk: int = CHUNK
+) -> Iterator[Batch]:
     """Read a log line by line in plain Python, the reference; arguments as :func:`read`."""
     reader = LineReader(Items(source, root))
-    yield from _judged(_plain_batches(LogBytes(path, chunk), reader), reader)
+    yield from _recognised(_reference_batches(LogBytes(path, chunk), reader), reader)
 
 
-def _plain_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
+def _reference_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
     records = 0
-    for stretch in stretches(source):
+    for segment in segments(source):
         rows: list[Row] = []
         rejected: list[Rejection] = []
         before = records
-        for part in _single_lines(stretch):
-            result = read_stretch(reader, part, records + 1)
+        for part in _single_lines(segment):
+            result = read_segment(reader, part, records + 1)
             rows += result.rows
             rejected += result.rejected
             records += result.records
@@ -96,15 +97,15 @@ def _plain_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
         yield Batch(observations=table, read=n, kept=n - len(rejected), rejected=rejected)
 
 
-def _single_lines(stretch: Stretch) -> Iterator[Stretch]:
-    if stretch.kind != "lines":
-        yield stretch
+def _single_lines(segment: Segment) -> Iterator[Segment]:
+    if segment.kind != "lines":
+        yield segment
         return
-    for number, raw in enumerate(stretch.data.removesuffix(b"\n").split(b"\n"), stretch.line):
-        yield Stretch("lines", raw, number)
+    for number, raw in enumerate(segment.data.removesuffix(b"\n").split(b"\n"), segment.line):
+        yield Segment("lines", raw, number)
 
 
-def _judged(batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]:
+def _recognised(batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]:
     """Pass batches on as soon as the file is known to be a log."""
     held: list[Batch] = []
     for batch in (b for b in batches if b.read):

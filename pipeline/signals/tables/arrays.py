@@ -1,4 +1,4 @@
-"""Channels kept as named arrays: what the readers of MATLAB, HDF5 and TDMS files share.
+"""Raw tables from named arrays, as MATLAB, HDF5 and TDMS files hold them.
 
 The longer axis of an array is time.  Arrays of one number are constants, not channels.
 """
@@ -12,14 +12,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.signals.records import TableLayout, UnreadableFile
+from pipeline.signals.formats import TableLayout, UnreadableFile
 from pipeline.signals.tables.table import RawTable, asked_for, wanted
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Block:
+class NamedArray:
     """An array in a file: ``load`` reads its values, of ``shape``; ``kind`` is NumPy's letter."""
 
     name: str
@@ -31,7 +31,7 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class _Column:
-    block: Block
+    block: NamedArray
     place: int | None
     length: int
 
@@ -45,21 +45,21 @@ def in_group(name: str, group: str | None, separator: str) -> str | None:
 
 
 def raw_table(
-    blocks: Sequence[Block],
+    named_arrays: Sequence[NamedArray],
     layout: TableLayout,
     rate: float | None = None,
     start: str | None = None,
 ) -> RawTable:
-    """Raw table of the blocks that belong together.
+    """Raw table of the named_arrays that belong together.
 
     Parameters
     ----------
-    blocks : sequence of Block
+    named_arrays : sequence of NamedArray
         All arrays of the file's group.
     layout : TableLayout
         Which of them are channels.
     rate, start : float or None, str or None
-        What the file itself says of its sampling.
+        Sampling rate [Hz] and first instant that the file itself states.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def raw_table(
         When a column is missing, or the columns asked for are not of one length.
     """
     columns = {}
-    for block in blocks:
+    for block in named_arrays:
         columns.update(_columns(block))
     length = _length(columns, asked_for(layout))
     fitting = [name for name, column in columns.items() if column.length == length]
@@ -78,7 +78,7 @@ def raw_table(
     cells = {name: _cells(name, columns[name], loaded) for name in needed}
     constants = {
         block.name: float(np.ravel(block.load())[0].real)
-        for block in blocks
+        for block in named_arrays
         if _size(block.shape) == 1 and block.kind in "biuf"
     }
     return RawTable(
@@ -96,7 +96,7 @@ def _size(shape: tuple[int, ...]) -> int:
     return int(np.prod(shape, dtype=object)) if shape else 1
 
 
-def _columns(block: Block) -> dict[str, _Column]:
+def _columns(block: NamedArray) -> dict[str, _Column]:
     """A block's columns by name: itself, or ``name[0]``, ``name[1]`` of a matrix."""
     sides = [side for side in block.shape if side != 1]
     if block.kind not in "biufMmSUO" or len(sides) not in (1, 2):
@@ -157,12 +157,12 @@ def _word(cell: object) -> str | None:
 
 
 @dataclass
-class Flat:
+class ArrayCollector:
     """Blocks gathered while a file's tree is walked, under the layout's group."""
 
     group: str | None
     separator: str
-    blocks: list[Block] = field(default_factory=list)
+    arrays: list[NamedArray] = field(default_factory=list)
 
     def add(self, name: str, shape: tuple[int, ...], dtype: Any, load: Callable[[], Array],
             unit: str | None = None) -> None:  # fmt: skip
@@ -170,17 +170,17 @@ class Flat:
         short = in_group(name, self.group, self.separator)
         if short is not None:
             kind = np.dtype(dtype).kind
-            self.blocks.append(Block(name=short, shape=shape, kind=kind, load=load, unit=unit))
+            self.arrays.append(NamedArray(name=short, shape=shape, kind=kind, load=load, unit=unit))
 
-    def found(self) -> list[Block]:
-        """The blocks.
+    def found(self) -> list[NamedArray]:
+        """The named_arrays.
 
         Raises
         ------
         UnreadableFile
             When the group holds none.
         """
-        if not self.blocks:
+        if not self.arrays:
             where = f"group {self.group!r}" if self.group else "the file"
             raise UnreadableFile(f"{where} holds no arrays: correct the group in the layout")
-        return self.blocks
+        return self.arrays

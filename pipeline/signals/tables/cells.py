@@ -1,17 +1,23 @@
-"""Cells of a table: numbers or words, or null where the file says nothing.
+"""Cells of a table: numbers, words or times, or null where the file says nothing.
 
 A cell that is blank, not a number by IEEE 754 or by a program's word for it is null.  A cell that
-holds anything else but a finite number is bad, and its row is rejected.
+holds anything else but a finite number is bad, and its row is rejected.  Times are whole
+nanoseconds since 1970 in UTC, or seconds since the start; text is read digit by digit into
+integers, so that no nanosecond is lost to a float.
 """
 
+import re
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
-from pipeline.signals.records import UnreadableFile
+from pipeline.schema.arrays import Bools, Ints
+from pipeline.signals.formats import TableLayout, UnreadableFile
 
 Cells = Any
 """An Arrow array, chunked or not; Arrow has no types for the type checker."""
@@ -26,7 +32,7 @@ NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 """A number in text, with a decimal point."""
 
 
-def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, NDArray[np.bool_]]:
+def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, Bools]:
     """Cells as numbers.
 
     Parameters
@@ -109,14 +115,14 @@ def _is_numeric(kind: pa.DataType) -> bool:
 
 
 def _cast(cells: pa.Array) -> pa.Array | None:
-    """Arrow's own quick parser; None when it meets a cell that it does not know."""
+    """Arrow's own fast parser; None when it meets a cell that it does not know."""
     try:
         return pc.cast(cells, pa.float64())
     except pa.ArrowInvalid:
         return None
 
 
-def _parsed(cells: pa.Array, decimal: str) -> tuple[pa.Array, NDArray[np.bool_]]:
+def _parsed(cells: pa.Array, decimal: str) -> tuple[pa.Array, Bools]:
     text = pc.utf8_trim_whitespace(cells)
     silent = pc.is_in(pc.utf8_lower(text), value_set=pa.array(NOTHING))
     nothing = pc.or_kleene(silent, pc.is_null(text))
@@ -128,3 +134,199 @@ def _parsed(cells: pa.Array, decimal: str) -> tuple[pa.Array, NDArray[np.bool_]]
     digits = pc.if_else(good, pc.utf8_ltrim(text, "+"), pa.scalar(None, pa.string()))
     known = pc.or_(good, nothing.fill_null(True)).to_numpy(zero_copy_only=False)
     return pc.cast(digits, pa.float64()), ~known
+
+
+Instants = tuple[Ints, Bools]
+
+NANOSECONDS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
+TIME_UNITS = ("iso", *NANOSECONDS, *(f"unix_{unit}" for unit in ("s", "ms", "us", "ns")))
+
+_ISO = (
+    r"^(?P<Y>[0-9]{4})[-/.](?P<M>[0-9]{1,2})[-/.](?P<D>[0-9]{1,2})"
+    r"(?:(?:[Tt]|[ ]+)(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2})(?::(?P<s>[0-9]{2})"
+    r"(?:[.,:](?P<f>[0-9]+))?)?)?[ ]*(?P<z>[Zz]|[+-][0-9]{2}:?[0-9]{2})?$"
+)
+_LONGEST = 9_223_000_000  # seconds that int64 nanoseconds hold, less a day for time zones
+
+
+def instants(cells: Cells, layout: TableLayout) -> Instants:
+    """Instants of a time column.
+
+    Parameters
+    ----------
+    cells : pyarrow array, shape (T,)
+        Timestamps, text, or numbers since 1970 (or since ``layout.start``).
+    layout : TableLayout
+        Its ``time_unit``, ``time_zone``, ``time_format``, ``start`` and ``decimal``.
+
+    Returns
+    -------
+    time : ndarray of int64, shape (T,)
+        Nanoseconds since 1970-01-01 UTC.
+    bad : ndarray of bool, shape (T,)
+        True where the cell names no instant.
+    """
+    cells = plain(cells)
+    if pa.types.is_timestamp(cells.type):
+        return _timestamps(cells, layout.time_zone)
+    if layout.time_unit == "iso":
+        if not pa.types.is_string(cells.type):
+            raise UnreadableFile(
+                f"the time column holds {cells.type}, not dates: give its time_unit"
+            )
+        return _formatted(cells, layout) if layout.time_format else _iso(cells, layout.time_zone)
+    unit = NANOSECONDS[layout.time_unit.removeprefix("unix_")]
+    time, bad = _counted(cells, unit, layout.decimal)
+    if not layout.time_unit.startswith("unix_"):
+        start = start_of(layout)
+        bad = bad | (np.abs(time) > _LONGEST * 10**9 - abs(start))
+        time = np.where(bad, 0, time) + start
+    return time, bad
+
+
+def seconds(cells: Cells, layout: TableLayout) -> tuple[pa.Array, Bools]:
+    """Time since the start [s] as float64, and where a cell holds none."""
+    values, bad = numbers(cells, layout.decimal)
+    scale = Fraction(NANOSECONDS[layout.time_unit], 10**9)
+    # Dividing by a whole number keeps what multiplying by 0.001 would round.
+    scaled = pc.divide(pc.multiply(values, float(scale.numerator)), float(scale.denominator))
+    return scaled, bad | values.is_null().to_numpy(zero_copy_only=False)
+
+
+def regular(place: Ints, rate: float, start: int) -> Ints:
+    """Instants [ns] of the samples at ``place`` (from 0) of a recording with a fixed rate [Hz]."""
+    period = Fraction(10**9) / Fraction(str(rate))
+    top, bottom = period.numerator, period.denominator
+    if len(place) and int(place[-1]) * top * 2 < 2**62:
+        return start + (place * top * 2 + bottom) // (2 * bottom)
+    return start + np.array([(int(k) * top * 2 + bottom) // (2 * bottom) for k in place], np.int64)
+
+
+def start_of(layout: TableLayout) -> int:
+    """``layout.start`` [ns since 1970].
+
+    Raises
+    ------
+    ValueError
+        When it is no date and time.
+    """
+    time, bad = _iso(pa.array([layout.start or ""]), layout.time_zone)
+    if bad[0]:
+        raise ValueError(
+            f"start {layout.start!r} of the table's layout is no instant: write it as "
+            "'2024-05-17T08:00:00Z'"
+        )
+    return int(time[0])
+
+
+def _timestamps(cells: pa.Array, zone: str) -> Instants:
+    bad = cells.is_null().to_numpy(zero_copy_only=False).copy()
+    try:
+        time = pc.cast(cells, pa.timestamp("ns", cells.type.tz))
+    except pa.ArrowInvalid as error:
+        raise UnreadableFile(
+            "the time column holds instants before 1678 or after 2262; correct its dates"
+        ) from error
+    time = pc.cast(time, pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
+    return (time, bad) if cells.type.tz else _localised(time, bad, zone)
+
+
+def _iso(cells: pa.Array, zone: str) -> Instants:
+    """Dates and times as in ISO 8601, with ``/`` or ``.`` allowed in the date."""
+    parts = pc.extract_regex(pc.utf8_trim_whitespace(cells), _ISO)
+    bad = parts.is_null().to_numpy(zero_copy_only=False).copy()
+
+    def part(name: str) -> Ints:
+        text = pc.struct_field(parts, name)
+        text = pc.if_else(pc.equal(text, ""), "0", text)
+        return pc.cast(text.fill_null("0"), pa.int64()).to_numpy(zero_copy_only=False)
+
+    year, month, day, hour = (part(name) for name in "YMDh")
+    month_start = (year - 1970).astype("M8[Y]").astype("M8[M]") + np.clip(month - 1, 0, 11)
+    date = month_start.astype("M8[D]") + (day - 1)
+    bad |= (month < 1) | (month > 12) | (day < 1) | (date.astype("M8[M]") != month_start)
+    bad |= (hour > 23) | (part("m") > 59) | (part("s") > 59)
+    fraction = pc.struct_field(parts, "f").fill_null("")
+    fraction = pc.utf8_slice_codeunits(pc.utf8_rpad(fraction, 9, "0"), 0, 9)
+    nano = pc.cast(fraction, pa.int64()).to_numpy(zero_copy_only=False)
+    second = date.astype(np.int64) * 86400 + hour * 3600 + part("m") * 60 + part("s")
+    zoned = pc.struct_field(parts, "z").fill_null("")
+    second = second - _offsets(zoned)
+    bad |= np.abs(second) > _LONGEST
+    time = np.where(bad, 0, second) * 10**9 + nano
+    naive = pc.equal(zoned, "").to_numpy(zero_copy_only=False)
+    local, lost = _localised(time, bad, zone)
+    return np.where(naive, local, time), np.where(naive, lost, bad)
+
+
+def _offsets(zoned: pa.Array) -> Ints:
+    """Seconds east of Greenwich of ``Z``, ``+hh:mm`` and ``-hhmm``."""
+    words = zoned.unique().to_pylist()
+    known = {}
+    for word in words:
+        digits = word[1:].replace(":", "")
+        value = int(digits[:2]) * 3600 + int(digits[2:]) * 60 if digits else 0
+        known[word] = -value if word.startswith("-") else value
+    codes = pc.index_in(zoned, value_set=pa.array(words, pa.string()))
+    table = np.array([known[word] for word in words] or [0], np.int64)
+    return table[codes.to_numpy(zero_copy_only=False)]
+
+
+def _formatted(cells: pa.Array, layout: TableLayout) -> Instants:
+    """Times in a form of the user's."""
+    import pandas as pd
+
+    text = pd.Series(pc.utf8_trim_whitespace(cells).to_pylist(), dtype=object)
+    zoned = "%z" in str(layout.time_format)
+    found = pd.to_datetime(text, format=layout.time_format, errors="coerce", utc=zoned)
+    bad = found.isna().to_numpy().copy()
+    time = found.dt.as_unit("ns").to_numpy().astype("M8[ns]").astype(np.int64)
+    time = np.where(bad, 0, time)
+    return (time, bad) if zoned else _localised(time, bad, layout.time_zone)
+
+
+def _localised(time: Ints, bad: Bools, zone: str) -> Instants:
+    """UTC of wall-clock times; the hours that a change of clocks repeats or skips are bad."""
+    bad = bad | (np.abs(time) > _LONGEST * 10**9)
+    time = np.where(bad, 0, time)
+    if zone == "UTC":
+        return time, bad
+    import pandas as pd
+
+    try:
+        ZoneInfo(zone)
+    except (ZoneInfoNotFoundError, ValueError) as error:
+        raise ValueError(
+            f"time_zone {zone!r} of the table's layout is not known: write it as in 'Europe/Berlin'"
+        ) from error
+    wall = pd.DatetimeIndex(time.astype("M8[ns]"))
+    utc = wall.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").tz_convert("UTC")
+    bad = bad | np.asarray(utc.isna())
+    return np.where(bad, 0, utc.tz_localize(None).to_numpy().astype("M8[ns]").astype(np.int64)), bad
+
+
+def _counted(cells: pa.Array, unit: int, decimal: str) -> Instants:
+    """Numbers of a unit of time as whole nanoseconds, exact for integers and text."""
+    if pa.types.is_integer(cells.type) or pa.types.is_string(cells.type):
+        exact = [_nanoseconds(cell, unit, decimal) for cell in cells.to_pylist()]
+        bad = np.array([value is None for value in exact], bool)
+        return np.array([value or 0 for value in exact], np.int64), bad
+    values, bad = numbers(cells)
+    bad = bad | values.is_null().to_numpy(zero_copy_only=False)
+    number = np.where(bad, 0.0, values.fill_null(0.0).to_numpy(zero_copy_only=False))
+    bad |= np.abs(number) >= 2**63 / unit
+    number = np.where(bad, 0.0, number)
+    whole = np.floor(number)
+    return whole.astype(np.int64) * unit + np.rint((number - whole) * unit).astype(np.int64), bad
+
+
+def _nanoseconds(cell: str | int | None, unit: int, decimal: str) -> int | None:
+    """One cell in nanoseconds; None when it is no time that 64 bits hold."""
+    text = str(cell).strip().replace(decimal, ".")
+    if not re.match(NUMBER, text):
+        return None
+    number = Decimal(text)
+    if number.adjusted() > 30 or number.adjusted() < -30:  # too large to hold, too small to count
+        return None if number.adjusted() > 30 else 0
+    value = round(Fraction(number) * unit)
+    return value if abs(value) < 2**63 else None

@@ -7,15 +7,19 @@ record.  Both give the same rows.
 
 import csv
 import re
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-from numpy.typing import NDArray
 
-from pipeline.signals.records import (
+from pipeline.schema.arrays import Ints
+from pipeline.signals.formats import (
     EXCERPT,
     RecordSource,
     Rejection,
@@ -23,14 +27,239 @@ from pipeline.signals.records import (
     Trace,
     UnreadableFile,
 )
-from pipeline.signals.tables.csv_form import Form, Lines, form_of, text_of
-from pipeline.signals.tables.table import RawTable, assemble, layout_of, wanted
+from pipeline.signals.tables.table import (
+    RawTable,
+    asked_for,
+    assemble,
+    layout_of,
+    missing_columns,
+    wanted,
+)
+
+_MARKS = (
+    (b"\xff\xfe\x00\x00", "utf-32"),
+    (b"\x00\x00\xfe\xff", "utf-32"),
+    (b"\xef\xbb\xbf", "utf-8-sig"),
+    (b"\xff\xfe", "utf-16"),
+    (b"\xfe\xff", "utf-16"),
+)
+_HEAD = 4096  # bytes in which a text file holds no zero
+_SAMPLE = 200  # lines that tell a delimiter when nothing else does
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """Where the data of a text table stand and what its columns are called."""
+
+    delimiter: str
+    names: list[str]
+    first: int
+    units: dict[str, str] = field(default_factory=dict)
+
+
+class Lines:
+    """Lines of a text, by number from 0, without their ends."""
+
+    def __init__(self, body: bytes) -> None:
+        self.body = body
+        ends = np.flatnonzero(np.frombuffer(body, np.uint8) == ord("\n")).astype(np.int64)
+        if len(body) and not body.endswith(b"\n"):
+            ends = np.append(ends, len(body))
+        self.ends: Ints = ends
+        self.starts: Ints = np.concatenate([[0], ends[:-1] + 1])[: len(ends)]
+
+    def __len__(self) -> int:
+        """Number of lines."""
+        return len(self.ends)
+
+    def __getitem__(self, number: int) -> str:
+        """One line."""
+        return self.body[self.starts[number] : self.ends[number]].decode()
+
+    def __iter__(self) -> Iterator[str]:
+        """All lines."""
+        return (self[number] for number in range(len(self)))
+
+
+def text_of(data: bytes, encoding: str) -> bytes:
+    r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked.
+
+    Raises
+    ------
+    UnreadableFile
+        For an empty, binary or cut file, or one in another encoding.
+    ValueError
+        When ``encoding`` is not the name of an encoding.
+    """
+    if data.startswith(b"\x1f\x8b"):
+        data = _unpacked(data)
+    encoding = next((name for mark, name in _MARKS if data.startswith(mark)), encoding)
+    try:
+        text = data.decode(encoding)
+    except LookupError as error:
+        raise ValueError(f"encoding {encoding!r} is not known: write it as in 'latin-1'") from error
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise UnreadableFile(
+            f"byte 0x{data[error.start]:02x} at line {line} is not {encoding}: "
+            "name the file's encoding in the layout, for example 'latin-1'"
+        ) from error
+    if not text.strip():
+        raise UnreadableFile("the file is empty")
+    if "\0" in text[:_HEAD]:
+        raise UnreadableFile("the file is binary, not text (or its encoding is 'utf-16-le')")
+    body = text.removeprefix("\ufeff").encode("utf-8", "replace")
+    return body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
+def _unpacked(data: bytes) -> bytes:
+    unpacker = zlib.decompressobj(wbits=31)
+    try:
+        text = unpacker.decompress(data)
+        while unpacker.eof and unpacker.unused_data.startswith(b"\x1f\x8b"):
+            rest, unpacker = unpacker.unused_data, zlib.decompressobj(wbits=31)
+            text += unpacker.decompress(rest)
+    except zlib.error as error:
+        raise UnreadableFile(
+            f"the gzip stream is damaged ({error}): copy the file again"
+        ) from error
+    if not unpacker.eof:
+        raise UnreadableFile("the gzip stream ends early: copy the file again")
+    return text
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """Cells of one line, without the blanks around them."""
+    if '"' in line:
+        try:
+            row = next(csv.reader([line], delimiter=delimiter), [])
+        except csv.Error:
+            return []
+        return [cell.strip() for cell in row]
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+def unique(names: Sequence[str]) -> list[str]:
+    """Names of columns, made unique: repeated ones as ``name#n``, empty ones as ``#place``."""
+    count = Counter(names)
+    seen: Counter[str] = Counter()
+    result: dict[str, None] = {}
+    for place, name in enumerate(names, 1):
+        seen[name] += 1
+        label = f"#{place}" if not name else name if count[name] == 1 else f"{name}#{seen[name]}"
+        while label in result:
+            label += "'"
+        result[label] = None
+    return list(result)
+
+
+def dialect_of(lines: Lines, layout: TableLayout) -> Dialect:
+    """Delimiter, column names, first line of data and units of a text table.
+
+    Raises
+    ------
+    UnreadableFile
+        When no line names the columns that the layout names.
+    """
+    if layout.names:
+        first = layout.header or 0
+        return Dialect(
+            delimiter=_delimiter_of(lines, first, layout, len(layout.names)),
+            names=unique(layout.names),
+            first=first,
+        )
+    number, delimiter = _header(lines, layout)
+    names = unique(cells_of(lines[number], delimiter))
+    missing = [name for name in asked_for(layout) if name not in names]
+    if missing:
+        raise missing_columns(missing, names)
+    units: dict[str, str] = {}
+    first = number + 1
+    if layout.units_row and first < len(lines):
+        units = dict(zip(names, cells_of(lines[first], delimiter), strict=False))
+        first += 1
+    names = _as_the_rows(names, lines, first, delimiter)
+    return Dialect(delimiter=delimiter, names=names, first=first, units=units)
+
+
+def _as_the_rows(names: list[str], lines: Lines, first: int, delimiter: str) -> list[str]:
+    """Names for as many cells as the rows have, where a delimiter ends header or rows only."""
+    row = next((lines[k] for k in range(first, len(lines)) if lines[k].strip()), "")
+    cells = cells_of(row, delimiter)
+    if len(cells) == len(names) + 1 and not cells[-1]:
+        return unique([*names, ""])
+    if len(cells) == len(names) - 1 and names[-1] == f"#{len(names)}":
+        return names[:-1]
+    return names
+
+
+def _delimiters(layout: TableLayout) -> list[str]:
+    if layout.delimiter != "auto":
+        if len(layout.delimiter) != 1:
+            raise ValueError(
+                f"delimiter {layout.delimiter!r} of the table's layout is not one character: "
+                "write it as in ';' or 'auto'"
+            )
+        return [layout.delimiter]
+    return [mark for mark in ",;\t|" if mark != layout.decimal]
+
+
+def _header(lines: Lines, layout: TableLayout) -> tuple[int, str]:
+    """Number of the line with the column names, and the delimiter."""
+    asked = asked_for(layout)
+    if layout.header is not None and layout.header >= len(lines):
+        raise UnreadableFile(
+            f"the header is line {layout.header} by the layout, the file has {len(lines)}: "
+            "correct the layout"
+        )
+    if not asked:
+        return _plainest(lines, layout)
+    only = None if layout.header is None else [layout.header]
+    stems = [re.sub(r"#\d+$", "", name) for name in asked]
+    best = (0, 0, 0, _delimiters(layout)[0])
+    for number in only or range(len(lines)):
+        line = lines[number]
+        if only is None and not any(stem in line for stem in stems):
+            continue
+        for delimiter in _delimiters(layout):
+            names = unique(cells_of(line, delimiter))
+            found = sum(name in names for name in asked)
+            if (found, len(names)) > best[:2] and (found or only):
+                best = (found, len(names), number, delimiter)
+        if best[0] == len(asked):
+            break
+    if best[0] == 0 and only is None:
+        number, delimiter = _plainest(lines, layout)
+        raise missing_columns(asked, [n for n in cells_of(lines[number], delimiter) if n])
+    return best[2], best[3]
+
+
+def _plainest(lines: Lines, layout: TableLayout) -> tuple[int, str]:
+    """The first line with as many cells as most lines have, for a layout that names no column."""
+    delimiter = _delimiter_of(lines, layout.header or 0, layout, 0)
+    if layout.header is not None:
+        return layout.header, delimiter
+    counts = [len(cells_of(lines[k], delimiter)) for k in range(min(len(lines), 10 * _SAMPLE))]
+    usual = Counter(counts).most_common(1)[0][0]
+    return counts.index(usual), delimiter
+
+
+def _delimiter_of(lines: Lines, first: int, layout: TableLayout, width: int) -> str:
+    """The delimiter that gives most lines the wanted width, or the most cells."""
+    sample = [lines[k] for k in range(first, min(len(lines), first + _SAMPLE))]
+
+    def score(delimiter: str) -> tuple[int, int]:
+        counts = [len(cells_of(line, delimiter)) for line in sample]
+        return sum(count == width for count in counts), sum(counts)
+
+    return max(_delimiters(layout), key=score)
+
 
 _LONGEST_RECORD = 50  # lines; a quote that stays open longer is a stray one
 _BLOCK = 1 << 26
 _SHAPE = re.compile(r"([.,]\d*)?([eE][-+]?\d*)?\s*$")
 
-Rows = tuple[dict[str, pa.ChunkedArray], NDArray[np.int64], list[Rejection]]
+Rows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
@@ -55,36 +284,36 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
     layout = layout_of(source)
     body = text_of(path.read_bytes(), layout.encoding)
     lines = Lines(body)
-    form = form_of(lines, layout)
-    needed = wanted(layout, form.names)
-    columns, numbers, rejected = rows_of(lines, form, needed, layout)
-    cut = _cut(lines, form)
+    dialect = dialect_of(lines, layout)
+    needed = wanted(layout, dialect.names)
+    columns, numbers, rejected = rows_of(lines, dialect, needed, layout)
+    cut = _cut(lines, dialect)
     if cut and len(numbers) and numbers[-1] == cut.line:
         columns = {name: cells.slice(0, len(numbers) - 1) for name, cells in columns.items()}
         numbers, rejected = numbers[:-1], [*rejected, cut]
     raw = RawTable(
         columns=dict(columns),
         lines=numbers,
-        units=form.units,
+        units=dialect.units,
         rejected=rejected,
-        left_out=[name for name in form.names if name not in columns],
+        left_out=[name for name in dialect.names if name not in columns],
         notes={} if body.endswith(b"\n") else {"last_line_without_end": len(lines)},
         excerpt=lambda row: lines[int(numbers[row]) - 1],
     )
     return assemble(raw, layout)
 
 
-def rows_of(lines: Lines, form: Form, needed: list[str], layout: TableLayout) -> Rows:
+def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> Rows:
     """Cells of the needed columns as text, the line of each row (from 1), and rejected rows."""
-    if form.first >= len(lines):
+    if dialect.first >= len(lines):
         empty = {name: pa.chunked_array([pa.array([], pa.string())]) for name in needed}
         return empty, np.empty(0, np.int64), []
-    if layout.ragged == "fill" or _open_quotes(lines, form.first):
-        return rows_by_record(lines, form, needed, fill=layout.ragged == "fill")
-    return rows_by_arrow(lines, form, needed)
+    if layout.ragged == "fill" or _open_quotes(lines, dialect.first):
+        return rows_by_record(lines, dialect, needed, fill=layout.ragged == "fill")
+    return rows_by_arrow(lines, dialect, needed)
 
 
-def rows_by_arrow(lines: Lines, form: Form, needed: list[str]) -> Rows:
+def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
     """As :func:`rows_of` for files whose records are one line each."""
     invalid: list[tuple[int, str, int]] = []
 
@@ -92,15 +321,15 @@ def rows_by_arrow(lines: Lines, form: Form, needed: list[str]) -> Rows:
         invalid.append((row.number, row.text, row.actual_columns))
         return "skip"
 
-    body = pa.py_buffer(lines.body).slice(int(lines.starts[form.first]))
+    body = pa.py_buffer(lines.body).slice(int(lines.starts[dialect.first]))
     try:
         table = pyarrow.csv.read_csv(
             pa.BufferReader(body),
             read_options=pyarrow.csv.ReadOptions(
-                column_names=form.names, use_threads=False, block_size=_BLOCK
+                column_names=dialect.names, use_threads=False, block_size=_BLOCK
             ),
             parse_options=pyarrow.csv.ParseOptions(
-                delimiter=form.delimiter, ignore_empty_lines=False, invalid_row_handler=skip
+                delimiter=dialect.delimiter, ignore_empty_lines=False, invalid_row_handler=skip
             ),
             convert_options=pyarrow.csv.ConvertOptions(
                 column_types=dict.fromkeys(needed, pa.string()),
@@ -110,33 +339,33 @@ def rows_by_arrow(lines: Lines, form: Form, needed: list[str]) -> Rows:
         )
     except pa.ArrowInvalid as error:
         raise UnreadableFile(f"the table cannot be split into cells: {error}") from error
-    count = len(lines) - form.first
+    count = len(lines) - dialect.first
     here = np.ones(count, bool)
     here[[number - 1 for number, _, _ in invalid]] = False
-    numbers = form.first + 1 + np.flatnonzero(here)
+    numbers = dialect.first + 1 + np.flatnonzero(here)
     rejected = [
-        _ragged(form.first + number, text, width, form)
+        _ragged(dialect.first + number, text, width, dialect)
         for number, text, width in invalid
         if text.strip()
     ]
     columns = {name: table.column(name) for name in needed}
-    if len(form.names) == 1:
+    if len(dialect.names) == 1:
         return columns, numbers, rejected
     blank = lines.starts[numbers - 1] == lines.ends[numbers - 1]
     keep = pa.array(~blank)
     return {n: c.filter(keep) for n, c in columns.items()}, numbers[~blank], rejected
 
 
-def rows_by_record(lines: Lines, form: Form, needed: list[str], fill: bool) -> Rows:
+def rows_by_record(lines: Lines, dialect: Dialect, needed: list[str], fill: bool) -> Rows:
     """As :func:`rows_of`, one record after the other; a quoted cell may go over several lines."""
-    places = [form.names.index(name) for name in needed]
+    places = [dialect.names.index(name) for name in needed]
     cells: list[list[str]] = [[] for _ in needed]
     numbers: list[int] = []
     rejected: list[Rejection] = []
-    number = form.first
+    number = dialect.first
     while number < len(lines):
-        line, width = lines[number], len(form.names)
-        row, used = _record(lines, number, form.delimiter)
+        line, width = lines[number], len(dialect.names)
+        row, used = _record(lines, number, dialect.delimiter)
         number += used
         if row is None:
             reason = "a quote is not closed, or is followed by text"
@@ -144,7 +373,7 @@ def rows_by_record(lines: Lines, form: Form, needed: list[str], fill: bool) -> R
         elif not line.strip() and width > 1:
             continue
         elif len(row) > width or (len(row) < width and not fill):
-            rejected.append(_ragged(number - used + 1, line, len(row), form))
+            rejected.append(_ragged(number - used + 1, line, len(row), dialect))
         else:
             row += [""] * (width - len(row))
             numbers.append(number - used + 1)
@@ -179,25 +408,25 @@ def _open_quotes(lines: Lines, first: int) -> bool:
     return bool((counts[first:] % 2).any())
 
 
-def _ragged(line: int, text: str, width: int, form: Form) -> Rejection:
-    reason = f"the row has {width} cells, the table has {len(form.names)} columns"
+def _ragged(line: int, text: str, width: int, dialect: Dialect) -> Rejection:
+    reason = f"the row has {width} cells, the table has {len(dialect.names)} columns"
     return Rejection(line=line, reason=reason, excerpt=text[:EXCERPT])
 
 
-def _cut(lines: Lines, form: Form) -> Rejection | None:
+def _cut(lines: Lines, dialect: Dialect) -> Rejection | None:
     """The last line, when it has no end and its last number lacks digits that all others have."""
     last = len(lines) - 1
-    others = range(max(form.first, last - 1000), last)
+    others = range(max(dialect.first, last - 1000), last)
     if lines.body.endswith(b"\n") or len(others) < 2:
         return None
-    shapes = {_shape(lines[k], form) for k in others if lines[k].strip()}
-    if len(shapes) != 1 or _shape(lines[last], form) in shapes:
+    shapes = {_shape(lines[k], dialect) for k in others if lines[k].strip()}
+    if len(shapes) != 1 or _shape(lines[last], dialect) in shapes:
         return None
     reason = "the file ends inside this row: its last number is shorter than those above it"
     return Rejection(line=last + 1, reason=reason, excerpt=lines[last][:EXCERPT])
 
 
-def _shape(line: str, form: Form) -> tuple[int, int]:
+def _shape(line: str, dialect: Dialect) -> tuple[int, int]:
     """How many characters of decimals and of an exponent end a line."""
-    match = _SHAPE.search(line.rsplit(form.delimiter, 1)[-1])
+    match = _SHAPE.search(line.rsplit(dialect.delimiter, 1)[-1])
     return (len(match[1] or ""), len(match[2] or "")) if match else (0, 0)

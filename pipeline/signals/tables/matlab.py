@@ -1,15 +1,184 @@
-"""Recordings in MATLAB's MAT files: level 4 by SciPy, 5 to 7 by our own, 7.3 (HDF5) by h5py."""
+"""Recordings in MATLAB's MAT files: level 4, level 5 (versions 5, 6 and 7) and version 7.3.
+
+SciPy reads level 4, h5py version 7.3, which is HDF5.  Level 5, as published by The MathWorks,
+has a reader of its own for vectors, matrices, text, cells and structs, because SciPy's compiled one
+ends the whole process when a file is damaged: every size is checked here before it is believed.
+Sparse arrays, functions and objects (tables, datetimes) are left out.
+"""
 
 import io
+import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.signals.records import RecordSource, TableLayout, Trace, UnreadableFile
-from pipeline.signals.tables import mat5
-from pipeline.signals.tables.arrays import Array, Flat, raw_table
+from pipeline.signals.formats import RecordSource, TableLayout, Trace, UnreadableFile
+from pipeline.signals.tables.arrays import Array, ArrayCollector, raw_table
 from pipeline.signals.tables.table import RawTable, assemble, layout_of
+
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8",
+          13: "u8", 16: "u1", 17: "u2", 18: "u4"}  # fmt: skip
+_CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8",
+            15: "u8"}  # fmt: skip
+_CODINGS = {16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_MATRIX, _COMPRESSED = 14, 15
+_CELL, _STRUCT, _CHAR = 1, 2, 4
+_COMPLEX = 0x0800
+_DEEPEST = 20
+
+
+@dataclass(frozen=True)
+class _Element:
+    kind: int
+    data: memoryview
+
+
+def level_5_arrays(data: bytes) -> Iterator[tuple[str, Array]]:
+    """Arrays of a workspace by name, structs taken apart (``run.axes.t``).
+
+    Parameters
+    ----------
+    data : bytes
+        The whole file.
+
+    Raises
+    ------
+    UnreadableFile
+        When the file is no such file, or is damaged.
+    """
+    if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
+        raise _damaged("it has no header of a MAT file")
+    order = "<" if data[126:128] == b"IM" else ">"
+    for element in _elements(memoryview(data)[128:], order):
+        if element.kind == _COMPRESSED:
+            inner = list(_elements(memoryview(_inflated(element.data)), order))
+            if len(inner) != 1:
+                raise _damaged("a compressed variable is not one array")
+            element = inner[0]
+        if element.kind == _MATRIX:
+            yield from _matrix(element.data, order, "", 0)
+
+
+def _elements(data: memoryview, order: str) -> Iterator[_Element]:
+    position = 0
+    while position < len(data):
+        element, position = _element(data, position, order)
+        yield element
+
+
+def _element(data: memoryview, position: int, order: str) -> tuple[_Element, int]:
+    """The element at a position, and the position after it and its padding."""
+    if position + 8 > len(data):
+        raise _damaged("it ends inside a variable")
+    first, size = (int(word) for word in np.frombuffer(data[position : position + 8], f"{order}u4"))
+    if first >> 16:  # small: type and size share a word, the value is in the next
+        kind, size, start, end = first & 0xFFFF, first >> 16, position + 4, position + 8
+        if size > 4:
+            raise _damaged(f"a small value claims {size} bytes")
+    else:
+        kind, start = first, position + 8
+        end = start + size + (0 if kind == _COMPRESSED else -size % 8)
+        if start + size > len(data):
+            raise _damaged(f"it ends inside a variable of {size} bytes")
+    return _Element(kind, data[start : start + size]), end
+
+
+def _inflated(data: memoryview) -> bytes:
+    try:
+        return zlib.decompress(data)
+    except zlib.error as error:
+        raise _damaged(str(error)) from error
+
+
+def _matrix(data: memoryview, order: str, prefix: str, depth: int) -> Iterator[tuple[str, Array]]:
+    """Arrays in an array: itself, or what a struct holds."""
+    if not len(data):
+        return
+    parts = _elements(data, order)
+    flags = _numbers(next(parts, None), order)
+    sides = [int(side) for side in _numbers(next(parts, None), order)]
+    label = bytes(_numbers(next(parts, None), order).astype(np.uint8)).decode("latin-1")
+    name = f"{prefix}.{label}" if prefix and label else prefix or label
+    if not len(flags) or len(sides) < 2 or min(sides) < 0 or depth > _DEEPEST:
+        raise _damaged("an array has no class or no sides")
+    kind, count = int(flags[0]) & 0xFF, 1
+    for side in sides:
+        count *= side
+    if kind in _CLASSES:
+        yield name, _numeric(parts, order, sides, count, kind, bool(int(flags[0]) & _COMPLEX))
+    elif kind == _CHAR:
+        yield name, np.array([_text(next(parts, None), order)])
+    elif kind == _CELL:
+        words = _cell(parts, order, count, depth)
+        if words is not None:
+            yield name, np.array(words, dtype=str).reshape(sides, order="F")
+    elif kind == _STRUCT and count == 1:
+        yield from _struct(parts, order, name, depth)
+
+
+def _numeric(
+    parts: Iterator[_Element], order: str, sides: list[int], count: int, kind: int, two: bool
+) -> Array:
+    values = []
+    for _ in range(1 + two):
+        found = _numbers(next(parts, None), order)
+        if len(found) != count:
+            raise _damaged(f"an array of {count} numbers holds {len(found)}")
+        with np.errstate(over="ignore"):  # becomes infinite, which a table rejects
+            values.append(found.astype(_CLASSES[kind]))
+    flat = values[0] + 1j * values[1] if two else values[0]
+    return flat.reshape(sides, order="F")
+
+
+def _cell(parts: Iterator[_Element], order: str, count: int, depth: int) -> list[str] | None:
+    """Words of a cell array; None when it holds anything else."""
+    words = []
+    for part in parts:
+        inner = [value for _, value in _matrix(part.data, order, "", depth + 1)]
+        if len(inner) == 1 and inner[0].dtype.kind == "U" and inner[0].size == 1:
+            words.append(str(inner[0].reshape(-1)[0]))
+    return words if len(words) == count else None
+
+
+def _struct(
+    parts: Iterator[_Element], order: str, name: str, depth: int
+) -> Iterator[tuple[str, Array]]:
+    width = _numbers(next(parts, None), order)
+    text = bytes(_numbers(next(parts, None), order).astype(np.uint8))
+    if len(width) != 1 or width[0] < 1 or len(text) % int(width[0]):
+        raise _damaged("a struct has no names of fields")
+    step = int(width[0])
+    for start in range(0, len(text), step):
+        field = text[start : start + step].split(b"\0")[0].decode("latin-1")
+        part = next(parts, None)
+        if part is None or part.kind != _MATRIX:
+            raise _damaged(f"the field {field!r} of a struct is missing")
+        yield from _matrix(part.data, order, f"{name}.{field}", depth + 1)
+
+
+def _numbers(element: _Element | None, order: str) -> Array:
+    if element is None or element.kind not in _TYPES:
+        raise _damaged("an array lacks a part, or has one of an unknown type")
+    dtype = np.dtype(order + _TYPES[element.kind])
+    if len(element.data) % dtype.itemsize:
+        raise _damaged(f"a part of {len(element.data)} bytes is no row of {dtype.itemsize} bytes")
+    return np.frombuffer(element.data, dtype)
+
+
+def _text(element: _Element | None, order: str) -> str:
+    if element is not None and element.kind in _CODINGS:
+        coding = _CODINGS[element.kind]
+        ending = "" if coding == "utf-8" else "-le" if order == "<" else "-be"
+        return bytes(element.data).decode(coding + ending, "replace")
+    codes = _numbers(element, order)
+    return "".join(chr(int(code)) if 0 <= code < 0x110000 else "\ufffd" for code in codes)
+
+
+def _damaged(why: str) -> UnreadableFile:
+    return UnreadableFile(f"the file is no whole MAT file: {why}; save or copy it again")
+
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -46,11 +215,11 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
 def _modern(path: Path, layout: TableLayout) -> RawTable:
     import h5py
 
-    from pipeline.signals.tables import hdf5
+    from pipeline.signals.tables.columnar import named_arrays
 
     try:
         with h5py.File(path, "r") as file:
-            return raw_table(hdf5.blocks(file, layout.group, "."), layout)
+            return raw_table(named_arrays(file, layout.group, "."), layout)
     except (OSError, KeyError, RuntimeError) as error:
         raise UnreadableFile(f"the file is no whole MAT file: {str(error)[:200]}") from error
 
@@ -58,10 +227,10 @@ def _modern(path: Path, layout: TableLayout) -> RawTable:
 def _classic(path: Path, layout: TableLayout) -> RawTable:
     data = path.read_bytes()
     level_5 = data[126:128] in (b"IM", b"MI")
-    found = Flat(group=layout.group, separator=".")
-    for name, values in mat5.arrays(data) if level_5 else _level_4(data):
+    found = ArrayCollector(group=layout.group, separator=".")
+    for name, values in level_5_arrays(data) if level_5 else _level_4(data):
         found.add(name, values.shape, values.dtype, values.view)
-    if not found.blocks and found.group is None:
+    if not found.arrays and found.group is None:
         raise UnreadableFile(
             "the file holds no arrays: save tables and objects of MATLAB as a struct of vectors"
         )

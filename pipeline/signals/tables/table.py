@@ -1,4 +1,4 @@
-"""What all readers of tables share: from raw columns to a trace in the units of ``COLUMNS``.
+"""Traces from raw tables: columns become channels in the units of the table of signals.
 
 A row whose time or number cannot be read is rejected with its line; a row whose clock runs
 backwards is kept in its place.  What else must not be lost stands as JSON under ``notes`` in the
@@ -8,6 +8,7 @@ does not name, constants beside the channels.
 
 import difflib
 import json
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,9 +16,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
-from pipeline.signals.records import (
+from pipeline.schema.arrays import Bools, Ints
+from pipeline.signals.columns import COLUMNS, Column
+from pipeline.signals.formats import (
     EXCERPT,
     RecordSource,
     Rejection,
@@ -25,9 +27,172 @@ from pipeline.signals.records import (
     Trace,
     UnreadableFile,
 )
-from pipeline.signals.tables import clock
-from pipeline.signals.tables.cells import Cells, numbers, plain, words
-from pipeline.signals.tables.channels import Channel, check_time_unit, named_channels, rest_channels
+from pipeline.signals.tables.cells import (
+    NANOSECONDS,
+    TIME_UNITS,
+    Cells,
+    instants,
+    numbers,
+    plain,
+    regular,
+    seconds,
+    start_of,
+    words,
+)
+from pipeline.signals.units import conversion, mtconnect_unit
+
+_NO_UNIT = ("", "-", "[-]", "[]", "n/a", "none", "()")
+_KIND = re.compile(r"_(ref|meas|hat)$")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceChannel:
+    """One channel: ``raw`` is its column in the file; ``factor``, ``offset`` lead to ``unit``."""
+
+    name: str
+    raw: str
+    unit: str
+    factor: float = 1.0
+    offset: float = 0.0
+    text: bool = False
+
+    @property
+    def field(self) -> pa.Field:
+        """Arrow field, the unit as metadata."""
+        kind = pa.string() if self.text else pa.float64()
+        return pa.field(self.name, kind, metadata={"unit": self.unit})
+
+    def converted(self, values: pa.Array) -> pa.Array:
+        """Values [unit of the file] in the channel's unit, shape (T,)."""
+        if self.factor != 1.0:
+            values = pc.multiply(values, self.factor)
+        return pc.add(values, self.offset) if self.offset else values
+
+
+def known_signal(name: str) -> Column | None:
+    """The signal of the table of signals that ``name`` is, or ends with; None for a free name.
+
+    ``_ref``, ``_meas`` and ``_hat`` at the end distinguish commanded, measured and estimated.
+    """
+    stem = _KIND.sub("", name)
+    parts = stem.split("_")
+    for first in range(len(parts)):
+        column = COLUMNS.get("_".join(parts[first:]))
+        if column is not None and (first == 0 or column.unit):
+            return column
+    return None
+
+
+def named_channels(layout: TableLayout, units: dict[str, str]) -> list[TraceChannel]:
+    """Channels that the layout names.
+
+    Parameters
+    ----------
+    layout : TableLayout
+        Signals and where they are found.
+    units : dict of str to str
+        Raw name -> unit that the file states.
+
+    Raises
+    ------
+    ValueError
+        When the layout gives a unit that does not fit, or a free name without one.
+    UnreadableFile
+        When the file's own unit contradicts the layout, or is not known.
+    """
+    channels = []
+    for name, source in layout.columns.items():
+        known = known_signal(name)
+        if known.text if known else name in layout.text:
+            channels.append(TraceChannel(name=name, raw=source.column, unit="", text=True))
+            continue
+        found = _stated(units.get(source.column))
+        if source.unit is not None and found is not None:
+            _check_agreement(source.column, source.unit, found)
+        unit = source.unit if source.unit is not None else found
+        if known is None and unit is None:
+            raise _free_without_unit(name)
+        target = known.unit if known else None
+        try:
+            channels.append(_channel(name, source.column, unit, target))
+        except ValueError as error:
+            message = f"signal {name!r} from column {source.column!r}: {error}"
+            raise (ValueError if source.unit is not None else UnreadableFile)(message) from error
+    return channels
+
+
+def rest_channels(
+    layout: TableLayout, available: Iterable[str], units: dict[str, str], taken: set[str | None]
+) -> list[TraceChannel]:
+    """Channels for the columns that the layout does not name, under the file's own names.
+
+    A name that is taken, or that would claim to be a signal of the table of signals, gets ``raw_``
+    before it.  A unit that is not known stays as the file has it.
+    """
+    if not layout.rest:
+        return []
+    named = {source.column for source in layout.columns.values()} | {layout.time, layout.date}
+    channels = []
+    used = set(taken) | set(COLUMNS)
+    for raw in available:
+        if raw in named:
+            continue
+        name = raw
+        while name in used:
+            name = f"raw_{name}"
+        used.add(name)
+        unit = _stated(units.get(raw))
+        try:
+            channels.append(_channel(name, raw, unit, None))
+        except ValueError:
+            channels.append(TraceChannel(name=name, raw=raw, unit=unit or ""))
+    return channels
+
+
+def _channel(name: str, raw: str, unit: str | None, target: str | None) -> TraceChannel:
+    if target is None:
+        target = mtconnect_unit(unit or "")
+    factor, offset = conversion(target if unit is None else unit, target)
+    return TraceChannel(name=name, raw=raw, unit=target, factor=factor, offset=offset)
+
+
+def _stated(unit: str | None) -> str | None:
+    """A unit that a file states, None when it states none."""
+    return None if unit is None or unit.strip().lower() in _NO_UNIT else unit.strip()
+
+
+def _check_agreement(column: str, ours: str, theirs: str) -> None:
+    """Refuse a layout's unit that is not the one the file itself states."""
+    try:
+        same = conversion(theirs, ours) == (1.0, 0.0)
+    except ValueError:
+        try:
+            mtconnect_unit(theirs)
+        except ValueError:
+            return  # the file's word is not a unit we know; the layout decides
+        same = False
+    if not same:
+        raise UnreadableFile(
+            f"column {column!r} is in {theirs!r} by the file and in {ours!r} by the layout: "
+            "correct the layout"
+        )
+
+
+def check_time_unit(layout: TableLayout, units: dict[str, str]) -> None:
+    """Refuse a ``time_unit`` that is not the unit the file itself states for its time column."""
+    found = _stated(units.get(layout.time or ""))
+    unit = layout.time_unit.removeprefix("unix_")
+    if found is not None and unit != "iso":
+        _check_agreement(str(layout.time), unit, found)
+
+
+def _free_without_unit(name: str) -> ValueError:
+    near = ", ".join(difflib.get_close_matches(name, COLUMNS)) or "none"
+    return ValueError(
+        f"signal {name!r} is not in the table of signals (near: {near}): correct its name, or give "
+        "its unit ('' for none) to keep it as a channel of its own"
+    )
+
 
 LISTED = 100
 """Lines of one kind that the notes name; the count is always the whole one."""
@@ -50,7 +215,7 @@ class RawTable:
     left_out : list of str
         Columns of the file that were not asked for.
     notes : dict
-        What else the file says (constants beside the channels).
+        What else the file holds (constants beside the channels).
     rate, start : float or None, str or None
         Sampling rate [Hz] and first instant that the file itself states.
     excerpt : callable
@@ -58,7 +223,7 @@ class RawTable:
     """
 
     columns: dict[str, Cells]
-    lines: NDArray[np.int64]
+    lines: Ints
     units: dict[str, str] = field(default_factory=dict)
     rejected: list[Rejection] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -79,8 +244,8 @@ def layout_of(source: RecordSource) -> TableLayout:
     layout = source.table
     if layout is None:
         raise ValueError(f"records {source.files!r} ({source.format}) need a table layout: add one")
-    if layout.time_unit not in clock.TIME_UNITS:
-        allowed = ", ".join(clock.TIME_UNITS)
+    if layout.time_unit not in TIME_UNITS:
+        allowed = ", ".join(TIME_UNITS)
         raise ValueError(f"time_unit {layout.time_unit!r} is not one of {allowed}: correct it")
     if layout.rate is not None and not 0 < layout.rate < np.inf:
         raise ValueError(f"rate {layout.rate} Hz of the table's layout is not above 0: correct it")
@@ -93,7 +258,7 @@ def layout_of(source: RecordSource) -> TableLayout:
         if name not in layout.columns:
             raise ValueError(f"text names {name!r}, which is no signal of the layout: correct it")
     if layout.start is not None:
-        clock.start_of(layout)
+        start_of(layout)
     return layout
 
 
@@ -103,7 +268,7 @@ def wanted(layout: TableLayout, available: Sequence[str]) -> list[str]:
     Parameters
     ----------
     layout : TableLayout
-        What it asks for.
+        Names the columns.
     available : sequence of str
         Raw names that the file has.
 
@@ -205,18 +370,18 @@ def _time(raw: RawTable, layout: TableLayout, reasons: dict[int, str]) -> tuple[
         place = np.arange(len(raw.lines)) + np.searchsorted(earlier, raw.lines)
         if layout.start is None:
             return elapsed, pa.array(place / layout.rate, pa.float64())
-        time = clock.regular(place, layout.rate, clock.start_of(layout))
+        time = regular(place, layout.rate, start_of(layout))
         return instant, pa.array(time).cast(instant.type)
     check_time_unit(layout, raw.units)
     cells = plain(raw.columns[layout.time])
     if layout.date is not None:
         cells = pc.binary_join_element_wise(words(raw.columns[layout.date]), words(cells), " ")
-    counts = layout.time_unit in clock.NANOSECONDS and layout.start is None
+    counts = layout.time_unit in NANOSECONDS and layout.start is None
     if counts and not pa.types.is_timestamp(cells.type):
-        values, bad = clock.seconds(cells, layout)
+        values, bad = seconds(cells, layout)
         kind = elapsed
     else:
-        time, bad = clock.instants(cells, layout)
+        time, bad = instants(cells, layout)
         values, kind = pa.array(time).cast(instant.type), instant
     _note_bad(reasons, bad, cells, f"time {layout.time!r} holds {{}}: no {_expected(layout)}")
     return kind, values
@@ -232,7 +397,7 @@ def _expected(layout: TableLayout) -> str:
 
 
 def _values(
-    channel: Channel, raw: RawTable, layout: TableLayout, reasons: dict[int, str]
+    channel: TraceChannel, raw: RawTable, layout: TableLayout, reasons: dict[int, str]
 ) -> pa.Array:
     """A signal in its own unit; adds to ``reasons`` by row."""
     cells = plain(raw.columns[channel.raw])
@@ -243,7 +408,9 @@ def _values(
     return channel.converted(values)
 
 
-def _rest(channel: Channel, raw: RawTable, layout: TableLayout) -> tuple[Channel, pa.Array]:
+def _rest(
+    channel: TraceChannel, raw: RawTable, layout: TableLayout
+) -> tuple[TraceChannel, pa.Array]:
     """A column that the layout does not name: numbers if all are, else words as they stand."""
     cells = plain(raw.columns[channel.raw])
     if not (pa.types.is_temporal(cells.type) or pa.types.is_nested(cells.type)):
@@ -253,9 +420,7 @@ def _rest(channel: Channel, raw: RawTable, layout: TableLayout) -> tuple[Channel
     return replace(channel, text=True, unit=""), words(cells)
 
 
-def _note_bad(
-    reasons: dict[int, str], bad: NDArray[np.bool_], cells: pa.Array, sentence: str
-) -> None:
+def _note_bad(reasons: dict[int, str], bad: Bools, cells: pa.Array, sentence: str) -> None:
     for row in np.flatnonzero(bad):
         value = cells[int(row)].as_py()
         shown = "nothing" if value is None or value == "" else repr(value)[:EXCERPT]
@@ -275,7 +440,7 @@ def _rejections(raw: RawTable, reasons: dict[int, str]) -> list[Rejection]:
     return sorted(raw.rejected + ours, key=lambda rejection: rejection.line or 0)
 
 
-def _notes(time: pa.ChunkedArray, lines: NDArray[np.int64], left_out: list[str]) -> dict[str, Any]:
+def _notes(time: pa.ChunkedArray, lines: Ints, left_out: list[str]) -> dict[str, Any]:
     """What must not be lost and has no row of its own."""
     notes: dict[str, Any] = {"columns_left_out": left_out} if left_out else {}
     kind = pa.int64() if pa.types.is_timestamp(time.type) else time.type

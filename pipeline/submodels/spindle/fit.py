@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
-from pipeline.signals.windows import Stretch
+from pipeline.signals.windows import StateSegment
 from pipeline.submodels.gains import gains
 from pipeline.submodels.least_squares import Certainty, certainty
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
@@ -83,7 +83,7 @@ class Problem:
 
     def __init__(
         self,
-        pieces: Sequence[Stretch],
+        pieces: Sequence[StateSegment],
         records: SpindleRecords,
         settings: SpindleFitSettings,
         sources: Sequence[str],
@@ -196,7 +196,7 @@ class SpindleFit:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-def excited(pieces: Sequence[Stretch], sources: Sequence[str]) -> list[str]:
+def excited(pieces: Sequence[StateSegment], sources: Sequence[str]) -> list[str]:
     """Those of ``sources`` that are ever above 0 in ``pieces``."""
     return [name for name in sources if any((p.frame[name] > 0).any() for p in pieces)]
 
@@ -235,7 +235,10 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
 
 
 def fit_network(
-    pieces: Sequence[Stretch], records: SpindleRecords, settings: SpindleFitSettings, nodes: int
+    pieces: Sequence[StateSegment],
+    records: SpindleRecords,
+    settings: SpindleFitSettings,
+    nodes: int,
 ) -> SpindleFit:
     """The network of ``nodes`` nodes, with the sources that ``pieces`` determine.
 
@@ -286,7 +289,7 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
 
 
 def window_errors(
-    pieces: Sequence[Stretch],
+    pieces: Sequence[StateSegment],
     records: SpindleRecords,
     settings: SpindleFitSettings,
     parameters: SpindleThermalParameters,
@@ -307,7 +310,7 @@ def window_errors(
 
 
 def days_left_out(
-    pieces: Sequence[Stretch],
+    pieces: Sequence[StateSegment],
     records: SpindleRecords,
     settings: SpindleFitSettings,
     whole: SpindleFit,
@@ -333,7 +336,7 @@ def days_left_out(
 
 
 def identify_spindle_network(
-    pieces: Sequence[Stretch], records: SpindleRecords, settings: SpindleFitSettings
+    pieces: Sequence[StateSegment], records: SpindleRecords, settings: SpindleFitSettings
 ) -> tuple[SpindleFit, dict[int, float]]:
     """The network with as many nodes as days left out ask for.
 

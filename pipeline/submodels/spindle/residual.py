@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
-from pipeline.signals.windows import Stretch
+from pipeline.signals.windows import StateSegment
 from pipeline.submodels.gains import gains
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import Forest, features, smoothed_inputs
@@ -62,7 +62,7 @@ class Examples:
 
 
 def examples(
-    pieces: Sequence[Stretch],
+    pieces: Sequence[StateSegment],
     records: SpindleRecords,
     network: SpindleThermalParameters,
     settings: ForestSettings,

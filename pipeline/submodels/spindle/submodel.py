@@ -14,7 +14,7 @@ from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Ranged
 from pipeline.schema.verdict import Fact
 from pipeline.signals.ingest import MachineIdentity
-from pipeline.signals.windows import Stretch, read_state, state_days
+from pipeline.signals.windows import StateSegment, read_state, state_days
 from pipeline.submodels.cases import (
     Case,
     Cases,
@@ -285,7 +285,7 @@ def _undetermined(fit: SpindleFit, records: SpindleRecords) -> dict[str, Paramet
 def _facts(
     fit: SpindleFit,
     scores: dict[int, float],
-    pieces: Sequence[Stretch],
+    pieces: Sequence[StateSegment],
     settings: SpindleFitSettings,
 ) -> SpindleFitFacts:
     correlation: list[list[float]] = np.round(fit.sure.correlation, 3).tolist()
@@ -306,7 +306,7 @@ def _predicted(model: SpindleModel, case: Case, limits: SpindleLimits) -> Predic
     """A day in windows and as a free run; nothing where it is no working day."""
     state, step = case.load(), model.step_s
 
-    def pieces(bridge_s: float) -> list[Stretch]:
+    def pieces(bridge_s: float) -> list[StateSegment]:
         found = spindle_stretches(
             state, case.name, model.records, step=step, bridge_s=bridge_s, shortest_s=0.0
         )

@@ -28,8 +28,8 @@ from pipeline.parameters import structure
 from pipeline.shop.cutting_truth import dynamometer_truth
 from pipeline.shop.dynamometer_records import write_dynamometer
 from pipeline.shop.parameters import ShopParameters
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
-from pipeline.signals.records import RecordSource
 from pipeline.stages.compose import composed
 from tests.small_project import ROOT
 

@@ -16,8 +16,8 @@ from pipeline.identification.cutting.records import (
 from pipeline.parameters import read_params, structure
 from pipeline.shop import ShopParameters
 from pipeline.shop.cutting_records import write_cutting
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
-from pipeline.signals.records import RecordSource
 from pipeline.stages.identify_cutting import identify_cutting
 from pipeline.stages.validate_cutting import validate_cutting
 from pipeline.validation.cutting import CuttingLimits

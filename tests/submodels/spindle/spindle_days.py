@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.signals.columns import column
-from pipeline.signals.windows import Stretch
+from pipeline.signals.windows import StateSegment
 from pipeline.thermal.network import (
     SOURCES,
     SpindleThermalParameters,
@@ -69,7 +69,7 @@ def day_of(
     gap: bool = False,
     excited: tuple[str, ...] = ("speed", "load"),
     ambient: NDArray[np.float64] | None = None,
-) -> Stretch:
+) -> StateSegment:
     """One day, as :func:`pipeline.twin.spindle.spindle_stretches` would give it."""
     rng = np.random.default_rng([seed, number])
     steps = int(hours * 3600 / step)
@@ -94,10 +94,12 @@ def day_of(
     ).assign(spindle_temperature=T)
     if ambient is not None:
         frame["ambient_temperature"] = ambient
-    return Stretch(day=day, frame=frame, step=step, bridged=0)
+    return StateSegment(day=day, frame=frame, step=step, bridged=0)
 
 
-def days_of(truth: SpindleThermalParameters, seed: int, days: int, **how: object) -> list[Stretch]:
+def days_of(
+    truth: SpindleThermalParameters, seed: int, days: int, **how: object
+) -> list[StateSegment]:
     """Several days; see :func:`day_of`."""
     return [day_of(truth, seed, number=n, **how) for n in range(days)]  # type: ignore[arg-type]
 

@@ -1,0 +1,188 @@
+"""Conditions of recordings: tool, material, feed, speed, depth, wear, each with its unit.
+
+They stand in the machine's file (for all recordings or by pattern), in the recording's name, or in
+further columns of ``runs.parquet``.  Sources that contradict each other are refused.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from math import isfinite
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.signals.units import conversion
+
+SAME_CONDITION = 1e-6
+"""Relative difference [1] below which two numbers stand for one condition."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """One condition of a recording: tool, material, feed, speed, depth, wear.
+
+    Parameters
+    ----------
+    value : float or str
+        Number in ``unit``, or a word.
+    unit : str
+        ``""`` for none.
+    source : str
+        Where it stands, as the end of a sentence: ``"its name"``, ``"runs.parquet"``.
+    """
+
+    value: float | str
+    unit: str = ""
+    source: str = ""
+
+    def to(self, unit: str) -> float:
+        """The number in ``unit``.
+
+        Raises
+        ------
+        ValueError
+            When it is a word, or ``unit`` measures another quantity.
+        """
+        if isinstance(self.value, str):
+            raise ValueError(f"{self.value!r} is a word, no number in {unit}")
+        factor, offset = conversion(self.unit, unit)
+        return self.value * factor + offset
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionSources:
+    """Where the conditions of recordings stand: for all of them, by pattern, in their names.
+
+    Columns of ``runs.parquet`` beyond those of every recording are conditions too.
+
+    Parameters
+    ----------
+    everywhere : mapping of str to float or str
+        Conditions of all recordings.
+    by_pattern : mapping of str to mapping
+        Pattern of recordings' names -> their conditions.
+    name : str, optional
+        Regular expression on a recording's name whose named groups are conditions.
+    units : mapping of str to str or None
+        Condition -> its unit, None for words.  Where it is not empty these are all conditions that
+        a name may give.
+    section : str
+        Section of the machine's file that they come from, for messages.
+    """
+
+    everywhere: Mapping[str, float | str] = field(default_factory=dict)
+    by_pattern: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    name: str | None = None
+    units: Mapping[str, str | None] = field(default_factory=dict)
+    section: str = "recordings"
+
+    def of(
+        self, recording: str, row: Mapping[str, Condition] | None = None
+    ) -> dict[str, Condition]:
+        """Conditions of ``recording``; ``row`` holds those of ``runs.parquet``.
+
+        Raises
+        ------
+        ValueError
+            When two sources contradict each other, or the regular expression is none or names what
+            is no condition.
+        """
+        found: dict[str, Condition] = {}
+        self._add(found, self._given(self.everywhere, f"{self.section}.conditions"))
+        for pattern, given in self.by_pattern.items():
+            if fnmatchcase(recording, pattern):
+                self._add(found, self._given(given, f"{self.section}.by_pattern, {pattern!r}"))
+        self._add(found, row or {})
+        if self.name is not None:
+            self._add(found, self._in_name(recording, self.name))
+        return found
+
+    def _given(self, given: Mapping[str, float | str], source: str) -> dict[str, Condition]:
+        return {
+            name: Condition(value=value, unit=self.units.get(name) or "", source=source)
+            for name, value in given.items()
+        }
+
+    @staticmethod
+    def _add(found: dict[str, Condition], new: Mapping[str, Condition]) -> None:
+        for name, one in new.items():
+            before = found.get(name)
+            if before is not None and not _agree(before, one):
+                raise ValueError(
+                    f"its {name} is {before.value} by {before.source} and {one.value} by "
+                    f"{one.source}: correct one of them"
+                )
+            found[name] = one
+
+    def _in_name(self, recording: str, pattern: str) -> dict[str, Condition]:
+        """Named groups of the regular expression in a recording's name."""
+        try:
+            expression = re.compile(pattern)
+        except re.error as error:
+            raise ValueError(
+                f"{self.section}.name = {pattern!r} is no regular expression: {error}"
+            ) from error
+        if self.units and (strange := sorted(set(expression.groupindex) - set(self.units))):
+            raise ValueError(
+                f"{self.section}.name has the group {strange[0]!r}, which is no condition: use "
+                f"{', '.join(self.units)}"
+            )
+        match = expression.search(recording)
+        groups = {} if match is None else match.groupdict()
+        return {
+            name: Condition(
+                value=self._value(name, text), unit=self.units.get(name) or "", source="its name"
+            )
+            for name, text in groups.items()
+            if text is not None
+        }
+
+    def _value(self, name: str, text: str) -> float | str:
+        """Number or word that a group matched; a number where a unit is declared."""
+        if name in self.units and self.units[name] is None:
+            return text
+        try:
+            return float(text.strip(".").replace(",", "."))
+        except ValueError as error:
+            if name not in self.units:
+                return text
+            raise ValueError(
+                f"its name has {name} = {text!r}, which is no number: correct {self.section}.name"
+            ) from error
+
+
+def _agree(one: Condition, other: Condition) -> bool:
+    if isinstance(one.value, str) or isinstance(other.value, str):
+        return one.value == other.value
+    value = other.value if one.unit == other.unit else other.to(one.unit)
+    return abs(one.value - value) <= SAME_CONDITION * max(abs(one.value), abs(value))
+
+
+RUN_COLUMNS = ("recording", "file", "format", "start", "end", "rows")
+"""Columns of ``runs.parquet`` that every recording has; further ones are conditions."""
+
+
+def conditions_in_runs(path: Path) -> dict[str, dict[str, Condition]]:
+    """Conditions in the further columns of ``runs.parquet`` by raw file; empty without the file."""
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException):
+        return {}
+    names = [name for name in table.column_names if name not in RUN_COLUMNS]
+    units = {name: unit_of(table.schema.field(name)) for name in names}
+    found: dict[str, dict[str, Condition]] = {}
+    for row in table.select(["file", *names]).to_pylist():
+        found[row["file"]] = {
+            name: Condition(value=row[name], unit=units[name], source="runs.parquet")
+            for name in names
+            if isinstance(row[name], str) or (row[name] is not None and isfinite(row[name]))
+        }
+    return found
+
+
+def unit_of(column: pa.Field) -> str:
+    """Unit in the metadata of an Arrow field, ``""`` for none."""
+    return (column.metadata or {}).get(b"unit", b"").decode()

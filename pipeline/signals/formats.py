@@ -1,0 +1,303 @@
+"""Formats of records: how a machine's file declares them, what readers return, and their detection.
+
+A reader turns one raw file into batches of observations (logs and documents) or into one trace
+(tables), with every record that it rejected and the reason.  Formats are recognised by the first
+bytes of a file; gzip is unpacked up to where it is cut or damaged.
+"""
+
+import codecs
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Literal, Protocol
+
+import pyarrow as pa
+
+Format = Literal[
+    "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms", "program"
+]
+
+EXCERPT = 200
+"""Characters of a rejected record that are kept."""
+
+
+class UnreadableFile(ValueError):  # noqa: N818 - a state of the file, not a fault of ours
+    """A whole file that cannot be read; the message says why in one sentence, without the path."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejection:
+    """One record that was not kept: ``line`` counts from 1, None for the whole file."""
+
+    line: int | None
+    reason: str
+    excerpt: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """Observations of one part of a file.
+
+    ``read == kept + len(rejected)`` holds for every batch.  A record is what the format counts by:
+    a ``key|value`` pair of a log, an observation element of a document, a row of a table.  One
+    record may give several rows (a position gives X, Y and Z).
+    """
+
+    observations: pa.Table
+    read: int
+    kept: int
+    rejected: list[Rejection] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """One recording in wide form: ``table`` has ``time`` [ns UTC] or ``t`` [s] and channels.
+
+    Each channel's field carries its unit as metadata.  ``read == kept + len(rejected)`` in rows.
+    """
+
+    table: pa.Table
+    read: int
+    kept: int
+    rejected: list[Rejection] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnSource:
+    """Where a signal is found in a table: the file's own name of the column, and its unit there."""
+
+    column: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableLayout:
+    """How a table is laid out.
+
+    Parameters
+    ----------
+    columns : dict of str to ColumnSource
+        Signal -> the column it is found in.  A signal of ``columns.COLUMNS``, or any other name
+        with a unit (``""`` for none), which becomes a channel of its own; a name that ends with a
+        known signal (``turret_spindle_speed``, ``x_position_ref``) takes that signal's unit.
+        Of columns with one name the n-th is called ``name#n``; a column without a name ``#n``;
+        of a matrix of MATLAB or HDF5 the columns are ``name[0]``, ``name[1]``.
+    text : tuple of str
+        Those signals, not in ``columns.COLUMNS``, that hold words.
+    rest : bool
+        Whether columns that are not named above are kept too, under the file's own names.
+    time : str or None
+        Name of the time column; None with ``rate`` for tables that have none.
+    date : str or None
+        Column of the date when ``time`` holds the time of day alone.
+    time_format : str or None
+        Form of ``"iso"`` times that are written otherwise, as in ``strptime``
+        (``"%m/%d/%Y %H:%M:%S:%f"``; ``%f`` down to nanoseconds).
+    time_unit : str
+        ``"iso"`` for date and time in words, else a unit of time since the start (``"s"``,
+        ``"ms"``, ``"us"``, ``"ns"``, ``"min"``, ``"h"``) or since 1970 (``"unix_s"``,
+        ``"unix_ms"``, ``"unix_us"``, ``"unix_ns"``).  Columns of type timestamp need none.
+    time_zone : str
+        Zone of ISO times that name none.
+    start : str or None
+        ISO date and time of the first sample when ``time`` counts from the start.
+    rate : float or None
+        Sampling rate [Hz] of a table without a time column.
+    delimiter, decimal, encoding : str
+        Of text tables; delimiter ``"auto"`` finds it.
+    header : int or None
+        Line of the column names, counting from 0; None finds it.
+    names : tuple of str
+        Column names of a table without a header line; ``header`` is then its first line of data.
+    ragged : {"reject", "fill"}
+        Rows with fewer cells than columns: rejected, or the missing cells are null.
+    units_row : bool
+        Whether the line after the names holds units.
+    group : str or None
+        Group or variable in which an HDF5, TDMS or MATLAB file holds the channels.
+    """
+
+    columns: dict[str, ColumnSource] = field(default_factory=dict)
+    text: tuple[str, ...] = ()
+    rest: bool = False
+    time: str | None = None
+    date: str | None = None
+    time_format: str | None = None
+    time_unit: str = "s"
+    time_zone: str = "UTC"
+    start: str | None = None
+    rate: float | None = None
+    delimiter: str = "auto"
+    decimal: str = "."
+    encoding: str = "utf-8"
+    header: int | None = None
+    names: tuple[str, ...] = ()
+    ragged: Literal["reject", "fill"] = "reject"
+    units_row: bool = False
+    group: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordSource:
+    """One kind of record of a machine, as named in its file in ``conf/machine/``.
+
+    Parameters
+    ----------
+    format : str
+        Which reader; part programs (``program``) are read where they are used, as they are.
+    files : str
+        Glob under ``data/raw/<machine>/``.
+    devices : str or None
+        The agent's Devices document under ``data/raw/<machine>/``, for kinds and units.
+    device : str or None
+        Which device of that document (name, uuid or id); None when it has only one.
+    values : {"units", "native"}
+        Whether the numbers of a log are in the document's ``units`` (written by an agent) or
+        ``nativeUnits`` (written by an adapter).
+    table : TableLayout or None
+        For tables.
+    """
+
+    format: Format
+    files: str
+    devices: str | None = None
+    device: str | None = None
+    values: Literal["units", "native"] = "units"
+    table: TableLayout | None = None
+
+
+class ObservationReader(Protocol):
+    """``read`` of the modules for logs and documents."""
+
+    def __call__(self, path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
+        """Read ``path``; ``root`` is the machine's raw folder."""
+
+
+class TraceReader(Protocol):
+    """``read`` of the modules for tables."""
+
+    def __call__(self, path: Path, source: RecordSource, root: Path) -> Trace:
+        """Read ``path``; ``root`` is the machine's raw folder."""
+
+
+GZIP_MAGIC = b"\x1f\x8b"
+"""The first bytes of a gzip stream."""
+
+
+def gunzip(raw: Iterator[bytes], chunk: int, damaged: Callable[[str], None]) -> Iterator[bytes]:
+    """Unpack a gzip stream of any number of members.
+
+    Parameters
+    ----------
+    raw : iterator of bytes
+        The stream in pieces.
+    chunk : int
+        Bytes that a piece of the result has at most.
+    damaged : callable
+        Called with the reason when the stream ends early; what came before has been yielded.
+    """
+    unpack, inside = zlib.decompressobj(31), False
+    for packed in raw:
+        while packed := packed if inside else packed.lstrip(b"\0"):
+            inside = True
+            try:
+                data = unpack.decompress(packed, chunk)
+            except zlib.error as error:
+                damaged(f"the gzip stream is damaged from here on ({error})")
+                return
+            if data:
+                yield data
+            packed = unpack.unconsumed_tail
+            if unpack.eof:  # another member, or nothing, follows
+                packed, inside = unpack.unused_data, False
+                unpack = zlib.decompressobj(31)
+    if inside:
+        yield unpack.flush()
+        if not unpack.eof:
+            damaged("the gzip stream is cut off here")
+
+
+_MAGIC_BYTES: tuple[tuple[bytes, Format], ...] = (
+    (b"PAR1", "parquet"),
+    (b"\x89HDF\r\n\x1a\n", "hdf5"),
+    (b"MATLAB 5.0", "matlab"),
+    (b"MATLAB 7.3", "matlab"),
+    (b"TDSm", "tdms"),
+)
+
+_ALIKE = {"shdr", "csv"}
+"""Formats whose bytes look alike."""
+
+_SELF_DESCRIBING = {"shdr", "mtconnect_xml", "mtconnect_json"}
+"""Formats that say themselves what stands where."""
+
+_HEAD = 1 << 16
+"""Bytes of a file that are looked at."""
+
+
+def format_of(path: Path) -> Format:
+    """The format of the file ``path``.
+
+    Logs and text tables cannot be distinguished by their bytes: a name that ends in ``.csv`` or
+    ``.tsv`` is a table, all other text a log.
+
+    Raises
+    ------
+    UnreadableFile
+        When the file cannot be opened.
+    """
+    try:
+        with path.open("rb") as file:
+            head = _unpacked(file.read(_HEAD))
+    except OSError as error:
+        raise UnreadableFile(f"it cannot be opened: {error.strerror or error}") from error
+    for magic, form in _MAGIC_BYTES:
+        if head.startswith(magic):
+            return form
+    text = _ascii(head).lstrip()
+    if text.startswith(b"<") or b"<MTConnect" in text or (text.startswith(b"--") and b"<" in text):
+        return "mtconnect_xml"
+    if text.startswith((b"{", b"[")):
+        return "mtconnect_json"
+    name = path.name.removesuffix(".gz").lower()
+    return "csv" if name.endswith((".csv", ".tsv")) else "shdr"
+
+
+def source_of(path: Path, sources: Sequence[RecordSource]) -> RecordSource | None:
+    """How to read ``path``: as the machine's source of its format, best the one that names it.
+
+    What its bytes say counts; a log and a text table look alike, and there the machine's names for
+    its files count.  None for a table of which the machine's file gives no layout, and for a file
+    that cannot be opened.
+    """
+    try:
+        form = format_of(path)
+    except UnreadableFile:
+        return None
+    alike = [s for s in sources if s.format == form or {s.format, form} <= _ALIKE]
+    whole, same = path.resolve(), [s for s in alike if s.format == form]
+    placed = [s for s in alike if whole.match(s.files)]
+    named = [s for s in alike if fnmatch(path.name, s.files.rpartition("/")[2])]
+    for found in (*placed, *named, *same):
+        return found
+    return RecordSource(format=form, files=path.name) if form in _SELF_DESCRIBING else None
+
+
+def _unpacked(head: bytes) -> bytes:
+    """The beginning of what is packed with gzip; it may break off, or be broken."""
+    if not head.startswith(b"\x1f\x8b"):
+        return head
+    try:
+        return zlib.decompressobj(wbits=31).decompress(head, _HEAD)
+    except zlib.error:
+        return b""
+
+
+def _ascii(head: bytes) -> bytes:
+    """Text without its byte order mark, one byte a character where that is enough to see a tag."""
+    for mark, encoding in ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be")):
+        if head.startswith(mark):
+            return head[2:].decode(encoding, "replace").encode()
+    return head.removeprefix(codecs.BOM_UTF8)

@@ -1,0 +1,215 @@
+"""Vocabulary and device model of MTConnect: data items of a machine, and types that are names.
+
+Source: ANSI/MTC1.4, part 2; MTConnect 2.x part 2 (types of events whose value is an identifier or
+free text).
+"""
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import pyarrow as pa
+
+NAME_TYPES = frozenset([
+    "ACTIVE_PROGRAM", "ASSET_CHANGED", "ASSET_REMOVED", "BLOCK", "FIXTURE_ASSET_ID", "FIXTURE_ID",
+    "HARDWARE", "LINE_LABEL", "OPERATOR_ID", "PALLET_ID", "PART_GROUP_ID", "PART_ID",
+    "PART_KIND_ID", "PART_NUMBER", "PART_SERIAL_NUMBER", "PART_UNIQUE_ID", "PROCESS_AGGREGATE_ID",
+    "PROCESS_OCCURRENCE_ID", "PROGRAM", "PROGRAM_COMMENT", "PROGRAM_HEADER", "PROGRAM_LOCATION",
+    "SERIAL_NUMBER", "TOOL_ASSET_ID", "TOOL_GROUP", "TOOL_ID", "USER", "WORKHOLDING_ID",
+])  # fmt: skip
+"""Types of events that are names: ``0012`` is the program 0012, not the number 12."""
+
+
+def element_name(kind: str) -> str:
+    """Name of the element of a type: ``PATH_FEEDRATE`` becomes ``PathFeedrate``, ``x:FOO`` ``Foo``.
+
+    Parameters
+    ----------
+    kind : str
+        A type of a data item, with or without a vendor's prefix.
+    """
+    return "".join(word.capitalize() for word in kind.rpartition(":")[2].split("_"))
+
+
+_ELEMENTS = frozenset(map(element_name, NAME_TYPES))
+
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+def number_of(text: str) -> float | None:
+    """The finite decimal number that ``text`` is, None for others (``nan``, ``1_0``, ``""``)."""
+    if not _NUMBER.fullmatch(text):
+        return None
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
+def is_name(kind: str | None) -> bool:
+    """Whether the values of an event are names.
+
+    Parameters
+    ----------
+    kind : str or None
+        Its type (``TOOL_ID``) or its element (``ToolId``, ``ToolIdDiscrete``), with or without a
+        vendor's prefix; None when it is not known.
+    """
+    if not kind:
+        return False
+    own = kind.rpartition(":")[2]
+    return own in NAME_TYPES or own.removesuffix("Discrete") in _ELEMENTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataItem:
+    """One data item as its device declares it; None where the document is silent.
+
+    ``component`` is the element's name of the component that has the item (``Linear``),
+    ``component_name`` what that component is called (``X``), ``source`` the name under which the
+    adapter sends it, ``device`` the device that it belongs to, ``sample_rate`` in HERTZ.
+    """
+
+    id: str
+    name: str | None = None
+    category: str | None = None
+    type: str | None = None
+    sub_type: str | None = None
+    units: str | None = None
+    native_units: str | None = None
+    native_scale: float | None = None
+    representation: str | None = None
+    component: str | None = None
+    component_name: str | None = None
+    source: str | None = None
+    device: str | None = None
+    sample_rate: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Device:
+    """How a device is called; ``label`` is the first of the others that no other device has."""
+
+    label: str
+    name: str | None
+    uuid: str | None
+    id: str | None
+
+    def is_called(self, called: str) -> bool:
+        """Whether ``called`` is its name, uuid or id."""
+        return called in (self.name, self.uuid, self.id)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceModel:
+    """The data items of one device, or of all devices of a document when none was chosen."""
+
+    items: tuple[DataItem, ...]
+    devices: tuple[Device, ...] = ()
+
+    @property
+    def several(self) -> bool:
+        """Whether items of more than one device stand side by side."""
+        return len(self.devices) > 1
+
+    def item_name(self, item: DataItem) -> str:
+        """What ``data_item`` is in the observations: the item's name, or its id when it has none.
+
+        With several devices the name alone may stand for two items: ``device:name``.
+        """
+        name = item.name or item.id
+        return f"{item.device}:{name}" if self.several else name
+
+    def find(self, key: str) -> DataItem | None:
+        """The item called ``key``: by its name in observations, its name, its id or its source."""
+        for index in (self._by_label, self._by_name, self._by_id, self._by_source):
+            if key in index:
+                return index[key]
+        return None
+
+    def by_id(self, item_id: str) -> DataItem | None:
+        """The item whose id is ``item_id``; ids are unique in a document."""
+        return self._by_id.get(item_id)
+
+    @cached_property
+    def _by_label(self) -> dict[str, DataItem]:
+        return _first((self.item_name(i), i) for i in self.items)
+
+    @cached_property
+    def _by_name(self) -> dict[str, DataItem]:
+        return _first((i.name, i) for i in self.items)
+
+    @cached_property
+    def _by_id(self) -> dict[str, DataItem]:
+        return _first((i.id, i) for i in self.items)
+
+    @cached_property
+    def _by_source(self) -> dict[str, DataItem]:
+        return _first((i.source, i) for i in self.items)
+
+
+def _first(pairs: Iterable[tuple[str | None, DataItem]]) -> dict[str, DataItem]:
+    found: dict[str, DataItem] = {}
+    for key, item in pairs:
+        if key:
+            found.setdefault(key, item)
+    return found
+
+
+def device_of(attributes: dict[str, str], others: Iterable[Device]) -> Device:
+    """A device from the attributes of its element, distinguished from ``others`` by its label."""
+    name, uuid, own_id = attributes.get("name"), attributes.get("uuid"), attributes.get("id")
+    taken = {d.label for d in others}
+    words = [w for w in (name, uuid, own_id) if w]
+    free = [w for w in words if w not in taken]
+    label = (free or words or ["?"])[0]
+    return Device(label=label, name=name, uuid=uuid, id=own_id)
+
+
+def data_item(attributes: dict[str, str], **where: str | None) -> DataItem:
+    """A data item from the attributes of its element.
+
+    Raises
+    ------
+    ValueError
+        When it has no id: nothing in a stream could be assigned to it.
+    """
+    if not attributes.get("id"):
+        raise ValueError("a data item has no id")
+    return DataItem(
+        id=attributes["id"],
+        name=attributes.get("name") or None,
+        category=_upper(attributes.get("category")),
+        type=attributes.get("type"),
+        sub_type=attributes.get("subType"),
+        units=attributes.get("units"),
+        native_units=attributes.get("nativeUnits"),
+        native_scale=_number(attributes.get("nativeScale")),
+        representation=_upper(attributes.get("representation")),
+        sample_rate=_number(attributes.get("sampleRate")),
+        **where,
+    )
+
+
+def _upper(word: str | None) -> str | None:
+    return word.upper() if word else None
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return float(text) if text else None
+    except ValueError:
+        return None
+
+
+def data_items_table(model: DeviceModel) -> pa.Table:
+    """The model as a table, one row a data item; ``data_item`` is the name in observations."""
+    columns: dict[str, pa.Array] = {
+        "data_item": pa.array([model.item_name(i) for i in model.items], pa.string())
+    }
+    for field in fields(DataItem):
+        numeric = field.name in ("native_scale", "sample_rate")
+        values = [getattr(i, field.name) for i in model.items]
+        columns[field.name] = pa.array(values, pa.float64() if numeric else pa.string())
+    return pa.table(columns)

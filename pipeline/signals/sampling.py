@@ -1,0 +1,177 @@
+"""Sampling clocks of recordings: period, gaps, and rows on a uniform grid.
+
+Time stamps of recorders are rounded, repeat, jump and lack rows.  :func:`uniform_segments` places
+the rows of such a recording on uniform grids; :func:`even_rows` refuses a clock that is not uniform
+as it stands.  Times are in seconds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+
+LONGEST_BRIDGE = 3
+"""Greatest number of consecutive missing rows [1] that straight lines bridge."""
+ROUNDING_JITTER = 0.1
+"""Standard deviation of time stamps about the grid [periods] up to which it counts as rounding."""
+COARSE_CLOCK = 0.1
+"""Share of repeated time stamps [1] above which the clock ticks slower than rows are recorded."""
+SHORTEST_SEGMENT = 32
+"""Smallest number of rows [1] of a segment; shorter ones are left out."""
+EVEN_JITTER = 0.02
+"""Greatest deviation of a sampling interval from the median of all [1] in an even recording,
+beside one missing row."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformSegment:
+    """Contiguous segment of a recording on a uniform grid of T samples.
+
+    Parameters
+    ----------
+    start : float
+        Time of the first sample [s].
+    period : float
+        Sampling period [s].
+    rows : ndarray of int, shape (R,)
+        Rows of the recording that lie in it.
+    places : ndarray, shape (R,)
+        Position of each row on the grid [periods]; whole numbers where stamps are only rounded.
+    """
+
+    start: float
+    period: float
+    rows: Ints
+    places: Floats
+
+    @property
+    def samples(self) -> int:
+        """T, the number of samples on the grid [1]."""
+        return int(np.floor(self.places[-1] + 1e-9)) + 1
+
+    @property
+    def filled(self) -> Bools:
+        """Samples without a row within half a period; shape (T,)."""
+        recorded = np.zeros(self.samples, bool)
+        near = np.rint(self.places).astype(np.int64)
+        recorded[np.clip(near, 0, self.samples - 1)] = True
+        return ~recorded
+
+    def on_grid(self, values: Floats) -> Floats:
+        """Values of all rows of the recording, interpolated on the grid; shape (T,)."""
+        resampled: Floats = np.interp(np.arange(self.samples), self.places, values[self.rows])
+        return resampled
+
+
+def sampling_period(t: Floats) -> float:
+    """Sampling period from time stamps [s].
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Time stamps [s], N at least 2.
+
+    Raises
+    ------
+    ValueError
+        When no stamp is later than the one before.
+    """
+    steps = np.diff(t)
+    forward = steps[steps > 0]
+    if not len(forward):
+        raise ValueError("its time never goes forward")
+    if np.mean(steps == 0) > COARSE_CLOCK:  # several rows share each tick of the clock
+        return float(forward.sum() / np.count_nonzero(steps >= 0))
+    return float(np.median(forward))
+
+
+def uniform_segments(t: Floats) -> list[UniformSegment]:
+    """Segments of a recording on uniform grids.
+
+    A row whose stamp repeats that of the row before belongs in the gap behind it, if there is one,
+    and is a copy otherwise.  Up to ``LONGEST_BRIDGE`` missing rows are interpolated and marked as
+    filled; a longer gap, or a clock that jumps back, ends the segment.  Stamps that deviate from
+    the grid by less than ``ROUNDING_JITTER`` are rounded: their rows count as evenly spaced.  Where
+    they deviate more, the samples themselves were taken unevenly and are interpolated.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Time stamps [s], in the order of the rows.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than ``SHORTEST_SEGMENT`` rows, or the stamps have no period.
+    """
+    if len(t) < SHORTEST_SEGMENT:
+        raise ValueError(f"it has {len(t)} rows, {SHORTEST_SEGMENT} are the least that can be used")
+    period = sampling_period(t)
+    if np.mean(np.diff(t) == 0) > COARSE_CLOCK:
+        t = t[0] + period * np.arange(len(t))  # evenly spaced below the clock's tick
+    steps = np.rint(np.diff(t) / period).astype(np.int64)
+    cuts = np.flatnonzero((steps < 0) | (steps > LONGEST_BRIDGE + 1)) + 1
+    segments = [
+        _segment(t, rows, period) for rows in np.split(np.arange(len(t)), cuts) if len(rows) > 1
+    ]
+    return [segment for segment in segments if len(segment.rows) >= SHORTEST_SEGMENT]
+
+
+def _segment(t: Floats, rows: Ints, period: float) -> UniformSegment:
+    """Rows between two gaps on their grid, of the period that fits their stamps."""
+    steps = np.rint(np.diff(t[rows]) / period).astype(np.int64)
+    late = np.flatnonzero((steps[:-1] == 0) & (steps[1:] > 1))
+    steps[late] += 1  # its stamp repeats, the gap behind it is its own
+    steps[late + 1] -= 1
+    kept = np.r_[True, steps > 0]
+    places = np.r_[0, np.cumsum(steps)][kept].astype(np.float64)
+    stamps = t[rows[kept]]
+    if len(places) < 2:
+        return UniformSegment(
+            start=float(t[rows[0]]), period=period, rows=rows[kept], places=places
+        )
+    slope, start = np.polyfit(places, stamps, 1)
+    deviation = (stamps - start - slope * places) / slope
+    if np.std(deviation) > ROUNDING_JITTER:
+        even = (stamps - stamps[0]) / slope
+        forward = np.r_[True, np.diff(even) > 0]
+        return UniformSegment(
+            start=float(stamps[0]), period=float(slope), rows=rows[kept][forward],
+            places=even[forward],
+        )  # fmt: skip
+    return UniformSegment(start=float(start), period=float(slope), rows=rows[kept], places=places)
+
+
+def even_rows(t: Floats, complete: Bools) -> tuple[slice, float]:
+    """Rows of an evenly sampled recording without its incomplete ends, and the sampling period [s].
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Time stamps [s].
+    complete : ndarray of bool, shape (N,)
+        Rows that have a value in every channel that is used.
+
+    Raises
+    ------
+    ValueError
+        When fewer than two rows are complete, rows in between are not, or the clock is uneven.
+    """
+    whole = complete & np.isfinite(t)
+    if whole.sum() < 2:
+        raise ValueError("it holds no row with a value in every channel")
+    first, last = np.flatnonzero(whole)[[0, -1]]
+    within = slice(int(first), int(last) + 1)
+    if not whole[within].all():
+        raise ValueError(
+            f"{(~whole[within]).sum()} of its rows lack a value or the time: export it again"
+        )
+    steps = np.diff(t[within])
+    period = float(np.median(steps))
+    if period <= 0 or np.abs(steps / period - 1).max() > 1 + EVEN_JITTER:
+        raise ValueError("its time does not run evenly: export it again")
+    period = float((t[last] - t[first]) / (last - first))
+    if np.abs(steps / period - 1).max() > 0.5:
+        raise ValueError("its time has gaps: export it again")
+    return within, period

@@ -1,0 +1,392 @@
+"""Forms of a record of an SHDR log, after the item's name: as a Devices document declares, or open.
+
+Without a Devices document the form of a record follows from what it looks like
+(:func:`undeclared`):
+
+- a level word (NORMAL, WARNING, FAULT, UNAVAILABLE) followed by at least four more fields, the
+  third of which is empty, HIGH or LOW, is a condition;
+- a count, a rate or nothing, and exactly that many (two or more) numbers are a time series;
+- exactly three fields after the time, the last not empty, are a message: name, code, text;
+- three numbers with blanks between and a decimal point in one of them are a position;
+- any other value is a number where it is a finite decimal number, else text.
+
+Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, versions 1.x to 2.x).
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.mtconnect.model import is_name, number_of
+from pipeline.signals.shdr.lines import entries_of
+
+if TYPE_CHECKING:
+    from pipeline.signals.mtconnect.model import DataItem, DeviceModel
+
+MOST_CACHED = 1 << 16
+"""Names kept; a log of noise has more and does not fill the memory."""
+
+
+class ItemPlan(NamedTuple):
+    """How the fields after one item's name are read.
+
+    ``shape`` names the form; ``value * factor + offset`` is in the document's units; ``why`` says
+    what keeps values from being converted, ``rate`` [Hz] is that of a time series.
+    """
+
+    name: str
+    kind: str = "UNKNOWN"
+    shape: str = "any"
+    factor: float = 1.0
+    offset: float = 0.0
+    why: str = ""
+    rate: float = 0.0
+
+
+class Items:
+    """Plans of a source's items; the Devices document is read for the first of them."""
+
+    def __init__(self, source: RecordSource, root: Path) -> None:
+        self._source = source
+        self._root = root
+        self._plans: dict[str, ItemPlan] = {}
+        self._model: DeviceModel | None = None
+        self._loaded = False
+
+    def plan(self, key: str) -> ItemPlan:
+        """The plan for the item that the log calls ``key``, with or without ``device:``."""
+        plan = self._plans.get(key)
+        if plan is None:
+            plan = self._plan(key)
+            if len(self._plans) < MOST_CACHED:
+                self._plans[key] = plan
+        return plan
+
+    def _plan(self, key: str) -> ItemPlan:
+        model = self._load()
+        if model is None:
+            return ItemPlan(key)
+        item = model.find(key) or (model.find(key.partition(":")[2]) if ":" in key else None)
+        if item is None:
+            return ItemPlan(key)
+        plan = ItemPlan(model.item_name(item), *_form(item), rate=item.sample_rate or 0.0)
+        native = self._source.values == "native" and plan.shape in ("sample", "position", "series")
+        return _converted(plan, item) if native else plan
+
+    def _load(self) -> "DeviceModel | None":
+        if not self._loaded and self._source.devices:
+            from pipeline.signals.mtconnect.devices import read_devices
+
+            self._model = read_devices(self._root / self._source.devices, self._source.device)
+        self._loaded = True
+        return self._model
+
+
+def _form(item: "DataItem") -> tuple[str, str]:
+    """Kind and shape of a data item."""
+    category, representation = item.category, item.representation or "VALUE"
+    if category == "CONDITION":
+        return "CONDITION", "condition"
+    if representation in ("DATA_SET", "TABLE"):
+        return representation, representation.lower()
+    if category == "SAMPLE" and representation == "TIME_SERIES":
+        return "TIME_SERIES", "series"
+    if (item.units or "").endswith("_3D"):
+        return category or "UNKNOWN", "position"
+    if category == "SAMPLE":
+        return "SAMPLE", "sample"
+    if item.type in ("MESSAGE", "ALARM"):
+        return "MESSAGE", item.type.lower()
+    if item.type in ("ASSET_CHANGED", "ASSET_REMOVED"):
+        return "EVENT", "asset_event"
+    return "EVENT", "word" if is_name(item.type) else "event"
+
+
+def _converted(plan: ItemPlan, item: "DataItem") -> ItemPlan:
+    """The plan with factor and offset from native units."""
+    from pipeline.signals.units import mtconnect_factor
+
+    units = item.units or item.native_units or ""
+    scale = 1.0 if item.native_scale is None else item.native_scale
+    try:
+        factor, offset = mtconnect_factor(item.native_units or units, units, scale)
+    except ValueError as error:
+        return plan._replace(shape="unconvertible", why=str(error))
+    return plan._replace(factor=factor, offset=offset)
+
+
+LEVELS = ("NORMAL", "WARNING", "FAULT", "UNAVAILABLE")
+UNKNOWN = ItemPlan("")
+
+
+class Value(NamedTuple):
+    """One value of a record, its attributes, and how long before the record's time it is [ns]."""
+
+    number: float | None = None
+    text: str | None = None
+    key: str | None = None
+    attributes: dict[str, object] = {}  # noqa: RUF012 - nobody changes it
+    before: int = 0
+
+
+class RecordForm(NamedTuple):
+    """Values of a record, and how many fields after the item's name it took."""
+
+    kind: str
+    values: list[Value]
+    used: int
+
+
+class RefusedError(ValueError):
+    """A record that is not kept; ``used`` fields after the item's name belong to it."""
+
+    def __init__(self, reason: str, used: int = 1) -> None:
+        super().__init__(reason)
+        self.used = used
+
+
+def is_unavailable(text: str) -> bool:
+    """Whether a value is the word UNAVAILABLE."""
+    return len(text) == 11 and text.upper() == "UNAVAILABLE"
+
+
+def scalar(text: str, key: str | None = None, attributes: dict[str, object] | None = None) -> Value:
+    """A number where ``text`` is one, nothing where it is UNAVAILABLE, else text."""
+    if is_unavailable(text):
+        return Value(key=key, attributes=attributes or {})
+    number = number_of(text)
+    return Value(number, None if number is not None else text, key, attributes or {})
+
+
+def undeclared(rest: list[str], *, alone: bool) -> RecordForm:
+    """A record of an item that no document describes; ``alone`` on its line so far."""
+    value = rest[0]
+    if value.upper() in LEVELS and len(rest) > 4 and rest[3].upper() in ("", "HIGH", "LOW"):
+        return condition(UNKNOWN, rest)
+    if len(rest) > 2 and value.isdecimal() and (not rest[1] or number_of(rest[1]) is not None):
+        numbers = [number_of(v) for v in rest[2].split()]
+        if len(numbers) == number_of(value) and len(numbers) > 1 and None not in numbers:
+            return series(UNKNOWN, rest)
+    if alone and len(rest) == 2 and rest[1]:
+        return message(UNKNOWN, rest)
+    if "." in value and len(parts := value.split(None, 3)) == 3:
+        numbers = [number_of(v) for v in parts]
+        if None not in numbers:
+            values = [Value(n, key=k) for n, k in zip(numbers, "XYZ", strict=True)]
+            return RecordForm("UNKNOWN", values, 1)
+    return RecordForm("UNKNOWN", [scalar(value)], 1)
+
+
+def sample(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``value`` or ``value:RESET``, a number."""
+    text = rest[0]
+    attributes: dict[str, object] = {}
+    if is_unavailable(text):
+        return RecordForm(plan.kind, [Value()], 1)
+    number = number_of(text)
+    if number is None and ":" in text:
+        text, _, trigger = text.partition(":")
+        number, attributes = number_of(text), {"resetTriggered": trigger}
+    if number is None:
+        raise RefusedError(f"sample {plan.name!r} is {rest[0][:40]!r}, which is no number")
+    return RecordForm(plan.kind, [Value(_in_units(number, plan), attributes=attributes)], 1)
+
+
+def _in_units(number: float, plan: ItemPlan) -> float:
+    if plan.factor == 1.0 and plan.offset == 0.0:
+        return number
+    return number * plan.factor + plan.offset
+
+
+def event(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``value``, a number where it is one."""
+    return RecordForm(plan.kind, [scalar(rest[0])], 1)
+
+
+def word(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``value``, a name even where it looks like a number."""
+    return RecordForm(plan.kind, [Value() if is_unavailable(rest[0]) else Value(text=rest[0])], 1)
+
+
+def condition(_: ItemPlan, rest: list[str]) -> RecordForm:
+    """``level|code|severity|qualifier|text``, and ``code:id`` from version 2.3 on."""
+    level, code, severity, qualifier, text = (rest + [""] * 4)[:5]
+    used = min(5, len(rest))
+    level = level.upper()
+    if level not in LEVELS:
+        raise RefusedError(
+            f"level {level[:40]!r} of a condition is none of {', '.join(LEVELS)}", used
+        )
+    code, _colon, condition_id = code.partition(":")
+    attributes: dict[str, object] = {"severity": severity, "qualifier": qualifier, "message": text}
+    if condition_id:
+        attributes["nativeCode"] = code
+    value = None if level == "UNAVAILABLE" else level
+    return RecordForm(
+        "CONDITION",
+        [Value(text=value, key=condition_id or code or None, attributes=attributes)],
+        used,
+    )
+
+
+def message(_: ItemPlan, rest: list[str]) -> RecordForm:
+    """``code|text``."""
+    code, text = rest if len(rest) == 2 else (rest + [""])[:2]
+    if is_unavailable(text) or (not text and is_unavailable(code)):
+        return RecordForm("MESSAGE", [Value()], min(2, len(rest)))
+    return RecordForm("MESSAGE", [Value(text=text, key=code or None)], min(2, len(rest)))
+
+
+def alarm(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``code|native code|severity|state|text``, of version 1.0."""
+    code, native, severity, state, text = (rest + [""] * 4)[:5]
+    used = min(5, len(rest))
+    if is_unavailable(code) or is_unavailable(text):
+        return RecordForm(plan.kind, [Value()], used)
+    attributes: dict[str, object] = {"code": code, "severity": severity, "state": state}
+    return RecordForm(
+        plan.kind, [Value(text=text, key=native or None, attributes=attributes)], used
+    )
+
+
+def asset_event(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``asset type|asset id``, or the id alone."""
+    if len(rest) == 1 or is_unavailable(rest[0]):
+        return word(plan, rest)
+    value = Value(
+        text=None if is_unavailable(rest[1]) else rest[1], attributes={"assetType": rest[0]}
+    )
+    return RecordForm(plan.kind, [value], 2)
+
+
+def series(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``count|rate|values``; the key is the place in the series, from 1.
+
+    The time of the record is that of the last value (MTConnect part 3, TimeSeries).
+    """
+    used = min(3, len(rest))
+    if is_unavailable(rest[used - 1]):
+        return RecordForm("TIME_SERIES", [Value()], used)
+    if used < 3:
+        raise RefusedError(f"time series {plan.name!r} has no count, rate and values", used)
+    numbers = [number_of(v) for v in rest[2].split()]
+    if not numbers or number_of(rest[0]) != len(numbers) or None in numbers:
+        what = f"a time series of {rest[0][:20]!r} values has {len(numbers)}"
+        raise RefusedError(what if None not in numbers else f"{what}, not all numbers", used)
+    rate = number_of(rest[1])
+    attributes: dict[str, object] = {"sampleCount": len(numbers), "sampleRate": rate}
+    step = 1e9 / (rate or plan.rate) if (rate or plan.rate) > 1e-9 else 0.0
+    last = len(numbers) - 1
+    values = [
+        Value(
+            _in_units(n, plan),
+            key=str(i + 1),
+            attributes=attributes,
+            before=round((last - i) * step),
+        )
+        for i, n in enumerate(numbers)
+        if n is not None
+    ]
+    return RecordForm("TIME_SERIES", values, used)
+
+
+def position(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """Three numbers; the keys are X, Y and Z."""
+    if is_unavailable(rest[0]):
+        return RecordForm(plan.kind, [Value()], 1)
+    numbers = [number_of(v) for v in rest[0].split(None, 3)]
+    if len(numbers) != 3 or None in numbers:
+        raise RefusedError(f"{plan.name!r} is {rest[0][:40]!r}, which is not three numbers")
+    values = [
+        Value(_in_units(n, plan), key=k)
+        for n, k in zip(numbers, "XYZ", strict=True)
+        if n is not None
+    ]
+    return RecordForm(plan.kind, values, 1)
+
+
+def data_set(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """``key=value key={a b} removed`` or ``:RESET key=value``; a table's entries hold such too."""
+    text = rest[0]
+    if is_unavailable(text):
+        return RecordForm(plan.kind, [Value()], 1)
+    attributes: dict[str, object] = {}
+    if text.startswith(":"):
+        trigger, _, text = text[1:].partition(" ")
+        attributes = {"resetTriggered": trigger.upper()}
+    try:
+        values = _entries(text, attributes, table=plan.kind == "TABLE")
+    except ValueError as error:
+        raise RefusedError(f"{plan.name!r}: {error}") from None
+    return RecordForm(
+        plan.kind, values or [Value(attributes=attributes)], 1
+    )  # an empty set has nothing
+
+
+def _entries(text: str, attributes: dict[str, object], *, table: bool) -> list[Value]:
+    values = []
+    for key, value in entries_of(text):
+        cells = entries_of(value) if table and value and "=" in value else [("", value)]
+        for cell, content in cells:
+            whole = f"{key}/{cell}" if cell else key
+            if content is None:
+                values.append(Value(key=whole, attributes=attributes | {"removed": True}))
+            else:
+                values.append(scalar(content, whole, attributes))
+    return values
+
+
+def unconvertible(plan: ItemPlan, rest: list[str]) -> RecordForm:
+    """A sample whose native units cannot become its units."""
+    raise RefusedError(f"{plan.name!r} cannot be converted: {plan.why}", 3 if len(rest) == 3 else 1)
+
+
+def asset(command: str, rest: list[str]) -> RecordForm:
+    """``@ASSET@|id|type|document`` and three commands on assets; a removed one is unavailable.
+
+    ``text`` is the type, ``key`` the id, the document or the changes stand in ``attributes``.
+    """
+    attributes: dict[str, object] = {"command": command}
+    name = rest[0] if rest else ""
+    if command == "@REMOVE_ALL_ASSETS@":
+        return RecordForm(
+            "ASSET", [Value(attributes=attributes | {"assetType": name})], min(1, len(rest))
+        )
+    if not name:
+        raise RefusedError(f"{command[:40]} names no asset", min(1, len(rest)))
+    if command == "@REMOVE_ASSET@":
+        return RecordForm("ASSET", [Value(key=name, attributes=attributes)], 1)
+    if command == "@UPDATE_ASSET@" and len(rest) == 2:
+        return RecordForm(
+            "ASSET", [Value(text="", key=name, attributes=attributes | {"xml": rest[1]})], 2
+        )
+    if command == "@UPDATE_ASSET@" and len(rest) % 2:
+        changes = dict(zip(rest[1::2], rest[2::2], strict=True))
+        return RecordForm(
+            "ASSET",
+            [Value(text="", key=name, attributes=attributes | {"changes": changes})],
+            len(rest),
+        )
+    if command == "@ASSET@" and len(rest) > 2:
+        attributes = {"xml": "|".join(rest[2:])}
+        return RecordForm(
+            "ASSET", [Value(text=rest[1], key=name, attributes=attributes)], len(rest)
+        )
+    raise RefusedError(f"{command[:40]!r} with {len(rest)} fields is no command", len(rest))
+
+
+FORMS: dict[str, Callable[[ItemPlan, list[str]], RecordForm]] = {
+    "sample": sample,
+    "event": event,
+    "word": word,
+    "condition": condition,
+    "message": message,
+    "alarm": alarm,
+    "asset_event": asset_event,
+    "series": series,
+    "position": position,
+    "data_set": data_set,
+    "table": data_set,
+    "unconvertible": unconvertible,
+}

@@ -1,0 +1,324 @@
+"""Reference path through an SHDR log: line by line in plain Python, and its rows as a table.
+
+It defines the meaning that the fast path has to equal.  Bytes that are not UTF-8 are read as
+Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes around a line are left
+out and counted (``nulBytes``); within a line they make it unreadable.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.signals.columns import KINDS, OBSERVATIONS
+from pipeline.signals.formats import EXCERPT, Rejection
+from pipeline.signals.mtconnect.model import number_of
+from pipeline.signals.shdr.lines import (
+    LONGEST,
+    TOO_LONG,
+    Segment,
+    fields_of,
+    iso_ns,
+    json_of,
+    milliseconds_ns,
+)
+from pipeline.signals.shdr.record_forms import (
+    FORMS,
+    Items,
+    RecordForm,
+    RefusedError,
+    asset,
+    undeclared,
+)
+
+ASSET = "asset"
+"""Item under which assets stand."""
+EARLIEST = -(2**63) + 1
+MOST_FIELDS = 6
+"""Fields that a record of a data item looks at: five of a condition, and whether more follow."""
+
+
+class Row(NamedTuple):
+    """One row of observations; ``attributes`` is JSON."""
+
+    time: int
+    item: str
+    number: float | None
+    text: str | None
+    sequence: int
+    kind: str
+    key: str | None
+    attributes: str | None
+
+
+class LineResult(NamedTuple):
+    """What one line gave."""
+
+    rows: list[Row]
+    records: int
+    rejected: list[Rejection]
+
+
+class LineReader:
+    """Reads the lines of one log in their order.
+
+    ``previous`` is the time of the last line that had one [ns since 1970], ``formed`` tells whether
+    any line so far had the form of a log.
+    """
+
+    def __init__(self, items: Items) -> None:
+        self.items = items
+        self.previous: int | None = None
+        self.formed = False
+
+    def line(self, number: int, raw: bytes, sequence: int, body: bytes | None = None) -> LineResult:
+        """Read line ``number`` of the file, whose first record is its record ``sequence``.
+
+        ``raw`` is the line without its end, ``body`` the rest of a block.
+        """
+        if len(raw) > LONGEST:
+            return refused(number, TOO_LONG, raw)
+        bare = raw.strip(b" \t\r\0")
+        nul_bytes = raw.count(b"\0")
+        if not bare:
+            return (
+                refused(number, "the line is NUL bytes", b"")
+                if nul_bytes
+                else LineResult([], 0, [])
+            )
+        if b"\0" in bare:
+            return refused(number, "NUL bytes stand in the middle of the line", raw)
+        attributes: dict[str, object] = {"nulBytes": nul_bytes or None}
+        text = decoded(bare, attributes)
+        text = text.removeprefix("\ufeff")
+        if text.startswith("*"):
+            return LineResult([], 1, [])
+        stamp, *fields = fields_of(text)
+        time, reason = self._time(stamp, attributes)
+        if time is None or not fields or fields == [""]:
+            reason = reason if time is None else "no item follows the time"
+            return refused(number, reason, bare)
+        self.previous, self.formed = time, True
+        if body is not None:
+            fields[-1] = decoded(body.rstrip().rpartition(b"\n")[0].strip(), attributes)
+        return self._records(number, time, fields, attributes, sequence)
+
+    def _time(self, stamp: str, attributes: dict[str, object]) -> tuple[int | None, str]:
+        """Time of a line [ns] or why it has none; its oddities are added to ``attributes``."""
+        stamp, at, duration = stamp.partition("@")
+        if at:
+            attributes["duration"] = number_of(duration)
+            if attributes["duration"] is None:
+                return None, f"the duration {duration[:40]!r} is no number"
+        if not stamp:
+            attributes["time"] = "of the line before"
+            return self.previous, "the line has no time and none stands before it"
+        time = iso_ns(stamp)
+        if time is None:
+            time = milliseconds_ns(stamp)
+            attributes["time"] = "milliseconds"
+        return time, f"{stamp[:40]!r} is no time from 1678 to 2261"
+
+    def _records(
+        self, line: int, time: int, fields: list[str], attributes: dict[str, object], sequence: int
+    ) -> LineResult:
+        rows: list[Row] = []
+        rejected: list[Rejection] = []
+        at = records = 0
+        # A lone empty field at the end is a pipe too many.
+        while at < len(fields) - (at > 0 and not fields[-1]):
+            key = fields[at]
+            rest = fields[at + 1 : None if key.startswith("@") else at + 1 + MOST_FIELDS]
+            try:
+                name, form = self._record(key, rest, alone=at == 0)
+                used = form.used
+                if time - form.values[0].before < EARLIEST:
+                    raise RefusedError("the time series begins before 1678", used)
+            except RefusedError as why:
+                used = why.used
+                excerpt = "|".join((key, *rest[:used]))[:EXCERPT]
+                rejected.append(Rejection(line=line, reason=str(why), excerpt=excerpt))
+            else:
+                place = sequence + records
+                rows += _rows(form, time, name, place, attributes)
+            at += 1 + used
+            records += 1
+        return LineResult(rows, records, rejected)
+
+    def _record(self, key: str, rest: list[str], *, alone: bool) -> tuple[str, RecordForm]:
+        if not key:
+            raise RefusedError("a value stands without an item's name", min(1, len(rest)))
+        if key.startswith("@"):
+            return ASSET, asset(key, rest)
+        if not rest:
+            raise RefusedError(f"item {key[:40]!r} has no value", 0)
+        plan = self.items.plan(key)
+        if plan.shape != "any":
+            return plan.name, FORMS[plan.shape](plan, rest)
+        return plan.name, undeclared(rest, alone=alone)
+
+
+def _rows(
+    form: RecordForm, time: int, name: str, place: int, attributes: dict[str, object]
+) -> list[Row]:
+    rows = []
+    last: dict[str, object] | None = None
+    words: str | None = None
+    for v in form.values:
+        if v.attributes is not last:  # the thousands of values of a series share one
+            last, words = v.attributes, json_of(attributes | v.attributes)
+        rows.append(Row(time - v.before, name, v.number, v.text, place, form.kind, v.key, words))
+    return rows
+
+
+def decoded(raw: bytes, attributes: dict[str, object]) -> str:
+    """Text of UTF-8, else of Latin-1, which is added to the attributes of the rows."""
+    try:
+        return raw.decode()
+    except UnicodeDecodeError:
+        attributes["encoding"] = "latin-1"
+        return raw.decode("latin-1")
+
+
+def read_segment(reader: LineReader, segment: Segment, sequence: int) -> LineResult:
+    """Read one line, one block, or what was refused before."""
+    if segment.kind == "refused":
+        return refused(segment.line, segment.reason, segment.data)
+    body = segment.body if segment.kind == "block" else None
+    return reader.line(segment.line, segment.data.removesuffix(b"\n"), sequence, body)
+
+
+def refused(line: int, reason: str, raw: bytes) -> LineResult:
+    """A line that is rejected as one record."""
+    excerpt = raw[: 4 * EXCERPT].decode("utf-8", "replace")[:EXCERPT]
+    return LineResult([], 1, [Rejection(line=line, reason=reason, excerpt=excerpt)])
+
+
+NOTHING, NUMBER, TEXT = 0, 1, 2
+"""What a row holds."""
+
+
+class Codes:
+    """Numbers words in the order in which they come."""
+
+    def __init__(self, words: Iterable[str] = ()) -> None:
+        self.codes: dict[str, int] = {}
+        for word in words:
+            self.code(word)
+
+    def code(self, word: str | None) -> int:
+        """The word's number, -1 for None."""
+        return -1 if word is None else self.codes.setdefault(word, len(self.codes))
+
+    def array(self) -> pa.Array:
+        """The words."""
+        return pa.array(self.codes, pa.string())
+
+
+@dataclass(kw_only=True)
+class Rows:
+    """Rows column by column; words are codes, -1 for none, into the dictionaries.
+
+    ``holds`` says whether a row has nothing, a number or a text.  ``attributes`` is None when no
+    row has any.
+    """
+
+    time: Any
+    item: Any
+    number: Any
+    holds: Any
+    text: Any
+    sequence: Any
+    kind: Any
+    key: Any
+    attributes: list[str | None] | None
+    items: pa.Array
+    texts: pa.Array
+    keys: pa.Array
+
+    def table(self) -> pa.Table:
+        """The rows as observations."""
+        n = len(self.time)
+        attributes = (
+            pa.nulls(n, pa.string())
+            if self.attributes is None
+            else pa.array(self.attributes, pa.string())
+        )
+        key = pa.nulls(n, pa.int32()) if self.key is None else _indices(self.key)
+        columns = [
+            pa.array(self.time).cast(pa.timestamp("ns", tz="UTC")),
+            pa.DictionaryArray.from_arrays(pa.array(self.item), self.items),
+            pa.array(self.number, mask=self.holds != NUMBER),
+            pa.DictionaryArray.from_arrays(_indices(self.text), self.texts),
+            pa.array(self.sequence.astype(np.uint64)),
+            pa.DictionaryArray.from_arrays(pa.array(self.kind), pa.array(KINDS)),
+            pa.DictionaryArray.from_arrays(key, self.keys),
+            attributes,
+            pa.nulls(n, pa.uint64()),
+        ]
+        return pa.Table.from_arrays(columns, schema=OBSERVATIONS)
+
+
+def _indices(codes: Any) -> pa.Array:
+    return pa.array(codes, mask=codes < 0)
+
+
+def rows_of(rows: Sequence[Row], items: Codes, texts: Codes) -> Rows:
+    """Rows of the reference path; words that are new are added to ``items`` and ``texts``."""
+    keys = Codes()
+    n = len(rows)
+    held = (NUMBER if r.number is not None else NOTHING if r.text is None else TEXT for r in rows)
+    numbers = (0.0 if r.number is None else r.number for r in rows)
+    return Rows(
+        time=np.fromiter((r.time for r in rows), np.int64, n),
+        item=np.fromiter((items.code(r.item) for r in rows), np.int32, n),
+        number=np.fromiter(numbers, np.float64, n),
+        holds=np.fromiter(held, np.uint8, n),
+        text=np.fromiter((texts.code(r.text) for r in rows), np.int32, n),
+        sequence=np.fromiter((r.sequence for r in rows), np.int64, n),
+        kind=np.fromiter((KINDS.index(r.kind) for r in rows), np.int32, n),
+        key=np.fromiter((keys.code(r.key) for r in rows), np.int32, n),
+        attributes=[r.attributes for r in rows] if any(r.attributes for r in rows) else None,
+        items=items.array(),
+        texts=texts.array(),
+        keys=keys.array(),
+    )
+
+
+def merged(fast: Rows, odd: Rows, before: Any) -> Rows:
+    """Rows of the fast path with those of odd lines put between them.
+
+    Parameters
+    ----------
+    fast, odd : Rows
+        Items and texts of ``odd`` are codes into dictionaries that begin with those of ``fast``.
+    before : (K,) int array
+        How many fast rows stand before each odd row, in rising order.
+    """
+    at = before + np.arange(len(before))
+    total = len(fast.time) + len(before)
+    is_fast = np.ones(total, bool)
+    is_fast[at] = False
+
+    def both(a: Any, b: Any) -> Any:
+        column = np.empty(total, b.dtype)
+        column[is_fast], column[at] = a, b
+        return column
+
+    attributes: list[str | None] | None = None
+    if odd.attributes is not None:
+        attributes = [None] * total
+        for place, words in zip(at.tolist(), odd.attributes, strict=True):
+            attributes[place] = words
+    names = ("time", "item", "number", "holds", "text", "sequence", "kind")
+    columns = {name: both(getattr(fast, name), getattr(odd, name)) for name in names}
+    return Rows(
+        **columns,
+        key=both(np.int32(-1), odd.key),
+        attributes=attributes,
+        items=odd.items,
+        texts=odd.texts,
+        keys=odd.keys,
+    )

@@ -1,0 +1,219 @@
+"""The fast path equals the plain one on whatever is thrown at them, and on real recordings."""
+
+import math
+import os
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from shdr_log import DEVICES, NAMES, NATIVE, SOURCE, TIME, UNITS, outcome, rows_of
+
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.shdr.log import read_fast, read_reference
+
+
+@settings(
+    max_examples=300,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    st.one_of(
+        st.floats(allow_nan=False, allow_infinity=False).map(repr),
+        st.from_regex(r"[+-]?[0-9]{0,25}(\.[0-9]{0,25})?([eE][+-]?[0-9]{1,3})?", fullmatch=True),
+    )
+)
+def test_numbers_equal_pythons_bit_for_bit(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "log.txt"
+    path.write_text(f"{TIME}|a|{text}\n")
+    (row,) = rows_of(list(read_fast(path, SOURCE, tmp_path)))
+    try:
+        expected = float(text)
+    except ValueError:
+        expected = math.nan
+    if math.isfinite(expected):
+        assert repr(row[2]) == repr(expected)
+    else:
+        assert row[3] == text
+
+
+_KEYS = st.sampled_from(
+    [
+        "a",
+        "b",
+        "Xact",
+        "s1",
+        "odd",
+        "pos",
+        "wave",
+        "servo",
+        "msg",
+        "alarm",
+        "program",
+        "line",
+        "vars",
+        "offsets",
+        "changed",
+        "mill:Xact",
+        "@ASSET@",
+        "@UPDATE_ASSET@",
+        "@REMOVE_ASSET@",
+        "",
+        " a",
+        "Ö",
+        "7",
+    ]
+)
+_VALUES = st.one_of(
+    st.sampled_from(
+        [
+            "1",
+            "-2.5",
+            "0012",
+            "1e3",
+            "1e400",
+            "1e-310",
+            "123456789.123456789012",
+            "UNAVAILABLE",
+            "NORMAL",
+            "fault",
+            "WARNING",
+            "HIGH",
+            "",
+            " 3 ",
+            "1 2 3",
+            "1.0 2 3",
+            "AUTO",
+            "a=1 b={c d} e",
+            "A={x=1 y=2}",
+            '"q\\|r"',
+            "p\\|q",
+            "--multiline--AB",
+            "3",
+            "2",
+            "Öl",
+            "x" * 300,
+            "1:DAY",
+            "+7",
+            "9007199254740993",
+            "\t5",
+            "NaN",
+            "0e999",
+            "-0",
+        ]
+    ),
+    st.text("0123456789.eE+-", max_size=24),
+    st.text(max_size=8),
+)
+_TIMES = st.one_of(
+    st.sampled_from(
+        [
+            TIME,
+            TIME,
+            TIME,
+            "2019-05-20T10:46:18+01:00",
+            "2019-02-29T00:00:00Z",
+            "",
+            "15.5",
+            f"{TIME}@3",
+            f"{TIME}@x",
+            "2019-05-20T10:46:17",
+            " " + TIME,
+            "\ufeff" + TIME,
+        ]
+    ),
+    st.text("0123456789-T:.Z", max_size=28),
+)
+_LINES = st.one_of(
+    st.builds(
+        lambda t, pairs, end: "|".join([t, *(f"{k}|{v}" for k, v in pairs)]) + end,
+        _TIMES,
+        st.lists(st.tuples(_KEYS, _VALUES), min_size=1, max_size=5),
+        st.sampled_from(["\n", "\n", "\n", "\r\n", "|\n", "|z\n", " \n", "||||\n", ""]),
+    ).map(str.encode),
+    st.sampled_from(
+        [b"\n", b"* PONG 1\n", b"--multiline--AB\n", b"\r\n", b" \n", b"\0\n", b"\xff\xfe\n"]
+    ),
+    st.binary(max_size=20),
+)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.lists(_LINES, max_size=12), st.sampled_from([SOURCE, UNITS, NATIVE]), st.integers(16, 300)
+)
+def test_the_fast_path_equals_the_reference(
+    tmp_path_factory: pytest.TempPathFactory, lines: list[bytes], source: RecordSource, chunk: int
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    (folder / "Devices.xml").write_text(DEVICES)
+    path = folder / "log.txt"
+    path.write_bytes(f"{TIME}|a|1\n".encode() + b"".join(lines))
+    plain = outcome(read_reference, path, source, chunk)
+    assert outcome(read_fast, path, source, chunk) == plain
+    assert outcome(read_reference, path, source, 1 << 20) == plain
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=400), st.booleans())
+def test_any_bytes_are_read_or_refused_with_a_reason(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes, packed: bool
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "bytes.txt"
+    path.write_bytes(b"\x1f\x8b" + data if packed else data)
+    assert outcome(read_fast, path, SOURCE, 64) == outcome(read_reference, path, SOURCE, 64)
+
+
+def test_many_names_and_many_words(tmp_path: Path) -> None:
+    lines = [f"{TIME}|k{i}|v{i}\n" for i in range(70_000)]  # more than the scanner takes in
+    path = tmp_path / "log.txt"
+    path.write_text("".join(lines * 2))
+    assert outcome(read_fast, path, SOURCE, 1 << 20) == outcome(
+        read_reference, path, SOURCE, 1 << 20
+    )
+
+
+def _recordings() -> Path:
+    folder = os.environ.get("KERF_RECORDINGS")
+    if not folder:
+        pytest.skip("KERF_RECORDINGS names no folder of real recordings")
+    return Path(folder)
+
+
+def test_recorded_weeks_are_read_whole_and_alike() -> None:
+    root = _recordings() / "nist_mazak01"
+    source = RecordSource(format="shdr", files="*", devices="Devices.xml", device="Mazak01")
+    for path in sorted(root.glob("week_*/*")):
+        for batches in zip(
+            read_fast(path, source, root), read_reference(path, source, root), strict=True
+        ):
+            fast, plain = batches
+            assert fast.read == plain.read and fast.rejected == plain.rejected == []
+            for name in NAMES:
+                decoded = [b.observations[name].combine_chunks() for b in batches]
+                words = [
+                    d.dictionary_decode() if pa.types.is_dictionary(d.type) else d for d in decoded
+                ]
+                assert words[0].equals(words[1]), (path.name, name)
+
+
+def test_every_text_of_the_recordings_is_read_or_refused() -> None:
+    root = _recordings()
+    logs = sorted(root.glob("nist_box/*/*")) + sorted(root.glob("mtconnect_docs/*.[tc][xs][tv]"))
+    assert len(logs) > 60
+    readable = set()
+    for path in logs:
+        told = outcome(read_fast, path, SOURCE, 1 << 20)
+        assert told == outcome(read_reference, path, SOURCE, 1 << 20)
+        if len(told) == 3:
+            readable.add(path.name)
+    # Exactly the logs are logs: not the programs, the lists of settings, the bits of XML.
+    assert {n for n in readable if "Hurco" not in n} == {
+        "cppagent-cuttingtool_scenario.txt",
+        "cppagent-simple_scenario_1.txt",
+        "mtconnecttoolbox-out.txt",
+        "mtconnecttoolbox-telent_DMG.txt",
+    }
+    assert len([n for n in readable if "Hurco" in n]) == 15
