@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.parameters import structure
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT

@@ -10,9 +10,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.material import Material
-from pipeline.cutting.tool_table import ToolTable
+from pipeline.cutting.economics.cost import CostRates
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet, missing
 from pipeline.parameters import ParametersError, read_params, section_path, structure
 from pipeline.stages.compose import composed

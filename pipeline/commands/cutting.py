@@ -10,18 +10,17 @@ import yaml
 
 from pipeline.commands.fleet import CONF, DATA
 from pipeline.commands.programs import Controlled, Simulated
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.material import Material
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.stock import stock_of
-from pipeline.cutting.tool_table import ToolTable
+from pipeline.cutting.economics.cost import CostRates, EnergyParameters
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.stability.tip_dynamics import TipDynamics, TipModes, rigid_directions
+from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.part_job import spindle_drive
 from pipeline.parameters import ParametersError, structure
 from pipeline.twin.cut import CutJob, cut_program
+from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
 from pipeline.twin.cut_document import CutBasis, document_of
-from pipeline.twin.cut_dynamics import TipDynamics, TipModes, rigid_directions
-from pipeline.twin.cut_laws import identified_law, tool_laws
 
 T = TypeVar("T")
 
@@ -41,7 +40,7 @@ class CutOptions:
     Parameters
     ----------
     stock : str
-        Blank, see :func:`pipeline.cutting.stock.stock_of`.
+        Blank, see :func:`pipeline.cutting.engagement.stock.stock_of`.
     tool_table : str
         Name of a table of conf/tool/, or a YAML file.
     material : str
@@ -140,7 +139,9 @@ def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, 
     material = read_material(options.material)
     sections = on.parameters["machine"][machine]
     known = model_document(machine, "cutting.json") or {}
-    laws = tool_laws(table.tools, options.material, material, identified_law(known))
+    laws = tool_coefficients(
+        table.tools, options.material, material, identified_coefficients(known)
+    )
     drive, drive_source = spindle_drive(
         section(sections, "spindle_drive", SpindleDrive), f"conf/machine/{machine}.yaml", known
     )
@@ -242,8 +243,8 @@ def section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:
 def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:
     """Response at the tools' tips: that of the option, else the modes of the machine's section."""
     if frf:
-        from pipeline.cutting.frf import joined
-        from pipeline.cutting.frf_file import read_frf
+        from pipeline.cutting.stability.frf_file import read_frf
+        from pipeline.cutting.stability.tip_dynamics import joined_responses
 
         parts = []
         for word in frf:
@@ -256,7 +257,7 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
                 )
             parts.append(read_frf(path, direction=direction if said else None))  # type: ignore[arg-type]
         names = ", ".join(Path(word.rpartition("=")[2]).name for word in frf)
-        whole = joined(parts)
+        whole = joined_responses(parts)
         if rigid := rigid_directions(whole):
             raise ValueError(
                 f"--frf {names}: nothing is measured along {' and '.join(rigid)}, which would "

@@ -1,21 +1,30 @@
-"""The tool: a milling cutter or a drill, as a tool table says it.
+"""The tool: a milling cutter or a drill, its stiffness at the tip, and the tool table of a machine.
 
 Catalogues speak millimetre and degree, so do the fields; the properties are in SI, for formulas.
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import pi
-from typing import Literal
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Range, Ranged
 
 MM = 1e-3
 UM = 1e-6
 DEGREE = pi / 180
 
 Kind = Literal["flat", "bull_nose", "ball", "drill"]
+Length = Annotated[float, Range(least=0.01, most=1000.0)]
+"""Length on a tool [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tool:
+class Tool(Ranged, section="tool"):
     """One tool.
 
     Parameters
@@ -54,7 +63,7 @@ class Tool:
         Least and greatest that its maker allows in the material that is cut: f_z of each tooth or
         lip [mm], v_c at the full diameter [m/min].
     top_speed_rpm : float, optional
-        What its maker, or its holder's, lets it turn at most [rev/min].
+        Greatest spindle speed that its maker, or its holder's, allows [rev/min].
     name : str
         For people.
 
@@ -65,35 +74,27 @@ class Tool:
     """
 
     kind: Kind
-    diameter_mm: float
-    flutes: int
-    helix_deg: float = 0.0
-    corner_radius_mm: float = 0.0
-    point_angle_deg: float = 140.0
-    flute_length_mm: float | None = None
-    stickout_mm: float | None = None
-    shank_diameter_mm: float | None = None
-    youngs_modulus_GPa: float = 600.0
-    runout_um: float = 0.0
-    runout_deg: float = 0.0
+    diameter_mm: Length
+    flutes: Annotated[int, Range(least=1, most=200)]
+    helix_deg: Annotated[float, Range(least=-75.0, most=75.0)] = 0.0
+    corner_radius_mm: Annotated[float, Range(least=0.0, most=500.0)] = 0.0
+    point_angle_deg: Annotated[float, Range(least=30.0, most=180.0)] = 140.0
+    flute_length_mm: Length | None = None
+    stickout_mm: Annotated[float, Range(least=0.1, most=3000.0)] | None = None
+    shank_diameter_mm: Length | None = None
+    youngs_modulus_GPa: Annotated[float, Range(least=1.0, most=2000.0)] = 600.0
+    runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
+    runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
     material: Literal["carbide", "hss"] = "carbide"
-    price: float = 0.0
-    edges: int = 1
+    price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
+    edges: Annotated[int, Range(least=1, most=1000)] = 1
     feed_per_tooth_mm: tuple[float, ...] | None = None
     cutting_speed_m_min: tuple[float, ...] | None = None
-    top_speed_rpm: float | None = None
+    top_speed_rpm: Annotated[float, Range(least=1.0, most=1e6)] | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if value is None or item.name not in _RANGES:
-                continue
-            low, high = _RANGES[item.name]
-            if not low <= value <= high:
-                raise ValueError(
-                    f"tool.{item.name} = {value} is out of its range, {low:g} to {high:g}"
-                )
+        super().__post_init__()
         for name, high in _SPANS.items():
             _check_span(name, getattr(self, name), high)
         if self.kind == "bull_nose" and not 0 < self.corner_radius_mm <= self.diameter_mm / 2:
@@ -159,24 +160,8 @@ class Tool:
         return self.youngs_modulus_GPa * 1e9
 
 
-_RANGES: dict[str, tuple[float, float]] = {
-    "diameter_mm": (0.01, 1000.0),
-    "flutes": (1, 200),
-    "helix_deg": (-75.0, 75.0),
-    "corner_radius_mm": (0.0, 500.0),
-    "point_angle_deg": (30.0, 180.0),
-    "flute_length_mm": (0.01, 1000.0),
-    "stickout_mm": (0.1, 3000.0),
-    "shank_diameter_mm": (0.01, 1000.0),
-    "youngs_modulus_GPa": (1.0, 2000.0),
-    "runout_um": (0.0, 2000.0),
-    "runout_deg": (-360.0, 360.0),
-    "price": (0.0, 1e12),
-    "edges": (1, 1000),
-    "top_speed_rpm": (1.0, 1e6),
-}
 _SPANS = {"feed_per_tooth_mm": 10.0, "cutting_speed_m_min": 10_000.0}
-"""Least and greatest of what a maker allows, and what neither passes."""
+"""Greatest value of each span that a maker allows; the least is 0."""
 
 
 def _check_span(name: str, span: tuple[float, ...] | None, high: float) -> None:
@@ -185,3 +170,122 @@ def _check_span(name: str, span: tuple[float, ...] | None, high: float) -> None:
             f"tool.{name} = {list(span)} must be two numbers from 0 to {high:g}, the least first, "
             "the greatest above 0"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolTable:
+    """Tools by their number.
+
+    Parameters
+    ----------
+    tools : dict of int to Tool
+        By the number in the program.
+    description : str
+        Whose tools they are, for people.
+
+    Raises
+    ------
+    ValueError
+        When there is no tool, or a number is negative.
+    """
+
+    tools: dict[int, Tool]
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.tools:
+            raise ValueError("the tool table is empty: write its tools as `tools: {1: {...}}`")
+        for number in self.tools:
+            if number < 0:
+                raise ValueError(f"tools.{number} is no tool number: it must be 0 or more")
+
+    def tool(self, number: int) -> Tool:
+        """The tool with that number.
+
+        Raises
+        ------
+        ValueError
+            When the table does not have it.
+        """
+        if number not in self.tools:
+            known = ", ".join(map(str, sorted(self.tools)))
+            raise ValueError(
+                f"tool {number} is not in the tool table, which has {known}: add it there, or name "
+                "another table"
+            )
+        return self.tools[number]
+
+    def chosen(self, numbers: Sequence[int]) -> tuple[list[Tool], NDArray[np.int32]]:
+        """The tools that a program uses and, for each of its numbers, the index among them.
+
+        Parameters
+        ----------
+        numbers : sequence of int, length Q
+            Tool numbers in the order of the program.
+
+        Returns
+        -------
+        list of Tool, ndarray of int32 of shape (Q,)
+            Tools in the order of their numbers.
+
+        Raises
+        ------
+        ValueError
+            When the table lacks one.
+        """
+        used, index = np.unique(np.asarray(numbers, dtype=np.int64), return_inverse=True)
+        return [self.tool(int(number)) for number in used], index.astype(np.int32).reshape(-1)
+
+
+FLUTED = 0.8
+"""Effective diameter of a fluted part over its outer one [1] (Kops and Vo 1990)."""
+
+
+def tip_stiffness(tool: Tool) -> float:
+    """Stiffness of the tip across the axis [N/m]: a cantilever of a fluted part and a shank.
+
+    NaN without the tool's stickout.  Holder and spindle count as rigid, the force as one on the
+    tip: of an end mill in its holder alone, a bound for cuts that reach up the flute.
+
+    1 / k = l_f^3 / (3 E I_f) + (l^3 - l_f^3) / (3 E I_s), with I = pi d^4 / 64, the fluted length
+    l_f (all of the stickout l where the tool has none) and the diameters 0.8 D and the shank's.
+
+    Examples
+    --------
+    A rod of carbide 10 mm thick, 40 mm long, with next to no flutes:
+
+    >>> rod = Tool(kind="flat", diameter_mm=10.0, flutes=2, stickout_mm=40.0, flute_length_mm=0.01)
+    >>> round(tip_stiffness(rod) / (3 * 600e9 * np.pi * 0.01**4 / 64 / 0.04**3), 6)
+    1.0
+    """
+    if tool.stickout is None:
+        return float("nan")
+    fluted = tool.stickout
+    if tool.flute_length_mm is not None:
+        fluted = min(tool.flute_length_mm * 1e-3, tool.stickout)
+    compliance = fluted**3 / _rigidity(tool, FLUTED * tool.diameter)
+    compliance += (tool.stickout**3 - fluted**3) / _rigidity(tool, tool.shank_diameter)
+    return 1.0 / compliance
+
+
+def tip_deflection(tool: Tool, force: ArrayLike) -> Floats:
+    """Deflection of the tip under a force across the axis [m].
+
+    Parameters
+    ----------
+    tool : Tool
+        Its stickout, flute length, diameters and modulus of elasticity count.
+    force : array_like
+        On the tip, across the axis [N], any shape.
+
+    Returns
+    -------
+    ndarray
+        Of the shape of ``force``; NaN without the tool's stickout.
+    """
+    return np.asarray(force, dtype=np.float64) / tip_stiffness(tool)
+
+
+def _rigidity(tool: Tool, diameter: float) -> float:
+    """3 E I [N m^2]."""
+    return float(3 * tool.youngs_modulus * np.pi * diameter**4 / 64)

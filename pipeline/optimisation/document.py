@@ -15,8 +15,8 @@ from pipeline.optimisation.optimise import Result
 from pipeline.optimisation.problem.constraints import CONSTRAINTS
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.search.baselines import Method
-from pipeline.twin.cut_document import judged, not_known, notes
-from pipeline.twin.cut_tools import figure, summary
+from pipeline.twin.cut_document import assessed, not_known, notes
+from pipeline.twin.cut_tables import figure, summary
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def optimised_document(
 def _sides(result: Result) -> tuple[Side, Side]:
     """As programmed and optimised, each with what every row of the first costs and takes."""
     basis, answer = result.job.basis, result.answer
-    before, after = judged(result.before, basis), judged(answer.cut, basis)
+    before, after = assessed(result.before, basis), assessed(answer.cut, basis)
     own = np.arange(len(result.moves))
     return (
         Side.of_rows(result.before, before, own),

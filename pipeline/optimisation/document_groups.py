@@ -10,8 +10,8 @@ from pipeline.machine.control.path import Motion
 from pipeline.optimisation.optimise import Result
 from pipeline.optimisation.problem.constraints import CONSTRAINTS
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_document import Judged
-from pipeline.twin.cut_tools import figure
+from pipeline.twin.cut_document import AssessedCut
+from pipeline.twin.cut_tables import figure
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -34,7 +34,7 @@ class Side:
     """
 
     cut: Cut = field(repr=False)
-    of: Judged = field(repr=False)
+    of: AssessedCut = field(repr=False)
     time: Floats = field(repr=False)
     cost: Floats = field(repr=False)
     feed: Floats = field(repr=False)
@@ -42,7 +42,7 @@ class Side:
     peak: Floats = field(repr=False)
 
     @classmethod
-    def of_rows(cls, cut: Cut, of: Judged, rows: Rows) -> "Side":
+    def of_rows(cls, cut: Cut, of: AssessedCut, rows: Rows) -> "Side":
         """``rows`` (M,) are those of the cut that the rows before have become."""
         moves, cost = cut.plan.path.moves, of.found.cost
         owner = np.minimum(np.searchsorted(rows, np.arange(len(moves))), len(rows) - 1)

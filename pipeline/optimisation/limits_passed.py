@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.problem.bounds import feed_for_marks
 from pipeline.optimisation.settings import CutLimit
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_document import Judged
+from pipeline.twin.cut_document import AssessedCut
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -18,18 +18,18 @@ ROUNDING = 1e-3
 UM = 1e6
 
 
-def passed(of: Judged, limits: CutLimit) -> Flags:
+def passed(of: AssessedCut, limits: CutLimit) -> Flags:
     """Whether each of the K blocks that cut passes a limit; margins are not counted."""
     return np.logical_or.reduce([*passed_by_limit(of, limits).values()])
 
 
-def passed_by_limit(of: Judged, limits: CutLimit) -> dict[str, Flags]:
+def passed_by_limit(of: AssessedCut, limits: CutLimit) -> dict[str, Flags]:
     """By the limit's name, which of the K blocks that cut pass it; margins are not counted.
 
     What is not known passes nothing.  A block's F is the feed that it reaches.
     """
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
-    turning = blocks.turns > 0
+    turning = blocks.spindle_speed > 0
     height = None if limits.roughness_um is None else limits.roughness_um / UM
     checks = {
         "load": (np.where(turning, blocks.peak, np.nan), limits.load_N),
@@ -39,7 +39,7 @@ def passed_by_limit(of: Judged, limits: CutLimit) -> dict[str, Flags]:
         "torque": (blocks.torque, limits.torque_Nm),
         "power": (found.drive, limits.power_share),
         "cutting speed": (_cutting_speed(of, tools), limits.cutting_speed_m_min),
-        "spindle speed": (np.where(turning, blocks.turns, np.nan), limits.speed_rpm),
+        "spindle speed": (np.where(turning, blocks.spindle_speed, np.nan), limits.speed_rpm),
         "feed": (blocks.feed, None if limits.feed_mm_min is None else (0.0, limits.feed_mm_min[1])),
     }
     out = {"stability": found.margin < 0}
@@ -74,14 +74,14 @@ def check_judged(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None
         )
 
 
-def _cutting_speed(of: Judged, tools: tuple[Tool, ...]) -> Floats:
+def _cutting_speed(of: AssessedCut, tools: tuple[Tool, ...]) -> Floats:
     """[m/min]; NaN where the spindle stands."""
     blocks = of.found.blocks
     diameter = np.array([tool.diameter for tool in tools])[blocks.tool]
-    return np.where(blocks.turns > 0, np.pi * diameter * blocks.turns, np.nan)
+    return np.where(blocks.spindle_speed > 0, np.pi * diameter * blocks.spindle_speed, np.nan)
 
 
-def _marks(of: Judged, height: float | None) -> Floats:
+def _marks(of: AssessedCut, height: float | None) -> Floats:
     """Feed for each tooth over that whose marks have the height; NaN where none is given."""
     blocks, tools = of.found.blocks, of.found.cut.tools
     if height is None:

@@ -36,7 +36,7 @@ from pipeline.optimisation.text.editable import Editable
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.split import split_blocks
 from pipeline.twin.cut import Cut, cut_program
-from pipeline.twin.cut_warnings import missed
+from pipeline.twin.cut_limits import missed_blank
 from pipeline.twin.program import planned_program
 
 Floats = NDArray[np.float64]
@@ -295,6 +295,6 @@ def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
 
 
 def _nothing_cut(job: Job, cut: Cut) -> str:
-    said = missed(cut, job.basis.stock)
+    said = missed_blank(cut, job.basis.stock)
     why = "no move at feed is in the material" if said is None else said["what"]
     return f"{job.program.name}: nothing is cut: {why}: give the blank that the program cuts"

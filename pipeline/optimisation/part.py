@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import get_args
 
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.cost import EnergyParameters
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.optimisation.settings import CutLimit, Objective
-from pipeline.twin.cut_dynamics import TipModes
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
@@ -24,7 +24,7 @@ class Part:
     name : str
         Of the files that are written for it; the program's own without its ending by default.
     stock : str
-        Blank, see :func:`pipeline.cutting.stock.stock_of` [mm].
+        Blank, see :func:`pipeline.cutting.engagement.stock.stock_of` [mm].
     tool_table, material : str
         Names in conf/tool/ and conf/material/.
     objective : str

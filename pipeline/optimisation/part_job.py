@@ -6,11 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.material import Material
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.stock import stock_of
-from pipeline.cutting.tool_table import ToolTable
+from pipeline.cutting.economics.cost import CostRates
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.program import read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
@@ -19,9 +20,12 @@ from pipeline.optimisation.part import Part, Parts
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.cut import CutJob
+from pipeline.twin.cut_coefficients import (
+    identified_coefficients,
+    identified_no_load,
+    tool_coefficients,
+)
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.cut_dynamics import TipDynamics
-from pipeline.twin.cut_laws import identified_law, identified_no_load, tool_laws
 from pipeline.twin.drive_file import IdentifiedDrive, read_drives
 
 T = TypeVar("T")
@@ -101,7 +105,7 @@ def part_job(
     table = _named(catalogue.tools, part.tool_table, "tool")
     material = _named(catalogue.materials, part.material, "material")
     known = models.cutting or {}
-    laws = tool_laws(table.tools, part.material, material, identified_law(known))
+    laws = tool_coefficients(table.tools, part.material, material, identified_coefficients(known))
     drive, source = spindle_drive(parts.drive, "section parts of the machine", known)
     modes = parts.dynamics
     return Job(

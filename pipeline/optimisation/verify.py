@@ -1,7 +1,7 @@
 """The whole twin on one answer: speeds that the control reaches, drives, and force waveforms.
 
 A search takes loads of a table, whose chords, angles and jumps err by its stated accuracy
-(:mod:`pipeline.cutting.load_table`).  Here the peaks of the blocks with the greatest loads are
+(:mod:`pipeline.cutting.force.load_table`).  Here the peaks of the blocks with the greatest loads are
 those of the waveform over a turn, with each tooth's runout, within an eighth of a degree.
 """
 
@@ -12,7 +12,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.waveform import profile_waveform
+from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.optimisation.certainty.critical import critical
 from pipeline.twin.cut import Cut
 from pipeline.twin.drive_file import IdentifiedDrive

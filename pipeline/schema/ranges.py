@@ -105,7 +105,10 @@ class Ranged:
         kind: Any = type(self)
         declared = _ranges(kind)
         for name, allowed in declared.items():
-            for value in _numbers(getattr(self, name)):
+            given = getattr(self, name)
+            if given is None or (type(given) is float and allowed.holds(given)):
+                continue  # nearly all fields: no list of numbers needs to be made
+            for value in _numbers(given):
                 if not allowed.holds(value):
                     prefix = f"{self.section}." if self.section else ""
                     unit = f" {allowed.unit}" if allowed.unit else ""

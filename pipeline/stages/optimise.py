@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.material import Material
-from pipeline.cutting.tool_table import ToolTable
+from pipeline.cutting.economics.cost import CostRates
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import optimised_document, optimised_text
 from pipeline.optimisation.optimise import optimise as optimised

@@ -1,4 +1,4 @@
-"""A program's cut: its engagement with a blank, and the loads that its feeds and speeds make of it.
+"""The cut of a program: its engagement with a blank, and the loads at its feeds and speeds.
 
 The engagement is computed once; other feeds and speeds cost a look-up (:meth:`Cut.loads`).  A
 block's feed for each tooth is that of the highest speed that the control reaches in it, so that
@@ -13,32 +13,31 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.block_loads import BlockLoads
-from pipeline.cutting.engagement import Engagement, engage
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.height_map import HeightMap, height_map
-from pipeline.cutting.load_table import LoadTable, load_table
-from pipeline.cutting.stock import Stock
+from pipeline.cutting.engagement.engagement import Engagement, engage
+from pipeline.cutting.engagement.height_map import HeightMap, height_map
+from pipeline.cutting.engagement.stock import Stock
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.load_table import BlockLoads, LoadTable, load_table
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE
 from pipeline.gcode.setup import Vector
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
-from pipeline.twin.cutting_path import CuttingPath, cutting_path, nothing_cut
+from pipeline.schema.arrays import Floats
+from pipeline.twin.cutting_path import CuttingPath, cutting_path, nothing_cut_message
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 CHORD = 0.1
-"""Part of the resolution that a chord may leave its arc by."""
-ROOM = 2.0
-"""Feeds for each tooth that are tabulated, over the greatest of the program."""
+"""Greatest distance of a chord from its arc, over the resolution of the blank [1]."""
+FEED_RANGE = 2.0
+"""Greatest feed per tooth that is tabulated, over the greatest of the program [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutJob:
-    """What is cut from what, with what.
+    """Blank, tools and cutting coefficients of a cut.
 
     Parameters
     ----------
@@ -97,15 +96,15 @@ class Cut:
     @cached_property
     def tool(self) -> Indices:
         """Index of each row's tool; -1 for rows that cut nothing at feed.  Shape (M,)."""
-        found = np.full(self.engagement.blocks, -1, dtype=np.intp)
+        index = np.full(self.engagement.blocks, -1, dtype=np.intp)
         fed = self.engagement.feed
-        found[self.engagement.block[fed]] = self.engagement.tool[fed]
-        return found
+        index[self.engagement.block[fed]] = self.engagement.tool[fed]
+        return index
 
     @cached_property
     def feed_per_tooth(self) -> Floats:
         """At the highest speed reached in each row; 0 where nothing is cut [m].  Shape (M,)."""
-        return self.chips(self.plan.v_peak, self.plan.spindle_speed)
+        return self.feed_per_tooth_at(self.plan.v_peak, self.plan.spindle_speed)
 
     @cached_property
     def mean_speed(self) -> Floats:
@@ -117,22 +116,22 @@ class Cut:
     @cached_property
     def mean_feed_per_tooth(self) -> Floats:
         """At the mean speed of each row; 0 where nothing is cut [m].  Shape (M,)."""
-        return self.chips(self.mean_speed, self.plan.spindle_speed)
+        return self.feed_per_tooth_at(self.mean_speed, self.plan.spindle_speed)
 
-    def chips(self, speed: Floats, turns: Floats) -> Floats:
+    def feed_per_tooth_at(self, speed: Floats, spindle_speed: Floats) -> Floats:
         """f_z = v / (n N) of each row [m].
 
         Parameters
         ----------
         speed : ndarray, shape (M,) or (P, M)
             Along the path [m/s].
-        turns : ndarray, shape (M,) or (P, M)
-            Of the spindle [rev/min]; where it stands no chip is cut.
+        spindle_speed : ndarray, shape (M,) or (P, M)
+            [rev/min]; where the spindle stands no chip is cut.
         """
         flutes = np.array([tool.flutes for tool in self.tools], dtype=np.float64)
-        teeth = np.where(self.tool >= 0, flutes[self.tool] * turns / 60, 0.0)
-        found: Floats = np.divide(speed, teeth, out=np.zeros(teeth.shape), where=teeth > 0)
-        return found
+        teeth = np.where(self.tool >= 0, flutes[self.tool] * spindle_speed / 60, 0.0)
+        feed: Floats = np.divide(speed, teeth, out=np.zeros(teeth.shape), where=teeth > 0)
+        return feed
 
     def loads(self, feeds: ArrayLike | None = None, speeds: ArrayLike | None = None) -> BlockLoads:
         """Loads of each row for a population of feeds and speeds.
@@ -159,11 +158,11 @@ class Cut:
         """f_z of each row as :meth:`loads` takes it [m]; shape (M,) or (P, M)."""
         path, moves = self.plan.path, self.plan.path.moves
         feed = np.asarray(moves.feed if feeds is None else feeds, dtype=np.float64)
-        turns = np.asarray(moves.speed if speeds is None else speeds, dtype=np.float64)
-        turns = np.where(moves.direction == 0, 0.0, turns)
-        speed = path.factor * feed * np.where(path.motion == Motion.PER_TURN, turns, 1.0)
-        speed, turns = np.broadcast_arrays(np.minimum(speed, path.cap), turns)
-        return self.chips(speed, turns)
+        spindle = np.asarray(moves.speed if speeds is None else speeds, dtype=np.float64)
+        spindle = np.where(moves.direction == 0, 0.0, spindle)
+        speed = path.factor * feed * np.where(path.motion == Motion.PER_TURN, spindle, 1.0)
+        speed, spindle = np.broadcast_arrays(np.minimum(speed, path.cap), spindle)
+        return self.feed_per_tooth_at(speed, spindle)
 
     @cached_property
     def block_loads(self) -> BlockLoads:
@@ -180,11 +179,11 @@ class Cut:
     @cached_property
     def in_material(self) -> Floats:
         """Time of each station in the plan [s]; shape (N,)."""
-        found = self.engagement
+        engagement = self.engagement
         length = self.path.pieces.length
-        whole = np.bincount(self.path.pieces.block, length, minlength=found.blocks)
-        share = found.length / np.maximum(whole[found.block], 1e-12)
-        seconds: Floats = np.minimum(share, 1.0) * self.plan.motion.time[found.block]
+        whole = np.bincount(self.path.pieces.block, length, minlength=engagement.blocks)
+        share = engagement.length / np.maximum(whole[engagement.block], 1e-12)
+        seconds: Floats = np.minimum(share, 1.0) * self.plan.motion.time[engagement.block]
         return seconds
 
 
@@ -205,10 +204,10 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
     tools = tuple(job.tools[number] for number in listed)
     laws = tuple(job.laws[number] for number in listed)
     blank = height_map(job.stock, job.resolution)
-    found, left = engage(path.pieces, tools, blank)
-    if not len(found) and not path.pieces.feed.any():
-        raise ValueError(nothing_cut(moves, path.left_out))
-    engagement = replace(found, blocks=len(moves))
+    swept, left = engage(path.pieces, tools, blank)
+    if not len(swept) and not path.pieces.feed.any():
+        raise ValueError(nothing_cut_message(moves, path.left_out))
+    engagement = replace(swept, blocks=len(moves))
     return Cut(
         plan=plan, path=path, numbers=tuple(listed), tools=tools, laws=laws,
         engagement=engagement, blank=blank, left=left,
@@ -217,7 +216,7 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
 
 
 def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
-    """The same way through the same blank under another plan: other feeds, speeds and rows.
+    """The same path through the same blank under another plan: other feeds, speeds and rows.
 
     Neither the engagement nor the table depends on feeds and speeds.
 
@@ -254,12 +253,12 @@ def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
             f"recut: line {before.line[wrong]} moves {before.length[wrong]:g} mm with "
             f"T{before.tool[wrong]} in the cut and otherwise in the plan: give the same moves"
         )
-    pieces, found, row = cut.path.pieces, cut.engagement, place.astype(np.int32)
+    pieces, engagement, row = cut.path.pieces, cut.engagement, place.astype(np.int32)
     return replace(
         cut,
         plan=plan,
         path=replace(cut.path, pieces=replace(pieces, block=row[pieces.block])),
-        engagement=replace(found, block=row[found.block], blocks=len(moves)),
+        engagement=replace(engagement, block=row[engagement.block], blocks=len(moves)),
         table=_placed(cut.table, place, len(moves)),
     )
 
@@ -292,4 +291,4 @@ def _greatest(plan: Plan, engagement: Engagement, tools: tuple[Tool, ...]) -> Fl
     chip = np.divide(plan.v_peak[block], teeth, out=np.zeros(len(teeth)), where=teeth > 0)
     most = np.zeros(len(tools))
     np.maximum.at(most, tool, chip)
-    return np.where(most > 0, ROOM * most, 1e-4)
+    return np.where(most > 0, FEED_RANGE * most, 1e-4)

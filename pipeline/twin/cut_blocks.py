@@ -1,15 +1,76 @@
-"""The cut block by block: chip, depths, loads, power, removal rate and time in the material."""
+"""Stations and blocks of a cut: arcs, chip, depths, loads, power, removal rate, time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
+from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE_PER_SECOND
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_stations import Stations, stations
 
-Floats = NDArray[np.float64]
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StationArcs:
+    """N stations; every array has shape (N,).
+
+    Parameters
+    ----------
+    entry, exit : ndarray
+        Of the longest engaged arc on the side where a chip is cut, 0 to pi [rad].
+    radial : ndarray
+        Width of that arc across the feed [m].
+    thickness : ndarray
+        Of the thickest chip, over the feed for each tooth [1].
+    """
+
+    entry: Floats
+    exit: Floats
+    radial: Floats
+    thickness: Floats
+
+
+def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs:
+    """Arcs of the stations of an engagement.
+
+    A plunge cuts all around: 0 to 2 pi, as wide as the tool.
+    """
+    inside = engagement.upper > engagement.lower
+    ahead = inside & (np.sin(engagement.angles) > 0)
+    entry, leave = engaged_arc(np.where(ahead, engagement.upper - engagement.lower, 0.0))
+    plunge = np.abs(engagement.slope) > np.sqrt(0.5)
+    whole = plunge & (inside.mean(axis=1) > 0.5)
+    radius = np.array([tool.radius for tool in tools])[engagement.tool]
+    width = np.cos(entry) - np.cos(leave)
+    return StationArcs(
+        entry=np.where(whole, 0.0, np.nan_to_num(entry)),
+        exit=np.where(whole, 2 * np.pi, np.nan_to_num(leave)),
+        radial=radius * np.where(whole, 2.0, np.nan_to_num(width)),
+        thickness=_thickness(engagement, tools, ahead, plunge),
+    )
+
+
+def _thickness(
+    engagement: Engagement, tools: tuple[Tool, ...], ahead: Bools,
+    plunge: Bools,
+) -> Floats:  # fmt: skip
+    """sin(phi) sin(kappa) at its greatest; of a drill the sine of half its point."""
+    corner = np.array([tool.corner_radius for tool in tools])[engagement.tool]
+    deep = np.divide(
+        engagement.upper, corner[:, None], out=np.ones(engagement.upper.shape),
+        where=corner[:, None] > 0,
+    )  # fmt: skip
+    steep = np.sqrt(1 - (1 - np.clip(deep, 0.0, 1.0)) ** 2)
+    chip = np.where(ahead, np.sin(engagement.angles) * steep, 0.0).max(axis=1, initial=0.0)
+    point = np.array([
+        np.sin(tool.point_angle / 2) if tool.kind == "drill" else 1.0 for tool in tools
+    ])[engagement.tool]  # fmt: skip
+    thickest: Floats = np.where(plunge, point, chip)
+    return thickest
+
+
 Indices = NDArray[np.intp]
 
 
@@ -21,8 +82,8 @@ class CutBlocks:
     ----------
     row, line, tool : ndarray of int
         Row of ``Moves``, line of the program, index of the tool.
-    turns : ndarray
-        Of the spindle [rev/min].
+    spindle_speed : ndarray
+        [rev/min].
     feed : ndarray
         Highest feed reached [mm/min].
     feed_per_tooth, thickness : ndarray
@@ -46,7 +107,7 @@ class CutBlocks:
     row: Indices
     line: Indices
     tool: Indices
-    turns: Floats
+    spindle_speed: Floats
     feed: Floats
     feed_per_tooth: Floats
     thickness: Floats
@@ -71,14 +132,14 @@ class CutBlocks:
 
     @property
     def speed(self) -> Floats:
-        """Of the spindle [1/s]."""
-        return self.turns / 60
+        """Spindle speed [1/s]."""
+        return self.spindle_speed / 60
 
 
-def cut_blocks(cut: Cut, arcs: Stations | None = None) -> CutBlocks:
+def cut_blocks(cut: Cut, arcs: StationArcs | None = None) -> CutBlocks:
     """The blocks of a cut; rapids through material are not among them."""
-    arcs = stations(cut.engagement, cut.tools) if arcs is None else arcs
-    found, plan = cut.engagement, cut.plan
+    arcs = station_arcs(cut.engagement, cut.tools) if arcs is None else arcs
+    engagement, plan = cut.engagement, cut.plan
     row = np.flatnonzero(cut.tool >= 0)
     omega = 2 * np.pi * plan.spindle_speed[row] / 60
     loads, local = cut.block_loads, cut.station_loads
@@ -87,17 +148,20 @@ def cut_blocks(cut: Cut, arcs: Stations | None = None) -> CutBlocks:
     worst = _worst_station(cut, local.mean)[row]
     seconds = _sums(cut, cut.in_material)[row]
     section = np.divide(
-        found.volume, found.length, out=np.zeros(len(found)), where=found.length > 0
+        engagement.volume,
+        engagement.length,
+        out=np.zeros(len(engagement)),
+        where=engagement.length > 0,
     )
     return CutBlocks(
         row=row,
         line=plan.path.moves.line[row].astype(np.intp),
         tool=cut.tool[row],
-        turns=plan.spindle_speed[row],
+        spindle_speed=plan.spindle_speed[row],
         feed=plan.v_peak[row] / METRE_PER_SECOND,
         feed_per_tooth=cut.feed_per_tooth[row],
         thickness=cut.feed_per_tooth[row] * _greatest(cut, arcs.thickness)[row],
-        axial_depth=_greatest(cut, found.axial_depth)[row],
+        axial_depth=_greatest(cut, engagement.axial_depth)[row],
         radial_depth=_greatest(cut, arcs.radial)[row],
         entry=arcs.entry[worst],
         exit=arcs.exit[worst],
@@ -110,15 +174,15 @@ def cut_blocks(cut: Cut, arcs: Stations | None = None) -> CutBlocks:
         mean_power=mean.torque[row] * omega,
         seconds=seconds,
         air=np.maximum(plan.motion.time[row] - seconds, 0.0),
-        volume=_sums(cut, found.volume)[row],
+        volume=_sums(cut, engagement.volume)[row],
         rate=_greatest(cut, section)[row] * plan.v_peak[row],
     )
 
 
 def _sums(cut: Cut, values: Floats) -> Floats:
     """Sum over each row's stations; shape (M,)."""
-    found = cut.engagement
-    return np.bincount(found.block, values, minlength=found.blocks).astype(np.float64)
+    engagement = cut.engagement
+    return np.bincount(engagement.block, values, minlength=engagement.blocks).astype(np.float64)
 
 
 def _greatest(cut: Cut, values: Floats) -> Floats:

@@ -1,23 +1,28 @@
-"""Tool life, electricity and cost of a cut, row by row; what is not known is NaN, with reason."""
+"""Tool life, electricity and cost of a cut, row by row; what is not known is NaN, with a reason."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.cutting.cost import CostRates, PartCost, life_price, part_cost
-from pipeline.cutting.energy import Energy, EnergyParameters, energy, spindle_supply
-from pipeline.cutting.material import Material
-from pipeline.cutting.spindle_power import SpindleDrive, no_load_power
-from pipeline.cutting.tool_life import Condition, Taylor, cutting_speed, wear
+from pipeline.cutting.economics.cost import (
+    CostRates,
+    Energy,
+    EnergyParameters,
+    PartCost,
+    energy,
+    life_price,
+    part_cost,
+    spindle_supply,
+)
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive, no_load_power
+from pipeline.cutting.economics.tool_life import Condition, Taylor, cutting_speed, wear
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.path import Motion
+from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_stations import Stations
-
-Floats = NDArray[np.float64]
+from pipeline.twin.cut_blocks import CutBlocks, StationArcs
 
 M_MIN = 60.0
 COOLANT_ON, COOLANT_OFF = (7, 8), (9,)
@@ -25,7 +30,7 @@ COOLANT_ON, COOLANT_OFF = (7, 8), (9,)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Life:
-    """Share of its tool's life that each row takes, and what to know of it.
+    """Share of its tool's life that each row takes, with the tools whose life is uncertain.
 
     Parameters
     ----------
@@ -42,9 +47,9 @@ class Life:
     beyond: Mapping[int, str]
 
 
-def tool_life(cut: Cut, blocks: CutBlocks, arcs: Stations, material: Material) -> Life:
+def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material) -> Life:
     """Life that a cut takes of its tools, by Taylor's constants of the material."""
-    found = np.zeros(cut.engagement.blocks)
+    spent = np.zeros(cut.engagement.blocks)
     unknown: dict[int, str] = {}
     beyond: dict[int, str] = {}
     conditions = _conditions(cut, arcs)
@@ -53,25 +58,25 @@ def tool_life(cut: Cut, blocks: CutBlocks, arcs: Stations, material: Material) -
         rows = blocks.row[mine]
         constants = material.tool_life(cut.tools[tool])
         if constants is None:
-            found[rows] = np.nan
+            spent[rows] = np.nan
             unknown[tool] = f"{material.name} has no constants for {cut.tools[tool].material}"
             continue
         v_c = cutting_speed(cut.tools[tool].diameter, blocks.speed[mine])
         given = {name: values[rows] for name, values in conditions.items()}
-        found[rows] = wear(constants, blocks.seconds[mine], v_c, given)
-        if said := _beyond(constants, v_c):
-            beyond[tool] = said
-    return Life(wear=found, unknown=unknown, beyond=beyond)
+        spent[rows] = wear(constants, blocks.seconds[mine], v_c, given)
+        if warning := _beyond(constants, v_c):
+            beyond[tool] = warning
+    return Life(wear=spent, unknown=unknown, beyond=beyond)
 
 
-def _conditions(cut: Cut, arcs: Stations) -> dict[Condition, Floats]:
-    """Feed for each tooth, and mean depths of each row over its way in the material [m]."""
-    found = cut.engagement
-    length = np.bincount(found.block, found.length, minlength=found.blocks)
+def _conditions(cut: Cut, arcs: StationArcs) -> dict[Condition, Floats]:
+    """Feed for each tooth, and mean depths of each row over its length in the material [m]."""
+    engagement = cut.engagement
+    length = np.bincount(engagement.block, engagement.length, minlength=engagement.blocks)
     axial, radial = (
-        np.bincount(found.block, values * found.length, minlength=found.blocks)
+        np.bincount(engagement.block, values * engagement.length, minlength=engagement.blocks)
         / np.where(length > 0, length, 1.0)
-        for values in (found.axial_depth, arcs.radial)
+        for values in (engagement.axial_depth, arcs.radial)
     )
     return {"f_z": cut.mean_feed_per_tooth, "a_p": axial, "a_e": radial}
 

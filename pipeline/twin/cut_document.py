@@ -1,4 +1,4 @@
-"""The cut of a program as a document: what ``kerf simulate`` writes, prints and draws."""
+"""Document of a program's cut: what ``kerf simulate`` writes, prints and draws."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,26 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.material import Material
-from pipeline.cutting.spindle_power import SpindleDrive, available_power, no_load_power
+from pipeline.cutting.economics.cost import CostRates, EnergyParameters
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, cut_blocks
+from pipeline.twin.cut_blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
+from pipeline.twin.cut_coefficients import ToolCoefficients
 from pipeline.twin.cut_cost import cost_of, electricity, tool_life
-from pipeline.twin.cut_dynamics import TipDynamics
-from pipeline.twin.cut_laws import ToolLaw
-from pipeline.twin.cut_limits import cut_limits
+from pipeline.twin.cut_limits import cut_limits, cut_warnings
 from pipeline.twin.cut_stability import Stability, lobe_figures, stability
-from pipeline.twin.cut_stations import Stations, stations
-from pipeline.twin.cut_tools import Found, block_rows, by_tool, summary
-from pipeline.twin.cut_trace import cut_trace
-from pipeline.twin.cut_warnings import cut_warnings
+from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, summary
 
 WORST = 15
-"""Blocks that stand in the table of those nearest to what binds them."""
+"""Number of blocks in the table of those nearest to their limit."""
 NEAR = 0.1
-"""What runs of blocks may differ by and be told as one [1]."""
+"""Relative difference up to which runs of blocks are listed as one [1]."""
 SPEEDS = 200  # along the drive's curve
 
 FEEDS = (
@@ -37,7 +33,7 @@ FEEDS = (
 
 @dataclass(frozen=True, kw_only=True)
 class CutBasis:
-    """What a cut is judged by, and where that comes from; what is not known is None.
+    """Limits, material and prices that a cut is assessed by, with their source; None if unknown.
 
     Parameters
     ----------
@@ -45,8 +41,8 @@ class CutBasis:
         Blank and tool table as they were named.
     material : Material
         Of the blank.
-    laws : mapping of int to ToolLaw
-        Force law of each tool, by number.
+    laws : mapping of int to ToolCoefficients
+        Cutting coefficients of each tool, by number.
     limit_load : float or None
         Of the load in the plane [N].
     rates, energy, drive, dynamics
@@ -58,7 +54,7 @@ class CutBasis:
     stock: str
     table: str
     material: Material
-    laws: Mapping[int, ToolLaw]
+    laws: Mapping[int, ToolCoefficients]
     limit_load: float | None = None
     rates: CostRates | None = None
     energy: EnergyParameters | None = None
@@ -68,12 +64,12 @@ class CutBasis:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
-    """A cut with everything that is known of it.
+class AssessedCut:
+    """A cut with its results, the arcs of its stations and its stability.
 
     Parameters
     ----------
-    found : Found
+    found : CutResults
         Blocks, life, energy, limits, cost.
     arcs : Stations
         Of its stations.
@@ -81,21 +77,21 @@ class Judged:
         None where no dynamics are known.
     """
 
-    found: Found
-    arcs: Stations
+    found: CutResults
+    arcs: StationArcs
     stable: Stability | None
 
 
-def judged(cut: Cut, basis: CutBasis) -> Judged:
-    """The cut judged by what ``basis`` holds; what that does not hold is not known."""
-    arcs = stations(cut.engagement, cut.tools)
+def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:
+    """The cut assessed by what ``basis`` holds; what that lacks stays unknown."""
+    arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
     stable = None if basis.dynamics is None else stability(cut, blocks, basis.dynamics)
     life = tool_life(cut, blocks, arcs, basis.material)
     used = None
     if basis.energy is not None and basis.drive is not None:
         used = electricity(cut, blocks, basis.energy, basis.drive)
-    found = Found(
+    found = CutResults(
         cut=cut, blocks=blocks, life=life, energy=used,
         limits=cut_limits(
             cut, blocks, limit_load=basis.limit_load, drive=basis.drive,
@@ -103,12 +99,12 @@ def judged(cut: Cut, basis: CutBasis) -> Judged:
         ),
         cost=None if basis.rates is None else cost_of(cut, basis.rates, life, used),
     )  # fmt: skip
-    return Judged(found=found, arcs=arcs, stable=stable)
+    return AssessedCut(found=found, arcs=arcs, stable=stable)
 
 
 def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
     """The cut as it stands under ``cut`` in the JSON of ``kerf simulate``."""
-    of = judged(cut, basis)
+    of = assessed(cut, basis)
     found, blocks, arcs, stable = of.found, of.found.blocks, of.arcs, of.stable
     rows = block_rows(found)
     return {
@@ -157,16 +153,16 @@ def _worst(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return row["tool"], row["binds"], (row["used"] or 0.0) > 1
 
     runs = [list(run) for _, run in groupby(rows, kind)]
-    told: list[dict[str, Any]] = []
+    worst: list[dict[str, Any]] = []
     for row in sorted(
         (max(run, key=nearness) | {"alike": len(run)} for run in runs), key=nearness, reverse=True
     ):
-        same = (one for one in told if kind(one) == kind(row) and _as_near(one, row))
+        same = (one for one in worst if kind(one) == kind(row) and _as_near(one, row))
         if (one := next(same, None)) is not None:
             one["alike"] += row["alike"]
-        elif len(told) < WORST:
-            told.append(row)
-    return told
+        elif len(worst) < WORST:
+            worst.append(row)
+    return worst
 
 
 def _as_near(one: dict[str, Any], other: dict[str, Any]) -> bool:
@@ -174,32 +170,33 @@ def _as_near(one: dict[str, Any], other: dict[str, Any]) -> bool:
     return all(abs(a - b) <= NEAR * max(a, b) for a, b in pairs)
 
 
-def _worn(found: Found) -> list[dict[str, Any]]:
-    told: list[dict[str, Any]] = []
+def _worn(found: CutResults) -> list[dict[str, Any]]:
+    warnings: list[dict[str, Any]] = []
     for tool in by_tool(found):
         share = tool["tool_life_share"]
         if share is not None and share > 1:
-            told.append({
+            warnings.append({
                 "what": f"T{tool['tool']} wears out {share:.1f} times in one part",
                 "do": "Lower its speed, or take a sister tool.", "lines": [], "blocks": None,
                 "grave": False,
             })  # fmt: skip
-    return told
+    return warnings
 
 
-def not_known(of: Judged, basis: CutBasis) -> list[dict[str, str]]:
-    """What is not known of a cut, and why."""
+def not_known(of: AssessedCut, basis: CutBasis) -> list[dict[str, str]]:
+    """Quantities that are not known of a cut, with the reason of each."""
     found, stable = of.found, of.stable
     cut = found.cut
     names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(found.blocks.tool).tolist()}
     unknown = found.life.unknown
     stiff = [names[tool] for tool in names if cut.tools[tool].stickout is None]
-    told: list[tuple[str, bool, str]] = [
+    reasons: list[tuple[str, bool, str]] = [
         ("share of the spindle’s drive", basis.drive is None,
          "the machine’s file has no section spindle_drive"),
         ("stability", not np.isfinite(found.limits.margin).any(),
          _why_no_margin(found, basis, stable)),
-        ("load, torque and power where the spindle stands", bool((found.blocks.turns <= 0).any()),
+        ("load, torque and power where the spindle stands",
+         bool((found.blocks.spindle_speed <= 0).any()),
          "a tool that does not turn cuts no chip"),
         ("deflection", bool(stiff), f"{', '.join(stiff)} without stickout_mm in the tool table"),
         ("cost", basis.rates is None, "conf/cost/ is not composed: add it to conf/config.yaml"),
@@ -208,11 +205,11 @@ def not_known(of: Judged, basis: CutBasis) -> list[dict[str, str]]:
     ]  # fmt: skip
     for why in dict.fromkeys(unknown.values()):
         alike = ", ".join(names[tool] for tool, reason in unknown.items() if reason == why)
-        told.append((f"tool life of {alike}", True, why))
-    return [{"what": what, "why": why} for what, missing, why in told if missing]
+        reasons.append((f"tool life of {alike}", True, why))
+    return [{"what": what, "why": why} for what, missing, why in reasons if missing]
 
 
-def _why_no_margin(found: Found, basis: CutBasis, stable: Stability | None) -> str:
+def _why_no_margin(found: CutResults, basis: CutBasis, stable: Stability | None) -> str:
     if not len(found.blocks):
         return "nothing is cut"
     if basis.dynamics is None:
@@ -220,7 +217,7 @@ def _why_no_margin(found: Found, basis: CutBasis, stable: Stability | None) -> s
             "the machine’s file has no section dynamics for the tools that cut and no --frf was "
             "given"
         )
-    if not (found.blocks.turns > 0).any():
+    if not (found.blocks.spindle_speed > 0).any():
         return "the spindle stands in every cut"
     if stable is not None and np.isposinf(found.limits.margin).any():
         return "the dynamics of the tips give no limit: a response’s band must hold its modes"
@@ -252,8 +249,8 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> list[dict[str, str]]
     return [{"what": what, "value": value, "source": source} for what, value, source in rows]
 
 
-def _law_words(found: ToolLaw) -> str:
-    law = found.law
+def _law_words(coefficients: ToolCoefficients) -> str:
+    law = coefficients.law
     if law.m_c > 0:
         specific = law.K_tc / 1e6 * 1e-3**-law.m_c
         return (
@@ -265,8 +262,8 @@ def _law_words(found: ToolLaw) -> str:
     )
 
 
-def notes(of: Judged, basis: CutBasis) -> list[str]:
-    """What a reader has to know of a cut's numbers."""
+def notes(of: AssessedCut, basis: CutBasis) -> list[str]:
+    """Notes on the numbers of a cut, for its reader."""
     found, cut = of.found, of.found.cut
     cautions = dict.fromkeys(
         basis.laws[cut.numbers[tool]].caution for tool in np.unique(found.blocks.tool).tolist()
@@ -282,8 +279,8 @@ def notes(of: Judged, basis: CutBasis) -> list[str]:
 def _drive(
     blocks: CutBlocks, rows: list[dict[str, Any]], drive: SpindleDrive
 ) -> dict[str, Any]:  # fmt: skip
-    turns = blocks.turns[blocks.turns > 0]
-    fastest = max(float(turns.max(initial=0.0)), drive.top_speed_rpm)
+    running = blocks.spindle_speed[blocks.spindle_speed > 0]
+    fastest = max(float(running.max(initial=0.0)), drive.top_speed_rpm)
     speeds = np.linspace(min(drive.minimum_speed_rpm, 0.5 * fastest), fastest, SPEEDS)
     power = available_power(speeds / 60, drive) * drive.efficiency
     power = (power - no_load_power(speeds / 60, drive)) / 1e3

@@ -1,16 +1,17 @@
-"""How near each block of a cut comes to what binds it: load, drive, stability."""
+"""Limits of a cut (load, spindle drive, stability), and warnings before the part is cut."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.deflection import tip_deflection
-from pipeline.cutting.spindle_power import SpindleDrive, available_power, motor_power
+from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
+from pipeline.cutting.stability.tip_dynamics import TipDynamics, rigid_directions
+from pipeline.cutting.tool import tip_deflection
+from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
-
-Floats = NDArray[np.float64]
 
 BINDS = ("load limit", "spindle drive", "stability")
 
@@ -22,7 +23,7 @@ class CutLimits:
     Parameters
     ----------
     drive : ndarray
-        Power of the motor over what it can give at that speed, infinite above its top speed [1].
+        Power of the motor over its greatest at that speed, infinite above its top speed [1].
     margin : ndarray
         Of stability [1].
     deflection : ndarray
@@ -60,7 +61,9 @@ def cut_limits(
         Of stability, by row.
     """
     unknown = np.full(len(blocks), np.nan)
-    peak = np.where(blocks.turns > 0, blocks.peak, np.nan)  # no chip, no load that a law tells
+    peak = np.where(
+        blocks.spindle_speed > 0, blocks.peak, np.nan
+    )  # without a chip the force law gives no load
     power = unknown if drive is None else _drive_share(blocks, drive)
     stable = unknown if margin is None else margin[blocks.row]
     with np.errstate(divide="ignore"):
@@ -83,15 +86,145 @@ def cut_limits(
 
 def _drive_share(blocks: CutBlocks, drive: SpindleDrive) -> Floats:
     most = available_power(blocks.speed, drive)
-    asked = motor_power(blocks.torque, blocks.speed, drive)
-    share = np.divide(asked, most, out=np.full(len(most), np.inf), where=most > 0)
-    return np.where(blocks.turns > 0, share, np.nan)
+    needed = motor_power(blocks.torque, blocks.speed, drive)
+    share = np.divide(needed, most, out=np.full(len(most), np.inf), where=most > 0)
+    return np.where(blocks.spindle_speed > 0, share, np.nan)
 
 
 def _deflection(cut: Cut, blocks: CutBlocks, peak: Floats) -> Floats:
-    found = np.full(len(blocks), np.nan)
+    deflection = np.full(len(blocks), np.nan)
     for tool in np.unique(blocks.tool).tolist():
         mine = blocks.tool == tool
         if cut.tools[tool].stickout is not None and cut.tools[tool].kind != "drill":
-            found[mine] = tip_deflection(cut.tools[tool], peak[mine])
-    return found
+            deflection[mine] = tip_deflection(cut.tools[tool], peak[mine])
+    return deflection
+
+
+Rows = NDArray[np.intp]
+
+
+def cut_warnings(
+    cut: Cut, blocks: CutBlocks, limits: CutLimits, limit_load: float | None, *,
+    dynamics: TipDynamics | None, drive: SpindleDrive | None, stock: str,
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Each with ``what`` it is, what to ``do``, its ``lines``, and whether it is ``grave``.
+
+    Chatter is grave only where the tips' ``dynamics`` were measured.
+    """
+    measured = dynamics is not None and dynamics.measured
+    engagement = cut.engagement
+    deep = engagement.resolution * (1 + 1e-6)
+    rapid = np.unique(engagement.block[~engagement.feed & (engagement.axial_depth > deep)]).astype(
+        np.intp
+    )
+    standing = blocks.row[blocks.spindle_speed <= 0]
+    warnings = [
+        _warning(cut, rapid, "rapids go through the material",
+                 "Retract further, or move around the blank.", grave=True),
+        _warning(cut, standing, "the spindle stands while the tool is fed into the material",
+                 "Program S and M3 before it.", grave=True),
+        _too_fast(cut, blocks, drive),
+        _warning(cut, blocks.row[(limits.drive > 1) & np.isfinite(limits.drive)],
+                 "the spindle’s drive cannot give the power",
+                 "Lower feed or depth, or another speed.", grave=True),
+        _warning(cut, blocks.row[limits.margin < 0],
+                 "blocks chatter" if measured else "blocks may chatter",
+                 "Less depth, or a speed between the lobes" + (
+                     "." if measured else "; the tips’ dynamics were not measured: tap them."
+                 ), grave=measured),
+        _warning(cut, _too_deep(cut, blocks), "cuts are deeper than the tool’s flutes are long",
+                 "A longer tool, or more passes."),
+        _warning(cut, _below(cut), "the tool goes below the blank’s underside",
+                 "Check what the blank lies on."),
+    ]  # fmt: skip
+    if limit_load is not None:
+        over = blocks.row[blocks.peak > limit_load]
+        what = f"the load passes its limit of {limit_load:g} N"
+        warnings.insert(1, _warning(cut, over, what, "Lower the feed of these blocks.", grave=True))
+    warnings += [missed_blank(cut, stock), *_rigid(cut, blocks, dynamics)]
+    return [one for one in warnings if one is not None]
+
+
+def _warning(
+    cut: Cut, rows: Rows, what: str, do: str, *, grave: bool = False
+) -> dict[str, Any] | None:
+    if not len(rows):
+        return None
+    lines = list(dict.fromkeys(cut.plan.path.moves.line[np.sort(rows)].tolist()))
+    return {"what": what, "do": do, "lines": lines, "blocks": len(rows), "grave": grave}
+
+
+def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> dict[str, Any] | None:
+    if drive is None:
+        return None
+    over = blocks.spindle_speed > drive.top_speed_rpm * (1 + 1e-9)
+    fastest = float(blocks.spindle_speed[over].max(initial=0.0))
+    what = f"{fastest:g} rev/min is above the top speed {drive.top_speed_rpm:g} of the drive"
+    return _warning(cut, blocks.row[over], what, "Lower S.", grave=True)
+
+
+def missed_blank(cut: Cut, stock: str) -> dict[str, Any] | None:
+    """Said where moves at feed exist and none of them meets the blank."""
+    blank, pieces = cut.blank, cut.path.pieces
+    if (cut.tool >= 0).any() or not pieces.feed.any():
+        return None
+    ends = np.concatenate([pieces.start[pieces.feed], pieces.end[pieces.feed]])
+    rows, columns = blank.heights.shape
+    low = [blank.x0, blank.y0, blank.floor]
+    high = [
+        blank.x0 + columns * blank.cell, blank.y0 + rows * blank.cell, float(blank.heights.max()),
+    ]  # fmt: skip
+    fed, held = _spans(ends.min(axis=0), ends.max(axis=0)), _spans(low, high)
+    inch = " Is the STL in inch? It is read in mm." if stock.lower().endswith(".stl") else ""
+    return {
+        "what": f"the blank {stock} is not where the program cuts: feed moves span {fed} mm, "
+                f"the blank {held} mm",
+        "do": f"Give the blank in the coordinates of {cut.path.frame.name}, or name another work "
+              f"offset.{inch}",
+        "lines": [], "blocks": None, "grave": True,
+    }  # fmt: skip
+
+
+def _spans(low: ArrayLike, high: ArrayLike) -> str:
+    """Ranges [mm] of points [m]."""
+    ends = zip("XYZ", np.asarray(low) * 1e3, np.asarray(high) * 1e3, strict=True)
+    return ", ".join(f"{axis} {round(a, 2) + 0:g}..{round(b, 2) + 0:g}" for axis, a, b in ends)
+
+
+def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[dict[str, Any]]:
+    """Tools whose tip is known along one axis only: the other counts as rigid."""
+    if dynamics is None:
+        return []
+    tips = dynamics.of(cut.numbers)
+    stiff: dict[str, list[str]] = {}
+    for tool in np.unique(blocks.tool).tolist():
+        for name in rigid_directions(tip) if (tip := tips[tool]) else ():
+            stiff.setdefault(name, []).append(f"T{cut.numbers[tool]}")
+    return [
+        {
+            "what": f"the tips of {', '.join(tools)} have no modes along {name}: they count as "
+                    "rigid there, and the stability may be far off",
+            "do": f"Write the modes along {name} in the machine’s section dynamics too.",
+            "lines": [], "blocks": None, "grave": False,
+        }
+        for name, tools in stiff.items()
+    ]  # fmt: skip
+
+
+def _too_deep(cut: Cut, blocks: CutBlocks) -> Rows:
+    long = np.array([np.inf if t.flute_length_mm is None else t.flute_length_mm for t in cut.tools])
+    # depth is known to a cell's height error of a surface that another tool has left
+    return blocks.row[blocks.axial_depth * 1e3 > long[blocks.tool] + 1e-6]
+
+
+def _below(cut: Cut) -> Rows:
+    """Rows whose tip is below the blank's floor by more than a cell, within its outline."""
+    blank, pieces = cut.blank, cut.path.pieces
+    rows, columns = blank.heights.shape
+    radius = np.array([tool.radius for tool in cut.tools])[pieces.tool]
+    below = np.minimum(pieces.start[:, 2], pieces.end[:, 2]) < blank.floor - blank.cell
+    for axis, low, many in ((0, blank.x0, columns), (1, blank.y0, rows)):
+        ends = pieces.start[:, axis], pieces.end[:, axis]
+        below &= np.maximum(*ends) > low - radius
+        below &= np.minimum(*ends) < low + many * blank.cell + radius
+    return np.unique(pieces.block[below]).astype(np.intp)

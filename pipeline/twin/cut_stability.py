@@ -1,4 +1,4 @@
-"""Stability of a program's blocks, and the lobes of the engagement that each tool fears most."""
+"""Stability of a program's blocks, and the lobes of each tool's least stable engagement."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,29 +6,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.directional import stiffness
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.frf import Dynamics
-from pipeline.cutting.immersions import Immersions, immersions
-from pipeline.cutting.stability import StabilityTable, margin, stability_table
+from pipeline.cutting.engagement.immersions import Immersions, immersions
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.stability.directional import stiffness
+from pipeline.cutting.stability.margins import StabilityTable, margin, stability_table
+from pipeline.cutting.stability.tip_dynamics import Dynamics, TipDynamics
 from pipeline.gcode.moves import RADIAN
+from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_dynamics import TipDynamics
-
-Floats = NDArray[np.float64]
 
 SLOWEST, FASTEST = 0.5, 1.3
-"""Speeds that are looked at, over the least and the greatest of the program."""
+"""Range of the stability table, over the least and the greatest spindle speed of the program."""
 MOST_POINTS = 200
-"""Blocks of a tool that are drawn, the least margins first."""
+"""Greatest number of blocks of a tool that are drawn, the least margins first."""
 LEAST = 1e-6
-"""Chip that a law that is not linear is taken at, where a tool cuts none [m]."""
+"""Chip thickness at which a force law is linearised where a tool cuts none [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stability:
-    """Margin of each row, shape (M,): limit over depth, less 1; inf in air, NaN not judged."""
+    """Margin of each row, shape (M,): limit over depth, less 1; inf in air, NaN unknown."""
 
     margin: Floats
     table: StabilityTable
@@ -43,53 +41,53 @@ def stability(
 ) -> Stability | None:
     """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled.
 
-    Lobes are looked at between ``speeds`` [rev/min]; by default around those of the program.
+    Lobes are computed between ``speeds`` [rev/min]; by default around those of the program.
     """
     tips = dynamics.of(cut.numbers)
-    turning = blocks.turns[blocks.turns > 0]
+    turning = blocks.spindle_speed[blocks.spindle_speed > 0]
     if not len(turning) or not any(tips[tool] is not None for tool in np.unique(blocks.tool)):
         return None
     if speeds is None:
         speeds = (SLOWEST * float(turning.min()), FASTEST * float(turning.max()))
-    found = immersions(cut.path.pieces, cut.engagement)
+    milled = immersions(cut.path.pieces, cut.engagement)
     # the tips move along the machine's axes, the path lies in those of the work offset
-    turned = cut.path.frame.rotation * RADIAN
-    found = replace(found, feed_direction=found.feed_direction + turned)
+    rotation = cut.path.frame.rotation * RADIAN
+    milled = replace(milled, feed_direction=milled.feed_direction + rotation)
     laws = tuple(
-        _straight(law, _chip(blocks, tool)) for tool, law in enumerate(cut.laws)
+        _linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.laws)
     )  # fmt: skip
-    table = stability_table(found, tips, laws, cut.tools, speed_rpm=speeds)
-    turns = np.clip(cut.plan.spindle_speed, *speeds)
+    table = stability_table(milled, tips, laws, cut.tools, speed_rpm=speeds)
+    spindle = np.clip(cut.plan.spindle_speed, *speeds)
     return Stability(
-        margin=table.margins(turns), table=table, stations=found, laws=laws,
+        margin=table.margins(spindle), table=table, stations=milled, laws=laws,
         dynamics=tuple(tips), speeds=speeds,
     )  # fmt: skip
 
 
 def _chip(blocks: CutBlocks, tool: int) -> float:
-    chips = blocks.thickness[(blocks.tool == tool) & (blocks.thickness > 0)]
-    return float(np.median(chips)) if len(chips) else LEAST
+    thickness = blocks.thickness[(blocks.tool == tool) & (blocks.thickness > 0)]
+    return float(np.median(thickness)) if len(thickness) else LEAST
 
 
-def _straight(law: ForceLaw, thickness: float) -> ForceLaw:
-    """A law that rises straight, as ``law`` does at a chip of that thickness."""
+def _linearised(law: ForceLaw, thickness: float) -> ForceLaw:
+    """Linear force law with the slope of ``law`` at a chip of that thickness."""
     tangential, radial = stiffness(law, thickness)
     slope = tangential / law.K_tc if law.K_tc else 1.0
     return ForceLaw(K_tc=tangential, K_rc=radial, K_ac=law.K_ac * slope, K_te=law.K_te)
 
 
 def lobe_figures(cut: Cut, found: Stability) -> list[dict[str, Any]]:
-    """For each tool the lobes of the engagement that it fears most, and its blocks that have it."""
+    """Lobes of the least stable engagement of each tool, and its blocks with that engagement."""
     table, stations = found.table, found.stations
     known = np.array([one is not None for one in found.dynamics])
     kept = np.flatnonzero(known[stations.tool])  # the stations that the table has
-    turns = np.clip(cut.plan.spindle_speed[table.block], *found.speeds)
-    cell = ((turns / 60 - table.lowest) / table.width).astype(np.intp)
+    spindle = np.clip(cut.plan.spindle_speed[table.block], *found.speeds)
+    cell = ((spindle / 60 - table.lowest) / table.width).astype(np.intp)
     cell = np.clip(cell, 0, table.limit.shape[1] - 1)
     margins = margin(table.depth, table.limit[table.kind, cell])
     figures = []
     for tool in np.unique(stations.tool[kept]).tolist():
-        mine = np.flatnonzero((stations.tool[kept] == tool) & (turns > 0))
+        mine = np.flatnonzero((stations.tool[kept] == tool) & (spindle > 0))
         if not len(mine):
             continue
         worst = int(mine[np.argmin(margins[mine])])

@@ -1,10 +1,13 @@
-"""The way of a program's tools through its stock: moves as straight pieces in work coordinates.
+"""Path of a program's tools through its stock: straight pieces in work coordinates.
 
-Machine positions become positions of the tool's tip in the coordinates of one work offset
-(:mod:`pipeline.twin.cut_frames`); arcs, helices and spirals become chords.  A chord over the angle
-d of p(phi) leaves it by at most d^2 max|p''| / 8, and with a radius r that goes linearly with phi
-|p''| <= sqrt(r^2 + 4 r'^2).  Where each axis goes as fast as it can, a rapid is a dog-leg: all axes
-at their speeds until one after the other arrives; their acceleration is left out.
+Machine positions become positions of the tool's tip in the coordinates of one work offset.  A frame
+of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/offsets.py); what of it is tool
+length follows from the offsets in force before the program, and holds until G43 is said again.
+
+Arcs, helices and spirals become chords.  A chord over the angle d of p(phi) leaves it by at most
+d^2 max|p''| / 8, and with a radius r that goes linearly with phi |p''| <= sqrt(r^2 + 4 r'^2).
+Where each axis goes as fast as it can, a rapid is a dog-leg: all axes at their speeds until one
+after the other arrives; their acceleration is left out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,22 +16,154 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.tool_path import ToolPath
-from pipeline.gcode.moves import METRE, Kind, Moves
-from pipeline.gcode.setup import Vector
+from pipeline.cutting.engagement.engagement import ToolPath
+from pipeline.gcode.moves import METRE, RADIAN, Frame, Kind, Moves
+from pipeline.gcode.setup import ZERO, Vector
 from pipeline.machine.control.path import where
-from pipeline.twin.cut_frames import WorkFrame, work_frame
+from pipeline.schema.arrays import Bools, Floats
 
-Floats = NDArray[np.float64]
+LENGTH = "G43"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkFrame:
+    """One work offset: where the stock lies, and the tool length in each frame of the program.
+
+    Parameters
+    ----------
+    name : str
+        ``"G54"``, …
+    base : ndarray, shape (3,)
+        Of the work offset with the external one, in the machine [mm].
+    rotation : float
+        Of the work offset about Z [deg].
+    lengths : ndarray, shape (frames, 3)
+        Tool length in each frame of the program [mm].
+    """
+
+    name: str
+    base: Floats = field(repr=False)
+    rotation: float = 0.0
+    lengths: Floats = field(repr=False)
+
+    def tip(self, positions: Floats, frame: NDArray[np.int32]) -> Floats:
+        """Tip in this offset's coordinates [mm], of machine positions (Q, 3) in frames (Q,)."""
+        held = positions - self.lengths[frame] - self.base
+        angle = self.rotation * RADIAN
+        c, s = np.cos(angle), np.sin(angle)
+        turned: Floats = held @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return turned
+
+
+def work_frame(
+    moves: Moves, row: int, offsets: Mapping[str, Vector], name: str | None = None
+) -> WorkFrame:
+    """The work offset ``name``, by default the one in force in ``row``.
+
+    Parameters
+    ----------
+    moves : Moves
+        M rows.
+    row : int
+        First row that cuts.
+    offsets : mapping of str to Vector
+        Work offsets before the program, as in :class:`pipeline.gcode.setup.Setup`.
+    name : str, optional
+        Of the work offset that the stock is measured in.
+
+    Raises
+    ------
+    ValueError
+        When the program does not use ``name``, or a tool length cannot be told from a shift.
+    """
+    used = list(dict.fromkeys(_offset(frame) for frame in moves.frames))
+    held = int(moves.frame[row])
+    chosen = _offset(moves.frames[held]) if name is None else name
+    if chosen not in used and chosen not in offsets:
+        raise ValueError(
+            f"work offset {chosen!r} is neither in the set-up nor in the program, which has "
+            f"{', '.join(used)}: name one of them"
+        )
+    last = held if _offset(moves.frames[held]) == chosen else len(moves.frames) - 1
+    before = moves.frames[: last + 1]
+    plain = [f.rotation for f in before if _is_plain(f) and _offset(f) == chosen]
+    return WorkFrame(
+        name=chosen,
+        base=_base(before, chosen, offsets),
+        rotation=plain[-1] if plain else 0.0,
+        lengths=_lengths(moves, offsets),
+    )
+
+
+def _marks(frame: Frame) -> list[str]:
+    return frame.name.split("+")
+
+
+def _offset(frame: Frame) -> str:
+    return _marks(frame)[0]
+
+
+def _is_plain(frame: Frame) -> bool:
+    """Whether its translation is work offset and tool length alone."""
+    return set(_marks(frame)[1:]) <= {LENGTH}
+
+
+def _base(frames: Sequence[Frame], name: str, offsets: Mapping[str, Vector]) -> Floats:
+    """Of a work offset as the last of ``frames`` without a length has it (G10), else the set-up."""
+    for frame in reversed(frames):
+        if frame.name == name:
+            return np.array(frame.translation[:3])
+    work, external = offsets.get(name, ZERO), offsets.get("EXT", ZERO)
+    return np.array([a + b for a, b in zip(work[:3], external[:3], strict=True)])
+
+
+def _lengths(moves: Moves, offsets: Mapping[str, Vector]) -> Floats:
+    """Tool length in each frame [mm]; shape (frames, 3), 0 in those that no row uses."""
+    lengths = np.zeros((len(moves.frames), 3))
+    known: set[int] = set()
+    held, before, tool = np.zeros(3), -1, -1
+    for row in np.flatnonzero(np.diff(moves.frame, prepend=-1)):
+        index = int(moves.frame[row])
+        frame = moves.frames[index]
+        if LENGTH not in _marks(frame):
+            held = np.zeros(3)
+        elif _is_plain(frame):
+            base = _base(moves.frames[:index], _offset(frame), offsets)
+            held = np.array(frame.translation[:3]) - base
+        elif before < 0 or LENGTH not in _marks(moves.frames[before]):
+            held = _earlier_length(moves, int(row), offsets)
+        elif _marks(moves.frames[before]) == _marks(frame) and moves.tool[row] != tool:
+            # what shifts the coordinates stayed in force while another length came
+            held = held + np.subtract(frame.translation, moves.frames[before].translation)[:3]
+        if index not in known:
+            lengths[index] = held
+            known.add(index)
+        before, tool = index, int(moves.tool[row])
+    return lengths
+
+
+def _earlier_length(moves: Moves, row: int, offsets: Mapping[str, Vector]) -> Floats:
+    """Length in the last frame before that of ``row`` that is work offset and length alone."""
+    index = int(moves.frame[row])
+    for earlier in range(index - 1, -1, -1):
+        frame = moves.frames[earlier]
+        if _is_plain(frame) and LENGTH in _marks(frame):
+            base = _base(moves.frames[:earlier], _offset(frame), offsets)
+            return np.array(frame.translation[:3]) - base
+    raise ValueError(
+        f"{where(moves, row)}: the tool's length cannot be told from what else shifts the "
+        f"coordinates ({moves.frames[index].name}): program G43 before it"
+    )
+
+
 Rows = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 CUTS = (Kind.FEED, Kind.ARC)
 MOVES = (Kind.RAPID, *CUTS, Kind.PROBE, Kind.THREAD)
 WIDEST = np.pi / 12
-"""Angle of a chord at most, so that the direction of feed stays that of the arc [rad]."""
+"""Greatest angle of a chord, so that the direction of feed stays that of the arc [rad]."""
 TURNED = 1e-6
-"""What the rotary axes may stand off and the tool still be upright in its stock [deg]."""
+"""Tolerance of the rotary axes up to which the tool counts as upright in its stock [deg]."""
 IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 
 
@@ -52,7 +187,7 @@ class CuttingPath:
     frame : WorkFrame
         Work offset that the stock is measured in.
     left_out : tuple of LeftOut
-        What is not in it.
+        Moves that are not in it.
     """
 
     pieces: ToolPath = field(repr=False)
@@ -61,14 +196,9 @@ class CuttingPath:
 
 
 def cutting_path(
-    moves: Moves,
-    tools: Sequence[int],
-    *,
-    chord: float,
-    offsets: Mapping[str, Vector],
-    offset: str | None = None,
-    rapid_speeds: Floats | None = None,
-) -> CuttingPath:
+    moves: Moves, tools: Sequence[int], *, chord: float, offsets: Mapping[str, Vector],
+    offset: str | None = None, rapid_speeds: Floats | None = None,
+) -> CuttingPath:  # fmt: skip
     """Path of ``moves`` in the coordinates of the work offset of its first cut, or of ``offset``.
 
     Parameters
@@ -92,17 +222,19 @@ def cutting_path(
         When nothing in the program moves with a tool of ``tools``, or a cut has no tool or one
         that is not in ``tools``.
     """
-    moving: Flags = np.isin(moves.kind, MOVES) & (moves.length > 0)
-    cutting: Flags = np.isin(moves.kind, CUTS) & moving
+    # rows that move, and those of them that are left out
+    moving: Bools = np.isin(moves.kind, MOVES) & (moves.length > 0)
+    cutting: Bools = np.isin(moves.kind, CUTS) & moving
     left_out, reasons = _not_computed(moves, moving, cutting)
     cutting &= ~left_out
     _check_tools(moves, cutting, tools)
     known = np.isin(moves.tool, list(tools))
     rows = np.flatnonzero(moving & ~left_out & known)
     if not len(rows):
-        raise ValueError(nothing_cut(moves, reasons))
+        raise ValueError(nothing_cut_message(moves, reasons))
     first = int(np.argmax(cutting)) if cutting.any() else int(rows[0])
     frame = work_frame(moves, first, offsets, offset)
+    # straight pieces in the machine's frame, then in that of the work offset
     start, end, row = _chords(moves, rows, chord / METRE)
     if rapid_speeds is not None:
         start, end, row = _dog_legs(moves, start, end, row, rapid_speeds)
@@ -119,40 +251,40 @@ def cutting_path(
     return CuttingPath(pieces=pieces, frame=frame, left_out=tuple(reasons))
 
 
-def nothing_cut(moves: Moves, left_out: Sequence[LeftOut]) -> str:
-    """What is said of a program that has nothing in the material."""
+def nothing_cut_message(moves: Moves, left_out: Sequence[LeftOut]) -> str:
+    """Message for a program that has nothing in the material."""
     if not np.isin(moves.kind, MOVES).any():
         name = moves.files[0] if len(moves.files) else "the program"
         return f"{name} has no moves: name a program that cuts"
-    said = f" ({left_out[0].reason})" if left_out else ""
-    return f"{moves.files[0]}: no move cuts{said}: nothing is in the material"
+    reason = f" ({left_out[0].reason})" if left_out else ""
+    return f"{moves.files[0]}: no move cuts{reason}: nothing is in the material"
 
 
 def _not_computed(
-    moves: Moves, moving: Flags, cutting: Flags
-) -> tuple[Flags, list[LeftOut]]:  # fmt: skip
-    """Which rows are left out, shape (M,), and what is said of them."""
-    milling: Flags = cutting & ~moves.constant_surface_speed
+    moves: Moves, moving: Bools, cutting: Bools
+) -> tuple[Bools, list[LeftOut]]:  # fmt: skip
+    """Rows that are left out, shape (M,), and the reasons."""
+    milling: Bools = cutting & ~moves.constant_surface_speed
     upright = moves.end[np.argmax(milling), 3:] if milling.any() else moves.origin[3:]
-    stands: Flags = np.any(np.abs(moves.end[:, 3:] - upright) > TURNED, axis=1)
+    stands: Bools = np.any(np.abs(moves.end[:, 3:] - upright) > TURNED, axis=1)
     off = stands | np.concatenate([[False], stands[:-1]])
-    found = np.zeros(len(moves), dtype=bool)
-    told = []
+    left_out = np.zeros(len(moves), dtype=bool)
+    reasons = []
     for reason, rows in (
         ("threads are not computed", moves.kind == Kind.THREAD),
         ("probing is not computed", moves.kind == Kind.PROBE),
         ("turning (G96) is not computed", moves.constant_surface_speed & cutting),
         ("cuts with rotary axes turned are not computed", off),
     ):
-        rows = np.asarray(rows) & moving & ~found
+        rows = np.asarray(rows) & moving & ~left_out
         if rows.any():
-            found |= rows
+            left_out |= rows
             first = where(moves, int(np.argmax(rows)))
-            told.append(LeftOut(reason=reason, rows=int(rows.sum()), first=first))
-    return found, told
+            reasons.append(LeftOut(reason=reason, rows=int(rows.sum()), first=first))
+    return left_out, reasons
 
 
-def _check_tools(moves: Moves, cutting: Flags, tools: Sequence[int]) -> None:
+def _check_tools(moves: Moves, cutting: Bools, tools: Sequence[int]) -> None:
     unknown = cutting & ~np.isin(moves.tool, list(tools))
     if not unknown.any():
         return
@@ -220,7 +352,7 @@ def _counts(moves: Moves, rows: Rows, chord: float) -> Rows:
 
 
 def _onto_arcs(
-    moves: Moves, row: Rows, share: Floats, axes: tuple[int, int], points: Floats, here: Flags
+    moves: Moves, row: Rows, share: Floats, axes: tuple[int, int], points: Floats, here: Bools
 ) -> None:
     """Put ``points[here]`` at a ``share`` of the arcs ``row``; the normal axis is there already."""
     u, v = axes

@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.load_table import LoadTable, load_table
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.load_table import LoadTable, load_table
+from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.waveform import basis
 from tests.cutting.stations import random_profile, stations
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)

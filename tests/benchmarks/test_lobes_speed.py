@@ -9,11 +9,11 @@ from time import process_time
 import numpy as np
 import pytest
 
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.immersions import Immersions
-from pipeline.cutting.lobes import lobes
-from pipeline.cutting.semi_discretisation import depth_limits
-from pipeline.cutting.stability import StabilityTable, stability_table
+from pipeline.cutting.engagement.immersions import Immersions
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.stability.lobes import lobes
+from pipeline.cutting.stability.margins import StabilityTable, stability_table
+from pipeline.cutting.stability.semi_discretisation import depth_limits
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import DOWN, SLOT, X, Y
 

@@ -5,8 +5,8 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from pipeline.cutting.directional import RegenerativeCut
-from pipeline.cutting.modes import Mode
+from pipeline.cutting.stability.directional import RegenerativeCut
+from pipeline.cutting.stability.tip_dynamics import Mode
 
 X = Mode(direction="x", natural_frequency_Hz=922.0, damping=0.011, mass_kg=0.03993)
 Y = Mode(direction="y", natural_frequency_Hz=1100.0, damping=0.02, mass_kg=0.05)

@@ -6,7 +6,7 @@ as radii from the tool's axis of now.
 
 import numpy as np
 
-from pipeline.cutting.force_law import ForceLaw, edge_forces
+from pipeline.cutting.force.force_law import ForceLaw, edge_forces
 from pipeline.cutting.tool import Tool
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.cutting.engagement import Engagement
+from pipeline.cutting.engagement.engagement import Engagement
 
 BINS = 72
 

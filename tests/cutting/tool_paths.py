@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from pipeline.cutting.height_map import HeightMap, height_map
-from pipeline.cutting.stock import Box
+from pipeline.cutting.engagement.engagement import ToolPath
+from pipeline.cutting.engagement.height_map import HeightMap, height_map
+from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_path import ToolPath
 
 MM = 1e-3
 TURN = 2 * np.pi
@@ -38,7 +38,7 @@ def cleared(stock: HeightMap, where, height_mm: float | None = None) -> HeightMa
     """The stock with the columns at which ``where(x, y)`` [mm] lowered to a height."""
     from dataclasses import replace
 
-    from pipeline.cutting.height_map import rows_of
+    from pipeline.cutting.engagement.height_map import rows_of
 
     heights = stock.heights.copy()
     low = stock.floor if height_mm is None else height_mm * MM

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.material import Material
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.stock import Box
+from pipeline.cutting.economics.cost import CostRates
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.engagement.stock import Box
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_life import Taylor
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
@@ -21,8 +21,8 @@ from pipeline.optimisation.problem.problem import Problem, problem_of
 from pipeline.optimisation.settings import Margins
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.twin.cut import CutJob, cut_program
+from pipeline.twin.cut_coefficients import ToolCoefficients
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.cut_laws import ToolLaw
 from pipeline.twin.program import planned_program
 
 K_T, K_E = 1.23e9, 0.5  # A6061 of Sim2023 [N/m^2], [1]
@@ -68,7 +68,7 @@ def problem(
     job = CutJob(
         stock=blank, tools=tools, laws=dict.fromkeys(tools, LAW), resolution=resolution * 1e-3
     )
-    law = ToolLaw(law=LAW, kind="measured", source="Sim2023")
+    law = ToolCoefficients(law=LAW, kind="measured", source="Sim2023")
     basis = CutBasis(
         stock="box", table="one", material=material(taylor), laws=dict.fromkeys(tools, law),
         rates=rates, drive=drive, energy=energy,

@@ -14,10 +14,10 @@ from typing import Any
 import yaml
 from threadpoolctl import threadpool_limits
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.material import Material
-from pipeline.cutting.stock import stock_of
-from pipeline.cutting.tool_table import ToolTable
+from pipeline.cutting.economics.cost import CostRates
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
@@ -45,8 +45,8 @@ from pipeline.shop.trial import TrialJob
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
 from pipeline.twin.cut import CutJob
+from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.cut_laws import identified_law, tool_laws
 from tests.small_project import ROOT
 
 NAME = "O2023"
@@ -185,7 +185,9 @@ def paper_job(
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
     table = _table()
     material = _conf("material/A6061.yaml", Material)
-    laws = tool_laws(table.tools, MATERIAL, material, identified_law(knowledge or {}))
+    laws = tool_coefficients(
+        table.tools, MATERIAL, material, identified_coefficients(knowledge or {})
+    )
     return Job(
         program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP, control=CONTROL,
         cut=CutJob(

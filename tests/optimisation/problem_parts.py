@@ -4,21 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.material import Material
-from pipeline.cutting.modes import Mode
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.tool_life import Taylor
+from pipeline.cutting.economics.cost import CostRates, EnergyParameters
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.machine.control.parameters import AuxiliaryParameters
 from pipeline.optimisation.problem.problem import Problem, problem_of
 from pipeline.optimisation.settings import CutLimit, Margins
 from pipeline.optimisation.text.editable import Editable
 from pipeline.twin.cut import Cut, CutJob, cut_program
+from pipeline.twin.cut_coefficients import ToolCoefficients
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.cut_dynamics import TipDynamics
-from pipeline.twin.cut_laws import ToolLaw
 from pipeline.twin.program import planned_program
 from tests.gcode.following import follow
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX, TEN
@@ -93,7 +91,7 @@ def cut_on(text: str, *, control=CONTROL, tools=None, laws=None, resolution=0.5,
 def basis_of(cut: Cut, **changes) -> CutBasis:
     """Everything known, with ``changes``."""
     laws = {
-        number: ToolLaw(law=law, kind="catalogue", source="made up")
+        number: ToolCoefficients(law=law, kind="catalogue", source="made up")
         for number, law in zip(cut.numbers, cut.laws, strict=True)
     }
     values = {

@@ -8,9 +8,8 @@ mean power K_t d D v_f: the specific work times the volume in a second.
 import numpy as np
 import pytest
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.tool_life import Taylor, maximum_rate_speed, minimum_cost_speed
+from pipeline.cutting.economics.cost import CostRates, EnergyParameters
+from pipeline.cutting.economics.tool_life import Taylor, maximum_rate_speed, minimum_cost_speed
 from pipeline.optimisation.direct.direct import direct
 from pipeline.optimisation.settings import CutLimit, Grouping
 from tests.optimisation.direct_parts import (

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.deflection import tip_deflection
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.tool import Tool
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.tool import Tool, tip_deflection
 from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.bounds import at_hardest_station, feed_for_marks, inverse
 from pipeline.optimisation.problem.problem import CONSTRAINTS

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.waveform import profile_waveform
 from pipeline.optimisation.certainty.certainty import certain_feeds, exceedance
 from pipeline.optimisation.certainty.critical import critical
 from pipeline.optimisation.certainty.draws import draws_of
@@ -17,7 +17,7 @@ from pipeline.optimisation.certainty.quantiles import aimed_share
 from pipeline.optimisation.certainty.response import deeper, nodes_between, responses
 from pipeline.optimisation.certainty.uncertainty import uncertainty
 from pipeline.optimisation.settings import Certainty
-from pipeline.twin.cut_laws import ToolLaw
+from pipeline.twin.cut_coefficients import ToolCoefficients
 from tests.twin.cut_parts import SLOT, cut_of, pocket
 
 LIMIT = 100.0
@@ -30,7 +30,9 @@ HELICAL = Tool(kind="flat", diameter_mm=10.0, flutes=3, helix_deg=30.0)
 
 def known(cut, certainty, *, kind="measured", sources=None):
     laws = {
-        number: ToolLaw(law=law, kind=kind, source="one" if sources is None else sources[number])
+        number: ToolCoefficients(
+            law=law, kind=kind, source="one" if sources is None else sources[number]
+        )
         for number, law in zip(cut.numbers, cut.laws, strict=True)
     }
     tools = dict(zip(cut.numbers, cut.tools, strict=True))

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.stock import Box
+from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_life import Taylor
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.direct.direct import direct

@@ -18,7 +18,7 @@ from pipeline.optimisation.settings import (
     OptimisationSettings,
     SearchSettings,
 )
-from pipeline.twin.cut_document import document_of, judged
+from pipeline.twin.cut_document import assessed, document_of
 from tests.optimisation.paper_part import paper_job
 
 QUICK = OptimisationSettings(
@@ -61,7 +61,7 @@ def test_the_answer_among_the_methods_is_what_is_written(document: dict) -> None
 
 def test_rows_that_were_added_count_to_the_row_they_stand_before(result: Result) -> None:
     cut = result.answer.cut
-    side = Side.of_rows(cut, judged(cut, result.job.basis), result.answer.rows)
+    side = Side.of_rows(cut, assessed(cut, result.job.basis), result.answer.rows)
     assert len(cut.plan.time) >= len(side.time) == len(result.moves)
     assert side.time.sum() == pytest.approx(cut.plan.total, rel=1e-12)
     for row, own in enumerate(result.answer.rows.tolist()):
@@ -134,8 +134,8 @@ LIMITED = {
     "load_N": lambda b, k: b.peak[k],
     "chip_um": lambda b, k: b.thickness[k] * 1e6,
     "torque_Nm": lambda b, k: b.torque[k],
-    "cutting_speed_m_min": lambda b, k: np.pi * 6e-3 * b.turns[k],
-    "speed_rpm": lambda b, k: b.turns[k],
+    "cutting_speed_m_min": lambda b, k: np.pi * 6e-3 * b.spindle_speed[k],
+    "speed_rpm": lambda b, k: b.spindle_speed[k],
     "feed_mm_min": lambda b, k: b.feed[k],
     "roughness_um": lambda b, k: b.feed_per_tooth[k] ** 2 / (8 * 3e-3) * 1e6,
 }
@@ -146,7 +146,7 @@ LIMITED = {
 def test_a_block_passes_what_lies_below_its_value_and_not_what_lies_above(
     result: Result, name: str
 ) -> None:
-    of = judged(result.before, result.job.basis)
+    of = assessed(result.before, result.job.basis)
     values = np.array([LIMITED[name](of.found.blocks, k) for k in range(len(of.found.blocks))])
     middle = 0.5 * (values.min() + values.max()) or 1.0
     ranged = name in ("chip_um", "cutting_speed_m_min", "speed_rpm", "feed_mm_min")

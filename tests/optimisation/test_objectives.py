@@ -8,10 +8,9 @@ import pytest
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.machine.control.planner import plan
 from pipeline.optimisation.settings import CutLimit
-from pipeline.twin.cut_blocks import cut_blocks
+from pipeline.twin.cut_blocks import cut_blocks, station_arcs
 from pipeline.twin.cut_cost import cost_of, electricity, tool_life
 from pipeline.twin.cut_document import document_of
-from pipeline.twin.cut_stations import stations
 from tests.optimisation.problem_parts import (
     MATERIAL,
     NO_MARGINS,
@@ -61,7 +60,7 @@ def stretches(cut, seed: int, many: int):
 
 def told(cut, basis):
     """The four objectives of a cut's own plan, as its document sums them, unrounded."""
-    arcs = stations(cut.engagement, cut.tools)
+    arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
     life = tool_life(cut, blocks, arcs, basis.material)
     used = electricity(cut, blocks, basis.energy, basis.drive)

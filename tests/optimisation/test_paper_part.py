@@ -9,7 +9,7 @@ from pipeline.shop.cutting_truth import dynamometer_truth
 from pipeline.shop.dynamometer_records import write_dynamometer
 from pipeline.shop.trial import fixed, trial
 from pipeline.twin.cut import cut_program
-from pipeline.twin.cut_laws import identified_law
+from pipeline.twin.cut_coefficients import identified_coefficients
 from pipeline.twin.program import planned_program
 
 from .paper_part import (
@@ -68,7 +68,7 @@ def test_what_is_identified_of_its_machine_holds_the_truth(tmp_path):
     for name, one in told.items():
         low, high = one["interval_95"]
         assert low <= true[name] <= high, name
-    law, f_z = identified_law(document).law, 0.03e-3
+    law, f_z = identified_coefficients(document).law, 0.03e-3
     expected = np.hypot(
         true["K_tc"] * 1e6 * f_z + true["K_te"] * 1e3, true["K_rc"] * 1e6 * f_z + true["K_re"] * 1e3
     )

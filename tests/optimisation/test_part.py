@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.material import Material
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.tool_table import ToolTable
+from pipeline.cutting.economics.cost import CostRates
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.part import Part, Parts
 from pipeline.optimisation.part_files import part_metrics, write_part

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.deflection import tip_deflection
+from pipeline.cutting.tool import tip_deflection
 from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.groups import Groups
 from pipeline.optimisation.problem.problem import CONSTRAINTS

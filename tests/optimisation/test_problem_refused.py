@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.settings import CutLimit
 from tests.optimisation.problem_parts import (

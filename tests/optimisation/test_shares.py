@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.optimisation.direct.direct import direct
 from pipeline.optimisation.problem.decision import Decision
 from pipeline.optimisation.problem.groups import Groups
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.search.shares import Shares, group_bounds
 from pipeline.optimisation.settings import Grouping
-from pipeline.twin.cut_dynamics import TipDynamics
 from tests.optimisation.problem_parts import MODES
 from tests.optimisation.zigzags import FREE, PAPER, zigzag_problem
 

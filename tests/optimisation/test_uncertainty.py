@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.force_law import ForceLaw
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.certainty.draws import draws_of
 from pipeline.optimisation.certainty.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import Certainty
-from pipeline.twin.cut_laws import ToolLaw
+from pipeline.twin.cut_coefficients import ToolCoefficients
 
 LAW = ForceLaw.linear(K_tc=700.0, K_rc=200.0, K_ac=100.0, K_te=30.0, K_re=20.0, K_ae=2.0)
 MILL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
@@ -41,7 +41,7 @@ def document() -> dict:
 
 
 def identified(tool=MILL, certainty=None, documents=None):
-    law = ToolLaw(law=replace(LAW, K_ae=0.0), kind="identified", source="this machine")
+    law = ToolCoefficients(law=replace(LAW, K_ae=0.0), kind="identified", source="this machine")
     found = document() if documents is None else documents
     return uncertainty({1: law}, {1: tool}, found, None, certainty or Certainty())
 
@@ -49,7 +49,7 @@ def identified(tool=MILL, certainty=None, documents=None):
 def others(**kinds: str):
     """Two tools of sources that are named."""
     laws = {
-        int(number[1:]): ToolLaw(law=LAW, kind="measured", source=source)
+        int(number[1:]): ToolCoefficients(law=LAW, kind="measured", source=source)
         for number, source in kinds.items()
     }
     return uncertainty(laws, dict.fromkeys(laws, MILL), None, None, Certainty())
@@ -96,7 +96,7 @@ def test_tools_of_one_source_err_together_and_of_two_do_not(source: str, common:
 
 
 def test_a_cut_never_drives_its_tool():
-    law = ToolLaw(law=LAW, kind="catalogue", source="a book")
+    law = ToolCoefficients(law=LAW, kind="catalogue", source="a book")
     known = uncertainty({1: law}, {1: MILL}, None, None, Certainty(catalogue=1.0))
     drawn = coefficients(known)
     assert drawn[:, [0, 3]].min() == 0.0 < drawn[:, 0].max()
@@ -147,7 +147,7 @@ def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
         {"role": role, "components": {"resultant": {"peak_error_percent": error}}}
         for role, error in (("judged", 3.0), ("judged", -5.0), ("training", 90.0))
     ]
-    law = {1: ToolLaw(law=LAW, kind="measured", source="A")}
+    law = {1: ToolCoefficients(law=LAW, kind="measured", source="A")}
     for least, expected in ((0.02, np.sqrt((9 + 25) / 2) / 100), (0.1, 0.1)):
         known = uncertainty(law, {1: MILL}, None, {"recordings": rows}, Certainty(model=least))
         assert known.model == pytest.approx(expected)
@@ -172,7 +172,7 @@ def test_the_same_seed_is_the_same_bytes_and_the_first_are_the_first():
 
 
 def test_a_law_without_its_tool_is_named():
-    law = ToolLaw(law=LAW, kind="measured", source="A")
+    law = ToolCoefficients(law=LAW, kind="measured", source="A")
     with pytest.raises(ValueError, match="T4 has a force law and is no tool"):
         uncertainty({4: law}, {1: MILL}, None, None, Certainty())
 
@@ -191,7 +191,7 @@ KEYS = ("parameters", "correlation", "prediction", "recordings")
 @given(st.dictionaries(st.sampled_from(KEYS), JSON))
 @settings(max_examples=60, deadline=None)
 def test_documents_of_another_form_are_not_known(found):
-    law = ToolLaw(law=LAW, kind="identified", source="this machine")
+    law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
     known = uncertainty({1: law}, {1: MILL}, found, found, Certainty())
     drawn = draws_of(known, 16, 0).tools[1]
     assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()

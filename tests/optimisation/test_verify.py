@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.load_table import load_table
+from pipeline.cutting.force.load_table import load_table
+from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.waveform import profile_waveform
 from pipeline.optimisation.verify import station_peak, verify
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, TEN, cut_of, pocket
 from tests.twin.test_program_axes import GAIN, drive

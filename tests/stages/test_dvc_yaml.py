@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.cost import EnergyParameters
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.stages.__main__ import load_stage
-from pipeline.twin.cut_dynamics import TipModes
 from tests.test_architecture import imported
 
 ROOT = Path(__file__).parents[2]

@@ -1,7 +1,7 @@
 """Small parts that tests cut: a slot, a pocket, and what they are cut with."""
 
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.stock import Box
+from pipeline.cutting.engagement.stock import Box
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.twin.cut import Cut, CutJob, cut_program

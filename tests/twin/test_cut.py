@@ -5,11 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.cutting.stock import Box
+from pipeline.cutting.engagement.stock import Box
 from pipeline.twin.cut import recut
-from pipeline.twin.cut_blocks import cut_blocks
-from pipeline.twin.cut_stations import stations
-from pipeline.twin.cut_trace import cut_trace
+from pipeline.twin.cut_blocks import cut_blocks, station_arcs
+from pipeline.twin.cut_tables import cut_trace
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, cut_of, pocket
 
 
@@ -93,7 +92,7 @@ def test_a_rapid_into_the_blank_is_no_cut_but_is_there():
 def test_a_standing_spindle_gives_no_chip():
     cut = cut_of(SLOT.replace(" M3", ""))
     blocks = cut_blocks(cut)
-    assert blocks.turns.tolist() == [0] and blocks.peak.tolist() == [0]
+    assert blocks.spindle_speed.tolist() == [0] and blocks.peak.tolist() == [0]
     assert blocks.volume.sum() > 0
 
 
@@ -120,7 +119,7 @@ class TestTrace:
 
     @pytest.mark.parametrize("columns", [3, 50, 900])
     def test_no_peak_is_lost(self, slot, columns):
-        arcs = stations(slot.engagement, slot.tools)
+        arcs = station_arcs(slot.engagement, slot.tools)
         trace = cut_trace(slot, arcs, columns)
         high = [v for v in trace["load_N_high"] if v is not None]
         low = [v for v in trace["load_N_low"] if v is not None]
@@ -129,13 +128,13 @@ class TestTrace:
         assert len(trace["load_N_high"]) == columns
 
     def test_cutting_columns_are_the_time_in_the_material(self, slot):
-        trace = cut_trace(slot, stations(slot.engagement, slot.tools), 900)
+        trace = cut_trace(slot, station_arcs(slot.engagement, slot.tools), 900)
         cut = sum(v is not None for v in trace["entry_deg"]) / 900 * slot.plan.total
         # each of the two ends may fall into a column that is air for the rest
         assert cut == pytest.approx(slot.in_material.sum(), abs=3 * slot.plan.total / 900)
 
     def test_spans_of_tools_cover_the_program(self, slot):
-        spans = cut_trace(slot, stations(slot.engagement, slot.tools))["tools"]
+        spans = cut_trace(slot, station_arcs(slot.engagement, slot.tools))["tools"]
         assert spans[-1][0] == 1 and spans[-1][2] == 1.0
         assert all(a[2] == pytest.approx(b[1], abs=1e-4) for a, b in pairwise(spans))
 

@@ -5,19 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.cost import CostRates
-from pipeline.cutting.directional import RegenerativeCut
-from pipeline.cutting.energy import EnergyParameters
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.lobes import lobes
-from pipeline.cutting.material import Material
-from pipeline.cutting.modes import Mode
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.tool_life import Taylor
+from pipeline.cutting.economics.cost import CostRates, EnergyParameters
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.stability.directional import RegenerativeCut
+from pipeline.cutting.stability.lobes import lobes
+from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.twin.cut_blocks import cut_blocks
+from pipeline.twin.cut_coefficients import (
+    ToolCoefficients,
+    identified_coefficients,
+    tool_coefficients,
+)
 from pipeline.twin.cut_document import CutBasis, document_of
-from pipeline.twin.cut_dynamics import TipDynamics
-from pipeline.twin.cut_laws import ToolLaw, identified_law, tool_laws
 from pipeline.twin.cut_limits import cut_limits
 from pipeline.twin.cut_stability import lobe_figures, stability
 from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
@@ -48,7 +50,7 @@ def cut():
 
 
 def document(cut, **changes):
-    law = ToolLaw(law=LAW, kind="catalogue", source="made up")
+    law = ToolCoefficients(law=LAW, kind="catalogue", source="made up")
     basis = {"stock": "box", "table": "made up", "material": MATERIAL, "laws": {1: law, 2: law},
              "rates": RATES, "energy": ENERGY, "drive": DRIVE}  # fmt: skip
     return document_of(cut, CutBasis(**(basis | changes)))
@@ -57,7 +59,8 @@ def document(cut, **changes):
 def test_the_drive_is_asked_for_the_cut_and_for_turning(cut):
     blocks = cut_blocks(cut)
     limits = cut_limits(cut, blocks, limit_load=None, drive=DRIVE, margin=None)
-    asked = (blocks.torque * 2 * np.pi * blocks.turns / 60 + 20 + 0.5 * blocks.turns / 60) / 0.8
+    n = blocks.spindle_speed / 60
+    asked = (blocks.torque * 2 * np.pi * n + 20 + 0.5 * n) / 0.8
     assert limits.drive == pytest.approx(asked / 400)
     assert (limits.binds == "spindle drive").all()
     warned = [w["what"] for w in document(cut)["warnings"]]
@@ -121,8 +124,7 @@ def test_energy_is_that_of_spindle_drives_coolant_and_standing_by(cut):
     moves = plan.path.moves
     turning = plan.time * (moves.direction != 0)
     spindle = (
-        (blocks.mean_power * blocks.seconds).sum()
-        + (turning * (20 + 0.5 * plan.spindle_speed / 60)).sum()
+        (blocks.mean_power * blocks.seconds).sum() + (turning * (20 + 0.5 * plan.spindle_speed / 60)).sum()
     ) / (0.8 * 0.7)
     coolant_on = (moves.line >= 7) & (moves.line < 12)
     joule = (
@@ -211,7 +213,7 @@ def test_lines_of_warnings_are_those_of_the_program(cut):
 def test_cuts_below_the_blank_and_beyond_the_flutes_are_said():
     short = {1: type(TEN)(kind="flat", diameter_mm=10.0, flutes=2, flute_length_mm=8.0)}
     cut = cut_of(SLOT.replace("Z-2.0", "Z-11"), tools=short)
-    law = ToolLaw(law=LAW, kind="catalogue", source="made up")
+    law = ToolCoefficients(law=LAW, kind="catalogue", source="made up")
     told = [w["what"] for w in document(cut, laws={1: law})["warnings"]]
     assert any("underside" in what for what in told) and any("flutes" in what for what in told)
 
@@ -232,19 +234,20 @@ class TestLaws:
     """Which force law a tool gets."""
 
     def test_an_identified_law_holds_for_its_tool_in_its_material(self):
-        laws = tool_laws({1: TEN, 2: SIX}, "A6061", MATERIAL, identified_law(FOUND))
+        identified = identified_coefficients(FOUND)
+        laws = tool_coefficients({1: TEN, 2: SIX}, "A6061", MATERIAL, identified)
         assert (laws[1].kind, laws[2].kind) == ("identified", "catalogue")
         assert laws[1].law.K_tc == 700e6 and laws[1].law.K_te == 12e3
         assert laws[1].law.K_ac == 0  # not determined is no number
         assert laws[2].law == MATERIAL.force_law() and "20 to 30 %" in laws[2].caution
 
     def test_it_does_not_hold_in_another_material(self):
-        laws = tool_laws({1: TEN}, "steel", MATERIAL.__class__(**{
+        laws = tool_coefficients({1: TEN}, "steel", MATERIAL.__class__(**{
             **{f: getattr(MATERIAL, f) for f in MATERIAL.__dataclass_fields__}, "name": "steel",
-        }), identified_law(FOUND))  # fmt: skip
+        }), identified_coefficients(FOUND))  # fmt: skip
         assert laws[1].kind == "catalogue"
 
     @pytest.mark.parametrize("value", [{}, {"K_tc": None}, {"K_tc": {"value": None}},
                                        {"K_tc": {"value": 5.0, "determined": False}}])  # fmt: skip
     def test_what_was_not_determined_is_no_law(self, value):
-        assert identified_law({"parameters": value, "material": "A6061"}) is None
+        assert identified_coefficients({"parameters": value, "material": "A6061"}) is None

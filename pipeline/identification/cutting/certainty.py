@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.mean_force import COEFFICIENTS
+from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.identification.cutting.choice import Fold
 from pipeline.identification.cutting.fit import Fit
 

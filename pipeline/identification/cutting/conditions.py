@@ -28,7 +28,7 @@ class Said:
     immersion : {"slot", "up", "down"}, optional
         Side of the tool that cuts.
     entry_deg, exit_deg : float, optional
-        Angles where teeth enter and leave (:mod:`pipeline.cutting.engagement`) [deg], in place of
+        Angles where teeth enter and leave (:mod:`pipeline.cutting.engagement.engagement`) [deg], in place of
         immersion and radial depth.
     """
 

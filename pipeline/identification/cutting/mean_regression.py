@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.mean_force import regressors
+from pipeline.cutting.force.mean_force import regressors
 from pipeline.identification.cutting.fit import Fit
 from pipeline.identification.cutting.parameters import Parameter, coefficients
 from pipeline.identification.cutting.problem import PRIOR, Cut

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.force_law import N_MM, N_MM2
-from pipeline.cutting.mean_force import COEFFICIENTS
+from pipeline.cutting.force.force_law import N_MM, N_MM2
+from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import DEGREE, UM
 from pipeline.identification.cutting.certainty import Certain
 from pipeline.identification.cutting.fit import Fit

@@ -1,6 +1,6 @@
 """What the model of a cut says of the harmonics of a revolution.
 
-Forces on the tool are linear in the six coefficients (:mod:`pipeline.cutting.waveform`) and in what
+Forces on the tool are linear in the six coefficients (:mod:`pipeline.cutting.force.waveform`) and in what
 single teeth take more or less at their edges than the mean of all, as worn or differently ground
 teeth do.  Runout and helix shape them, and what a dynamometer shows of them is each channel's own
 mode, 1 / (1 - r^2 + 2 i zeta r) at r = f / f_n (Girardin, Remond and Rigal 2010).
@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import DEGREE, UM, Tool
-from pipeline.cutting.waveform import basis
 from pipeline.identification.cutting.conditions import Conditions
 
 Floats = NDArray[np.float64]

@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement import Engagement, engage
-from pipeline.cutting.height_map import height_map
-from pipeline.cutting.stock import Mesh, Stock, stock_of
+from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engage
+from pipeline.cutting.engagement.height_map import height_map
+from pipeline.cutting.engagement.stock import Mesh, Stock, stock_of
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_path import ToolPath
 from pipeline.gcode.moves import METRE, Kind, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.identification.cutting.spindle_load_records import LoadCut

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Literal
 
-from pipeline.cutting.spindle_power import SpindleDrive
-from pipeline.cutting.stock import stock_of
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.engagement.stock import stock_of
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.setup import Setup
 from pipeline.identification.cutting.spindle_power_log import LoadScale
@@ -47,7 +47,7 @@ class LoadCut:
     program : str
         Path of the program there.
     stock : str
-        Blank in the program's work coordinates, as :func:`pipeline.cutting.stock.stock_of` reads
+        Blank in the program's work coordinates, as :func:`pipeline.cutting.engagement.stock.stock_of` reads
         it; the path of an .stl file is one below the machine's folder.
     tools : mapping of int to Tool
         Those that cut, by their number in the program.

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.spindle_power import power_curve
+from pipeline.cutting.economics.spindle_power import power_curve
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

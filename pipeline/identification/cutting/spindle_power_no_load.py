@@ -1,7 +1,7 @@
 """No-load power of a spindle: what it takes turning free, P_0(n) = p0 + p1 n + p2 n^2.
 
 It is the efficiency times the motor's power without a cut, as
-:class:`pipeline.cutting.spindle_power.SpindleDrive` has it.
+:class:`pipeline.cutting.economics.spindle_power.SpindleDrive` has it.
 """
 
 from dataclasses import dataclass

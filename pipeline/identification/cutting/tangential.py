@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.mean_force import regressors
+from pipeline.cutting.force.mean_force import regressors
 from pipeline.identification.cutting.mean_regression import linear_means
 from pipeline.identification.cutting.problem import Cut
 

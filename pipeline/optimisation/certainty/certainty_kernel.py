@@ -68,7 +68,7 @@ def peak_loads(  # type: ignore[no-untyped-def]
 
 @compiled
 def _expected(feed, curve, scale, exponent):  # type: ignore[no-untyped-def]
-    """Nominal load of a candidate, as :func:`pipeline.cutting.load_kernel.look_up`."""
+    """Nominal load of a candidate, as :func:`pipeline.cutting.force.profile_kernel.look_up`."""
     u = scale * (feed if exponent == 1.0 else feed**exponent)
     k = int(min(sqrt(u), curve.shape[0] - 2.0))
     return curve[k] + (u - k * k) / (2 * k + 1) * (curve[k + 1] - curve[k])

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement_arc import engaged_arc
+from pipeline.cutting.engagement.engagement import engaged_arc
 from pipeline.twin.cut import Cut
 
 Floats = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Critical:
     curve : ndarray, shape (Q, K + 1)
         Peak load over the nodes of the table, never falling [N].
     scale, exponent : ndarray, shape (Q,)
-        Of the nodes, as in :class:`pipeline.cutting.load_table.LoadTable`.
+        Of the nodes, as in :class:`pipeline.cutting.force.load_table.LoadTable`.
     own_station : ndarray of intp, shape (Q,)
         Of each candidate, the one with the greatest load at the middle of the table.
     weight : ndarray, shape (Q,)
@@ -88,7 +88,7 @@ class Critical:
 
     def loads(self, f_z: Floats) -> Floats:
         """Nominal peak of each candidate [N] at one feed for each, shape (Q,)."""
-        from pipeline.cutting.load_kernel import look_up
+        from pipeline.cutting.force.profile_kernel import look_up
 
         out = np.empty((1, len(self)))
         if len(self):

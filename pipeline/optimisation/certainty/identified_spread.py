@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.twin.cut_laws import COEFFICIENTS
+from pipeline.twin.cut_coefficients import COEFFICIENTS
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.drawn_peaks import drawn_peaks, edge_turn
+from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
 from pipeline.optimisation.certainty.critical import Critical
 from pipeline.optimisation.certainty.draws import Draws, ToolDraws
 from pipeline.twin.cut import Cut

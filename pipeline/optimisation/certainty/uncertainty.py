@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.force_law import N_MM, N_MM2, ForceLaw
+from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
 from pipeline.cutting.tool import UM, Tool
 from pipeline.optimisation.certainty.identified_spread import (
     correlation,
@@ -35,7 +35,7 @@ from pipeline.optimisation.certainty.identified_spread import (
     root,
 )
 from pipeline.optimisation.settings import Certainty
-from pipeline.twin.cut_laws import COEFFICIENTS, ToolLaw
+from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
 
 Floats = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class Uncertainty:
 
 
 def uncertainty(
-    laws: Mapping[int, ToolLaw],
+    laws: Mapping[int, ToolCoefficients],
     tools: Mapping[int, Tool],
     cutting_document: Mapping[str, Any] | None,
     validation_document: Mapping[str, Any] | None,
@@ -183,7 +183,7 @@ def _values(law: ForceLaw) -> Floats:
     return np.concatenate([law.cutting, law.edge])
 
 
-def _taken_over(law: ToolLaw, source: int, certainty: Certainty) -> ToolUncertainty:
+def _taken_over(law: ToolCoefficients, source: int, certainty: Certainty) -> ToolUncertainty:
     """Coefficients that others measured, or a catalogue has."""
     measured = law.kind == "measured"
     spread = certainty.measured_elsewhere if measured else certainty.catalogue
@@ -199,7 +199,7 @@ def _taken_over(law: ToolLaw, source: int, certainty: Certainty) -> ToolUncertai
     )  # fmt: skip
 
 
-def _identified(law: ToolLaw, document: Mapping[str, Any]) -> ToolUncertainty:
+def _identified(law: ToolCoefficients, document: Mapping[str, Any]) -> ToolUncertainty:
     """Coefficients that this machine's recordings say, with the covariance of the fit."""
     mean, spread = _values(law.law), np.zeros(6)
     fitted = fitted_coefficients(document)

@@ -16,9 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.block_loads import TORQUE as MEAN_TORQUE
-from pipeline.cutting.deflection import tip_stiffness
-from pipeline.cutting.tool import Tool
+from pipeline.cutting.force.load_table import TORQUE as MEAN_TORQUE
+from pipeline.cutting.tool import Tool, tip_stiffness
 from pipeline.optimisation.problem.constraints import (
     AS_PROGRAMMED,
     DEFLECTION,
@@ -170,7 +169,7 @@ def greatest_torque(cut: Cut) -> Floats:
 
 def at_hardest_station(cut: Cut, torque: Floats, f_z: Floats) -> Floats:
     """What :func:`greatest_torque` tells at feeds for each tooth [N m]; shape (M,)."""
-    from pipeline.cutting.load_kernel import look_up
+    from pipeline.cutting.force.profile_kernel import look_up
 
     out = np.empty((1, len(f_z)))
     look_up(f_z[np.newaxis], torque, cut.table.scale, cut.table.exponent, out)

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.stability import StabilityTable
+from pipeline.cutting.stability.margins import StabilityTable
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.optimisation.problem.ranges import Ranges
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_dynamics import TipDynamics
 from pipeline.twin.cut_stability import stability
 
 Floats = NDArray[np.float64]

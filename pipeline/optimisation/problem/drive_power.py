@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.spindle_power import SpindleDrive, available_power, no_load_power
+from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
 from pipeline.optimisation.problem.bounds import inverse
 from pipeline.optimisation.settings import CutLimit
 from pipeline.twin.cut import Cut

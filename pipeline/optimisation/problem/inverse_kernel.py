@@ -1,7 +1,7 @@
 """Feeds for each tooth at which a load of a table first passes a limit, compiled.
 
 Between its nodes, at u = 0, 1, 4, 9, ... with u = scale f_z^exponent, a table is straight, so that
-it is inverted exactly; see :mod:`pipeline.cutting.load_kernel`.
+it is inverted exactly; see :mod:`pipeline.cutting.force.profile_kernel`.
 """
 
 from math import inf

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.spindle_power import cutting_power, no_load_power
+from pipeline.cutting.economics.spindle_power import cutting_power, no_load_power
 from pipeline.optimisation.problem.bounds import HIGH, at_hardest_station
 from pipeline.optimisation.problem.constraints import (
     CONSTRAINTS,

@@ -15,10 +15,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.block_loads import TORQUE
-from pipeline.cutting.cost import life_price
-from pipeline.cutting.energy import KW, KWH
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.cost import KW, KWH, life_price
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.force.load_table import TORQUE
 from pipeline.gcode.moves import METRE
 from pipeline.machine.control.path import Motion, Path
 from pipeline.optimisation.problem import columns as at
@@ -177,7 +176,7 @@ def _fill_motion(rows: Floats, cut: Cut, blocks: CutBlocks) -> None:
     rows[:, at.LENGTH] = cut.plan.path.moves.length * METRE
     rows[:, at.TEETH] = np.where(cut.tool >= 0, flutes[cut.tool] / 60, 0.0)
     rows[:, at.SCALE], rows[:, at.EXPONENT] = cut.table.scale, cut.table.exponent
-    rows[fed, at.CUTS] = blocks.turns > 0
+    rows[fed, at.CUTS] = blocks.spindle_speed > 0
     time = cut.plan.motion.time[fed]
     rows[fed, at.INSIDE] = np.divide(blocks.seconds, time, out=np.zeros(len(fed)), where=time > 0)
 

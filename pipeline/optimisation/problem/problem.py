@@ -28,10 +28,9 @@ from pipeline.optimisation.problem.speed_changes import SpeedChanges, speed_chan
 from pipeline.optimisation.settings import CutLimit
 from pipeline.optimisation.text.editable import Editable
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, cut_blocks
+from pipeline.twin.cut_blocks import CutBlocks, cut_blocks, station_arcs
 from pipeline.twin.cut_cost import tool_life
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.cut_stations import stations
 
 __all__ = ["CONSTRAINTS", "Problem", "problem_of"]
 
@@ -165,7 +164,7 @@ class Problem:
     def feed_per_tooth(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
         """f_z of each row at F and S [m], shape (M,) or (P, M); 0 in air."""
         asked = np.broadcast_arrays(np.asarray(feeds, float), self.turns(speeds))
-        return self.cut.chips(self.speed(*asked), asked[1])
+        return self.cut.feed_per_tooth_at(self.speed(*asked), asked[1])
 
     def speed(self, feeds: Floats, turns: Floats) -> Floats:
         """Along the path at F, as fast as axes and arcs allow [m/s]; shape of both."""
@@ -260,7 +259,7 @@ def problem_of(
         When nothing limits the feed of a tool that cuts, when no feed and speed of the ranges keep
         the limits of a row, or when a row that cannot be changed is beyond one.
     """
-    arcs = stations(cut.engagement, cut.tools)
+    arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
     bounds = bounds_of(cut, blocks, limits, f_z_load)
     ranges = ranges_of(cut, cut.tool >= 0, limits, editable, basis.drive)

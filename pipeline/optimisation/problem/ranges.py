@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode
 from pipeline.machine.control.parameters import LINEAR
 from pipeline.machine.control.path import Motion, where

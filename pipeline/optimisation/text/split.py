@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement import Engagement
+from pipeline.cutting.engagement.engagement import Engagement
 from pipeline.gcode.moves import METRE, FeedMode, Kind, Moves
 from pipeline.gcode.program import Line, Program, Word
 from pipeline.optimisation.settings import Grouping

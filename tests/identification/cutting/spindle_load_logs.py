@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from pipeline.cutting.spindle_power import SpindleDrive
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool
 from pipeline.identification.cutting.spindle_load_records import (
     LoadCut,

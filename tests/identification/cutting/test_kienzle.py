@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from pipeline.cutting.force_law import ForceLaw, edge_forces
+from pipeline.cutting.force.force_law import ForceLaw, edge_forces
 from pipeline.identification.cutting.kienzle import (
     kienzle_by_force,
     kienzle_by_thickness,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.cutting.mean_force import regressors
+from pipeline.cutting.force.mean_force import regressors
 from pipeline.cutting.tool import Tool
 from pipeline.identification.cutting.conditions import Conditions
 from pipeline.identification.cutting.revolution import wave

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.force_law import ForceLaw
-from pipeline.cutting.mean_force import mean_torque
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.mean_force import mean_torque
 from pipeline.identification.cutting.spindle_power import cut_rates, specific_force
 from pipeline.identification.cutting.spindle_power_document import spindle_document
 from pipeline.identification.cutting.spindle_power_levels import levels

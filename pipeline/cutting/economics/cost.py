@@ -1,0 +1,307 @@
+"""Electricity and cost of a part: tools, time of machine and operator, energy.
+
+The spindle's drive takes (P_c + P_0(n)) / (eta eta_m) while it turns: cutting power and no-load
+losses over the efficiency from the motor's shaft to the tool, and over that of motor and inverter.
+Energy to speed the spindle up, and energy that a drive recovers, are left out: they belong to the
+changes of speed, not to the blocks.
+
+C_p = C_t + C_m with C_t = (T_p / T_l) P_t and C_m = (T_p + T_c T_p / T_l) (E_p + C_d) (Sim2023),
+where T_p / T_l is the share of tool life spent; here by block, so that each block may have its own
+tool, speed and power.  Electricity is counted by the kWh, not by the hour.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.cutting.economics.spindle_power import SpindleDrive, shaft_power
+from pipeline.cutting.economics.tool_life import not_negative
+from pipeline.cutting.tool import Tool
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Range, Ranged
+
+KW = 1e3
+KWH = 3.6e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnergyParameters(Ranged, section="energy"):
+    """Power of a machine without its spindle.
+
+    Parameters
+    ----------
+    base_load_kW : float
+        Control, hydraulics, fans, lubrication: as long as the machine is on [kW].
+    drives_kW : float
+        Feed drives while an axis moves [kW].
+    coolant_kW : float
+        Pumps while coolant is on [kW].
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    base_load_kW: Annotated[float, Range(least=0.0, most=1000.0)]
+    drives_kW: Annotated[float, Range(least=0.0, most=1000.0)] = 0.0
+    coolant_kW: Annotated[float, Range(least=0.0, most=1000.0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Energy:
+    """Electricity of each block [kWh]; arrays of shape (..., B)."""
+
+    spindle: Floats
+    drives: Floats
+    coolant: Floats
+    base: Floats
+
+    @property
+    def block(self) -> Floats:
+        """All of it for each block [kWh]; shape (..., B)."""
+        return self.spindle + self.drives + self.coolant + self.base
+
+    @property
+    def total(self) -> Floats:
+        """Of the program [kWh]; shape (...)."""
+        total: Floats = self.block.sum(axis=-1)
+        return total
+
+
+def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
+    """Electrical power that the spindle's drive takes, (P_c + P_0) / (eta eta_m) [W].
+
+    Parameters
+    ----------
+    cutting : array_like
+        P_c = F_t v_c at the tool [W].
+    no_load : array_like
+        P_0(n), no-load power of the spindle [W]; 0 where it stands.
+    drive : SpindleDrive
+        With its efficiencies eta and eta_m.
+
+    Raises
+    ------
+    ValueError
+        When a power is negative or not finite.
+
+    Examples
+    --------
+    >>> drive = SpindleDrive(
+    ...     rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0,
+    ...     efficiency=0.9, motor_efficiency=0.8,
+    ... )
+    >>> round(float(spindle_supply(900.0, 180.0, drive)), 6)
+    1500.0
+    """
+    power = shaft_power(not_negative("cutting", cutting), not_negative("no_load", no_load), drive)
+    return power / drive.motor_efficiency
+
+
+def energy(
+    parameters: EnergyParameters, *, times: ArrayLike, spindle_W: ArrayLike,
+    moving: ArrayLike = 1.0, coolant: ArrayLike = 0.0,
+) -> Energy:  # fmt: skip
+    """Electricity of each block.
+
+    Parameters
+    ----------
+    parameters : EnergyParameters
+        Of the machine.
+    times : array_like, shape (..., B)
+        Of each block [s].
+    spindle_W : array_like, shape (..., B)
+        Mean electrical power of the spindle's drive [W], see :func:`spindle_supply`.
+    moving, coolant : array_like, shape (..., B)
+        Share of the time in which axes move, in which coolant is on [1].
+
+    Raises
+    ------
+    ValueError
+        When a time or power is negative or not finite, or a share is not from 0 to 1.
+    """
+    spent, supply = not_negative("times", times), not_negative("spindle_W", spindle_W)
+    shares = not_negative("moving", moving, high=1.0), not_negative("coolant", coolant, high=1.0)
+    spent, supply, drives, pumps = np.broadcast_arrays(spent, supply, *shares)
+    kWh = spent / KWH
+    return Energy(
+        spindle=kWh * supply,
+        drives=kWh * drives * (parameters.drives_kW * KW),
+        coolant=kWh * pumps * (parameters.coolant_kW * KW),
+        base=kWh * (parameters.base_load_kW * KW),
+    )
+
+
+Amount = Annotated[float, Range(least=0.0, below=1e12)]
+"""Price or time of one item."""
+HOUR = 3600.0
+MINUTE = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostRates(Ranged, section="cost"):
+    """Prices of time and electricity.
+
+    Parameters
+    ----------
+    currency : str
+        Of all prices, those of the tool table included.
+    labour_per_h : float
+        Operator [currency / h].
+    machine_per_h : float
+        Machine, without electricity and tools [currency / h].
+    energy_per_kWh : float
+        Electricity [currency / kWh].
+    tool_change_min : float
+        To change a worn tool for a new one [min]; not the changes that the program commands, which
+        are in its time.
+
+    Raises
+    ------
+    ValueError
+        When a value is negative or no number.
+    """
+
+    currency: str
+    labour_per_h: Amount
+    machine_per_h: Amount = 0.0
+    energy_per_kWh: Amount = 0.0
+    tool_change_min: Amount = 0.0
+
+    @property
+    def per_second(self) -> float:
+        """Of machine and operator [currency / s]."""
+        return (self.labour_per_h + self.machine_per_h) / HOUR
+
+    @property
+    def tool_change(self) -> float:
+        """T_c [s]."""
+        return self.tool_change_min * MINUTE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PartCost:
+    """Cost of each block; leading axes are free, so that it holds a population.
+
+    Parameters
+    ----------
+    time : ndarray, shape (..., B)
+        Machine and operator while the program runs.
+    tool : ndarray, shape (..., B)
+        Tools worn, C_t; NaN where their life is not known.
+    change : ndarray, shape (..., B)
+        Machine and operator while worn tools are changed; NaN as ``tool``.
+    energy : ndarray, shape (..., B)
+        Electricity.
+    """
+
+    time: Floats
+    tool: Floats
+    change: Floats
+    energy: Floats
+
+    @property
+    def block(self) -> Floats:
+        """All of it for each block; NaN where the tool's life is not known.  Shape (..., B)."""
+        return self.time + self.tool + self.change + self.energy
+
+    @property
+    def total(self) -> Floats:
+        """Of the part, C_p; NaN when the life of a tool that cuts is not known.  Shape (...)."""
+        total: Floats = self.block.sum(axis=-1)
+        return total
+
+    @property
+    def machine(self) -> Floats:
+        """Of the part without its tools: time and electricity.  Shape (...)."""
+        total: Floats = (self.time + self.energy).sum(axis=-1)
+        return total
+
+    def by_tool(self, tool: ArrayLike, tools: int) -> Floats:
+        """Cost of the blocks of each tool.
+
+        Parameters
+        ----------
+        tool : array_like of int, shape (B,)
+            Index of the tool that each block is cut with.
+        tools : int
+            How many there are, K.
+
+        Returns
+        -------
+        ndarray, shape (..., K)
+
+        Raises
+        ------
+        ValueError
+            When there is not one tool for each block, or an index is none of a tool.
+        """
+        block, index = self.block, np.asarray(tool)
+        if index.shape != block.shape[-1:]:
+            raise ValueError(
+                f"tool has the shape {index.shape}, there are {block.shape[-1]} blocks: give each "
+                "the index of its tool"
+            )
+        strange = ~np.isin(index, np.arange(tools))
+        if strange.any():
+            raise ValueError(
+                f"tool {index[strange][0]} of a block is none of {tools} tools: their indices are "
+                f"0 to {tools - 1}"
+            )
+        return np.stack([block[..., index == k].sum(axis=-1) for k in range(tools)], axis=-1)
+
+
+def life_price(tool: Tool) -> float:
+    """Cost of one life of the tool, P_t: its price over its edges."""
+    return tool.price / tool.edges
+
+
+def part_cost(
+    rates: CostRates, *, times: ArrayLike, wear: ArrayLike, life_prices: ArrayLike,
+    energy_kWh: ArrayLike = 0.0,
+) -> PartCost:  # fmt: skip
+    """Cost of each block of a program.
+
+    Parameters
+    ----------
+    rates : CostRates
+        Prices of time and electricity.
+    times : array_like, shape (..., B)
+        Of each block, cut or not [s].
+    wear : array_like, shape (..., B)
+        Share of its tool's life that each takes [1], see
+        :func:`pipeline.cutting.economics.tool_life.wear`; 0 in air, NaN where the life is not
+        known.
+    life_prices : array_like, shape (B,) or ()
+        Cost of one life of each block's tool, see :func:`life_price`.
+    energy_kWh : array_like, shape (..., B)
+        Electricity that each takes [kWh].
+
+    Raises
+    ------
+    ValueError
+        When one of them is negative, infinite, or no number where that is not provided for.
+
+    Examples
+    --------
+    >>> rates = CostRates(currency="EUR", labour_per_h=36.0, tool_change_min=1.0)
+    >>> cost = part_cost(rates, times=[100.0], wear=[0.1], life_prices=20.0)
+    >>> float(cost.tool[0]), float(cost.time[0]), round(float(cost.change[0]), 3)
+    (2.0, 1.0, 0.06)
+    """
+    spent, used = not_negative("times", times), not_negative("energy_kWh", energy_kWh)
+    share, price = (
+        not_negative("wear", wear, unknown=True),
+        not_negative("life_prices", life_prices),
+    )
+    shape = np.broadcast_shapes(spent.shape, share.shape, used.shape)
+    share = np.broadcast_to(share, shape)
+    return PartCost(
+        time=np.broadcast_to(spent * rates.per_second, shape),
+        tool=share * price,
+        change=share * (rates.tool_change * rates.per_second),
+        energy=np.broadcast_to(used * rates.energy_per_kWh, shape),
+    )

@@ -1,0 +1,132 @@
+"""Workpiece materials: cutting-force coefficients and tool life, with the source of every number.
+
+Groups are those of VDI 3323, 1 to 41, with the letter of ISO 513.  A group's k_c1.1 and m_c
+(Kienzle) stand for all materials of the group, and no tolerance is given with them; coefficients
+measured with a tool go first where there are some.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.tool import Tool
+from pipeline.schema.ranges import Range, Ranged
+
+Letter = Literal["P", "M", "K", "N", "S", "H"]
+
+LETTERS: tuple[tuple[int, int, str], ...] = (
+    (1, 11, "P"), (12, 13, "PM"), (14, 14, "M"), (15, 20, "K"), (21, 30, "N"),
+    (31, 37, "S"), (38, 41, "H"),
+)  # fmt: skip
+"""First and last group of VDI 3323, and the letters of ISO 513 that they go under."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearEdge:
+    """Measured coefficients of the linear-edge model: cutting [N/mm^2], edge [N/mm]."""
+
+    K_tc: float
+    K_rc: float
+    K_ac: float = 0.0
+    K_te: float = 0.0
+    K_re: float = 0.0
+    K_ae: float = 0.0
+    source: str
+
+    def __post_init__(self) -> None:
+        if not self.source.strip():
+            raise ValueError("material.coefficients.source is empty: say who measured them")
+        self.force_law()  # refuses what is no law
+
+    def force_law(self) -> ForceLaw:
+        """In SI."""
+        return ForceLaw.linear(
+            K_tc=self.K_tc, K_rc=self.K_rc, K_ac=self.K_ac,
+            K_te=self.K_te, K_re=self.K_re, K_ae=self.K_ae,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material(Ranged, section="material"):
+    """A material of workpieces.
+
+    Parameters
+    ----------
+    name : str
+        For people.
+    group : int
+        Of VDI 3323, 1 to 41.
+    iso : {"P", "M", "K", "N", "S", "H"}
+        Of ISO 513.
+    k_c11 : float
+        Specific cutting force of a chip 1 mm thick and 1 mm wide [N/mm^2].
+    m_c : float
+        Kienzle's exponent of the chip's thickness [1].
+    radial, axial : float
+        Radial and axial force over the tangential one [1].
+    source : str
+        Of ``k_c11`` and ``m_c``.
+    ratio_source : str
+        Of ``radial`` and ``axial``, or what is assumed.
+    hardness_HB, strength_N_mm2 : float, optional
+        Brinell hardness, tensile strength [N/mm^2].
+    coefficients : LinearEdge, optional
+        Measured ones, which then are the force law.
+    taylor : dict
+        Constants of tool life by the tool's material; a life that is not there is not known.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range, or group and letter do not go together.
+    """
+
+    name: str
+    group: Annotated[int, Range(least=1, most=41)]
+    iso: Letter
+    k_c11: Annotated[float, Range(least=10.0, most=20000.0)]
+    m_c: Annotated[float, Range(least=0.0, most=0.9)]
+    radial: Annotated[float, Range(least=0.0, most=3.0)]
+    axial: Annotated[float, Range(least=-3.0, most=3.0)] = 0.0
+    source: str
+    ratio_source: str
+    hardness_HB: Annotated[float, Range(least=1.0, most=1000.0)] | None = None
+    strength_N_mm2: Annotated[float, Range(least=1.0, most=5000.0)] | None = None
+    coefficients: LinearEdge | None = None
+    taylor: dict[Literal["carbide", "hss"], Taylor] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("source", "ratio_source"):
+            if not getattr(self, name).strip():
+                raise ValueError(f"material.{name} is empty: say where the numbers come from")
+        letters = next(letter for low, high, letter in LETTERS if low <= self.group <= high)
+        if self.iso not in letters:
+            raise ValueError(
+                f"material.iso = {self.iso!r} does not go with group {self.group} of VDI 3323, "
+                f"which is {' or '.join(letters)}"
+            )
+
+    def force_law(self, *, measured: bool = True) -> ForceLaw:
+        """Force law in SI: measured coefficients where there are some, Kienzle's law otherwise.
+
+        Parameters
+        ----------
+        measured : bool
+            False takes Kienzle's law in any case.
+        """
+        if measured and self.coefficients is not None:
+            return self.coefficients.force_law()
+        return ForceLaw.kienzle(
+            k_c11=self.k_c11, m_c=self.m_c, radial=self.radial, axial=self.axial
+        )
+
+    @property
+    def force_source(self) -> str:
+        """Where the numbers of :meth:`force_law` come from."""
+        return self.source if self.coefficients is None else self.coefficients.source
+
+    def tool_life(self, tool: Tool) -> Taylor | None:
+        """Constants of the life of ``tool`` in this material; None when they are not known."""
+        return self.taylor.get(tool.material)

@@ -1,0 +1,186 @@
+"""Power and torque of a spindle drive over its speed, and the cutting force from its power.
+
+The motor gives constant torque up to its base speed and constant power from there to its top speed,
+P_rated min(1, n / n_base).  The power of the motor, here always that of its shaft, times the
+efficiency from there to the tool is the cutting power and the no-load power of the spindle, P_0(n);
+the cut's part over the cutting speed is the tangential force (Twin2026).  As printed there the
+force grows without bound as n goes to 0; here it is not determined (NaN) below a least speed.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.cutting.economics.tool_life import cutting_speed
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Finite, Positive, Range, Ranged
+
+KW = 1e3
+RPM = 1 / 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleDrive(Ranged, section="spindle_drive"):
+    """Motor and drive of a main spindle.
+
+    Parameters
+    ----------
+    rated_power_kW : float
+        At the motor's shaft, from its base speed on [kW].
+    base_speed_rpm : float
+        [rev/min].
+    top_speed_rpm : float
+        [rev/min].
+    efficiency : float
+        Mechanical, from the motor's shaft to the tool, above 0 to 1: bearings, belt, gears.
+    motor_efficiency : float
+        Electrical, from the supply to the motor's shaft, above 0 to 1: inverter and motor.  Only
+        electricity depends on it; 0.9 is usual of 10 to 20 kW near the rated power, and too much
+        for a motor that hardly works.
+    minimum_speed_rpm : float
+        Below it force is not determined by power [rev/min].
+    no_load_W : tuple of float
+        p0, p1, p2, ... of P_0 = p0 + p1 n + p2 n^2 + ... [W, W s, W s^2, ...], n in rev/s; like
+        all that the cut takes, reckoned at the tool.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range, or the speeds are out of order.
+    """
+
+    rated_power_kW: Positive
+    base_speed_rpm: Positive
+    top_speed_rpm: Positive
+    efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
+    motor_efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 0.9
+    minimum_speed_rpm: Positive = 100.0
+    no_load_W: tuple[Finite, ...] = (0.0,)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.no_load_W:
+            raise ValueError("spindle_drive.no_load_W is empty: write [0.0] where it is not known")
+        for name in ("base_speed_rpm", "minimum_speed_rpm"):
+            if getattr(self, name) > self.top_speed_rpm:
+                raise ValueError(
+                    f"spindle_drive.{name} = {getattr(self, name):g} must be at most "
+                    f"top_speed_rpm = {self.top_speed_rpm:g}"
+                )
+
+    @property
+    def rated_power(self) -> float:
+        """[W]."""
+        return self.rated_power_kW * KW
+
+    @property
+    def base_speed(self) -> float:
+        """[rev/s]."""
+        return self.base_speed_rpm * RPM
+
+    @property
+    def top_speed(self) -> float:
+        """[rev/s]."""
+        return self.top_speed_rpm * RPM
+
+    @property
+    def minimum_speed(self) -> float:
+        """[rev/s]."""
+        return self.minimum_speed_rpm * RPM
+
+
+def power_curve(n: ArrayLike, *, rated: float, base_speed: float) -> Floats:
+    """P_rated min(1, n / n_base) [W] of a rated power [W], speed and base speed [rev/s]."""
+    speed = np.abs(np.asarray(n, dtype=np.float64))
+    return rated * np.minimum(1.0, speed / base_speed)
+
+
+def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
+    """P_rated min(1, n / n_base) of the motor [W]; NaN above the top speed.
+
+    Parameters
+    ----------
+    n : array_like
+        Speed [rev/s], its sign does not count.
+    drive : SpindleDrive
+        Of the machine.
+
+    Examples
+    --------
+    >>> drive = SpindleDrive(rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0)
+    >>> (available_power([10.0, 25.0, 100.0], drive) / 1e3).round(6).tolist()
+    [4.4, 11.0, 11.0]
+    """
+    speed = np.abs(np.asarray(n, dtype=np.float64))
+    power = power_curve(speed, rated=drive.rated_power, base_speed=drive.base_speed)
+    return np.where(speed <= drive.top_speed * (1 + 1e-9), power, np.nan)
+
+
+def available_torque(n: ArrayLike, drive: SpindleDrive) -> Floats:
+    """Of the motor [N m], P_rated / (2 pi max(n, n_base)); NaN above the top speed."""
+    speed = np.abs(np.asarray(n, dtype=np.float64))
+    torque = drive.rated_power / (2 * np.pi * np.maximum(speed, drive.base_speed))
+    return np.where(speed <= drive.top_speed * (1 + 1e-9), torque, np.nan)
+
+
+def no_load_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
+    """P_0, no-load power of the turning spindle [W].
+
+    Never below 0, wherever a polynomial leads outside the speeds of its fit.
+    """
+    speed = np.abs(np.asarray(n, dtype=np.float64))
+    power = cast(Floats, np.polynomial.polynomial.polyval(speed, drive.no_load_W))
+    return np.maximum(power, 0.0)
+
+
+def cutting_power(torque: ArrayLike, n: ArrayLike) -> Floats:
+    """2 pi n T [W] of a cut's torque [N m] at a speed [rev/s]."""
+    return 2 * np.pi * np.abs(np.asarray(n)) * np.asarray(torque, dtype=np.float64)
+
+
+def shaft_power(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
+    """Power of the motor for a cut of power P_c, (P_c + P_0) / efficiency [W]."""
+    power: Floats = np.asarray(cutting, dtype=np.float64) + np.asarray(no_load, dtype=np.float64)
+    return power / drive.efficiency
+
+
+def motor_power(torque: ArrayLike, n: ArrayLike, drive: SpindleDrive) -> Floats:
+    """Power of the motor for a cut of torque T, (2 pi n T + P_0(n)) / efficiency [W]."""
+    return shaft_power(cutting_power(torque, n), no_load_power(n, drive), drive)
+
+
+def tangential_force(power: ArrayLike, n: ArrayLike, D: ArrayLike, drive: SpindleDrive) -> Floats:
+    """F_t = (P efficiency - P_0(n)) / v_c [N], the mean over all teeth.
+
+    Parameters
+    ----------
+    power : array_like
+        Of the motor [W].
+    n : array_like
+        Speed [rev/s], its sign does not count.
+    D : array_like
+        Diameter of the tool [m].
+    drive : SpindleDrive
+        Of the machine.
+
+    Returns
+    -------
+    ndarray
+        NaN below the drive's least speed; negative where less power is taken than without a cut.
+
+    Raises
+    ------
+    ValueError
+        When a diameter is not positive and finite.
+    """
+    diameter = np.asarray(D, dtype=np.float64)
+    bad = ~((diameter > 0.0) & (diameter < np.inf))
+    if bad.any():
+        raise ValueError(f"D = {diameter[bad].flat[0]} of the tool must be positive and finite")
+    speed = np.abs(np.asarray(n, dtype=np.float64))
+    known = speed >= drive.minimum_speed
+    v_c = cutting_speed(diameter, np.where(known, speed, 1.0))
+    force = np.asarray(power) * drive.efficiency - no_load_power(speed, drive)
+    return np.where(known, force / v_c, np.nan)

@@ -1,0 +1,276 @@
+"""Tool life after Taylor, spent block by block.
+
+V T^n = C with V [m/min] and T [min] (Taylor 1907); extended by the feed for each tooth, the axial
+and the radial depth, V T^n (f_z/f_0)^a (a_p/a_0)^b (a_e/e_0)^c = C.  Where speed and depths change,
+shares of life t_i / T(V_i) add up until they make one (Miner's rule, as for fatigue).  Constants
+hold for the speeds of their tests; life at a speed far from those is an extrapolation.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Range, Ranged
+
+
+def not_negative(
+    name: str, values: ArrayLike, *, high: float = np.inf, unknown: bool = False
+) -> Floats:
+    """Values as an array, after a look at their range.
+
+    Parameters
+    ----------
+    name : str
+        Name of the quantity, for messages.
+    values : array_like
+        Any shape.
+    high : float
+        Greatest value that is one; infinity itself is none.
+    unknown : bool
+        Whether NaN is allowed, for an unknown value.
+
+    Raises
+    ------
+    ValueError
+        When one is negative, infinite, above ``high`` or no number.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    good = (array >= 0.0) & (array <= high) & (array < np.inf)
+    if unknown:
+        good |= np.isnan(array)
+    if not good.all():
+        upper = "and finite" if high == np.inf else f"at most {high:g}"
+        raise ValueError(f"{name} = {array[~good].flat[0]} must be 0 or more, {upper}")
+    return array
+
+
+MINUTE = 60.0
+MM = 1e-3
+
+Condition = Literal["f_z", "a_p", "a_e"]
+NONE: Mapping[Condition, ArrayLike] = MappingProxyType({})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taylor(Ranged, section="taylor"):
+    """Constants of one pair of tool and material.
+
+    Parameters
+    ----------
+    n : float
+        Exponent of life [1]: about 0.125 for high-speed steel, 0.25 for cemented carbide.
+    C_m_min : float
+        Cutting speed for a life of one minute [m/min], at the reference values below.
+    f_z_exponent, a_p_exponent, a_e_exponent : float
+        a, b, c above [1]; 0 leaves the condition out.
+    f_z_ref_mm, a_p_ref_mm, a_e_ref_mm : float, optional
+        Feed for each tooth, axial and radial depth that C belongs to [mm]; needed with an exponent.
+    speed_range_m_min : tuple of float, optional
+        Lowest and highest cutting speed of the tests [m/min].
+    source : str
+        Where the constants come from.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range or an exponent has no reference value.
+    """
+
+    n: Annotated[float, Range(least=0.01, most=0.99)]
+    C_m_min: Annotated[float, Range(least=0.1, most=1e5)]
+    f_z_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
+    a_p_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
+    a_e_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
+    f_z_ref_mm: Annotated[float, Range(least=1e-4, most=10.0)] | None = None
+    a_p_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
+    a_e_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
+    speed_range_m_min: tuple[float, ...] = ()
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("f_z", "a_p", "a_e"):
+            if getattr(self, f"{name}_exponent") and getattr(self, f"{name}_ref_mm") is None:
+                raise ValueError(
+                    f"taylor.{name}_exponent = {getattr(self, f'{name}_exponent')} needs the value "
+                    f"that C belongs to: write {name}_ref_mm"
+                )
+        span = self.speed_range_m_min
+        if span and not (len(span) == 2 and 0.0 < span[0] < span[1]):
+            raise ValueError(
+                f"taylor.speed_range_m_min = {list(span)} must be the lowest and the highest speed"
+            )
+
+    @property
+    def C(self) -> float:
+        """Cutting speed for a life of one minute [m/s]."""
+        return self.C_m_min / MINUTE
+
+
+def cutting_speed(diameter: ArrayLike, n: ArrayLike) -> Floats:
+    """v_c = pi D n [m/s] from the diameter [m] and the spindle's speed n [rev/s].
+
+    Examples
+    --------
+    >>> round(float(cutting_speed(6e-3, 8000 / 60)) * 60, 2)  # 6 mm at 8000 rpm, in m/min
+    150.8
+    """
+    speed: Floats = np.pi * np.asarray(diameter, dtype=np.float64) * np.asarray(n)
+    return speed
+
+
+def life(
+    taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike] = NONE
+) -> Floats:
+    """Time in the cut until the tool is worn [s].
+
+    Parameters
+    ----------
+    taylor : Taylor
+        Constants.
+    v_c : array_like
+        Cutting speed [m/s], any shape; a tool that stands still does not wear, its life is
+        infinite.
+    conditions : mapping of "f_z", "a_p", "a_e" to array_like
+        Feed for each tooth, axial and radial depth [m]; one with an exponent must be there.  Where
+        one is 0 there is no chip and no wear.
+
+    Returns
+    -------
+    ndarray, shape of ``v_c`` and the conditions broadcast
+
+    Raises
+    ------
+    ValueError
+        When a speed or condition is negative or no number, or one that is needed is missing.
+
+    Examples
+    --------
+    >>> carbide = Taylor(n=0.25, C_m_min=500.0)
+    >>> float(life(carbide, 250 / 60)) / 60  # twice as slow lives 2^4 minutes
+    16.0
+    """
+    with np.errstate(divide="ignore", over="ignore"):
+        lasting: Floats = 1.0 / _wear_rate(taylor, v_c, conditions)
+    return lasting
+
+
+def wear(
+    taylor: Taylor,
+    times: ArrayLike,
+    v_c: ArrayLike,
+    conditions: Mapping[Condition, ArrayLike] = NONE,
+) -> Floats:
+    """Share of a tool's life that each block takes, t_i / T(V_i) [1].
+
+    Parameters
+    ----------
+    taylor : Taylor
+        Constants.
+    times : array_like, shape (..., B)
+        In the cut [s].
+    v_c : array_like, shape (..., B)
+        Cutting speed [m/s].
+    conditions : mapping
+        As of :func:`life`.
+
+    Returns
+    -------
+    ndarray, shape (..., B)
+
+    Raises
+    ------
+    ValueError
+        As :func:`life`, and when a time is negative or no number.
+    """
+    spent = not_negative("times", times)
+    with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time
+        share: Floats = np.where(spent > 0.0, spent * _wear_rate(taylor, v_c, conditions), 0.0)
+    return share
+
+
+def damage(
+    taylor: Taylor,
+    times: ArrayLike,
+    v_c: ArrayLike,
+    conditions: Mapping[Condition, ArrayLike] = NONE,
+) -> Floats:
+    """Share of a tool's life that all blocks take, the sum of :func:`wear` [1]; shape (...)."""
+    total: Floats = wear(taylor, times, v_c, conditions).sum(axis=-1)
+    return total
+
+
+def speed_for_life(taylor: Taylor, lasting: ArrayLike) -> Floats:
+    """Cutting speed [m/s] at which a tool lasts ``lasting`` [s], at the reference conditions."""
+    with np.errstate(divide="ignore"):  # without end for a tool that need not last
+        speed: Floats = taylor.C * (not_negative("lasting", lasting) / MINUTE) ** -taylor.n
+    return speed
+
+
+def maximum_rate_speed(taylor: Taylor, change_time: float) -> float:
+    """Cutting speed that makes the most parts in an hour [m/s].
+
+    The tool then lasts (1/n - 1) T_c (Gilbert 1950), with the time T_c of a change of a worn tool
+    [s].  Without a change time there is none: the faster the better, infinity.
+    """
+    return minimum_cost_speed(taylor, change_time, 0.0, 1.0)
+
+
+def minimum_cost_speed(taylor: Taylor, change_time: float, life_price: float, rate: float) -> float:
+    """Cutting speed that makes the cheapest part [m/s].
+
+    The tool then lasts (1/n - 1) (T_c + P_t / r) (Gilbert 1950).
+
+    Parameters
+    ----------
+    taylor : Taylor
+        Constants.
+    change_time : float
+        T_c, to change a worn tool [s].
+    life_price : float
+        P_t, cost of one life of a tool.
+    rate : float
+        r, cost of machine and operator [1/s].
+
+    Returns
+    -------
+    float
+        Infinity when a new edge takes neither time nor money.
+
+    Raises
+    ------
+    ValueError
+        When time or price is negative, the rate is not positive, or one of them is not finite.
+
+    Examples
+    --------
+    >>> carbide = Taylor(n=0.25, C_m_min=500.0)
+    >>> round(minimum_cost_speed(carbide, 120.0, 0.0, 1.0) * 60, 1)  # lasts 3 times 2 minutes
+    319.5
+    """
+    if not 0.0 < rate < np.inf:
+        raise ValueError(
+            f"rate = {rate:g} must be positive and finite: time that costs nothing has no optimum"
+        )
+    lost = float(not_negative("change_time", change_time))
+    lost += float(not_negative("life_price", life_price)) / rate
+    return float(speed_for_life(taylor, (1.0 / taylor.n - 1.0) * lost))
+
+
+def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike]) -> Floats:
+    """1 / T [1/s], see :func:`life`."""
+    load = not_negative("v_c", v_c) / taylor.C
+    for name in ("f_z", "a_p", "a_e"):
+        exponent, reference = (getattr(taylor, f"{name}_{end}") for end in ("exponent", "ref_mm"))
+        if not exponent:
+            continue
+        if name not in conditions:
+            raise ValueError(f"tool life depends on {name} here: give it, in metres")
+        load = load * (not_negative(name, conditions[name]) / (reference * MM)) ** exponent
+    rate: Floats = load ** (1.0 / taylor.n) / MINUTE
+    return rate

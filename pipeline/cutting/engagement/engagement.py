@@ -1,0 +1,339 @@
+"""Tool engagement: where along its path the tool is in the material, and with which part of it.
+
+Angles are those of milling (Altintas 2012, fig. 2.20): phi = 0 where a tooth stands a quarter
+turn before the direction of feed and moves into it, so that the chip of a tooth is f_z sin(phi)
+thick, phi = 0 is where up-milling begins and phi = pi where down-milling ends.  Seen along the
+direction of feed with a spindle that turns clockwise (M3), phi = 0 is to the left and phi grows
+clockwise; for M4 left and right change places.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.engagement.height_map import HeightMap
+from pipeline.cutting.engagement.sweep_workspace import (
+    STEPS,
+    Grid,
+    StationColumns,
+    station_accumulator,
+    station_buffer,
+    sweep_counts,
+    tool_profiles,
+)
+from pipeline.cutting.tool import Tool
+from pipeline.schema.arrays import Bools, Floats, Ints
+
+Singles = NDArray[np.float32]
+Indices = NDArray[np.int32]
+
+_ROWS = 64 * STEPS
+"""Stations that the buffer of the compiled sweep holds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToolPath:
+    """Q straight pieces, in the order in which they are cut; the tool's axis is parallel to z.
+
+    Arcs come as chords.  The same pieces hold whatever F and S are.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (Q, 3)
+        Of the tool's tip [m].
+    block : ndarray of int32, shape (Q,)
+        Which block of the program each belongs to, never falling.
+    tool : ndarray of int32, shape (Q,)
+        Index into the tools that go with the path.
+    feed : ndarray of bool, shape (Q,)
+        Whether it moves at feed; False for rapids.
+    direction : ndarray of int8, shape (Q,)
+        Of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4), 0 when it stands.
+    """
+
+    start: Floats
+    end: Floats
+    block: Indices
+    tool: Indices
+    feed: Bools
+    direction: NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            if len(getattr(self, item.name)) != len(self.start):
+                raise ValueError(
+                    f"tool path: {item.name} has {len(getattr(self, item.name))} rows, start has "
+                    f"{len(self.start)}: each piece has one"
+                )
+        if not (np.isfinite(self.start).all() and np.isfinite(self.end).all()):
+            raise ValueError("tool path: a position is not finite")
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @property
+    def length(self) -> Floats:
+        """Of each piece [m]; shape (Q,)."""
+        length: Floats = np.linalg.norm(self.end - self.start, axis=1)
+        return length
+
+
+def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
+    """Entry and exit angle of the longest engaged arc.
+
+    Parameters
+    ----------
+    depth : ndarray, shape (N, F)
+        Height engaged at angles (k + 1/2) 2 pi / F, mean over the angle's width [m].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Entry phi_st, 0 to 2 pi [rad]; NaN where nothing is engaged.
+    ndarray, shape (N,)
+        Exit phi_ex, above the entry by at most 2 pi [rad].
+
+    Notes
+    -----
+    The first and the last angle of an arc are engaged in part: by as much of their width, seen
+    along the feed, as their depth is of their neighbour's.
+
+    Examples
+    --------
+    >>> begin, end = engaged_arc(np.array([[2.0, 2.0, 1.0, 0, 0, 0, 0, 0]]))
+    >>> np.degrees(end - begin).round(2)
+    array([110.7])
+    """
+    many, bins = depth.shape
+    on = depth > 0
+    # longest run of engaged angles, over two turns so that it may pass phi = 0
+    run, longest, last = (np.zeros(many, np.int64) for _ in range(3))
+    for k in range(2 * bins):
+        run = np.where(on[:, k % bins], run + 1, 0)
+        better = np.minimum(run, bins) > longest
+        longest[better], last[better] = run[better], k
+    # its ends within the first and the last angle
+    row, first = np.arange(many), last - longest + 1
+    inner = longest > 1
+    begin = _within(first % bins, _missing(depth, row, first, first + inner), bins)
+    end = _within(last % bins, 1 - _missing(depth, row, last, last - inner), bins)
+    end += np.where(end < begin, 2 * np.pi, 0.0)
+    none, full = longest == 0, longest == bins
+    entry = np.where(none, np.nan, np.where(full, 0.0, begin))
+    return entry, np.where(none, np.nan, np.where(full, 2 * np.pi, end))
+
+
+def _within(at: Ints, share: Floats, bins: int) -> Floats:
+    """Angle within the width of angle ``at`` with a share of it, seen along the feed, before it."""
+    width = 2 * np.pi / bins
+    begin, end = np.cos(at * width), np.cos((at + 1) * width)
+    front = np.arccos(np.clip(begin + share * (end - begin), -1, 1))
+    angle: Floats = np.where(at * width < np.pi, front, 2 * np.pi - front)
+    return angle
+
+
+def _missing(depth: NDArray[np.floating], row: Ints, at: Ints, beside: Ints) -> Floats:
+    """Part of an angle's width that is not engaged [1]."""
+    bins = depth.shape[1]
+    here, there = depth[row, at % bins], depth[row, beside % bins]
+    share = np.divide(here, there, out=np.ones(len(row)), where=there > 0)
+    missing: Floats = 1 - np.minimum(share, 1.0)
+    return missing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Engagement:
+    """N stations along a tool path, each with the part of the tool that is in the material there.
+
+    A station stands for a stretch of a piece over which the engagement is the same within the
+    resolution: its limits move by less than a cell, its depth by less than 5 %.  Pieces without
+    material have no station.  At an angle that is engaged only in part, or over part of the
+    stretch, ``upper - lower`` is the mean; it is the height engaged altogether where material lies
+    in several layers.
+
+    The angles are counted from the direction of feed; a plunge has none and takes +x.  In a plunge
+    the sides of a tool cut nothing, only its end is given: a flat end, which has no height, as
+    thick as the map resolves.  Material that a flat end presses down in a ramp is in ``volume``
+    alone.
+
+    Engagement over less than a cell across the feed is right on the average of a stretch of several
+    cells; a block shorter than that may by chance have no station.
+
+    Parameters
+    ----------
+    piece, block, tool : ndarray of int32, shape (N,)
+        Piece of the path, block of the program, index of the tool.
+    along : ndarray, shape (N,)
+        Where on its piece the station begins [m].
+    length : ndarray, shape (N,)
+        Of the stretch that it stands for [m].
+    lower, upper : ndarray of float32, shape (N, F)
+        Part of the tool's envelope in the material at each of F angles, as heights above the tip
+        [m]; nothing where ``upper <= lower``.  Angle k is (k + 1/2) 2 pi / F.
+    volume : ndarray, shape (N,)
+        Material removed [m^3].
+    slope : ndarray, shape (N,)
+        dz / ds of the motion: -1 straight down (a plunge), 0 in the plane.
+    feed : ndarray of bool, shape (N,)
+        False where a rapid went through material.
+    blocks : int
+        Blocks of the program, B; those without a station cut air.
+    resolution : float
+        Of the height map [m].
+    """
+
+    piece: Indices
+    block: Indices
+    tool: Indices
+    along: Floats
+    length: Floats
+    lower: Singles
+    upper: Singles
+    volume: Floats
+    slope: Floats
+    feed: Bools
+    blocks: int
+    resolution: float
+
+    def __len__(self) -> int:
+        return len(self.piece)
+
+    @property
+    def angles(self) -> Floats:
+        """Where ``lower`` and ``upper`` are given [rad]; shape (F,)."""
+        many = self.upper.shape[1]
+        return (np.arange(many) + 0.5) * (2 * np.pi / many)
+
+    @property
+    def axial_depth(self) -> Floats:
+        """a_p: greatest height in the material above the tip [m]; shape (N,)."""
+        depth: Floats = np.where(self.upper > self.lower, self.upper, 0.0).max(axis=1, initial=0.0)
+        return depth.astype(np.float64)
+
+    @property
+    def plunge(self) -> Bools:
+        """Whether the tool goes straight down or up; shape (N,)."""
+        return np.asarray(np.abs(self.slope) > 1 - 1e-9)
+
+    @property
+    def entry(self) -> Floats:
+        """phi_st: where the longest engaged arc begins [rad], NaN without one; shape (N,)."""
+        return engaged_arc(self.upper - self.lower)[0]
+
+    @property
+    def exit(self) -> Floats:
+        """phi_ex: where the longest engaged arc ends [rad], above ``entry``; shape (N,)."""
+        return engaged_arc(self.upper - self.lower)[1]
+
+    def radial_depth(self, tools: Sequence[Tool]) -> Floats:
+        """a_e: width across the feed of the longest engaged arc, at full diameter [m]; shape (N,).
+
+        D (cos phi_st - cos phi_ex) / 2; 0 without an arc.
+        """
+        radius = np.array([tool.radius for tool in tools])[self.tool]
+        begin, end = engaged_arc(self.upper - self.lower)
+        # what is engaged behind the tool is as wide as the tool
+        width = np.cos(begin) - np.cos(np.minimum(end, np.pi))
+        return np.nan_to_num(radius * width)
+
+    @property
+    def block_volume(self) -> Floats:
+        """Material that each block removes [m^3]; shape (B,)."""
+        volume: Floats = np.bincount(self.block, self.volume, self.blocks).astype(float)
+        return volume
+
+    def block_air(self, path: ToolPath) -> Floats:
+        """Path length of each block at feed without material [m]; shape (B,)."""
+        whole = np.bincount(path.block, path.length * path.feed, self.blocks)
+        cut = np.bincount(self.block, self.length * self.feed, self.blocks)
+        # lengths are added in another order
+        return np.maximum(whole - cut, 0.0)
+
+
+def engage(
+    path: ToolPath, tools: Sequence[Tool], stock: HeightMap, *, bins: int = 72
+) -> tuple[Engagement, HeightMap]:
+    """Engagement along a path, and the stock that it leaves.
+
+    Parameters
+    ----------
+    path : ToolPath
+        In the stock's frame.
+    tools : sequence of Tool
+        Those that ``path.tool`` counts.
+    stock : HeightMap
+        Stock before the path; it is not changed.
+    bins : int
+        Angles F at which the engagement is given: even, 8 to 720.
+
+    Returns
+    -------
+    Engagement
+    HeightMap
+        The stock that is left.
+
+    Raises
+    ------
+    ValueError
+        When ``bins`` is out of its range or the path names a tool that is not there.
+    """
+    if bins % 2 or not 8 <= bins <= 720:
+        raise ValueError(f"engagement: bins = {bins} must be even and from 8 to 720")
+    if len(path) and not (path.tool.min() >= 0 and path.tool.max() < len(tools)):
+        wrong = path.tool[(path.tool < 0) | (path.tool >= len(tools))][0]
+        raise ValueError(f"engagement: the path names tool {wrong} of {len(tools)} that there are")
+    columns, left = _sweep(path, tools, stock, bins)
+    piece, rise = columns.piece, path.end[:, 2] - path.start[:, 2]
+    engagement = Engagement(
+        piece=piece,
+        block=path.block[piece],
+        tool=path.tool[piece],
+        along=columns.along,
+        length=columns.length,
+        lower=columns.lower,
+        upper=columns.upper,
+        volume=columns.volume,
+        slope=rise[piece] / path.length[piece],
+        feed=path.feed[piece],
+        blocks=int(path.block[-1]) + 1 if len(path) else 0,
+        resolution=stock.cell,
+    )
+    return engagement, left
+
+
+def _sweep(
+    path: ToolPath, tools: Sequence[Tool], stock: HeightMap, bins: int
+) -> tuple[StationColumns, HeightMap]:
+    """Stations of a path at ``bins`` angles, and the stock that it leaves."""
+    from pipeline.cutting.engagement.sweep_stations import PIECE, SCALARS, STATE, sweep_path
+
+    grid, profiles, counts = _grid_of(stock, tools), tool_profiles(tools), sweep_counts(bins)
+    station, out = station_accumulator(bins, SCALARS), station_buffer(_ROWS, bins)
+    state = np.zeros(STATE, np.int64)
+    # one layout, one compiled kernel
+    start, end = (np.ascontiguousarray(ends, np.float64) for ends in (path.start, path.end))
+    tool = np.ascontiguousarray(path.tool, np.int32)
+    direction = np.ascontiguousarray(path.direction, np.int8)
+    parts = []
+    while True:
+        many = sweep_path(
+            start, end, tool, direction, profiles, grid, counts, station, out, state, bins,
+        )  # fmt: skip
+        parts.append([column[:many].copy() for column in out])
+        if state[PIECE] == len(path):
+            break
+    whole = [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+    return StationColumns(*whole), replace(stock, heights=grid.heights)
+
+
+def _grid_of(stock: HeightMap, tools: Sequence[Tool]) -> Grid:
+    """Copy of the map, to be cut by the tools."""
+    heights = stock.heights.copy()
+    floor = float(np.float32(stock.floor))
+    widest = max((tool.diameter for tool in tools), default=0.0)
+    margin = int(2 * widest / stock.cell) + 4
+    x_shifts, y_shifts = stock.shifts(margin)
+    top = float(heights.max(initial=floor))
+    return Grid(heights, x_shifts, y_shifts, stock.x0, stock.y0, stock.cell, floor, top, margin)

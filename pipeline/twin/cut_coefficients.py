@@ -1,0 +1,134 @@
+"""Cutting coefficients of each tool of a cut: identified, measured elsewhere, or of a catalogue."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.tool import Tool
+
+CATALOGUE = "catalogue values of k_c1.1 scatter by 20 to 30 %"
+COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
+ALIKE = 0.01
+"""Relative difference of diameters up to which tools count as alike [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolCoefficients:
+    """Force law of one tool with its source and a caution.
+
+    ``kind`` is "identified", "measured" (by others, with another tool) or "catalogue".
+    """
+
+    law: ForceLaw
+    kind: str
+    source: str
+    caution: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifiedCoefficients:
+    """Force law of a cutting.json, with material and tool (keys of :class:`Tool`) of its fit."""
+
+    law: ForceLaw
+    material: str
+    tool: Mapping[str, Any]
+
+
+def identified_coefficients(document: Mapping[str, Any]) -> IdentifiedCoefficients | None:
+    """The law of a cutting.json; None where the tangential coefficient was not determined.
+
+    A coefficient that the records do not determine counts as none.
+    """
+    section = document.get("parameters")
+    parameters = section if isinstance(section, dict) else {}
+    values = {name: _value(parameters.get(name)) for name in COEFFICIENTS}
+    tool = document.get("tool")
+    if values["K_tc"] is None:
+        return None
+    return IdentifiedCoefficients(
+        law=ForceLaw.linear(**{name: value or 0.0 for name, value in values.items()}),
+        material=str(document.get("material", "")),
+        tool=tool if isinstance(tool, dict) else {},
+    )
+
+
+def _value(parameter: Any) -> float | None:
+    value = parameter.get("value") if isinstance(parameter, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if parameter.get("determined", True) else None
+
+
+def identified_no_load(document: Mapping[str, Any]) -> tuple[float, ...] | None:
+    """Coefficients of the spindle's no-load power P_0(n) in a cutting.json [W, W s, W s^2].
+
+    None where one has no value.
+    """
+    spindle = document.get("spindle")
+    idle = spindle.get("no_load") if isinstance(spindle, dict) else None
+    listed = idle.get("coefficients") if isinstance(idle, dict) else None
+    if not isinstance(listed, dict) or not listed:
+        return None
+    values = []
+    for name in sorted(listed):
+        value = listed[name].get("value") if isinstance(listed[name], dict) else None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        values.append(float(value))
+    return tuple(values)
+
+
+def tool_coefficients(
+    tools: Mapping[int, Tool],
+    name: str,
+    material: Material,
+    identified: IdentifiedCoefficients | None,
+) -> dict[int, ToolCoefficients]:
+    """Force law of each tool in a material.
+
+    Parameters
+    ----------
+    tools : mapping of int to Tool
+        By number.
+    name : str
+        Of the material in conf/material/, which an identified law names.
+    material : Material
+        Its constants.
+    identified : IdentifiedCoefficients, optional
+        Of the machine; holds for tools of its kind, diameter and flutes in its material.
+    """
+    other = _of_material(material)
+    if identified is None or identified.material not in (name, material.name):
+        return dict.fromkeys(tools, other)
+    own = ToolCoefficients(
+        law=identified.law, kind="identified", source="identified on this machine"
+    )
+    return {
+        number: own if _is_like(tool, identified.tool) else other for number, tool in tools.items()
+    }
+
+
+def _of_material(material: Material) -> ToolCoefficients:
+    if material.coefficients is None:
+        return ToolCoefficients(
+            law=material.force_law(), kind="catalogue", source=material.force_source,
+            caution=CATALOGUE,
+        )  # fmt: skip
+    return ToolCoefficients(
+        law=material.force_law(), kind="measured", source=material.force_source,
+        caution="measured elsewhere with another tool",
+    )  # fmt: skip
+
+
+def _is_like(tool: Tool, recorded: Mapping[str, Any]) -> bool:
+    diameter = recorded.get("diameter_mm")
+    near = not isinstance(diameter, int | float) or (
+        abs(diameter - tool.diameter_mm) <= ALIKE * tool.diameter_mm
+    )
+    return (
+        recorded.get("kind", tool.kind) == tool.kind
+        and recorded.get("flutes", tool.flutes) == tool.flutes
+        and near
+    )

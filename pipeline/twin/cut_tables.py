@@ -1,0 +1,253 @@
+"""Tables of a cut: block by block, tool by tool, as a whole, and over the program's time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.economics.cost import Energy, PartCost
+from pipeline.machine.spindle import CUTTING
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import CutBlocks, StationArcs
+from pipeline.twin.cut_cost import Life
+from pipeline.twin.cut_limits import CutLimits
+
+MM, UM, CM3, KW = 1e3, 1e6, 1e6, 1e-3
+CM3_MIN = CM3 * 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutResults:
+    """Blocks, limits, tool life, electricity and cost of a cut; None where not known."""
+
+    cut: Cut
+    blocks: CutBlocks
+    limits: CutLimits
+    life: Life
+    energy: Energy | None
+    cost: PartCost | None
+
+
+def figure(value: float, digits: int = 6) -> float | None:
+    """Finite number rounded to so many digits; None for one that is not known."""
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+
+
+def by_tool(found: CutResults) -> list[dict[str, Any]]:
+    """Each tool that cuts, in the order of the program."""
+    cut, blocks = found.cut, found.blocks
+    order = dict.fromkeys(blocks.tool.tolist())
+    number = cut.plan.path.moves.tool
+    return [
+        {
+            "tool": cut.numbers[tool],
+            "name": cut.tools[tool].name,
+            **_values(found, blocks.tool == tool, number == cut.numbers[tool]),
+        }
+        for tool in order
+    ]
+
+
+def summary(found: CutResults) -> dict[str, Any]:
+    """The part as a whole; rows without a tool that cuts count too."""
+    every = np.ones(len(found.blocks), dtype=bool)
+    rows = np.ones(found.cut.engagement.blocks, dtype=bool)
+    worst = int(np.argmax(found.blocks.peak)) if len(found.blocks) else 0
+    line = int(found.blocks.line[worst]) if len(found.blocks) else None
+    return {
+        **_values(found, every, rows),
+        "peak_line": line,
+        "blank_cm3": figure(found.cut.blank.volume * CM3),
+        "left_cm3": figure(found.cut.left.volume * CM3),
+    }
+
+
+def _values(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
+    """Worst values of the blocks ``mine`` (K,) and sums over the ``rows`` (M,)."""
+    b, limits, plan = found.blocks, found.limits, found.cut.plan
+    turning = b.spindle_speed > 0
+    fed = rows & np.isin(plan.path.moves.kind, CUTTING)
+    at_feed, inside = float(plan.motion.time[fed].sum()), float(b.seconds[mine].sum())
+    volume = float(b.volume[mine].sum())
+
+    def most(values: Floats, factor: float = 1.0, of: Callable[..., Any] = np.max) -> float | None:
+        known = values[mine & ~np.isnan(values)]
+        return figure(factor * float(of(known))) if len(known) else None
+
+    return {
+        "blocks": int(mine.sum()),
+        "time_s": figure(float(plan.time[rows].sum())),
+        "at_feed_s": figure(at_feed),
+        "in_material_s": figure(inside),
+        "air_share": figure(max(0.0, 1 - inside / at_feed)) if at_feed > 0 else None,
+        "feed_per_tooth_mm": most(_turning(b, b.feed_per_tooth), MM),
+        "chip_thickness_mm": most(_turning(b, b.thickness), MM),
+        "axial_depth_mm": most(b.axial_depth, MM),
+        "radial_depth_mm": most(b.radial_depth, MM),
+        "peak_load_N": most(_turning(b, b.peak)),
+        "mean_load_N": _mean(b.mean[mine & turning], b.seconds[mine & turning]),
+        "axial_force_N": most(_turning(b, b.axial)),
+        "torque_Nm": most(_turning(b, b.torque)),
+        "peak_torque_Nm": most(_turning(b, b.peak_torque)),
+        "power_kW": most(_turning(b, b.power), KW),
+        "drive_share": most(limits.drive),
+        "deflection_um": most(limits.deflection, UM),
+        "stability_margin": most(limits.margin, of=np.min),
+        "volume_cm3": figure(volume * CM3),
+        "removal_rate_cm3_min": figure(volume * CM3_MIN / inside) if inside > 0 else None,
+        "highest_removal_rate_cm3_min": most(b.rate, CM3_MIN),
+        "tool_life_share": figure(float(found.life.wear[rows].sum())),
+        "energy_kWh": None if found.energy is None else figure(_sum(found.energy.block, rows)),
+        "cost": None if found.cost is None else _cost(found.cost, rows, found.energy is not None),
+    }
+
+
+def _turning(blocks: CutBlocks, values: Floats) -> Floats:
+    """NaN where the spindle stands: without turning there is no chip."""
+    return np.where(blocks.spindle_speed > 0, values, np.nan)
+
+
+def _mean(values: Floats, seconds: Floats) -> float | None:
+    total = float(seconds.sum())
+    return figure(float(values @ seconds) / total) if total > 0 else None
+
+
+def _sum(values: Floats, rows: Bools) -> float:
+    return float(values[rows].sum())
+
+
+def _cost(cost: PartCost, rows: Bools, energy: bool) -> dict[str, float | None]:
+    """Time, tools with their changes, energy, and the sum of what is known."""
+    tools = figure(_sum(cost.tool + cost.change, rows))
+    parts = {
+        "time": figure(_sum(cost.time, rows)),
+        "tools": tools,
+        "energy": figure(_sum(cost.energy, rows)) if energy else None,
+    }
+    known = [_sum(cost.time, rows), _sum(cost.energy, rows)]
+    whole = None if tools is None else figure(sum(known) + _sum(cost.tool + cost.change, rows))
+    return {**parts, "sum": whole}
+
+
+def block_rows(found: CutResults) -> list[dict[str, Any]]:
+    """Every block that cuts, in the order of the program."""
+    b, limits, cut = found.blocks, found.limits, found.cut
+    columns: dict[str, list[Any]] = {
+        "line": b.line.tolist(),
+        "row": b.row.tolist(),
+        "tool": [cut.numbers[tool] for tool in b.tool.tolist()],
+        "binds": [str(word) or None for word in limits.binds.tolist()],
+    }
+    wear = found.life.wear[b.row]
+    for name, values in (
+        ("used", limits.used),
+        ("speed_rpm", b.spindle_speed),
+        ("reached_feed_mm_min", b.feed),
+        ("feed_per_tooth_mm", _turning(b, b.feed_per_tooth) * MM),
+        ("chip_thickness_mm", _turning(b, b.thickness) * MM),
+        ("axial_depth_mm", b.axial_depth * MM),
+        ("radial_depth_mm", b.radial_depth * MM),
+        ("entry_deg", np.degrees(b.entry)),
+        ("exit_deg", np.degrees(b.exit)),
+        ("peak_load_N", _turning(b, b.peak)),
+        ("mean_load_N", _turning(b, b.mean)),
+        ("axial_force_N", _turning(b, b.axial)),
+        ("torque_Nm", _turning(b, b.torque)),
+        ("peak_torque_Nm", _turning(b, b.peak_torque)),
+        ("power_kW", _turning(b, b.power) * KW),
+        ("drive_share", limits.drive),
+        ("deflection_um", limits.deflection * UM),
+        ("stability_margin", limits.margin),
+        ("in_material_s", b.seconds),
+        ("volume_cm3", b.volume * CM3),
+        ("removal_rate_cm3_min", b.rate * CM3_MIN),
+        ("tool_life_share", wear),
+        ("energy_kWh", np.nan if found.energy is None else found.energy.block[b.row]),
+        ("cost", np.nan if found.cost is None else found.cost.block[b.row]),
+    ):
+        spread = np.broadcast_to(values, len(b)).tolist()
+        columns[name] = [figure(value) for value in spread]
+    return [
+        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
+    ]
+
+
+COLUMNS = 900
+"""Columns of equal time; about as many as a page has pixels."""
+
+
+def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> dict[str, Any]:
+    """Lowest and highest load, depths and arc in each column of time.
+
+    A station counts in every column that it lies in, so that neither a short peak nor a long
+    stretch is lost.
+
+    Returns
+    -------
+    dict
+        ``total_s``; ``load_N``, ``axial_depth_mm``, ``radial_depth_mm``, each with ``_low`` and
+        ``_high``; ``entry_deg``, ``exit_deg``: lists of ``columns`` values, None in air; ``tools``:
+        [number, start, end] as shares of the time.
+    """
+    plan, engagement = cut.plan, cut.engagement
+    total = plan.total
+    # time at which each station begins, by its share of its row's path
+    begin = np.concatenate([[0.0], np.cumsum(plan.time)])[:-1]
+    pieces = cut.path.pieces
+    before = np.cumsum(pieces.length) - pieces.length
+    first = np.searchsorted(pieces.block, np.arange(engagement.blocks))
+    gone = before - before[np.minimum(first, len(pieces) - 1)][pieces.block]
+    whole = np.bincount(pieces.block, pieces.length, minlength=engagement.blocks)
+    share = (gone[engagement.piece] + engagement.along) / np.maximum(whole[engagement.block], 1e-12)
+    start = begin[engagement.block] + share * plan.motion.time[engagement.block]
+    # columns of time that each station lies in
+    scale = columns / max(total, 1e-12)
+    low = np.clip((start * scale).astype(np.intp), 0, columns - 1)
+    high = np.clip(((start + cut.in_material) * scale).astype(np.intp), low, columns - 1)
+    kept = engagement.feed
+    place = _spread(low[kept], high[kept])
+    document: dict[str, Any] = {"total_s": round(total, 3)}
+    for name, values in (
+        ("load_N", cut.station_loads.peak),
+        ("axial_depth_mm", engagement.axial_depth * 1e3),
+        ("radial_depth_mm", arcs.radial * 1e3),
+    ):
+        many = values[kept][place[0]]
+        document[f"{name}_low"] = _column(np.minimum, many, place[1], columns)
+        document[f"{name}_high"] = _column(np.maximum, many, place[1], columns)
+    for name, function, values in (
+        ("entry_deg", np.minimum, arcs.entry),
+        ("exit_deg", np.maximum, arcs.exit),
+    ):
+        many = np.degrees(values[kept][place[0]])
+        document[name] = _column(function, many, place[1], columns)
+    return document | {"tools": _tools(cut, begin, total)}
+
+
+def _spread(low: NDArray[np.intp], high: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
+    """Each station once for every column that it lies in: station, column."""
+    count = high - low + 1
+    station = np.repeat(np.arange(len(low)), count)
+    inside = np.arange(len(station)) - np.repeat(np.cumsum(count) - count, count)
+    return station, low[station] + inside
+
+
+def _column(
+    function: np.ufunc, values: Floats, place: NDArray[np.intp], columns: int
+) -> list[float | None]:
+    out = np.full(columns, np.inf if function is np.minimum else -np.inf)
+    function.at(out, place, values)
+    return [float(f"{v:.4g}") if np.isfinite(v) else None for v in out.tolist()]
+
+
+def _tools(cut: Cut, begin: Floats, total: float) -> list[list[float]]:
+    tool = cut.plan.path.moves.tool
+    edges = np.flatnonzero(np.diff(tool, prepend=tool[0] - 1 if len(tool) else 0))
+    ends = [*(begin[edges[1:]] / total).tolist(), 1.0]
+    return [
+        [int(tool[row]), round(float(begin[row] / total), 5), round(end, 5)]
+        for row, end in zip(edges.tolist(), ends, strict=True) if tool[row] >= 0
+    ]  # fmt: skip

@@ -1,0 +1,169 @@
+"""Electricity and cost of a part, block by block."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.cutting.economics.cost import (
+    CostRates,
+    EnergyParameters,
+    energy,
+    life_price,
+    part_cost,
+    spindle_supply,
+)
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.tool import Tool
+
+MILL = EnergyParameters(base_load_kW=1.2, drives_kW=0.6, coolant_kW=1.5)
+
+
+def test_an_hour_of_everything_takes_the_sum_of_its_powers() -> None:
+    found = energy(MILL, times=[1800.0, 1800.0], spindle_W=[3000.0, 5000.0], coolant=1.0)
+    assert float(found.spindle.sum()) == pytest.approx(4.0)
+    assert float(found.total) == pytest.approx(4.0 + 1.2 + 0.6 + 1.5)
+
+
+def test_a_machine_that_waits_takes_its_base_load() -> None:
+    found = energy(MILL, times=[3600.0], spindle_W=0.0, moving=0.0)
+    assert float(found.total) == pytest.approx(1.2)
+
+
+def drive(efficiency: float, motor_efficiency: float) -> SpindleDrive:
+    return SpindleDrive(
+        rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0, efficiency=efficiency,
+        motor_efficiency=motor_efficiency,
+    )  # fmt: skip
+
+
+@given(st.floats(0.0, 1e4), st.floats(0.0, 1e3), st.floats(0.3, 1.0), st.floats(0.3, 1.0))
+def test_power_in_is_power_out_and_losses(
+    cutting: float, no_load: float, eta: float, motor: float
+) -> None:
+    """Losses of the motor from the supply, then those of the way to the tool from its shaft."""
+    supply = float(spindle_supply(cutting, no_load, drive(eta, motor)))
+    shaft = supply - (1 - motor) * supply
+    losses = (1 - motor) * supply + (1 - eta) * shaft
+    assert supply == pytest.approx(cutting + no_load + losses, rel=1e-12, abs=1e-12)
+
+
+def test_a_motor_that_nobody_measured_is_taken_for_a_usual_one() -> None:
+    usual = SpindleDrive(rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0)
+    assert float(spindle_supply(900.0, 0.0, usual)) == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize("bad", [-100.0, np.nan, np.inf])
+def test_powers_that_are_none_are_refused(bad: float) -> None:
+    for name, pair in (("cutting", (bad, 1.0)), ("no_load", (1.0, bad))):
+        with pytest.raises(ValueError, match=f"{name} = {bad} must be 0 or more, and finite"):
+            spindle_supply(*pair, drive(0.9, 0.9))
+
+
+def test_a_population_is_each_of_its_members() -> None:
+    random = np.random.default_rng(2)
+    times, power = random.uniform(0, 9, (4, 12)), random.uniform(0, 8000, (4, 12))
+    moving = random.uniform(0, 1, 12)
+    together = energy(MILL, times=times, spindle_W=power, moving=moving)
+    assert together.block.shape == (4, 12)
+    for row in range(4):
+        one = energy(MILL, times=times[row], spindle_W=power[row], moving=moving)
+        np.testing.assert_allclose(together.block[row], one.block, rtol=1e-14)
+
+
+def test_what_is_no_power_or_share_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"energy\.base_load_kW = -1\.0 must lie from 0 to 1000"):
+        EnergyParameters(base_load_kW=-1.0)
+    with pytest.raises(ValueError, match=r"moving = 1\.5 must be 0 or more, at most 1"):
+        energy(MILL, times=[1.0], spindle_W=0.0, moving=1.5)
+    with pytest.raises(ValueError, match="spindle_W = nan"):
+        energy(MILL, times=[1.0], spindle_W=np.nan)
+    with pytest.raises(ValueError, match="times = inf must be 0 or more, and finite"):
+        energy(MILL, times=[np.inf], spindle_W=0.0)
+
+
+RATES = CostRates(
+    currency="KRW", labour_per_h=9160.0, machine_per_h=3000.0, energy_per_kWh=105.0,
+    tool_change_min=2.0,
+)  # fmt: skip
+
+amounts = st.floats(0.0, 1e4)
+
+
+@given(amounts, st.floats(1.0, 1e5), amounts, st.floats(0.0, 1e5), st.floats(0.0, 60.0))
+def test_one_block_costs_what_sim2023_writes(
+    T_p: float, T_l: float, P_t: float, per_h: float, T_c_min: float
+) -> None:
+    """C_p = (T_p/T_l) P_t + (T_p + T_c T_p/T_l)(E_p + C_d), restated."""
+    rates = CostRates(currency="EUR", labour_per_h=per_h, tool_change_min=T_c_min)
+    cost = part_cost(rates, times=[T_p], wear=[T_p / T_l], life_prices=P_t)
+    tool = (T_p / T_l) * P_t
+    machine = (T_p + 60 * T_c_min * T_p / T_l) * per_h / 3600
+    assert float(cost.total) == pytest.approx(tool + machine, rel=1e-12, abs=1e-12)
+
+
+def test_electricity_is_counted_by_the_kWh() -> None:
+    cost = part_cost(RATES, times=[0.0, 0.0], wear=0.0, life_prices=0.0, energy_kWh=[2.0, 1.0])
+    assert float(cost.total) == pytest.approx(315.0)
+    assert float(cost.machine) == pytest.approx(315.0)
+
+
+def test_tools_and_blocks_are_two_ways_to_the_same_total() -> None:
+    random = np.random.default_rng(1)
+    shape = (5, 40)
+    cost = part_cost(
+        RATES, times=random.uniform(0, 20, shape), wear=random.uniform(0, 0.1, shape),
+        life_prices=random.uniform(0, 5e4, 40), energy_kWh=random.uniform(0, 0.1, shape),
+    )  # fmt: skip
+    tool = random.integers(0, 3, 40)
+    by_tool = cost.by_tool(tool, 3)
+    assert by_tool.shape == (5, 3)
+    np.testing.assert_allclose(by_tool.sum(axis=-1), cost.total, rtol=1e-12)
+    np.testing.assert_allclose(by_tool[:, 1], cost.block[:, tool == 1].sum(axis=1), rtol=1e-12)
+
+
+def test_a_life_that_is_not_known_makes_no_total_but_the_rest_is_told() -> None:
+    cost = part_cost(RATES, times=[10.0, 10.0], wear=[0.1, np.nan], life_prices=[100.0, 100.0])
+    assert np.isnan(cost.total)
+    assert float(cost.machine) == pytest.approx(20 * 12160 / 3600)
+    known, unknown = cost.by_tool([0, 1], 2)
+    assert np.isfinite(known) and np.isnan(unknown)
+
+
+def test_a_tool_of_several_edges_costs_its_part_for_each_life() -> None:
+    assert life_price(Tool(kind="flat", diameter_mm=50, flutes=5, price=90.0, edges=2)) == 45.0
+
+
+@pytest.mark.parametrize(
+    ("tool", "words"),
+    [
+        ([0, 1, 0], r"tool has the shape \(3,\), there are 2 blocks"),
+        (0, r"tool has the shape \(\), there are 2 blocks"),
+        ([0, 2], "tool 2 of a block is none of 2 tools: their indices are 0 to 1"),
+        ([-1, 0], "tool -1 of a block is none of 2 tools"),
+    ],
+)
+def test_blocks_without_a_tool_do_not_lose_their_cost(tool: object, words: str) -> None:
+    cost = part_cost(RATES, times=[10.0, 20.0], wear=0.0, life_prices=0.0)
+    with pytest.raises(ValueError, match=words):
+        cost.by_tool(tool, 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["times", "wear", "life_prices", "energy_kWh"])
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
+def test_what_is_no_amount_has_no_cost(name: str, bad: float) -> None:
+    given_ = {"times": 1.0, "wear": 0.1, "life_prices": 1.0, "energy_kWh": 1.0, name: [bad]}
+    if name == "wear" and np.isnan(bad):
+        assert np.isnan(part_cost(RATES, **given_).total)  # a life that is not known
+        return
+    with pytest.raises(ValueError, match=f"{name} = {bad} must be 0 or more, and finite"):
+        part_cost(RATES, **given_)
+
+
+def test_values_below_zero_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"cost\.labour_per_h = -1\.0 must lie from 0"):
+        CostRates(currency="EUR", labour_per_h=-1.0)
+    with pytest.raises(ValueError, match=r"cost\.energy_per_kWh = nan"):
+        CostRates(currency="EUR", labour_per_h=1.0, energy_per_kWh=float("nan"))
+    with pytest.raises(ValueError, match=r"times = -3\.0 must be 0 or more"):
+        part_cost(RATES, times=[-3.0], wear=[0.0], life_prices=0.0)

@@ -1,0 +1,141 @@
+"""Materials: what is in conf/material/ against the tables that it cites."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from pipeline.cutting.economics.material import LinearEdge, Material
+from pipeline.cutting.force.force_law import edge_forces
+from pipeline.cutting.tool import Tool
+from pipeline.parameters import ParametersError, structure
+
+ROOT = Path(__file__).parents[3]
+FILES = sorted((ROOT / "conf/material").glob("*.yaml"))
+
+ISCAR = {
+    1: (1350, 0.21), 2: (1500, 0.22), 3: (1675, 0.24), 4: (1700, 0.24), 5: (1900, 0.24),
+    6: (1775, 0.24), 7: (1675, 0.24), 8: (1725, 0.24), 9: (1800, 0.24), 10: (2450, 0.23),
+    11: (2500, 0.23), 12: (1875, 0.21), 13: (1875, 0.21), 14: (2150, 0.20), 15: (1150, 0.20),
+    16: (1350, 0.28), 17: (1225, 0.25), 18: (1350, 0.28), 19: (1225, 0.25), 20: (1420, 0.30),
+    21: (700, 0.25), 22: (800, 0.25), 23: (700, 0.25), 24: (700, 0.25), 25: (750, 0.25),
+    26: (700, 0.27), 27: (700, 0.27), 28: (700, 0.27), 31: (2600, 0.24), 32: (3100, 0.24),
+    33: (3300, 0.24), 34: (3300, 0.24), 35: (3300, 0.24), 36: (1160, 0.24), 37: (1245, 0.24),
+}  # fmt: skip
+"""Group of VDI 3323: k_c1.1 [N/mm^2], m_c, as printed in ISCAR's Boring Systems of 2022."""
+
+
+LIU = (0.157, 0.220, 0.276, 0.301, 0.346, 0.466, 0.598)
+"""K_rc / K_tc of the rows for aluminium with both, table 5 of Liu et al. 2021."""
+
+
+def material(path: Path) -> Material:
+    return structure({"material": yaml.safe_load(path.read_text())}, "material", Material)
+
+
+def some(**changes: Any) -> Material:
+    values = {
+        "name": "steel", "group": 3, "iso": "P", "k_c11": 1675.0, "m_c": 0.24, "radial": 0.3,
+        "source": "a table", "ratio_source": "assumed", **changes,
+    }  # fmt: skip
+    return structure({"material": values}, "material", Material)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_each_number_is_that_of_the_table_it_cites(path: Path) -> None:
+    found = material(path)
+    assert "ISCAR" in found.source and f"group {found.group}" in found.source
+    assert (found.k_c11, found.m_c) == ISCAR[found.group]
+    assert found.ratio_source
+    for taylor in found.taylor.values():
+        assert taylor.source
+
+
+def test_the_catalogue_has_ten_groups_and_more() -> None:
+    assert len({material(path).group for path in FILES}) >= 10
+    assert {material(path).iso for path in FILES} >= set("PMKNS")
+
+
+@pytest.mark.parametrize("name", ["aluminium", "aluminium_cast"])
+def test_the_radial_ratio_of_aluminium_is_the_median_of_those_measured(name: str) -> None:
+    found = material(ROOT / f"conf/material/{name}.yaml")
+    assert found.radial == round(float(np.median(LIU)), 1)
+    assert f"{LIU[0]} to {LIU[-1]}" in found.ratio_source
+
+
+def test_a7075_has_the_ratios_of_its_row_and_the_hardness_of_its_temper() -> None:
+    found = material(ROOT / "conf/material/A7075.yaml")
+    assert found.coefficients is not None
+    radial = found.coefficients.K_rc / found.coefficients.K_tc
+    axial = found.coefficients.K_ac / found.coefficients.K_tc
+    assert (round(radial, 3), round(axial, 2)) == (LIU[1], found.axial)
+    assert found.hardness_HB == 150  # ASM's data sheet of 7075-T6; group 22 is tabled at 100
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_lives_out_of_a_textbook_say_that_they_are_a_guess(path: Path) -> None:
+    """Groover's table 23.2 knows steel and nonsteel only."""
+    found = material(path)
+    rows = {"carbide": (0.25, 500.0), "hss": (0.125, 70.0)}
+    if found.iso not in "PM":
+        rows = {"carbide": (0.25, 900.0), "hss": (0.125, 120.0)}
+    for tool, taylor in found.taylor.items():
+        assert (taylor.n, taylor.C_m_min) == rows[tool]
+        which = "rows of steel work" if found.iso in "PM" else "rows of nonsteel work"
+        assert which in taylor.source and "rough first guess" in taylor.source
+
+
+def test_a6061_is_that_of_sim2023() -> None:
+    """Slot without runout: peak load = K_t d f_z sqrt(1 + K_e^2) of a chip f_z thick."""
+    law = material(ROOT / "conf/material/A6061.yaml").force_law()
+    F_t, F_r, _ = edge_forces(law, 0.05e-3) * 1e-3  # 1 mm deep
+    assert np.hypot(F_t, F_r) == pytest.approx(1.23e9 * 1e-3 * 0.05e-3 * np.sqrt(1.25), rel=1e-12)
+    assert (law.m_c, law.K_te) == (0.0, 0.0)
+
+
+def test_measured_coefficients_go_first_and_kienzle_can_be_asked_for() -> None:
+    edge = {"K_tc": 700.0, "K_rc": 200.0, "K_te": 10.0, "source": "dynamometer"}
+    found = some(coefficients=edge)
+    assert found.force_source == "dynamometer"
+    assert found.force_law().K_te == 10e3
+    h = 0.1e-3
+    F_t, F_r, F_a = edge_forces(found.force_law(measured=False), h)
+    assert F_t == pytest.approx(1675.0 * 0.1 ** (1 - 0.24) * 1e3, rel=1e-12)  # N/mm in N/m
+    assert F_r / F_t == pytest.approx(0.3) and F_a == 0.0
+    assert some().force_source == "a table"
+
+
+def test_a_life_without_a_source_is_not_known() -> None:
+    found = some(taylor={"hss": {"n": 0.125, "C_m_min": 70.0, "source": "a book"}})
+    hss = Tool(kind="drill", diameter_mm=5.0, flutes=2, material="hss")
+    carbide = Tool(kind="drill", diameter_mm=5.0, flutes=2)
+    known = found.tool_life(hss)
+    assert known is not None and known.C_m_min == 70.0
+    assert found.tool_life(carbide) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"group": 42}, r"material\.group = 42 must lie from 1 to 41"),
+        ({"iso": "N"}, "'N' does not go with group 3 of VDI 3323, which is P"),
+        ({"group": 12, "iso": "K"}, "which is P or M"),
+        ({"iso": "X"}, "'X' is none of P, M"),
+        ({"k_c11": 1.5e9}, r"material\.k_c11 = 1500000000\.0 must lie from 10 to 20000"),
+        ({"source": " "}, r"material\.source is empty: say where the numbers come from"),
+        ({"kc11": 1.0}, "kc11"),
+        ({"taylor": {"diamond": {"n": 0.3, "C_m_min": 1.0}}}, "'diamond' is none of carbide, hss"),
+        ({"coefficients": {"K_tc": -5.0, "K_rc": 0.0, "source": "x"}}, "K_tc = -5.* at least 0"),
+        ({"coefficients": {"K_tc": 5.0, "K_rc": 0.0, "source": ""}}, "say who measured them"),
+    ],
+)
+def test_what_is_no_material_is_refused_by_name(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParametersError, match=words):
+        some(**changes)
+
+
+def test_edge_coefficients_are_those_of_tables() -> None:
+    law = LinearEdge(K_tc=767.01, K_rc=168.8, K_te=27.7, K_re=26.6, source="x").force_law()
+    assert edge_forces(law, 0.1e-3)[0] == pytest.approx((767.01 * 0.1 + 27.7) * 1e3)

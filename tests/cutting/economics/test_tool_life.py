@@ -1,0 +1,186 @@
+"""Tool life: Taylor's textbook numbers, damage that adds up, optima against a numerical search."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
+
+from pipeline.cutting.economics.cost import CostRates, part_cost
+from pipeline.cutting.economics.tool_life import (
+    Taylor,
+    cutting_speed,
+    damage,
+    life,
+    maximum_rate_speed,
+    minimum_cost_speed,
+    speed_for_life,
+    wear,
+)
+
+MINUTE = 60.0
+CARBIDE = Taylor(n=0.25, C_m_min=500.0)
+EXTENDED = Taylor(
+    n=0.2, C_m_min=300.0, f_z_exponent=0.3, f_z_ref_mm=0.1, a_p_exponent=0.15, a_p_ref_mm=2.0
+)
+
+exponents = st.floats(0.05, 0.6)
+constants = st.floats(20.0, 2000.0)
+speeds = st.floats(1.0, 2000.0)  # m/min
+
+
+def test_the_textbook_example_of_groover() -> None:
+    """v = 160 m/min lives 5 min, 100 m/min lives 41 min: n = 0.223, C = 229 (three digits)."""
+    taylor = Taylor(n=0.223, C_m_min=229.0)
+    found = life(taylor, np.array([160.0, 100.0]) / MINUTE) / MINUTE
+    assert found == pytest.approx([5.0, 41.0], rel=0.01)
+
+
+def test_cutting_speed_is_that_of_the_shop_formula() -> None:
+    """V = pi D n / 1000 with D in mm and n in rpm."""
+    assert cutting_speed(0.012, 9000 / 60) * 60 == pytest.approx(np.pi * 12 * 9000 / 1000)
+
+
+@given(exponents, constants, speeds)
+def test_life_satisfies_taylor_and_its_inverse(n: float, C: float, speed: float) -> None:
+    taylor = Taylor(n=n, C_m_min=C)
+    lasting = float(life(taylor, speed / MINUTE))
+    assert speed * (lasting / MINUTE) ** n == pytest.approx(C, rel=1e-9)
+    assert speed_for_life(taylor, lasting) * MINUTE == pytest.approx(speed, rel=1e-9)
+
+
+def test_the_extended_law_is_the_plain_one_at_its_reference_and_scales_by_its_exponents() -> None:
+    plain = Taylor(n=0.2, C_m_min=300.0)
+    at = {"f_z": 0.1e-3, "a_p": 2e-3}
+    assert life(EXTENDED, 4.0, at) == pytest.approx(float(life(plain, 4.0)), rel=1e-12)
+    doubled = life(EXTENDED, 4.0, {"f_z": 0.2e-3, "a_p": 4e-3})
+    assert doubled == pytest.approx(life(plain, 4.0) * 2 ** (-(0.3 + 0.15) / 0.2), rel=1e-12)
+    with pytest.raises(ValueError, match="depends on a_p here"):
+        life(EXTENDED, 4.0, {"f_z": 0.1e-3})
+
+
+def test_each_exponent_belongs_to_its_own_condition() -> None:
+    """V T^n (f_z/f_0)^a (a_p/a_0)^b (a_e/e_0)^c = C, restated with all three."""
+    taylor = Taylor(
+        n=0.2, C_m_min=300.0, f_z_exponent=0.3, f_z_ref_mm=0.1, a_p_exponent=0.15, a_p_ref_mm=2.0,
+        a_e_exponent=0.1, a_e_ref_mm=5.0,
+    )  # fmt: skip
+    lasting = float(life(taylor, 4.0, {"f_z": 0.05e-3, "a_p": 6e-3, "a_e": 2e-3})) / MINUTE
+    assert 240.0 * lasting**0.2 * 0.5**0.3 * 3**0.15 * 0.4**0.1 == pytest.approx(300.0, rel=1e-12)
+
+
+def test_what_does_not_cut_does_not_wear() -> None:
+    assert life(CARBIDE, 0.0) == np.inf
+    assert wear(CARBIDE, 100.0, 0.0) == 0.0
+    assert wear(EXTENDED, 100.0, 4.0, {"f_z": 0.0, "a_p": 2e-3}) == 0.0
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1e4), speeds), min_size=1, max_size=6), exponents)
+def test_shares_of_life_add_up_and_do_not_depend_on_the_cut_of_the_blocks(
+    blocks: list[tuple[float, float]], n: float
+) -> None:
+    taylor = Taylor(n=n, C_m_min=400.0)
+    times, v_c = np.array(blocks).T
+    v_c = v_c / MINUTE
+    whole = float(damage(taylor, times, v_c))
+    halves = damage(taylor, np.repeat(times / 2, 2), np.repeat(v_c, 2))
+    assert halves == pytest.approx(whole, rel=1e-12, abs=1e-300)
+    expected = sum(
+        t / (60 * (400.0 / (60 * v)) ** (1 / n)) for t, v in zip(times, v_c, strict=True)
+    )
+    assert whole == pytest.approx(expected, rel=1e-9, abs=1e-300)
+
+
+def test_a_population_is_each_of_its_members() -> None:
+    random = np.random.default_rng(0)
+    times, v_c = random.uniform(0, 10, (7, 30)), random.uniform(0, 8, (7, 30))
+    at = {"f_z": random.uniform(0, 3e-4, (7, 30)), "a_p": random.uniform(0, 5e-3, 30)}
+    together = damage(EXTENDED, times, v_c, at)
+    assert together.shape == (7,)
+    for row in range(7):
+        one = damage(EXTENDED, times[row], v_c[row], {"f_z": at["f_z"][row], "a_p": at["a_p"]})
+        assert together[row] == pytest.approx(float(one), rel=1e-14)
+
+
+@given(exponents, constants, st.floats(5.0, 1200.0), st.floats(0.01, 500.0), st.floats(1.0, 300.0))
+def test_closed_forms_of_the_optimum_agree_with_a_search_of_the_whole_cost(
+    n: float, C: float, change: float, price: float, rate_h: float
+) -> None:
+    """The search knows only part_cost; its minimum in log V is flat, so 1e-6 needs xtol 1e-9.
+
+    Brent finds a minimum within the root of the rounding over the curvature, here below 1e-7.
+    """
+    taylor = Taylor(n=n, C_m_min=C)
+    rates = CostRates(currency="EUR", labour_per_h=rate_h, tool_change_min=change / MINUTE)
+
+    def cost(log_speed: float, life_price: float) -> float:
+        speed = np.exp(log_speed)
+        times = 1000.0 / speed  # a way of 1000 m of cut
+        share = wear(taylor, [times], [speed])
+        return float(part_cost(rates, times=[times], wear=share, life_prices=life_price).total)
+
+    for life_price, closed in (
+        (price, minimum_cost_speed(taylor, change, price, rates.per_second)),
+        (0.0, maximum_rate_speed(taylor, change)),  # without a price, time is all that counts
+    ):
+        middle = np.log(closed)
+        found = minimize_scalar(
+            cost, bracket=(middle - 0.7, middle + 0.1, middle + 0.9), args=(life_price,),
+            tol=1e-9,
+        )  # fmt: skip
+        assert np.exp(found.x) == pytest.approx(closed, rel=1e-6)
+
+
+def test_the_cheapest_speed_is_never_above_the_fastest() -> None:
+    fast = maximum_rate_speed(CARBIDE, 120.0)
+    cheap = minimum_cost_speed(CARBIDE, 120.0, 5.0, 0.01)
+    assert cheap < fast
+    assert life(CARBIDE, fast) == pytest.approx(3 * 120.0, rel=1e-12)  # (1/n - 1) T_c
+    assert maximum_rate_speed(CARBIDE, 0.0) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("given_", "words"),
+    [
+        ((120.0, 5.0, 0.0), "rate = 0 must be positive"),
+        ((120.0, 5.0, np.nan), "rate = nan must be positive"),
+        ((120.0, 5.0, np.inf), "rate = inf must be positive and finite"),
+        ((np.nan, 5.0, 0.01), "change_time = nan must be 0 or more, and finite"),
+        ((-120.0, 50.0, 0.01), r"change_time = -120\.0 must be 0 or more"),
+        ((120.0, -1000.0, 0.01), r"life_price = -1000\.0 must be 0 or more"),
+        ((120.0, np.inf, 0.01), "life_price = inf must be 0 or more, and finite"),
+    ],
+)
+def test_what_has_no_optimum_is_refused_and_not_infinite(
+    given_: tuple[float, float, float], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        minimum_cost_speed(CARBIDE, *given_)
+
+
+def test_a_change_that_takes_less_than_no_time_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"change_time = -120\.0"):
+        maximum_rate_speed(CARBIDE, -120.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"n": 1.0}, r"taylor\.n = 1\.0 must lie from 0\.01 to 0\.99"),
+        ({"n": float("nan")}, r"taylor\.n = nan"),
+        ({"C_m_min": -5.0}, r"C_m_min = -5\.0 must lie from 0\.1 to 100000"),
+        ({"f_z_exponent": 0.3}, "needs the value that C belongs to: write f_z_ref_mm"),
+        ({"speed_range_m_min": (300.0, 100.0)}, "lowest and the highest speed"),
+    ],
+)
+def test_constants_out_of_range_are_refused(values: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Taylor(**{"n": 0.25, "C_m_min": 500.0, **values})
+
+
+@pytest.mark.parametrize("bad", [-1.0, float("nan"), float("inf")])
+def test_speeds_and_times_that_are_none_are_refused(bad: float) -> None:
+    with pytest.raises(ValueError, match=r"v_c = .* must be 0 or more"):
+        life(CARBIDE, bad)
+    with pytest.raises(ValueError, match=r"times = .* must be 0 or more"):
+        wear(CARBIDE, bad, 1.0)

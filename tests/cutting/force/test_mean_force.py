@@ -1,0 +1,99 @@
+"""Altintas' mean forces against quadrature, balances and symmetry."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad_vec
+
+from pipeline.cutting.force.force_law import ForceLaw, edge_forces
+from pipeline.cutting.force.mean_force import mean_forces, mean_torque, regressors
+
+LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
+CUT = {"flutes": 3, "f_z": 8e-5, "a_p": 2e-3}
+angle = st.floats(0.0, np.pi)
+
+
+def forces_at(phi: float) -> np.ndarray:
+    t, r, a = edge_forces(LAW, CUT["f_z"] * np.sin(phi)) * CUT["a_p"]
+    return np.array([-t * np.cos(phi) - r * np.sin(phi), t * np.sin(phi) - r * np.cos(phi), a])
+
+
+@given(angle, angle)
+def test_means_are_those_of_the_forces(one: float, other: float) -> None:
+    phi_st, phi_ex = sorted((one, other))
+    whole, _ = quad_vec(forces_at, phi_st, phi_ex, epsrel=1e-12)
+    found = mean_forces(LAW, phi_st=phi_st, phi_ex=phi_ex, **CUT)
+    assert np.allclose(found, 3 * whole / (2 * np.pi), rtol=1e-9, atol=1e-9)
+
+
+def test_slot_as_altintas_prints_it() -> None:
+    """Manufacturing Automation, eq. 2.45: the six coefficients from mean forces in slots."""
+    f_z, a_p, flutes = np.array([4e-5, 8e-5, 1.6e-4]), 1.5e-3, 4
+    means = mean_forces(LAW, flutes=flutes, f_z=f_z, a_p=a_p, phi_st=0.0, phi_ex=np.pi)
+    cutting, edge = np.polynomial.polynomial.polyfit(f_z, means, 1)[::-1]
+    na = flutes * a_p
+    assert np.allclose(LAW.cutting, [4 * cutting[1] / na, -4 * cutting[0] / na,
+                                     np.pi * cutting[2] / na])  # fmt: skip
+    assert np.allclose(LAW.edge, [np.pi * edge[1] / na, -np.pi * edge[0] / na, 2 * edge[2] / na])
+
+
+@given(angle, angle)
+def test_up_and_down_milling_mirror(one: float, other: float) -> None:
+    """phi -> pi - phi keeps tangential F_y and radial F_x, and turns the signs of the others."""
+    phi_st, phi_ex = sorted((one, other))
+    up = regressors(phi_st=phi_st, phi_ex=phi_ex, **CUT)
+    down = regressors(phi_st=np.pi - phi_ex, phi_ex=np.pi - phi_st, **CUT)
+    sign = np.array([[-1, 1, 1], [1, -1, 1], [1, 1, 1]])
+    slot = regressors(phi_st=0.0, phi_ex=np.pi, **CUT)
+    # rounding of angles near pi, of each coefficient's own size
+    near = 1e-12 * np.abs(slot).max(axis=0)
+    assert (np.abs(down - np.hstack([sign, sign]) * up) <= near).all()
+
+
+@given(angle, angle)
+def test_power_is_specific_force_times_removal_rate(one: float, other: float) -> None:
+    phi_st, phi_ex = sorted((one, other))
+    n, R = 50.0, 6e-3
+    torque = mean_torque(LAW, phi_st=phi_st, phi_ex=phi_ex, radius=R, **CUT)
+    a_e = R * (np.cos(phi_st) - np.cos(phi_ex))
+    removal = a_e * CUT["a_p"] * CUT["f_z"] * CUT["flutes"] * n
+    rubbed = LAW.K_te * CUT["a_p"] * CUT["flutes"] * n * R * (phi_ex - phi_st)
+    assert 2 * np.pi * n * torque == pytest.approx(LAW.K_tc * removal + rubbed, rel=1e-9, abs=1e-9)
+
+
+def test_arguments_broadcast_and_what_moves_away_is_not_cut() -> None:
+    exits = np.array([[np.pi], [4.0], [6.0]])
+    design = regressors(flutes=2, f_z=[1e-5, 2e-5], a_p=1e-3, phi_st=0.0, phi_ex=exits)
+    assert design.shape == (3, 2, 3, 6)
+    assert np.array_equal(design[0], design[2])
+    assert not regressors(flutes=2, f_z=0.0, a_p=1e-3, phi_st=0.0, phi_ex=1.0).any()
+
+
+@given(st.floats(-9.0, 9.0), st.floats(1e-3, 2 * np.pi))
+def test_arcs_may_lie_in_any_turn(phi_st: float, apart: float) -> None:
+    """Means of the forces at angles of the arc; the edges rub only where there is a chip."""
+    step = apart / 2000
+    phi = phi_st + (np.arange(2000) + 0.5) * step
+    t, r, a = edge_forces(LAW, CUT["f_z"] * np.sin(phi)) * CUT["a_p"]
+    along, across = -t * np.cos(phi) - r * np.sin(phi), t * np.sin(phi) - r * np.cos(phi)
+    expected = 3 * np.array([along, across, a, t * 6e-3]).sum(axis=1) * step / (2 * np.pi)
+    cut = {"phi_st": phi_st, "phi_ex": phi_st + apart, **CUT}
+    means, torque = mean_forces(LAW, **cut), mean_torque(LAW, radius=6e-3, **cut)
+    # edge forces begin and end between two angles, three times at most
+    near = 1.5 * 3 * np.hypot(8e8 * 8e-5 + 2e4, 3e8 * 8e-5 + 1.5e4) * 2e-3 * step / (2 * np.pi)
+    assert np.abs(means - expected[:3]).max() <= near
+    assert abs(torque - expected[3]) <= 6e-3 * near
+
+
+def test_bad_arguments_are_named() -> None:
+    with pytest.raises(ValueError, match="f_z = -1e-05 must be"):
+        regressors(flutes=2, f_z=[1e-5, -1e-5], a_p=1e-3, phi_st=0.0, phi_ex=1.0)
+    with pytest.raises(ValueError, match=r"phi_st = 1 to phi_ex = 0\.5 must be finite"):
+        regressors(flutes=2, f_z=1e-5, a_p=1e-3, phi_st=1.0, phi_ex=0.5)
+    for leave in (7.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match=f"phi_st = 0 to phi_ex = {leave:g} must be finite"):
+            regressors(flutes=2, f_z=1e-5, a_p=1e-3, phi_st=0.0, phi_ex=leave)
+    with pytest.raises(ValueError, match=r"m_c = 0\.25"):
+        law = ForceLaw.kienzle(k_c11=700.0, m_c=0.25, radial=0.3)
+        mean_forces(law, phi_st=0.0, phi_ex=1.0, **CUT)

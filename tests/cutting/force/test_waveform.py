@@ -1,0 +1,247 @@
+"""Forces over the angle of the spindle: closed forms, means, balances, a plain restatement."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.cutting.force import force_law
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.mean_force import mean_forces, mean_torque
+from pipeline.cutting.force.waveform import basis, torque_basis, waveform
+from pipeline.cutting.tool import Tool
+from tests.cutting.plain_forces import plain_forces
+
+LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
+MILL = Tool(kind="flat", diameter_mm=10.0, flutes=4, helix_deg=30.0)
+TURN = 2 * np.pi
+
+
+def turn(samples: int) -> np.ndarray:
+    """Angles at the middles of equal steps."""
+    return (np.arange(samples) + 0.5) * (TURN / samples)
+
+
+def test_without_helix_it_is_the_closed_form() -> None:
+    tool = replace(MILL, helix_deg=0.0)
+    law = ForceLaw.linear(K_tc=800.0, K_rc=400.0)
+    found = waveform(law, tool, f_z=5e-5, a_p=2e-3, phi_st=0.4, phi_ex=2.0, angles=turn(720))
+    expected = force_law.in_plane_forces(
+        turn(720), flutes=4, f_z=5e-5, d=2e-3, K_t=8e8, K_e=0.5, phi_st=0.4, phi_ex=2.0
+    )
+    assert np.allclose(found[:, :2], expected, rtol=0, atol=1e-12 * expected.max())
+
+
+def test_helix_goes_to_the_closed_form_with_its_angle() -> None:
+    """At angles away from entry and exit the difference falls with the helix, to nothing."""
+    theta = np.linspace(0.6, 1.4, 9)  # one of four teeth is well within 0.3 to 1.7
+    cut = {"f_z": 5e-5, "a_p": 2e-3, "phi_st": 0.3, "phi_ex": 1.7, "angles": theta}
+    straight = basis(replace(MILL, helix_deg=0.0), **cut)
+    off = [
+        np.abs(basis(replace(MILL, helix_deg=angle), **cut) - straight)[:, :, 0].max()
+        for angle in (1.0, 0.1, 0.01)
+    ]
+    # the force lags by half of the edge's lag: to first order in the angle
+    assert off[0] / off[1] == pytest.approx(10, rel=0.05)
+    assert off[1] / off[2] == pytest.approx(10, rel=0.01)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    helix=st.floats(-60.0, 60.0),
+    flutes=st.integers(1, 7),
+    arc=st.tuples(st.floats(0.0, np.pi), st.floats(0.05, np.pi)),
+    a_p=st.floats(1e-4, 2e-2),
+)
+def test_mean_is_that_of_altintas(helix, flutes, arc, a_p) -> None:
+    """Whatever the helix is; 2880 angles leave what entry and exit jump by between two of them."""
+    tool = replace(MILL, helix_deg=helix, flutes=flutes)
+    phi_st = arc[0]
+    phi_ex = min(phi_st + arc[1], np.pi)
+    cut = {"f_z": 5e-5, "a_p": a_p, "phi_st": phi_st, "phi_ex": phi_ex}
+    found = waveform(LAW, tool, angles=turn(2880), **cut).mean(axis=0)
+    expected = mean_forces(LAW, flutes=flutes, **cut)
+    largest = flutes * a_p * (8e8 * 5e-5 + 2e4)  # of all teeth together
+    assert np.abs(found - expected).max() <= largest / 2880
+
+
+@pytest.mark.parametrize("helix", [20.0, 45.0])
+def test_mean_converges_to_that_of_altintas(helix: float) -> None:
+    """Within a part in 10^6 once the angles are close; forces are continuous with a helix."""
+    cut = {"f_z": 5e-5, "a_p": 7e-3, "phi_st": 0.3, "phi_ex": 1.9}
+    tool = replace(MILL, helix_deg=helix)
+    found = waveform(LAW, tool, angles=turn(20_000), **cut).mean(axis=0)
+    assert np.allclose(found, mean_forces(LAW, flutes=4, **cut), rtol=1e-6, atol=0)
+
+
+def test_power_of_the_teeth_is_that_of_the_torque() -> None:
+    cut = {"f_z": 5e-5, "a_p": 7e-3, "phi_st": 0.3, "phi_ex": 1.9}
+    torque = torque_basis(MILL, angles=turn(20_000), **cut) @ np.r_[LAW.cutting, LAW.edge]
+    expected = mean_torque(LAW, flutes=4, radius=MILL.radius, **cut)
+    assert torque.mean() == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_turning_by_a_pitch_changes_nothing() -> None:
+    cut = {"f_z": 5e-5, "a_p": 7e-3, "phi_st": 0.3, "phi_ex": 1.9}
+    one = basis(MILL, angles=turn(50), **cut)
+    other = basis(MILL, angles=turn(50) + TURN / 4, **cut)
+    assert np.allclose(one, other, rtol=0, atol=1e-13 * np.abs(one).max(axis=(0, 1)))
+
+
+def test_left_hand_helix_mirrors() -> None:
+    """phi -> pi - phi with the helix turned round: tangential F_y and radial F_x stay."""
+    cut = {"f_z": 5e-5, "a_p": 4e-3}
+    one = basis(MILL, phi_st=0.3, phi_ex=1.2, angles=turn(90), **cut)
+    mirror = {"phi_st": np.pi - 1.2, "phi_ex": np.pi - 0.3, "angles": np.pi - turn(90)}
+    other = basis(replace(MILL, helix_deg=-30.0), **cut, **mirror)
+    sign = np.array([[-1, 1, 1], [1, -1, 1], [1, 1, 1]])
+    scale = np.abs(one).max(axis=(0, 1))
+    assert np.allclose(one * np.hstack([sign, sign]) / scale, other / scale, atol=1e-12)
+
+
+def test_slices_converge_with_the_fourth_order() -> None:
+    cut = {"f_z": 5e-5, "a_p": 9e-3, "phi_st": 0.2, "phi_ex": 2.8, "angles": turn(40)}
+    exact = basis(MILL, slices=200, **cut)
+    errors = [np.abs(basis(MILL, slices=n, **cut) - exact).max() for n in (2, 4, 8)]
+    assert np.log2(errors[0] / errors[1]) > 3.5
+    assert np.log2(errors[1] / errors[2]) > 3.5
+
+
+def test_long_edges_go_round_more_than_once() -> None:
+    """With a helix of 70 degrees and 30 mm of depth the edge covers 2.6 turns."""
+    tool = replace(MILL, helix_deg=70.0, flutes=1)
+    cut = {"f_z": 5e-5, "a_p": 3e-2, "phi_st": 0.3, "phi_ex": 1.2}
+    found = waveform(LAW, tool, angles=turn(60), slices=40, **cut)
+    expected = plain_forces(LAW, tool, 5e-5, 0.0, 3e-2, between(0.3, 1.2), turn(60), discs=40_000)
+    # discs at the border of the arc are in it or not: a few of 40 000
+    assert np.abs(found - expected[:, :3]).max() <= 3e-4 * np.abs(expected).max()
+
+
+def between(phi_st: float, phi_ex: float):
+    return lambda phi, z: (phi >= phi_st) & (phi < phi_ex)
+
+
+@pytest.mark.parametrize("kind", ["flat", "bull_nose", "ball"])
+@pytest.mark.parametrize("runout", [0.0, 12.0])
+@pytest.mark.parametrize("m_c", [0.0, 0.3])
+def test_plain_restatement(kind: str, runout: float, m_c: float) -> None:
+    tool = replace(
+        MILL, kind=kind, runout_um=runout, runout_deg=70.0, flutes=3,
+        corner_radius_mm=2.0 if kind == "bull_nose" else 0.0,
+    )  # fmt: skip
+    law = replace(LAW, m_c=m_c, K_tc=8e8 * 5e-5**m_c)
+    cut = {"f_z": 3e-5, "a_p": 6e-3, "phi_st": 0.4, "phi_ex": 2.6, "angles": turn(45)}
+    found = waveform(law, tool, **cut)
+    plain = plain_forces(law, tool, 3e-5, 0.0, 6e-3, between(0.4, 2.6), turn(45))[:, :3]
+    # one of 2000 discs more or less in the arc; with runout where a chip ends within a slice
+    near = 4e-3 if runout else 4e-4
+    assert np.abs(found - plain).max() <= near * np.abs(plain).max()
+
+
+def test_ball_in_a_slot_takes_the_force_of_its_depth() -> None:
+    """Without helix, b h = dz f_z sin(phi) whatever kappa is: F_y = K_tc f_z a_p at the front."""
+    ball = Tool(kind="ball", diameter_mm=8.0, flutes=1)
+    found = basis(ball, f_z=5e-5, a_p=3e-3, phi_st=0, phi_ex=np.pi, angles=[np.pi / 2])
+    assert found[0, 1, 0] == pytest.approx(5e-5 * 3e-3, rel=1e-9)
+    arc = 4e-3 * np.arccos(1 - 3 / 4)  # length of its edge in the material
+    assert found[0, 1, 3] == pytest.approx(arc, rel=1e-9)
+    # the thrust is along the axis: R (1 - cos^2) / 2 of the chip, downwards from the spindle
+    kappa = np.arccos(1 - 3 / 4)
+    assert found[0, 2, 1] == pytest.approx(-5e-5 * 4e-3 * np.sin(kappa) ** 2 / 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("slope", [-1.0, -0.3])
+def test_flat_end_that_goes_down(slope: float) -> None:
+    """Ends cut N K_tc f_z D^2 / 8 of torque and K_rc R f_z N of thrust on the way down."""
+    tool = replace(MILL, helix_deg=0.0)
+    cut = {"f_z": 5e-5, "a_p": 1e-9, "phi_st": 0.0, "phi_ex": TURN, "angles": turn(16)}
+    torque = torque_basis(tool, slope=slope, **cut)[:, 0]
+    thrust = basis(tool, slope=slope, **cut)[:, 2, 1]
+    assert np.allclose(torque, -slope * 4 * 5e-5 * 0.01**2 / 8, rtol=1e-6)
+    assert np.allclose(thrust, slope * 4 * 5e-5 * 0.005, rtol=1e-6)
+
+
+def test_drill_takes_its_torque_whatever_its_point_is() -> None:
+    for point in (90.0, 118.0, 140.0):
+        drill = Tool(kind="drill", diameter_mm=8.0, flutes=2, helix_deg=30.0, point_angle_deg=point)
+        cut = {"f_z": 1e-4, "a_p": 6e-3, "phi_st": 0.0, "phi_ex": TURN, "angles": turn(12)}
+        torque = torque_basis(drill, slope=-1.0, **cut)
+        assert np.allclose(torque[:, 0], 2 * 1e-4 * 8e-3**2 / 8, rtol=1e-9)
+        thrust = basis(drill, slope=-1.0, **cut)[:, 2, 1]
+        half = np.radians(point / 2)
+        assert np.allclose(thrust, -2 * 1e-4 * 4e-3 * np.sin(half), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["flat", "bull_nose"])
+@pytest.mark.parametrize("phi_st", [-0.083, 2.0, 0.5])
+@pytest.mark.parametrize("apart", [1.6, 5.0])
+def test_arcs_may_lie_in_any_turn(kind: str, phi_st: float, apart: float) -> None:
+    """Entered before phi = 0, or left in the next turn, and named in any turn."""
+    tool = replace(MILL, kind=kind, corner_radius_mm=2.0 * (kind == "bull_nose"), runout_um=5.0)
+    cut = {"f_z": 5e-5, "a_p": 5e-3, "angles": turn(30)}
+
+    def inside(phi, z):
+        return (phi - phi_st) % TURN < apart
+
+    plain = plain_forces(LAW, tool, 5e-5, 0.0, 5e-3, inside, turn(30))[:, :3]
+    for turns in (-1, 0, 1, 2):
+        begin = phi_st + TURN * turns
+        found = waveform(LAW, tool, phi_st=begin, phi_ex=begin + apart, **cut)
+        # as in test_plain_restatement, with runout
+        assert np.abs(found - plain).max() <= 4e-3 * np.abs(plain).max()
+
+
+def test_an_arc_around_phi_0_has_its_force() -> None:
+    """Found where it is engaged from 355 degrees to 87: an arc ends past 2 pi there."""
+    cut = {"f_z": 5e-5, "a_p": 2e-3, "angles": [0.7]}
+    one = waveform(LAW, MILL, phi_st=-0.083, phi_ex=1.517, **cut)
+    other = waveform(LAW, MILL, phi_st=TURN - 0.083, phi_ex=TURN + 1.517, **cut)
+    assert one.any() and np.allclose(one, other, rtol=1e-12)
+
+
+def test_no_chip_no_force() -> None:
+    cut = {"a_p": 1e-3, "phi_st": 0.0, "phi_ex": 1.0, "angles": turn(8)}
+    assert not basis(MILL, f_z=0.0, **cut).any()
+    assert not basis(MILL, f_z=-1e-5, **cut).any()
+    assert not basis(MILL, f_z=1e-5, **cut | {"a_p": 0.0}).any()
+    assert not basis(MILL, f_z=1e-5, **cut | {"phi_st": 3.5, "phi_ex": 6.0}).any()
+
+
+def test_bad_arguments_are_named() -> None:
+    cut = {"f_z": 1e-5, "a_p": 1e-3, "phi_st": 0.0, "phi_ex": 1.0, "angles": [0.0]}
+    for change, words in [
+        ({"f_z": float("nan")}, "f_z = nan"),
+        ({"a_p": -1.0}, r"a_p = -1\.0"),
+        ({"phi_ex": -1.0}, r"phi_st = 0\.0 to phi_ex = -1\.0"),
+        ({"angles": [[0.0]]}, "angles must be a row"),
+        ({"slope": 2.0}, r"slope = 2\.0 must be from -1 to 1"),
+        ({"slices": 0, "slope": -1.0}, "slices = 0"),
+        ({"slices": 0}, "slices = 0 must be a whole number of at least 1"),
+        ({"slices": -1}, "slices = -1"),
+        ({"slices": 2.5}, r"slices = 2\.5"),
+        ({"m_c": 2.0}, r"m_c = 2\.0 is out of its range"),
+        ({"m_c": float("nan")}, "m_c = nan is out of its range"),
+        ({"slope": 9.0, "f_z": 0.0}, r"slope = 9\.0"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            basis(MILL, **cut | change)
+    with pytest.raises(ValueError, match="slices = 0"):
+        basis(replace(MILL, helix_deg=0.0), slices=0, **cut)
+
+
+@pytest.mark.parametrize(
+    ("lag", "m_c", "near"),
+    [(1.0, 0.0, 1e-7), (4.0, 0.0, 6e-6), (0.8, 0.25, 2.5e-5), (4.0, 0.25, 1.7e-4)],
+)
+def test_error_of_the_slices(lag: float, m_c: float, near: float) -> None:
+    """What the docstring of `basis` says of 16 slices."""
+    a_p = lag * MILL.radius / np.tan(MILL.helix)
+    error = 0.0
+    for phi_st, phi_ex in ((0.0, np.pi), (0.5, 2.0)):
+        cut = {"f_z": 5e-5, "a_p": a_p, "phi_st": phi_st, "phi_ex": phi_ex, "angles": turn(400),
+               "m_c": m_c}  # fmt: skip
+        exact, found = basis(MILL, slices=1000, **cut), basis(MILL, **cut)
+        error = max(error, (np.abs(found - exact) / np.abs(exact).max(axis=(0, 1))).max())
+    assert error < near

@@ -1,0 +1,242 @@
+"""Semi-discretisation: closed form, time integration, order, and the zero-order solution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.cutting.stability.lobes import lobes, stability_boundary
+from pipeline.cutting.stability.semi_discretisation import depth_limits, monodromy, spectral_radius
+from tests.cutting.chatter import DOWN, SLOT, STEADY, TWENTIETH, UP, X, Y, growth
+
+SPEEDS = np.linspace(5000, 25000, 21) / 60
+
+
+def leading(cut, rpm: float, depth: float) -> complex:
+    values = np.linalg.eigvals(monodromy([X], cut, rpm / 60, depth, 200))
+    return complex(values[np.abs(values).argmax()])
+
+
+@pytest.mark.parametrize("modes", [[X], [X, Y], [X, Y, replace(X, natural_frequency_Hz=1500.0)]])
+def test_both_methods_agree_where_the_matrix_is_constant(modes) -> None:
+    """A slot with four flutes: the zero-order solution is exact, and every lobe is compared.
+
+    0.1 % is what two extrapolated steps within 0.5 % leave; 0.02 % is the lobes' own tolerance.
+    """
+    cut = replace(STEADY, feed_direction=0.5)
+    exact = lobes(modes, cut, SPEEDS).depth_limit
+    found = depth_limits(modes, cut, SPEEDS, highest=2 * exact.max())
+    np.testing.assert_allclose(found.depth_limit, exact, rtol=1.5e-3)
+
+
+def test_least_depth_is_its_closed_form() -> None:
+    """2 k zeta (1 + zeta) / K, at the speed where the lobes have their minimum."""
+    closed = 2 * X.stiffness * X.damping * (1 + X.damping) / STEADY.K_rc
+    found = lobes([X], STEADY, np.linspace(7000, 9000, 400) / 60)
+    at = found.n[found.depth_limit.argmin()]
+    limit = depth_limits([X], STEADY, [at], highest=1e-3).depth_limit
+    assert limit[0] == pytest.approx(closed, rel=1e-3)
+
+
+def test_methods_differ_at_low_immersion_where_flip_lobes_are() -> None:
+    """Zero order promises 75 % too much at 14 000 rpm: the multiplier leaves at -1."""
+    rpm = 14_000
+    limit = depth_limits([X], DOWN, [rpm / 60], highest=10e-3).depth_limit[0]
+    assert lobes([X], DOWN, [rpm / 60]).depth_limit[0] > 1.7 * limit
+    multiplier = leading(DOWN, rpm, limit)
+    assert multiplier.real == pytest.approx(-1.0, abs=0.01) and multiplier.imag == 0.0
+
+
+@pytest.mark.parametrize(
+    ("cut", "low", "high"), [(SLOT, 0.90, 0.98), (DOWN, 1.02, 1.08), (UP, 0.96, 1.0)]
+)
+def test_how_far_the_zero_order_solution_is_off_at_its_minima(cut, low, high) -> None:
+    """Two flutes: the matrix swings by as much as its mean, and yet the minima are within 10 %."""
+    speeds = np.linspace(5000, 25000, 161) / 60
+    zero = lobes([X], cut, speeds).depth_limit
+    minima = speeds[1:-1][(zero[1:-1] < zero[:-2]) & (zero[1:-1] < zero[2:]) & (zero[1:-1] < 1e-3)]
+    exact = depth_limits([X], cut, minima, highest=5e-3).depth_limit
+    ratio = lobes([X], cut, minima).depth_limit / exact
+    assert len(minima) >= 3 and low < ratio.min() and ratio.max() < high
+
+
+@pytest.mark.parametrize(
+    ("depth", "of_200"), [(0.2e-3, 0.8192), (0.5e-3, 1.0726), (1.0e-3, 1.4040)]
+)
+def test_multipliers_of_a_slot_at_5000_rpm(depth: float, of_200: float) -> None:
+    """Values as computed with 200 steps, four digits; converged 0.81974, 1.07398, 1.40647.
+
+    200 steps are up to 0.0024 off: what is compared is the discretisation as well as its limit.
+    """
+    assert spectral_radius([X], SLOT, 5000 / 60, depth, 200) == pytest.approx(of_200, abs=3e-4)
+    converged = spectral_radius([X], SLOT, 5000 / 60, depth, 2000)
+    assert converged == pytest.approx(of_200, abs=3e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("modes", "cut", "rpm"),
+    [
+        ([X], DOWN, 9000),
+        *(
+            pytest.param(modes, cut, rpm, marks=pytest.mark.proof)
+            for modes, cut, rpm in (
+                ([X], SLOT, 5000), ([X], TWENTIETH, 19_500), ([X, Y], SLOT, 5000),
+                ([X, Y], DOWN, 14_000), ([X, Y], replace(UP, flutes=4), 12_000),
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_vibration_grows_above_and_dies_below(modes, cut, rpm: float) -> None:
+    """Runge-Kutta on the delayed equation itself; 2e-3 is the fit's, of vibrations that beat."""
+    limit = depth_limits(modes, cut, [rpm / 60], highest=10e-3).depth_limit[0]
+    for factor in (0.95, 1.05):
+        grown = growth(modes, cut, rpm / 60, factor * limit, periods=140, steps=160)
+        assert (grown > 1.0) == (factor > 1.0)
+        expected = spectral_radius(modes, cut, rpm / 60, factor * limit, 640)
+        assert grown == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("modes", "cut", "rpm", "depth"),
+    [([X], SLOT, 5000, 5e-4), ([X], TWENTIETH, 19_500, 3e-3), ([X, Y], DOWN, 6000, 1e-3),
+     ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
+)  # fmt: skip
+def test_the_error_falls_with_the_square_of_the_step(modes, cut, rpm, depth: float) -> None:
+    """120 steps and more: the next power of the step shifts the order seen by some hundredths."""
+    radii = [spectral_radius(modes, cut, rpm / 60, depth, 120 * 2**i) for i in range(4)]
+    orders = -np.diff(np.log2(np.abs(np.diff(radii))))
+    np.testing.assert_allclose(orders, 2.0, atol=0.05)
+
+
+def test_the_tolerance_is_kept() -> None:
+    """Against limits 25 times finer; the extrapolation leaves less than a fifth of it."""
+    speeds = np.array([3000, 7000, 12_000, 19_000]) / 60
+    for cut in (SLOT, DOWN):
+        coarse = depth_limits([X], cut, speeds, highest=6e-3, tolerance=5e-3)
+        fine = depth_limits([X], cut, speeds, highest=6e-3, tolerance=2e-4)
+        assert (coarse.error <= 5e-3).all() and (coarse.steps < fine.steps).all()
+        np.testing.assert_allclose(coarse.depth_limit, fine.depth_limit, rtol=1e-3)
+
+
+def test_forty_steps_overstate_the_depth_at_low_speed() -> None:
+    """Why the steps are refined: at 3000 rpm nine waves lie within the period."""
+    limit = depth_limits([X], SLOT, [3000 / 60], highest=5e-3)
+    assert limit.steps[0] > 200
+    assert spectral_radius([X], SLOT, 50.0, 1.2 * limit.depth_limit[0], 40) < 1.0
+    assert spectral_radius([X], SLOT, 50.0, 1.2 * limit.depth_limit[0], 800) > 1.02
+
+
+@settings(deadline=None, max_examples=12)
+@given(
+    rpm=st.floats(1500, 25_000), depth=st.floats(1e-5, 5e-3), entry=st.floats(0.0, 2.9),
+    flutes=st.integers(1, 5), lag=st.sampled_from([0.0, 58.0]),
+)  # fmt: skip
+def test_krylov_finds_the_leading_eigenvalue(rpm, depth, entry, flutes, lag) -> None:
+    """All eigenvalues of the same matrix; a Krylov space ends at a residual of 1e-7."""
+    cut = replace(SLOT, entry=entry, flutes=flutes, lag=lag)
+    phi = monodromy([X, Y], cut, rpm / 60, depth, 60)
+    full = np.abs(np.linalg.eigvals(phi)).max()
+    assert spectral_radius([X, Y], cut, rpm / 60, depth, 60) == pytest.approx(full, rel=1e-5)
+
+
+def test_a_period_without_cut_is_a_free_vibration() -> None:
+    phi = spectral_radius([X], SLOT, 100.0, 1e-12, 60)
+    assert phi == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-6)
+
+
+def test_a_helix_of_whole_pitches_is_a_constant_matrix() -> None:
+    """An edge that lags by one pitch over the depth cuts the same at each angle: zero order holds.
+
+    At low immersion, where without helix flip lobes are.
+    """
+    rpm, zero = 14_000, lobes([X], TWENTIETH, [14_000 / 60]).depth_limit[0]
+    twisted = replace(TWENTIETH, lag=TWENTIETH.pitch / zero)
+    radii = [spectral_radius([X], twisted, rpm / 60, zero, s) for s in (400, 800)]
+    assert (4 * radii[1] - radii[0]) / 3 == pytest.approx(1.0, abs=1e-4)
+    assert abs(spectral_radius([X], TWENTIETH, rpm / 60, zero, 400) - 1.0) > 0.02
+
+
+def test_depth_goes_with_one_over_the_force_and_modes_swap() -> None:
+    """The same numbers in another order, but roots are found within 0.01 of the tolerance.
+
+    That is 5e-5 of the depth for each of two limits.
+    """
+    speeds = [6000 / 60, 13_000 / 60]
+    base = depth_limits([X, Y], DOWN, speeds, highest=8e-3).depth_limit
+    harder = replace(DOWN, K_tc=2 * DOWN.K_tc, K_rc=2 * DOWN.K_rc)
+    half = depth_limits([X, Y], harder, speeds, highest=4e-3).depth_limit
+    np.testing.assert_allclose(2 * half, base, rtol=1e-4)
+    swapped = [replace(X, direction="y"), replace(Y, direction="x")]
+    turned = replace(DOWN, feed_direction=np.pi / 2)
+    other = depth_limits(swapped, turned, speeds, highest=8e-3).depth_limit
+    np.testing.assert_allclose(other, base, rtol=1e-4)
+
+
+def test_no_chatter_up_to_the_highest_depth_is_inf() -> None:
+    least = stability_boundary([X], STEADY, SPEEDS[0], SPEEDS[-1]).least_depth
+    found = depth_limits([X], STEADY, SPEEDS[-2:], highest=0.9 * least, depths=16)
+    assert np.isinf(found.depth_limit).all() and (found.error == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("modes", "speeds", "options", "message"),
+    [
+        ([], [100.0], {}, "modes: there is none"),
+        ([X], [-1.0], {}, "n: spindle speeds must be above 0"),
+        ([X], [100.0], {"highest": 0.0}, "highest = 0.0"),
+        ([X], [100.0], {"highest": np.inf}, "highest = inf"),
+        ([X], [100.0], {"tolerance": -1.0}, "tolerance = -1.0"),
+        ([X], [100.0], {"depths": 1}, "depths = 1"),
+    ],
+)
+def test_what_cannot_be_asked(modes, speeds, options, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        depth_limits(modes, SLOT, speeds, **({"highest": 1e-3} | options))
+
+
+@pytest.mark.parametrize("n", [1.0, 0.1, 1e-6])
+def test_a_speed_so_low_that_steps_run_out_says_so(monkeypatch, n: float) -> None:
+    """Before a step is made: they would take the memory first."""
+    monkeypatch.setattr("pipeline.cutting.stability.semi_discretisation.spectral_radius", None)
+    with pytest.raises(ValueError, match=r"waves of the highest mode lie within a cut, too many"):
+        depth_limits([X], SLOT, [n], highest=1e-3)
+
+
+def test_a_tolerance_that_no_steps_reach_says_so() -> None:
+    with pytest.raises(ValueError, match=r"at 6000 rpm \d+ steps do not settle the depth limit"):
+        depth_limits([X], SLOT, [100.0], highest=5e-3, tolerance=1e-9, depths=16)
+
+
+def test_no_speeds_have_no_limits() -> None:
+    found = depth_limits([X], SLOT, [], highest=1e-3)
+    assert (
+        found.n.shape == found.depth_limit.shape == found.error.shape == found.steps.shape == (0,)
+    )
+
+
+@pytest.mark.parametrize("of", [monodromy, spectral_radius])
+@pytest.mark.parametrize(
+    ("modes", "n", "depth", "steps", "message"),
+    [
+        ([], 100.0, 1e-3, 40, "modes: there is none"),
+        ([X], 0.0, 1e-3, 40, "n = 0.0: the spindle speed must be above 0"),
+        ([X], np.nan, 1e-3, 40, "n = nan"),
+        ([X], 100.0, -1e-3, 40, "depth = -0.001 must be 0 m or more"),
+        ([X], 100.0, np.inf, 40, "depth = inf"),
+        ([X], 100.0, 1e-3, 0, "steps = 0"),
+        ([X], 1e-300, 1e300, 40, "moves the tip beyond all numbers"),
+        ([X], 100.0, 1e200, 40, "moves the tip beyond all numbers"),
+    ],
+)
+def test_periods_that_cannot_be(of, modes, n, depth, steps, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        of(modes, SLOT, n, depth, steps)
+
+
+def test_without_depth_a_vibration_is_free() -> None:
+    """e^(-zeta w_n T), as without a cut."""
+    free = spectral_radius([X], SLOT, 100.0, 0.0, 60)
+    assert free == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-9)
