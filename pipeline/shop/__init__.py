@@ -1,10 +1,11 @@
-"""A simulated shop floor that writes what real machines write, with their dirt.
+"""A simulated machine shop that writes the records real machines write, with their faults.
 
-Another machine than the twin: of ours, nothing but the reader of part programs is imported here.
-Everything shown from it is to be labelled "simulated".
+Another machine than the twin: spindle heat, control, drives and cutting forces are modelled here
+with effects that the twin leaves out, so that a model that is identified from these records proves
+something.  Of ours, nothing but the reader of part programs, the types and the compiler is
+imported.  Lengths are in mm and speeds in the units of the shop floor (mm/min, rev/min) where a
+control or a catalogue says them, in SI inside the physics; the docstring of each quantity names
+its unit.  Sources stand with the parameters.  Everything shown from here is labelled "simulated".
 """
 
-from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.simulate import simulate
-
-__all__ = ["ShopParameters", "simulate"]
+__all__ = ["control", "cutting", "drives", "parameters", "simulate", "trial"]

@@ -1,22 +1,30 @@
-"""Live through the weeks of one machine and write its records and the truth."""
+"""Simulation of the weeks of one machine: its records, and the truth about them."""
 
+import json
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pipeline.shop.agent_log import Log, write_day
-from pipeline.shop.air import ambient_temperature, of_day
-from pipeline.shop.control_records import write_control
-from pipeline.shop.cutting_records import write_cutting
-from pipeline.shop.devices import write_devices
-from pipeline.shop.drive_records import write_drives
-from pipeline.shop.ledger import Ledger, stamp, write_truth
-from pipeline.shop.measured import lived, new_machine
-from pipeline.shop.parameters import DAY, ShopParameters
+from pipeline.shop.control.records import write_control
+from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.drives.records import write_drives
+from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.records.agent_log import Log, write_day
+from pipeline.shop.records.data_items import write_devices
+from pipeline.shop.records.log_faults import LogTruth, Unobserved
+from pipeline.shop.records.sensors import (
+    Thermocouples,
+    air_of_day,
+    ambient_temperature,
+    new_machine,
+    sensed_day,
+    write_thermocouples,
+)
 from pipeline.shop.schedule import Shop, working_day
-from pipeline.shop.thermocouples import Recorder, write_thermocouples
-from pipeline.shop.timeline import Timeline
-from pipeline.shop.trial_parts import write_parts
+from pipeline.shop.timeline import Cycle, Timeline
+from pipeline.shop.trial.job import write_parts
 
 
 def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
@@ -31,9 +39,10 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``parts/<name>.nc``.  Made if it is
         missing; files of the same names are replaced.
     truth : Path
-        File for the truth (JSON), outside ``out``.
+        File for the truth (JSON), outside ``out``: parameters, working days, cycles, and every
+        fault with its exact time.
     parameters : ShopParameters
-        The machine, the weeks and the dirt.
+        The machine, the weeks and the faults of the records.
 
     Raises
     ------
@@ -42,40 +51,68 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     """
     if truth.resolve().is_relative_to(out.resolve()):
         raise ValueError(f"the truth {truth} must not stand among the records in {out}")
-    ledger = Ledger()
     ambient = ambient_temperature(parameters)
     shop = Shop(parameters=parameters, random=parameters.generator("schedule"))
     machine = new_machine(parameters, float(ambient[0]))
-    log = Log(parameters=parameters, folder=out, ledger=ledger, random=parameters.generator("log"))
-    recorder = Recorder(felt=[])
+    log = Log(
+        parameters=parameters, folder=out, truth=LogTruth(), random=parameters.generator("log")
+    )
+    thermocouples = Thermocouples(tips=[])
+    cycles: list[Cycle] = []
+    days: list[dict[str, str]] = []
     for number in range(parameters.days):
         timeline = working_day(shop, number)
-        day = lived(machine, timeline, of_day(ambient, number))
+        day = sensed_day(machine, timeline, air_of_day(ambient, number))
         write_day(log, day)
-        recorder.keep(day.temperatures, day.ambient)
-        _enter(ledger, timeline, parameters)
-    write_thermocouples(out / "thermocouples", np.concatenate(recorder.felt), parameters, ledger)
+        thermocouples.keep(day.temperatures, day.ambient)
+        cycles += _since_first_midnight(timeline)
+        days.append(_hours(timeline, parameters.start))
+    tips = np.concatenate(thermocouples.tips)
     write_devices(out / "Devices.xml", parameters)
-    ledger.control = write_control(out, parameters)
-    ledger.drives = write_drives(out, parameters)
-    ledger.cutting = write_cutting(out, parameters)
+    document = {
+        "simulated": True,
+        "machine": parameters.machine,
+        "parameters": asdict(parameters),
+        "days": days,
+        "cycles": [_cycle(c, parameters.start, log.truth.unobserved) for c in cycles],
+        "heat": {
+            "generated_J": round(machine.generated),
+            "to_air_J": round(machine.to_air),
+            "to_chiller_J": round(machine.to_chiller),
+        },
+        "control": write_control(out, parameters),
+        "drives": write_drives(out, parameters),
+        "cutting": write_cutting(out, parameters),
+        "thermocouples": write_thermocouples(out / "thermocouples", tips, parameters),
+        "log": log.truth.document(),
+    }
     write_parts(out, parameters)
-    ledger.heat = {
-        "generated_J": round(machine.generated), "to_air_J": round(machine.to_air),
-        "to_chiller_J": round(machine.to_chiller),
-    }  # fmt: skip
-    write_truth(truth, parameters, ledger)
+    truth.parent.mkdir(parents=True, exist_ok=True)
+    truth.write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
-def _enter(ledger: Ledger, timeline: Timeline, parameters: ShopParameters) -> None:
-    """Enter the day and its cycles; their seconds count from the first midnight from here on."""
-    midnight, start = timeline.day * DAY, parameters.start
+def _since_first_midnight(timeline: Timeline) -> list[Cycle]:
+    """Cycles of a day, with seconds that count from the first midnight from here on."""
     for cycle in timeline.cycles:
-        cycle.start += midnight
-        cycle.end += midnight
-    ledger.cycles += timeline.cycles
+        cycle.start += timeline.day * DAY
+        cycle.end += timeline.day * DAY
+    return timeline.cycles
+
+
+def _hours(timeline: Timeline, start: np.datetime64) -> dict[str, str]:
+    """Date of a day, and when the machine was on."""
+    midnight = timeline.day * DAY
     row = {"date": stamp(start, midnight)[:10]}
     if timeline.on < DAY:
         row["on"] = stamp(start, midnight + timeline.on)
         row["off"] = stamp(start, midnight + timeline.off)
-    ledger.days.append(row)
+    return row
+
+
+def _cycle(cycle: Cycle, start: np.datetime64, unobserved: list[Unobserved]) -> dict[str, Any]:
+    """A cycle as written; ``start_seen`` and ``end_seen`` say whether the log can show them."""
+    row = asdict(cycle)
+    row["start"], row["end"] = stamp(start, cycle.start), stamp(start, cycle.end)
+    for edge in ("start", "end"):
+        row[f"{edge}_seen"] = not any(u.start <= row[edge] <= u.end for u in unobserved)
+    return row

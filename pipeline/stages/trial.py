@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial import trials
-from pipeline.shop.trial_parts import shop_part
+from pipeline.shop.trial.job import shop_part
+from pipeline.shop.trial.trials import trials
 
 SEEDS = range(20)
 """Each is a part of its own: batch of material, mounting and edge of the tool."""

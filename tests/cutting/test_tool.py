@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from pipeline.cutting.tool import Tool, ToolTable, tip_deflection, tip_stiffness
 from pipeline.parameters import ParametersError, structure
-from pipeline.shop.part_programs import TOOLS
+from pipeline.shop.control.part_programs import TOOLS
 
 ROOT = Path(__file__).parents[2]
 

@@ -34,14 +34,20 @@ from pipeline.machine.control.parameters import (
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.settings import CutLimit, Objective, OptimisationSettings
 from pipeline.parameters import structure
-from pipeline.shop.control_parameters import ControlParameters as ShopControl
-from pipeline.shop.cutting_conditions import Conditions
-from pipeline.shop.cutting_parameters import Cutting, EndMill, Workpiece
-from pipeline.shop.dynamometer_parameters import ChannelMode, Dynamometer, Series
-from pipeline.shop.dynamometer_records import write_dynamometer
+from pipeline.shop.cutting.dynamometer import write_dynamometer
+from pipeline.shop.cutting.parameters import (
+    ChannelMode,
+    Conditions,
+    Cutting,
+    Dynamometer,
+    EndMill,
+    Series,
+    SpindleTests,
+    Workpiece,
+)
+from pipeline.shop.parameters import ControlParameters as ShopControl
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.spindle_load_parameters import SpindleTests
-from pipeline.shop.trial import TrialJob
+from pipeline.shop.trial.job import TrialJob
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
 from pipeline.twin.cut import CutJob

@@ -5,9 +5,9 @@ import pytest
 
 from pipeline.gcode.interpret import interpret
 from pipeline.machine.control.planner import totals
-from pipeline.shop.cutting_truth import dynamometer_truth
-from pipeline.shop.dynamometer_records import write_dynamometer
-from pipeline.shop.trial import fixed, trial
+from pipeline.shop.cutting.dynamometer import write_dynamometer
+from pipeline.shop.cutting.records import dynamometer_truth
+from pipeline.shop.trial.trials import prepare, trial
 from pipeline.twin.cut import cut_program
 from pipeline.twin.cut_coefficients import identified_coefficients
 from pipeline.twin.program import planned_program
@@ -49,7 +49,7 @@ def test_its_load_as_programmed_is_that_of_the_papers_coefficients(cut):
 
 def test_its_machine_takes_as_long_and_loads_the_tool_below_the_limit(cut):
     """Another planner, S-curves, lag: 2 %; 20 parts as programmed by a person who is careful."""
-    its = fixed(PROGRAM, NAME, TRIAL, MACHINE)
+    its = prepare(PROGRAM, NAME, TRIAL, MACHINE)
     found = [trial(its, TRIAL, MACHINE, seed) for seed in range(20)]
     times = [one.time_s for one in found]
     assert times == pytest.approx([totals(cut.plan.path)[0]] * 20, rel=0.02)

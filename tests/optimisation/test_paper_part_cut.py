@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.optimisation.optimise import Result, optimise
 from pipeline.optimisation.settings import Certainty, Objective, OptimisationSettings
-from pipeline.shop.trial import trials
+from pipeline.shop.trial.trials import trials
 from tests.optimisation.paper_part import MACHINE, PROGRAM, TRIAL, paper_job, paper_knowledge
 
 SEEDS = int(os.environ.get("KERF_TRIAL_SEEDS", "20"))

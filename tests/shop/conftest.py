@@ -10,8 +10,9 @@ import cattrs
 import pytest
 import yaml
 
-from pipeline.shop import ShopParameters, simulate
-from pipeline.shop.cutting_records import write_cutting
+from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.simulate import simulate
 
 CONF = Path(__file__).parents[2] / "conf" / "shop"
 

@@ -5,14 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.shop.control import Control, Operator, Plan
-from pipeline.shop.control_parameters import ControlParameters
-from pipeline.shop.control_path import section
-from pipeline.shop.control_run import display
-from pipeline.shop.post import PartProgram, Post, Step, Tool
-from pipeline.shop.s_curve import profile, rest_to_rest
-from pipeline.shop.spindle_parameters import MotorParameters
-from pipeline.shop.spindle_ramp import RPM, Ramp
+from pipeline.shop.control.display import display
+from pipeline.shop.control.planner import Control, Operator, Plan, Ramp, section
+from pipeline.shop.control.postprocessor import PartProgram, Post, Step, Tool
+from pipeline.shop.motion import RPM, profile, rest_to_rest
+from pipeline.shop.parameters import ControlParameters, MotorParameters
 
 A, J = 3000.0, 40000.0  # mm/s2, mm/s3
 TOOL = Tool(number=1, name="T", diameter=10, speed=12000, feed=1200, plunge=300)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.shop.control_parameters import ControlParameters
-from pipeline.shop.control_records import write_control
-from pipeline.shop.part_programs import part_programs
-from pipeline.shop.post import PartProgram
+from pipeline.shop.control.part_programs import part_programs
+from pipeline.shop.control.postprocessor import PartProgram
+from pipeline.shop.control.records import write_control
+from pipeline.shop.parameters import ControlParameters
 
 from .conftest import Simulated, shop_parameters
 

@@ -7,14 +7,31 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pipeline.shop.cutting_conditions import Conditions, Immersion, engaged
-from pipeline.shop.cutting_force import Block, Law, chip, edge_force, forces
-from pipeline.shop.cutting_parameters import Cutting, EndMill, Workpiece
-from pipeline.shop.cutting_pass import Motion, cut_length, edge_law, edges, pass_forces, wear
-from pipeline.shop.cutting_truth import linear_edge, runout
-from pipeline.shop.s_curve import Floats
+from pipeline.schema.arrays import Floats
+from pipeline.shop.cutting.force import (
+    Block,
+    EdgeCoefficients,
+    Motion,
+    chip_thickness,
+    cut_length,
+    edge_coefficients,
+    edge_force,
+    edges,
+    forces,
+    pass_forces,
+    wear,
+)
+from pipeline.shop.cutting.parameters import (
+    Conditions,
+    Cutting,
+    EndMill,
+    Immersion,
+    Workpiece,
+    engaged,
+)
+from pipeline.shop.cutting.records import linear_edge, runout
 
-LINEAR = Law(
+LINEAR = EdgeCoefficients(
     cutting=(800e6, 300e6, 200e6), edge=(20e3, 30e3, 5e3), flank=(0.0, 0.0, 0.0), thickness=1e-4,
     exponent=0.0, ploughing=1e-12,
 )  # fmt: skip
@@ -32,18 +49,25 @@ def block(begin: float, end: float, radius: float) -> Block:
 
 
 def turn(
-    law: Law, its: Block, radii: np.ndarray, lag: np.ndarray, height: float, f_z: float
+    edge: EdgeCoefficients,
+    its: Block,
+    radii: np.ndarray,
+    lag: np.ndarray,
+    height: float,
+    f_z: float,
 ) -> Floats:
     """Forces over one turn in endless material."""
     angle = (np.arange(STEPS) + 0.5) * 2 * pi / STEPS
     feed = np.full(STEPS, f_z * len(radii) / (2 * pi))
     x = 1.0 + angle * feed
-    return forces(law, its, radii, np.ones(len(radii)), lag, height, angle, x, feed)
+    return forces(edge, its, radii, np.ones(len(radii)), lag, height, angle, x, feed)
 
 
-def altintas(law: Law, flutes: int, depth: float, f_z: float, begin: float, end: float) -> Floats:
-    """Mean forces of the linear-edge law, from the antiderivatives of its integrands over phi."""
-    (tc, rc, ac), (te, re, ae) = law.cutting, law.edge
+def altintas(
+    edge: EdgeCoefficients, flutes: int, depth: float, f_z: float, begin: float, end: float
+) -> Floats:
+    """Mean forces of the linear-edge model, from the antiderivatives of its integrands over phi."""
+    (tc, rc, ac), (te, re, ae) = edge.cutting, edge.edge
 
     def x(p: float) -> float:
         cut = f_z * (tc * cos(2 * p) / 4 - rc * (p / 2 - sin(2 * p) / 4))
@@ -104,7 +128,7 @@ def test_chips_are_those_of_true_paths() -> None:
     radii = 6e-3 + random.uniform(-1, 1, (3, 1)) * 12e-6
     its = Block(length=ENDLESS, low=-np.inf, high=np.inf)
     angles = random.uniform(0, pi, 40)
-    found = [chip(radii, 0, 0, sin(q), cos(q), feed, 1.0, its) for q in angles]
+    found = [chip_thickness(radii, 0, 0, sin(q), cos(q), feed, 1.0, its) for q in angles]
     expected = [
         max(radii[0, 0] - max(reached(q, k, radii[-k % 3, 0], feed) for k in (1, 2, 3)), 0.0)
         for q in angles
@@ -128,13 +152,13 @@ def reached(phi: float, back: int, radius: float, feed: float) -> float:
 
 
 def test_the_edge_grows_from_nothing_and_the_cut_with_its_exponent() -> None:
-    law = edge_law(Workpiece(), 20e-6)
-    assert edge_force(law, 0.0, 1.0) == (0.0, 0.0, 0.0)
-    assert max(edge_force(law, 1e-12, 1.0)) < 1.0  # N/m, where a sudden edge has 3e4
-    thick = np.array([edge_force(law, h, 1.0) for h in (2e-4, 4e-4)])
+    blunt_edge = edge_coefficients(Workpiece(), 20e-6)
+    assert edge_force(blunt_edge, 0.0, 1.0) == (0.0, 0.0, 0.0)
+    assert max(edge_force(blunt_edge, 1e-12, 1.0)) < 1.0  # N/m, where a sudden edge has 3e4
+    thick = np.array([edge_force(blunt_edge, h, 1.0) for h in (2e-4, 4e-4)])
     edge = np.array(Workpiece().edge) + [0.35 * 330e6 * 20e-6, 330e6 * 20e-6, 0.0]
     assert (thick[1] - edge) / (thick[0] - edge) == pytest.approx(np.full(3, 2**0.92), rel=1e-6)
-    sharp, blunt = (edge_force(law, 1e-4, s)[1] for s in (0.9, 1.1))
+    sharp, blunt = (edge_force(blunt_edge, 1e-4, s)[1] for s in (0.9, 1.1))
     assert blunt - sharp == pytest.approx(0.2 * Workpiece().edge[1], rel=1e-6)
 
 
@@ -171,7 +195,9 @@ def test_a_pass_goes_from_air_into_the_cut_and_out(immersion: Immersion) -> None
     turns = int((length + 14) / per_turn)
     angle = np.arange(turns * 90) * 2 * pi / 90
     x = -7.0 + angle / (2 * pi) * per_turn
-    out = pass_forces(c, tool, work, 0.0, Motion(angle=angle, x=x * 1e-3), length, 0.5)
+    out = pass_forces(
+        c, tool, work, Motion(angle=angle, x=x * 1e-3), worn=0.0, length=length, slice_height=0.5
+    )
     torque = out[:, 3].reshape(turns, 90).mean(axis=1)
     way = x.reshape(turns, 90).mean(axis=1)
     steady = torque[(way > 1) & (way < length - 7)]

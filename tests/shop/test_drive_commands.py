@@ -6,11 +6,18 @@ from math import hypot, inf
 import numpy as np
 import pytest
 
-from pipeline.shop.drive_commands import circles, of_axis, of_path, reciprocation, smoothed, travel
-from pipeline.shop.drive_parameters import Drives
-from pipeline.shop.drive_program import commanded
-from pipeline.shop.part_programs import part_programs
-from pipeline.shop.post import PartProgram
+from pipeline.shop.control.part_programs import part_programs
+from pipeline.shop.control.postprocessor import PartProgram
+from pipeline.shop.drives.commands import (
+    axis_limits,
+    circles,
+    commanded,
+    path_limits,
+    reciprocation,
+    smoothed,
+    travel,
+)
+from pipeline.shop.drives.parameters import Drives
 
 from .conftest import shop_parameters
 
@@ -30,7 +37,7 @@ def test_strokes_hold_twelve_speeds_and_keep_the_limits_of_the_axis(
     """Each speed both ways for 0.3 s at least; neither speed, acceleration nor travel is passed."""
     shop = shop_parameters(machine)
     limits, axis = getattr(shop.control, letter.lower()), shop.drives.axes[letter]
-    own = of_axis(limits)
+    own = axis_limits(limits)
     moves = reciprocation(shop.drives.tool.speeds, limits.rapid / 60, own, axis.lead)
     way = travel(moves, own, HERTZ)
     v = np.diff(way) * HERTZ
@@ -64,7 +71,7 @@ def test_smoothing_delays_by_half_its_windows_and_keeps_the_ends() -> None:
 
 def test_circles_are_round_and_as_fast_as_told() -> None:
     """Radius in every sample; both feeds both ways within the path's acceleration."""
-    limits = of_path(shop_parameters("mill01").control)
+    limits = path_limits(shop_parameters("mill01").control)
     x, y = circles(80.0, (50.0, 150.0), 1.25, limits, HERTZ)
     assert np.hypot(x, y) == pytest.approx(np.full(x.size, 40.0), abs=1e-12)
     turn = np.unwrap(np.arctan2(y, x))

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.shop.drive_axis import Followed, follow, truth
-from pipeline.shop.drive_commands import Limits, Move, travel
-from pipeline.shop.drive_parameters import Axis, Drives, Friction
-from pipeline.shop.servo_parameters import Cascade
+from pipeline.shop.drives.axis import Followed, follow, truth
+from pipeline.shop.drives.commands import Limits, Move, travel
+from pipeline.shop.drives.parameters import Axis, Cascade, Drives, Friction
 
 from .conftest import shop_parameters
 
@@ -248,7 +247,7 @@ def test_another_solver_finds_the_same_motion(letter: str) -> None:
     [
         (lambda: Cascade(velocity_frequency=3000), "must divide one another"),
         (lambda: Friction(static_positive=100.0), r"static_positive = 100.0 \[N\] must not be"),
-        (lambda: Axis(lead=0.0), r"Axis.lead = 0.0 \[mm\]"),
+        (lambda: Axis(lead=0.0), "Axis.lead = 0.0 mm must lie from 1 to 100"),
         (lambda: Drives(x=Axis(cascade=Cascade(position_frequency=1000))), "one for all axes"),
     ],
 )

@@ -17,7 +17,7 @@ import yaml
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.shop.drive_records import write_drives
+from pipeline.shop.drives.records import write_drives
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
 

@@ -13,11 +13,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.shop.cutting_force import AXIAL
-from pipeline.shop.cutting_parameters import EndMill
-from pipeline.shop.cutting_records import write_cutting
-from pipeline.shop.dynamometer_chain import FINE, Zero, converted, crosstalk, shown
-from pipeline.shop.dynamometer_parameters import RATE, Dynamometer
+from pipeline.shop.cutting.dynamometer import FINE, Baseline, amplified, converted, crosstalk
+from pipeline.shop.cutting.force import AXIAL
+from pipeline.shop.cutting.parameters import RATE, Dynamometer, EndMill
+from pipeline.shop.cutting.records import write_cutting
 
 from .conftest import Simulated, shop_parameters
 
@@ -165,7 +164,7 @@ def test_wear_grows_over_the_series_and_with_it_the_edge(cuts: Simulated) -> Non
 
 
 def misses(cuts: Simulated, coefficients: dict[str, float]) -> np.ndarray:
-    """True mean forces less those of a linear-edge law, shape (files, 3) [N]; and the former."""
+    """True mean forces less those of a linear-edge model, shape (files, 3) [N]; and the former."""
     tool, out = cuts.parameters.cutting.tool, []
     for f in (f for f in files(cuts) if not f["reject"]):
         c = f["conditions"]
@@ -179,7 +178,7 @@ def misses(cuts: Simulated, coefficients: dict[str, float]) -> np.ndarray:
 
 
 def test_the_truth_predicts_the_mean_forces(cuts: Simulated) -> None:
-    """Closed form of the linear-edge law with the truth's coefficients, against what was cut.
+    """Closed form of the linear-edge model with the truth's coefficients, against what was cut.
 
     What it cannot know: wear over the series (8 to 38 um on mill02, a quarter of the edge's force),
     the error of the depth (1 %), the size effect.
@@ -254,12 +253,12 @@ def test_a_channel_answers_as_its_mode(frequency: float) -> None:
     A sine that goes straight from step to step has sinc2 of its height.
     """
     d = replace(Dynamometer(), noise=0.0, hum=0.0, mains=50.0)
-    still = Zero(offset=np.zeros(3), drift=np.zeros(3), hum_phase=np.zeros(3))
+    still = Baseline(offset=np.zeros(3), drift=np.zeros(3), hum_phase=np.zeros(3))
     steps = FINE * RATE // 2
     force = np.zeros((steps, 4))
     force[:, AXIAL] = np.sin(2 * pi * frequency * np.arange(steps) / (FINE * RATE))
     random = np.random.default_rng(0)
-    out = shown(force, np.eye(3), still, d, steps // 2, random)
+    out = amplified(force, np.eye(3), still, d, steps // 2, random)
     r = frequency / d.z.frequency
     gain = 1 / np.hypot(1 - r * r, 2 * d.z.damping * r)
     low = np.sinc(frequency / RATE / FINE) ** 2

@@ -3,17 +3,22 @@
 import numpy as np
 import pytest
 
-from pipeline.shop.filters import slewed
-from pipeline.shop.losses import (
+from pipeline.shop.motion import slewed
+from pipeline.shop.parameters import ChillerParameters, SpindleParameters
+from pipeline.shop.spindle import (
+    NODES,
+    Heat,
+    Inputs,
+    capacities,
     copper_share,
     flux,
     friction_torque,
+    heat,
     iron_loss,
+    state_at_rest,
     viscosity,
     viscosity_line,
 )
-from pipeline.shop.network import NODES, Heat, Inputs, capacities, heat, state_at_rest
-from pipeline.shop.spindle_parameters import ChillerParameters, SpindleParameters
 
 SPINDLE = SpindleParameters()
 FRONT, WINDING, BED = (NODES.index(n) for n in ("front_bearing", "winding", "bed"))

@@ -4,9 +4,25 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.shop.drive_parameters import Drives
-from pipeline.shop.motor_motion import I_D, I_Q, SPEED, TORQUE, U_D, U_Q, WARMTH, _change, driven
-from pipeline.shop.motor_records import FIELD, HOLD, RATE, RPM, SPEEDS, _machine, speed_steps
+from pipeline.shop.drives.motor import (
+    FIELD,
+    HOLD,
+    I_D,
+    I_Q,
+    RATE,
+    SPEED,
+    SPEEDS,
+    TORQUE,
+    U_D,
+    U_Q,
+    WARMTH,
+    _change,
+    _machine,
+    driven,
+    speed_steps,
+)
+from pipeline.shop.drives.parameters import Drives
+from pipeline.shop.motion import RPM
 
 from .conftest import shop_parameters
 

@@ -8,9 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.shop import ShopParameters, simulate
-from pipeline.shop.parameters import LoggerParameters, ShiftParameters
-from pipeline.shop.spindle_parameters import SpindleParameters
+from pipeline.shop.parameters import (
+    LoggerParameters,
+    ShiftParameters,
+    ShopParameters,
+    SpindleParameters,
+)
+from pipeline.shop.simulate import simulate
 
 from .conftest import Simulated, run, shop_parameters
 
@@ -72,10 +76,16 @@ def test_the_siblings_are_two_machines() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: ShopParameters(machine="m", weeks=0), r"ShopParameters.weeks = 0 \[1\]"),
+        (
+            lambda: ShopParameters(machine="m", weeks=0),
+            "ShopParameters.weeks = 0 must lie from 1 to 104",
+        ),
         (lambda: ShopParameters(machine="m", first_day="2026-01-06"), "must be a Monday"),
         (lambda: ShopParameters(machine="m", programs=()), "at least one part program"),
-        (lambda: LoggerParameters(interval=0), r"LoggerParameters.interval = 0 \[s\]"),
+        (
+            lambda: LoggerParameters(interval=0),
+            "LoggerParameters.interval = 0 s must lie from 1 to 3600",
+        ),
         (lambda: ShiftParameters(start_earliest=8.0), "start_latest"),
         (lambda: SpindleParameters(viscosity_100=30.0), "oil gets thinner"),
     ],
@@ -98,6 +108,6 @@ def test_only_c_axis_programs_and_no_c_axis_is_an_error(tmp_path: Path) -> None:
 
 
 def test_the_room_starts_without_numba() -> None:
-    code = "import sys, pipeline.shop; print('numba' in sys.modules)"
+    code = "import sys, pipeline.shop.parameters; print('numba' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "False"

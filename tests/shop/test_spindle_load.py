@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.shop.cutting_conditions import Conditions
-from pipeline.shop.cutting_parameters import Cutting, EndMill
-from pipeline.shop.cutting_records import write_cutting
-from pipeline.shop.spindle_load import available_power, no_load_power, shown_load
-from pipeline.shop.spindle_load_parameters import SpindleTests
-from pipeline.shop.spindle_parameters import MotorParameters, SpindleParameters
-from pipeline.shop.spindle_ramp import Ramp
+from pipeline.shop.control.planner import Ramp
+from pipeline.shop.cutting.parameters import Conditions, Cutting, EndMill, SpindleTests
+from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.cutting.spindle_test import shown_load
+from pipeline.shop.parameters import MotorParameters, SpindleParameters
+from pipeline.shop.spindle import available_power, no_load_power
 
 from .conftest import LogFile, Simulated, read_log, shop_parameters
 

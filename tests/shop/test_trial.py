@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.shop.cutting_parameters import EndMill, Workpiece
+from pipeline.shop.control.part_programs import part_programs
+from pipeline.shop.cutting.parameters import EndMill, Workpiece
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.part_programs import part_programs
-from pipeline.shop.trial import TrialJob, fixed, trial, trial_cut, trials
-from pipeline.shop.trial_chance import BATCH, LENGTH, TOP, chance
-from pipeline.shop.trial_motion import Track, control_of, track
-from pipeline.shop.trial_parts import shop_part
-from pipeline.shop.trial_program import program_steps
+from pipeline.shop.trial.cutting import BATCH, LENGTH, TOP, chance
+from pipeline.shop.trial.job import TrialJob, shop_part
+from pipeline.shop.trial.motion import Track, control_of, program_steps, track
+from pipeline.shop.trial.trials import prepare, trial, trial_cut, trials
 
 from .conftest import shop_parameters
 
@@ -27,7 +26,7 @@ SLOT = f"{HEAD}G1 Z-1 F200\nX30 F300\nG0 Z5\nM30\n"
 def way_of(text: str, job: TrialJob = JOB, machine: ShopParameters = MACHINE) -> Track:
     program = program_steps(text, "P", job, machine.control)
     control = control_of(program, job, machine, np.random.default_rng(0))
-    return track(control, control.run(program), job)
+    return track(control.run(program), job, machine.control)
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
@@ -73,7 +72,7 @@ def test_arcs_are_circles_and_helices_go_down_with_the_angle() -> None:
 
 def test_a_slot_takes_its_own_area_and_each_cell_when_the_tool_reaches_it() -> None:
     """Area of half a disc and a strip to a cell's width along its edge; ways to two cells."""
-    its = fixed(SLOT, "P", JOB, MACHINE).swept
+    its = prepare(SLOT, "P", JOB, MACHINE).swept
     r, cell, reach = 3.0, its.cell, 30.0
     taken = np.isfinite(its.first[0])
     area = 2 * r * reach + np.pi * r**2 / 2
@@ -81,14 +80,14 @@ def test_a_slot_takes_its_own_area_and_each_cell_when_the_tool_reaches_it() -> N
     middle = int((15.0 - its.corner[1]) / cell)
     columns = np.arange(200, 1400)
     ahead = its.corner[0] + (columns + 0.5) * cell
-    begins = its.way[np.flatnonzero(its.cuts)[0]]  # the front is at X0
+    begins = its.path[np.flatnonzero(its.cuts)[0]]  # the front is at X0
     assert its.first[0, middle, columns] - begins == pytest.approx(ahead, abs=2 * cell)
 
 
 def test_the_same_seed_is_the_same_part_and_another_one_is_not() -> None:
     one, again = (trial_cut(SLOT, "P", JOB, MACHINE, 7) for _ in range(2))
     assert one.document() == again.document()
-    its = fixed(SLOT, "P", JOB, MACHINE)
+    its = prepare(SLOT, "P", JOB, MACHINE)
     assert trial(its, JOB, MACHINE, 7).document() == one.document()
     other = trial(its, JOB, MACHINE, 8)
     assert other.peak_load_N != one.peak_load_N and other.time_s != one.time_s
@@ -135,7 +134,7 @@ def test_trials_cut_the_same_parts_before_and_after() -> None:
 
 def test_thirty_seconds_of_cutting_take_half_a_second() -> None:
     """Of processor time, the best of three; the slot's 8 s of cutting take their share."""
-    its = fixed(SLOT, "P", JOB, MACHINE)
+    its = prepare(SLOT, "P", JOB, MACHINE)
     took = []
     for seed in range(4):
         began = time.process_time()
@@ -164,7 +163,7 @@ def test_what_the_mill_cannot_do_is_said_with_its_line(text: str, message: str) 
 def test_what_is_no_job_is_refused() -> None:
     for changes, message in (
         ({"blank": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "TrialJob.blank"),
-        ({"limit_load_N": 0.0}, "TrialJob.limit_load_N = 0.0"),
+        ({"limit_load_N": 0.0}, "TrialJob.limit_load_N = 0.0 N must be finite and positive"),
         ({"tools": {}}, "TrialJob.tools"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -9,16 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from pipeline.shop.cutting_conditions import Conditions
-from pipeline.shop.cutting_parameters import EndMill, Workpiece
-from pipeline.shop.cutting_pass import Motion, pass_forces, wear
-from pipeline.shop.dynamometer_parameters import Dynamometer
+from pipeline.shop.cutting.force import Motion, pass_forces, wear
+from pipeline.shop.cutting.parameters import Conditions, Dynamometer, EndMill, Workpiece
 from pipeline.shop.parameters import Cutting, ShopParameters
-from pipeline.shop.trial import fixed
-from pipeline.shop.trial_chance import Chance
-from pipeline.shop.trial_cutting import Loads, cut
-from pipeline.shop.trial_force import Steps, _chip
-from pipeline.shop.trial_job import TrialJob
+from pipeline.shop.trial.cutting import Chance, Loads, Steps, _chip, cut
+from pipeline.shop.trial.job import TrialJob
+from pipeline.shop.trial.trials import prepare
 
 STEADY = ShopParameters(
     machine="trial", cutting=Cutting(dynamometer=Dynamometer(speed_error=0.0, speed_wander=0.0))
@@ -41,7 +37,7 @@ def loads(lines: str, tool: EndMill, blank=BLANK, speed: int = 5000, limit: floa
     """Of a program that begins at X-20 Y-20 Z5, without any chance."""
     text = f"G21 G90 G54\nG0 X-20 Y-20 S{speed} M3\nG43 Z5 H1\n{lines}\nG0 Z5\nM30\n"
     job = TrialJob(blank=blank, limit_load_N=limit, tools={1: tool})
-    its = fixed(text, "P", job, STEADY)
+    its = prepare(text, "P", job, STEADY)
     part = Chance(
         workpiece=job.workpiece, tools={1: tool}, used={1: USED}, deeper={1: 0.0},
         speed_error=0.0, angle=0.3,
@@ -55,7 +51,13 @@ def straight(tool: EndMill, immersion: str, width: float, feed: float, speed: fl
     angle = np.arange(6 * 720) * 2 * pi / 720
     x = 0.02 + angle / (2 * pi) * feed / speed * 1e-3
     force = pass_forces(
-        c, tool, Workpiece(), wear(tool, USED), Motion(angle=angle, x=x), 40.0, 0.0625
+        c,
+        tool,
+        Workpiece(),
+        Motion(angle=angle, x=x),
+        worn=wear(tool, USED),
+        length=40.0,
+        slice_height=0.0625,
     )
     return float(np.hypot(force[:, 0], force[:, 1]).max())
 
@@ -149,7 +151,7 @@ def test_chips_on_a_bent_way_are_those_of_true_paths() -> None:
     turn, feed, bend = 360, 0.25, 2.0
     angle = 2 * pi + np.arange(3 * turn) * 2 * pi / turn
     at = feed * angle / (2 * pi) / bend
-    steps = Steps(angle=angle, x=bend * np.sin(at), y=-bend * np.cos(at), z=0 * at, way=bend * at)
+    steps = Steps(angle=angle, x=bend * np.sin(at), y=-bend * np.cos(at), z=0 * at, path=bend * at)
     radii = np.array([[3.004], [2.997], [3.0]])
     found, expected = [], []
     for k in range(2 * turn, 3 * turn, 7):

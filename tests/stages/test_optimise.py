@@ -12,7 +12,7 @@ import yaml
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.parameters import structure
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial_parts import write_parts
+from pipeline.shop.trial.job import write_parts
 from pipeline.stages import trial as trial_stage
 from pipeline.stages.__main__ import run
 from tests.small_project import MACHINE, build, change, inside, new_project, params

@@ -124,7 +124,8 @@ def test_energy_is_that_of_spindle_drives_coolant_and_standing_by(cut):
     moves = plan.path.moves
     turning = plan.time * (moves.direction != 0)
     spindle = (
-        (blocks.mean_power * blocks.seconds).sum() + (turning * (20 + 0.5 * plan.spindle_speed / 60)).sum()
+        (blocks.mean_power * blocks.seconds).sum()
+        + (turning * (20 + 0.5 * plan.spindle_speed / 60)).sum()
     ) / (0.8 * 0.7)
     coolant_on = (moves.line >= 7) & (moves.line < 12)
     joule = (

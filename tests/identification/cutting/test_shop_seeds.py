@@ -25,8 +25,8 @@ from pipeline.identification.cutting.records import (
 )
 from pipeline.identification.cutting.settings import CuttingFitSettings
 from pipeline.parameters import structure
-from pipeline.shop.cutting_truth import dynamometer_truth
-from pipeline.shop.dynamometer_records import write_dynamometer
+from pipeline.shop.cutting.dynamometer import write_dynamometer
+from pipeline.shop.cutting.records import dynamometer_truth
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest

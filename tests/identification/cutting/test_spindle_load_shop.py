@@ -14,8 +14,8 @@ from pipeline.identification.cutting.records import (
     CuttingRecords,
 )
 from pipeline.parameters import read_params, structure
-from pipeline.shop import ShopParameters
-from pipeline.shop.cutting_records import write_cutting
+from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
 from pipeline.stages.identify_cutting import identify_cutting

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from pipeline.parameters import structure
-from pipeline.shop.control_records import write_control
+from pipeline.shop.control.records import write_control
 from pipeline.shop.parameters import ShopParameters
 from pipeline.stages.__main__ import run
 from tests.small_project import MACHINE, ROOT, inside, params

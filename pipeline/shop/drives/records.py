@@ -1,0 +1,341 @@
+"""Records of a servo tuning tool: strokes, circles, a program, load and speed steps, and truth.
+
+Files have a head, names, units, rows, and faults, in the format of two makers: ``plain`` (point,
+comma, seconds, ``X_PosAct``) and ``bracketed`` (milliseconds, ``APOS(X)``, decimal comma when the
+tool is set so).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.shop.control.part_programs import part_programs
+from pipeline.shop.control.planner import HOME
+from pipeline.shop.drives.axis import follow, hidden, truth
+from pipeline.shop.drives.commands import (
+    Move,
+    axis_limits,
+    circles,
+    commanded,
+    path_limits,
+    quick_strokes,
+    reciprocation,
+    travel,
+)
+from pipeline.shop.drives.motor import RATE as MOTOR_RATE
+from pipeline.shop.drives.motor import motor_truth, speed_steps
+from pipeline.shop.drives.parameters import RATE, Axis, ServoTool
+from pipeline.shop.motion import RPM
+from pipeline.shop.parameters import ShopParameters
+
+NAMES = {
+    "plain": {"reference": "{}_PosSet", "position": "{}_PosAct", "current": "{}_Iq",
+              "load": "{}_Force"},
+    "bracketed": {"reference": "CPOS({})", "position": "APOS({})", "current": "TCMD({})",
+                  "load": "FEXT({})"},
+}  # fmt: skip
+"""Column of an axis for each quantity."""
+UNITS = {"reference": "mm", "position": "mm", "current": "A", "load": "N"}
+DECIMALS = {"reference": 4, "position": 4, "current": 3, "load": 0}
+TITLES = {"plain": "Drive trace DT-4 (simulated)", "bracketed": "SERVO TUNING GUIDE (simulated)"}
+BLOCK = 5000
+"""Rows that are written at once."""
+WIDEST = 3
+"""Rows of the longest gap."""
+SLOT = 50
+"""Rows from one place of a possible fault to the next."""
+LEFT = 0.6
+"""Share that is left of a torn row."""
+PROGRAM = 2
+"""Index of the part program that is run, above the table."""
+CIRCLES = {20.0: (20.0, 60.0), 80.0: (50.0, 150.0)}
+"""Feeds [mm/s] of the circles by their diameter [mm]."""
+REVOLUTIONS = 1.25
+"""Length of each circular motion, in revolutions."""
+LOADED = "XZ"
+"""Axes that are pushed against."""
+CREEP = 15.0
+"""Feed while an axis is pushed [mm/s]."""
+PUSH = (250.0, 1100.0)
+"""Least and greatest force of a push [N]."""
+SETTLED = 0.03
+"""Time that a push takes to come and to go [s]."""
+MOTOR_NAMES = {
+    "plain": ("Ud", "Uq", "Id", "Iq", "Speed"),
+    "bracketed": ("UD(X)", "UQ(X)", "ID(X)", "IQ(X)", "SPEED(X)"),
+}
+MOTOR_UNITS = ("V", "V", "A", "A", "1/min")
+MOTOR_DECIMALS = (2, 2, 3, 3, 2)
+MOTOR_NOISE = (0.0, 0.0, 0.02, 0.02, 0.05)
+"""Standard deviations of the measured columns, in those units; voltages are commands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One column: its name, unit, decimals and values (T,) as they are written."""
+
+    name: str
+    unit: str
+    decimals: int
+    values: Floats
+
+
+def column(quantity: str, letter: str, values: Floats, tool: ServoTool) -> Column:
+    """Column of an axis; values in mm, A or N."""
+    return Column(
+        name=NAMES[tool.style][quantity].format(letter), unit=UNITS[quantity],
+        decimals=DECIMALS[quantity], values=values,
+    )  # fmt: skip
+
+
+def write_trace(
+    path: Path, head: Mapping[str, str], columns: list[Column], rate: int, tool: ServoTool,
+    random: np.random.Generator | None,
+) -> dict[str, Any]:  # fmt: skip
+    """Write one file of T rows at ``rate`` [Hz] of true time; with faults when ``random`` is given.
+
+    Returns
+    -------
+    dict
+        Its faults: rows written, gaps (before which row of the full table, rows lost),
+        rows with the stamp of the one before, whether the last row is torn.
+    """
+    size = columns[0].values.size
+    stamps = np.arange(size) / rate * (1 + tool.clock_error * 1e-6)
+    kept: np.ndarray = np.arange(size)
+    faults: dict[str, Any] = {"gaps": [], "repeated": [], "torn": False}
+    if random is not None:
+        kept, faults = _faults(stamps, random, tool)
+        faults["torn"] = path.stem == tool.torn
+    seconds = tool.style == "plain"
+    time = Column(
+        name="Time", unit="s" if seconds else "ms", decimals=6 if seconds else 3,
+        values=stamps if seconds else stamps * 1e3,
+    )  # fmt: skip
+    text = _text(path.stem, head, [time, *columns], kept, tool)
+    if faults["torn"]:
+        last = text.rstrip("\n").rfind("\n") + 1
+        text = text[: last + int(LEFT * (len(text) - last))]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="ascii", newline="\n")
+    return {"rows": int(kept.size), "seconds": size / rate, **faults}
+
+
+def _faults(
+    stamps: Floats, random: np.random.Generator, tool: ServoTool
+) -> tuple[np.ndarray, dict[str, Any]]:
+    """Rows that are kept, and the faults; one stamp is repeated in place."""
+    keep = np.ones(stamps.size, bool)
+    gaps = []
+    slots = random.choice(np.arange(1, stamps.size // SLOT), tool.dropped, replace=False)
+    for first in (np.sort(slots) * SLOT).tolist():
+        lost = int(random.integers(1, WIDEST + 1))
+        keep[first : first + lost] = False
+        gaps.append({"row": first, "lost": lost})
+    repeated = SLOT * int(random.integers(1, stamps.size // SLOT)) + SLOT // 2
+    stamps[repeated] = stamps[repeated - 1]
+    return np.flatnonzero(keep), {"gaps": gaps, "repeated": [repeated], "torn": False}
+
+
+def _text(
+    name: str, head: Mapping[str, str], columns: list[Column], rows: np.ndarray, tool: ServoTool
+) -> str:
+    comma = tool.decimal == ","
+    separator = ";" if comma else ","
+    first = [
+        TITLES[tool.style],
+        *(f"{k}{separator}{v}" for k, v in {"Trace": name, **head}.items()),
+    ]
+    if tool.style == "bracketed":
+        first = [f"# {line}" for line in first]
+    lines = [
+        *first,
+        separator.join(c.name for c in columns),
+        separator.join(c.unit for c in columns),
+    ]
+    form = separator.join(f"%.{c.decimals}f" for c in columns) + "\n"
+    table = np.stack([c.values[rows] for c in columns], axis=1) + 0.0
+    blocks = (table[k : k + BLOCK] for k in range(0, len(table), BLOCK))
+    body = "".join(form * len(block) % tuple(block.ravel().tolist()) for block in blocks)
+    return "\n".join(lines) + "\n" + (body.replace(".", ",") if comma else body)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """One recording: commands (T,) of its axes [mm], force (T,) [N] and mass (T,) [kg] on them."""
+
+    name: str
+    commands: Mapping[str, Floats]
+    load: Floats | None = None
+    extra: Floats | None = None
+    truth: dict[str, Any] = field(default_factory=dict)
+
+
+def write_servo(folder: Path, parameters: ShopParameters) -> list[dict[str, Any]]:
+    """Write ``servo/*.csv`` into ``folder``; the truth about each file."""
+    return [_written(folder, session, parameters) for session in _sessions(parameters)]
+
+
+def _sessions(parameters: ShopParameters) -> Iterator[Session]:
+    for letter in parameters.drives.axes:
+        yield _reciprocation(letter, parameters)
+    for diameter, feeds in CIRCLES.items():
+        limits, frequency = path_limits(parameters.control), _frequency(parameters)
+        x, y = circles(diameter, feeds, REVOLUTIONS, limits, frequency)
+        truth = {"diameter_mm": diameter, "feeds_mm_s": list(feeds)}
+        yield Session(name=f"circle-{diameter:.0f}mm", commands={"X": x, "Y": y}, truth=truth)
+    yield _program(parameters)
+    for letter in LOADED:
+        yield _load_step(letter, parameters)
+    yield _inertia_step(parameters)
+
+
+def _frequency(parameters: ShopParameters) -> int:
+    """Rate of the position loops, which the axes of a machine share [Hz]."""
+    return parameters.drives.x.cascade.position_frequency
+
+
+def _reciprocation(letter: str, parameters: ShopParameters) -> Session:
+    limits = getattr(parameters.control, letter.lower())
+    own, lead = axis_limits(limits), parameters.drives.axes[letter].lead
+    moves = reciprocation(parameters.drives.tool.speeds, limits.rapid / 60, own, lead)
+    command = travel(moves, own, _frequency(parameters))
+    return Session(name=f"reciprocation-{letter}", commands={letter: command})
+
+
+def _program(parameters: ShopParameters) -> Session:
+    made = part_programs(parameters.control, parameters.generator("part programs"))[0][PROGRAM]
+    position = commanded(made, parameters, _frequency(parameters), HOME)
+    return Session(
+        name=f"program-{made.name}", commands=dict(zip("XYZ", position.T, strict=True)),
+        truth={"program": made.name},
+    )  # fmt: skip
+
+
+def _load_step(letter: str, parameters: ShopParameters) -> Session:
+    own, frequency = (
+        axis_limits(getattr(parameters.control, letter.lower())),
+        _frequency(parameters),
+    )
+    moves = [Move(length=sign * 12 * CREEP, speed=CREEP, pause=0.5) for sign in (1, -1)]
+    command = travel(moves, own, frequency)
+    random = parameters.generator(f"servo pushes {letter}")
+    time = np.arange(command.size) / frequency
+    load: Floats = np.zeros(command.size)
+    pushes, start = [], 1.2
+    while start < time[-1] - 1.5:
+        force = float(random.uniform(*PUSH) * random.choice((-1, 1)))
+        end = start + float(random.uniform(0.5, 1.2))
+        load += force * (_rise((time - start) / SETTLED) - _rise((time - end) / SETTLED))
+        pushes.append({"start_s": round(start, 4), "end_s": round(end, 4), "force_N": force})
+        start = end + float(random.uniform(0.4, 0.8))
+    truth = {"pushes": pushes}
+    return Session(name=f"load-step-{letter}", commands={letter: command}, load=load, truth=truth)
+
+
+def _rise(u: Floats) -> Floats:
+    """From 0 to 1 for ``u`` from 0 to 1, smoothly."""
+    inside: Floats = np.clip(u, 0, 1)
+    return inside * inside * (3 - 2 * inside)
+
+
+def _inertia_step(parameters: ShopParameters) -> Session:
+    """Quick strokes without and with a workpiece, which is set down at standstill between them."""
+    own, frequency = axis_limits(parameters.control.x), _frequency(parameters)
+    half = quick_strokes(8, 90.0, parameters.control.x.rapid / 60)
+    waits = [*half[:-1], Move(length=half[-1].length, speed=half[-1].speed, pause=2.5)]
+    command = travel([*waits, *half], own, frequency)
+    middle = command.size // 2
+    mass = parameters.drives.tool.workpiece
+    extra: Floats = np.where(np.arange(command.size) < middle, 0.0, mass)
+    truth = {"set_down_s": middle / frequency, "mass_kg": mass}
+    return Session(name="inertia-step-X", commands={"X": command}, extra=extra, truth=truth)
+
+
+def _written(folder: Path, session: Session, parameters: ShopParameters) -> dict[str, Any]:
+    tool, drives = parameters.drives.tool, parameters.drives
+    random = parameters.generator(f"servo {session.name}")
+    columns = []
+    for letter, command in session.commands.items():
+        columns += _axis_columns(letter, drives.axes[letter], command, session, tool, random)
+    head = {"Machine": parameters.machine, "Axes": " ".join(session.commands),
+            "Sampling": f"{1e3 / RATE:g} ms"}  # fmt: skip
+    file = f"servo/{session.name}.csv"
+    done = write_trace(folder / file, head, columns, RATE, tool, random)
+    return {"file": file, **done, **session.truth}
+
+
+def _axis_columns(
+    letter: str, axis: Axis, command: Floats, session: Session, tool: ServoTool,
+    random: np.random.Generator,
+) -> list[Column]:  # fmt: skip
+    """Reference, position and current of an axis as the tool writes them, and the load cell's."""
+    out = follow(axis, command * 1e-3, random, session.load, session.extra)
+    rows = slice(None, None, axis.cascade.position_frequency // RATE)
+    current = out.current[rows]
+    current = current + random.standard_normal(current.size) * tool.current_noise
+    shown = {
+        "reference": command[rows],
+        "position": _rounded(out.measured[rows] * 1e3, tool.position_step * 1e-3),
+        "current": _rounded(current, tool.current_step),
+    }
+    if session.load is not None:
+        noise = random.standard_normal(current.size) * tool.load_cell_noise
+        shown["load"] = _rounded(session.load[rows] + tool.load_cell_offset + noise, 1.0)
+    return [column(quantity, letter, values, tool) for quantity, values in shown.items()]
+
+
+def _rounded(values: Floats, step: float) -> Floats:
+    stepped: Floats = np.round(values / step) * step
+    return stepped
+
+
+def write_motor(folder: Path, parameters: ShopParameters) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Write ``motor/speed-steps-X.csv``; the truth about the motor and about the file."""
+    axis, tool = parameters.drives.x, parameters.drives.tool
+    out = speed_steps(axis)
+    random = parameters.generator("motor speed-steps-X")
+    scales = (1.0, 1.0, 1.0, 1.0, 1 / RPM)
+    columns = [
+        Column(
+            name=name, unit=unit, decimals=digits,
+            values=out[:, k] * scales[k] + random.standard_normal(len(out)) * MOTOR_NOISE[k],
+        )
+        for k, (name, unit, digits) in enumerate(
+            zip(MOTOR_NAMES[tool.style], MOTOR_UNITS, MOTOR_DECIMALS, strict=True)
+        )
+    ]  # fmt: skip
+    file = "motor/speed-steps-X.csv"
+    head = {"Machine": parameters.machine, "Axis": "X", "Sampling": f"{1e3 / MOTOR_RATE:g} ms"}
+    done = write_trace(folder / file, head, columns, MOTOR_RATE, tool, None)
+    return motor_truth(axis, out), {"file": file, **done}
+
+
+def write_drives(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
+    """Write ``servo/*.csv`` and ``motor/*.csv`` into ``folder``, when the drives are recorded.
+
+    Returns
+    -------
+    dict
+        ``axes``: what a fit of one mass should recover of each, in SI; ``motor``: the same of the
+        motor of X; ``more``: what such a model leaves out, the tool, the files and their faults.
+        Nothing when the drives are not recorded.
+    """
+    drives = parameters.drives
+    if not drives.recorded:
+        return {}
+    files = write_servo(folder, parameters)
+    motor, file = write_motor(folder, parameters)
+    return {
+        "axes": {letter: truth(axis) for letter, axis in drives.axes.items()},
+        "motor": motor,
+        "more": {
+            "axes": {letter: hidden(axis) for letter, axis in drives.axes.items()},
+            "tool": asdict(drives.tool),
+            "files": [*files, file],
+        },
+    }

@@ -1,0 +1,263 @@
+"""Motion of the tool in a trial cut: program text, commands of the control, axes that lag.
+
+The text is read by the project's interpreter, which has no model of the machine; what the machine
+does with it is the shop's own.  Every axis closes the same share of its distance in each second
+(``position_gain``), as the feed rate of the control's own display does; corners and arcs are
+rounded accordingly.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.gcode.program import Program
+from pipeline.gcode.setup import Setup
+from pipeline.gcode.setup import Tool as Register
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.shop.control.planner import HOME, SHORTEST, Control, Operator, Plan, Section, Span
+from pipeline.shop.control.postprocessor import Kind as StepKind
+from pipeline.shop.control.postprocessor import PartProgram, Point, Step
+from pipeline.shop.motion import lagged
+from pipeline.shop.parameters import ControlParameters, ShopParameters
+from pipeline.shop.trial.job import TrialJob
+
+CODES = {7: 8, 8: 8, 9: 9}
+"""M codes that take time, by the code whose time they have; others take none."""
+MOVING = (Kind.RAPID, Kind.FEED, Kind.ARC)
+
+
+def program_steps(
+    text: bytes | str, name: str, job: TrialJob, control: ControlParameters
+) -> PartProgram:
+    """The steps of a program, its coordinates being those of its one work offset.
+
+    Raises
+    ------
+    GcodeError
+        At the first word that cannot be followed.
+    ValueError
+        At the first move that this mill does not have: another axis, another plane, a thread.
+    """
+    data = text.encode() if isinstance(text, str) else text
+    offset = (*control.work_offset, 0.0, 0.0, 0.0)
+    tools = {n: Register(length=job.length(n), diameter=t.diameter) for n, t in job.tools.items()}
+    moves = interpret(Program(data, name), Setup(
+        dialect=job.dialect, initial_position=(*HOME, 0.0, 0.0, 0.0),
+        work_offsets={f"G{n}": offset for n in range(54, 60)}, tools=tools,
+        peck_clearance=control.peck_clearance,
+    ))  # fmt: skip
+    _refuse(moves, name)
+    steps = _Steps(moves, name, job, control)
+    for row in range(len(moves)):
+        steps.take(row)
+    return PartProgram(name=name, text=data.decode("latin-1"), steps=tuple(steps.done), tools=())
+
+
+def first_tool(job: TrialJob) -> int:
+    """Tool in the spindle before the program: the job's tool where it has but one, else none."""
+    return next(iter(job.tools)) if len(job.tools) == 1 else 0
+
+
+def _refuse(moves: Moves, name: str) -> None:
+    arc = moves.kind == Kind.ARC
+    turned = np.any(moves.end[:, 3:] != moves.start[:, 3:], axis=1)
+    for rows, words in (
+        (np.isin(moves.kind, (Kind.PROBE, Kind.THREAD)), "probes or cuts a thread"),
+        (arc & (moves.plane != 17), "is an arc outside the plane XY"),
+        (turned, "moves a rotary axis"),
+        (moves.direction < 0, "turns the spindle to the left"),
+        (moves.constant_surface_speed, "asks for a constant surface speed"),
+    ):
+        if rows.any():
+            line = moves.line[int(np.argmax(rows))]
+            raise ValueError(f"{name}:{line} {words}: a trial cut mills with X, Y, Z and M3 only")
+
+
+class _Steps:
+    """Rows become steps, one after the other; ``at`` is where the tool's tip is."""
+
+    def __init__(self, moves: Moves, name: str, job: TrialJob, control: ControlParameters) -> None:
+        self.moves, self.name, self.job, self.offset = moves, name, job, control.work_offset
+        self.height = control.change_height
+        self.place = moves.origin[:3]
+        self.start, self.length = moves.start[:, :3], moves.length
+        self.tool, self.speed = first_tool(job), 0
+        self.done = [Step(kind="rapid", line=1, end=self._tip(self.place))]
+
+    def take(self, row: int) -> None:
+        """Add the steps of a row."""
+        moves, kind = self.moves, Kind(self.moves.kind[row])
+        line = int(moves.line[row])
+        if kind in MOVING:
+            self._move(row, kind, line)
+        elif kind == Kind.TOOL_CHANGE:
+            self.tool = int(moves.tool[row])
+            self.place = np.array([*self.place[:2], self.height])
+            self._add("tool", line, number=self.tool)
+        elif kind == Kind.SPINDLE:
+            speed = round(float(moves.speed[row])) if moves.direction[row] else 0
+            if speed != self.speed:
+                self._add("spindle", line, number=speed)
+            self.speed = speed
+        elif kind == Kind.DWELL:
+            turn = 60 / max(self.speed, 1) if moves.code[row] == 1 else 1.0
+            self._add("dwell", line, seconds=float(moves.value[row]) * turn)
+        elif kind == Kind.M_CODE and int(moves.code[row]) in CODES:
+            self._add("code", line, number=CODES[int(moves.code[row])])
+        elif kind in (Kind.STOP, Kind.END):
+            number = 1 if kind == Kind.STOP else 30
+            self._add("code" if number == 1 else "end", line, number=number)
+
+    def _move(self, row: int, kind: Kind, line: int) -> None:
+        moves = self.moves
+        # what the program does not move stays where the changer has left it
+        stays = moves.end[row, :3] == self.start[row]
+        target = np.where(stays, self.place, moves.end[row, :3])
+        straight = float(np.linalg.norm(target - self.place))
+        length = float(self.length[row]) if kind == Kind.ARC else straight
+        if length < SHORTEST:
+            return
+        tip = self._tip(target)
+        if kind == Kind.RAPID:
+            self._add("rapid", line, end=tip)
+        elif kind == Kind.FEED:
+            self._add("line", line, end=tip, feed=self._feed(row, length))
+        else:
+            centre = moves.centre[row, :2] - self.offset[:2]
+            self._add(
+                "arc", line, end=tip, centre=(float(centre[0]), float(centre[1])),
+                turn=float(moves.angle[row]), feed=self._feed(row, length),
+            )  # fmt: skip
+        self.place = target
+
+    def _feed(self, row: int, length: float) -> float:
+        """Feed of a row [mm/min]."""
+        mode, feed = self.moves.feed_mode[row], float(self.moves.feed[row])
+        if mode == FeedMode.PER_REVOLUTION:
+            feed *= self.speed
+        elif mode == FeedMode.INVERSE_TIME:
+            feed *= length
+        if not feed > 0:
+            raise ValueError(
+                f"{self.name}:{self.moves.line[row]} cuts without a feed: program F, and S for a "
+                "feed by the turn"
+            )
+        return feed
+
+    def _add(self, kind: StepKind, line: int, end: Point | None = None, **more: Any) -> None:
+        tip = self._tip(self.place) if end is None else end
+        self.done.append(Step(kind=kind, line=line, end=tip, **more))
+
+    def _tip(self, place: Floats) -> Point:
+        """The tool's tip in the coordinates of the work offset [mm]."""
+        x, y, z = (float(p - o) for p, o in zip(place, self.offset, strict=True))
+        return x, y, z - self.job.length(self.tool)
+
+
+def control_of(
+    program: PartProgram, job: TrialJob, parameters: ShopParameters, random: np.random.Generator
+) -> Control:
+    """The shop's control before ``program``, with the job's tools in its magazine."""
+    called = {s.number for s in program.steps if s.kind == "tool"} | {0, first_tool(job)}
+    return Control(
+        parameters=parameters.control, motor=parameters.spindle.motor,
+        lengths={number: job.length(number) for number in called}, operator=Operator(),
+        random=random, place=list(HOME), tool=first_tool(job),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """A run in T cycles of ``cycle`` [s].
+
+    Parameters
+    ----------
+    tip : (T, 3) array
+        Of the tool, as it is, in the coordinates of the work offset [mm].
+    line, tool : (T,) arrays of int
+        Of the program; in the spindle.
+    speed : (T,) array
+        Of the spindle as commanded, its ramps included [rev/min].
+    """
+
+    cycle: float
+    tip: Floats
+    line: Ints
+    tool: Ints
+    speed: Floats
+
+
+def track(plan: Plan, job: TrialJob, control: ControlParameters) -> Track:
+    """Motion of the tool while the control runs ``plan``."""
+    time = (
+        np.arange(int(np.ceil(plan.duration / control.cycle)) + 1, dtype=np.float64) * control.cycle
+    )
+    command, line, tool = _commands(plan, job, control, time)
+    share = -np.expm1(-control.position_gain * control.cycle)
+    tip = np.stack([lagged(np.ascontiguousarray(c), share, c[0]) for c in command.T], axis=1)
+    for number in np.unique(tool).tolist():
+        tip[tool == number] -= _shift(control, job, number)
+    return Track(cycle=control.cycle, tip=tip, line=line, tool=tool, speed=plan.spindle_speed(time))
+
+
+def _commands(
+    plan: Plan, job: TrialJob, control: ControlParameters, time: Floats
+) -> tuple[Floats, Ints, Ints]:
+    """Positions in the machine's frame (T, 3) [mm], line and tool (T,), at ``time`` (T,)."""
+    command = np.empty((time.size, 3))
+    line, tool = np.empty(time.size, dtype=np.int64), np.empty(time.size, dtype=np.int64)
+    edges = np.searchsorted(time, [s.start for s in plan.spans] + [np.inf])
+    here = np.array(HOME)
+    for k, span in enumerate(plan.spans):
+        part, target = slice(edges[k], edges[k + 1]), np.array(span.target)
+        line[part], tool[part] = span.line, span.tool
+        within = time[part] - span.start
+        if span.section is None:
+            command[part] = _between(here, target, span, within)
+        else:
+            s = np.minimum(span.section.motion.at(within)[0], span.section.ends[-1])
+            block = np.minimum(np.searchsorted(span.section.ends, s), span.section.ends.size - 1)
+            command[part] = _along(s, block, span.section)
+            command[part] += _shift(control, job, span.tool)
+            line[part] = span.section.lines[block]
+        here = target
+    return command, line, tool
+
+
+def _shift(control: ControlParameters, job: TrialJob, tool: int) -> Floats:
+    """From the tip's coordinates to the machine's [mm]."""
+    return np.array(control.work_offset) + [0.0, 0.0, job.length(tool)]
+
+
+def _between(here: Floats, target: Floats, span: Span, within: Floats) -> Floats:
+    """Positions in a rapid, in which each axis goes on its own, or in a wait; (T, 3) [mm]."""
+    out = np.tile(here, (within.size, 1))
+    if not span.axes:
+        return out
+    moved = np.flatnonzero(np.abs(target - here) > SHORTEST)
+    for axis, motion in zip(moved, span.axes, strict=True):
+        distance = motion.at(np.minimum(within, motion.duration))[0]
+        out[:, axis] += np.sign(target[axis] - here[axis]) * distance
+    return out
+
+
+def _along(s: Floats, block: Ints, section: Section) -> Floats:
+    """Positions at ``s`` (T,) [mm] of a path of cuts, in its ``block`` (T,); shape (T, 3) [mm]."""
+    points, ends, steps = section.points, section.ends, section.steps
+    turn = np.array([step.turn for step in steps])
+    centre = np.array([step.centre for step in steps])
+    lengths = np.diff(np.concatenate([[0.0], ends]))
+    share = 1 - (ends[block] - s) / lengths[block]
+    out: Floats = points[block] + (points[block + 1] - points[block]) * share[:, None]
+    arcs = turn[block] != 0
+    if arcs.any():
+        k, part = block[arcs], share[arcs]
+        first, last = points[k, :2] - centre[k], points[k + 1, :2] - centre[k]
+        radius = np.hypot(*first.T) * (1 - part) + np.hypot(*last.T) * part
+        angle = np.arctan2(first[:, 1], first[:, 0]) + turn[k] * part
+        out[arcs, 0] = centre[k, 0] + radius * np.cos(angle)
+        out[arcs, 1] = centre[k, 1] + radius * np.sin(angle)
+    return out

@@ -1,0 +1,253 @@
+"""Trial cuts: the shop's machine mills a part by any program, a dynamometer under it.
+
+The control plans and the axes lag as in the shop's other runs; the material is what the tool has
+not swept; edge forces are those of :mod:`pipeline.shop.cutting.force`.  Left out are the cut of the
+tool's end where it goes down, bending of the tool, and the dynamics of tool and dynamometer: the
+load is the resultant across the axis as it acts.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.shop.control.postprocessor import PartProgram
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial.blank import Swept, swept
+from pipeline.shop.trial.cutting import Loads, chance, cut
+from pipeline.shop.trial.job import TrialJob
+from pipeline.shop.trial.motion import Track, control_of, program_steps, track
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared:
+    """Common to every cut of a program: steps, motion and the swept part of the blank."""
+
+    program: PartProgram
+    track: Track
+    swept: Swept
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineLoad:
+    """Time of a line of the program [s], and its peak load [N]."""
+
+    line: int
+    seconds: float
+    peak_N: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """Result of one cut.
+
+    Parameters
+    ----------
+    time_s : float
+        Of the program by the shop's control [s].
+    limit_load_N : float
+        Limit of the load [N].
+    cutting_s : float
+        While teeth cut [s].
+    above_s : float
+        Part of it, in pitches of the teeth whose peak is above the limit [s].
+    lines : tuple of LineLoad
+        Those in which the tool moves, in the order of the program's text.
+    """
+
+    time_s: float
+    limit_load_N: float
+    cutting_s: float
+    above_s: float
+    lines: tuple[LineLoad, ...]
+
+    @property
+    def peak_load_N(self) -> float:
+        """Greatest load across the tool's axis [N]; 0 when nothing is cut."""
+        return max((one.peak_N for one in self.lines), default=0.0)
+
+    @property
+    def peak_line(self) -> int | None:
+        """Line of that peak; None when nothing is cut."""
+        best = max(self.lines, key=lambda one: one.peak_N, default=None)
+        return best.line if best is not None and best.peak_N > 0 else None
+
+    @property
+    def lines_above(self) -> tuple[LineLoad, ...]:
+        """Lines whose peak is above the limit."""
+        return tuple(one for one in self.lines if one.peak_N > self.limit_load_N)
+
+    def document(self) -> dict[str, Any]:
+        """For JSON; forces to a hundredth of a newton, times to a millisecond."""
+        share = self.above_s / self.cutting_s if self.cutting_s else 0.0
+        return {
+            "time_s": round(self.time_s, 3),
+            "peak_load_N": round(self.peak_load_N, 2),
+            "peak_line": self.peak_line,
+            "limit_load_N": self.limit_load_N,
+            "lines_above": len(self.lines_above),
+            "share_above": round(share, 6),
+            "by_line": [
+                {"line": one.line, "seconds": round(one.seconds, 3),
+                 "peak_N": round(one.peak_N, 2)} for one in self.lines
+            ],
+        }  # fmt: skip
+
+
+def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters) -> Prepared:
+    """Read a program, let the shop's control run it once, and sweep the blank.
+
+    Raises
+    ------
+    GcodeError
+        At the first word that cannot be followed.
+    ValueError
+        When the program does nothing, the mill cannot do what it asks, or it cuts with a tool that
+        the job does not have, or with a spindle that stands.
+    """
+    program = program_steps(text, name, job, parameters.control)
+    control = control_of(program, job, parameters, parameters.generator("trial control"))
+    plan = None if len(program.steps) == 1 else control.run(program)
+    if plan is None or not plan.spans:
+        raise ValueError(f"{name} does nothing: a trial cut needs a program that moves the tool")
+    motion = track(plan, job, parameters.control)
+    blank = swept(motion.tip, motion.tool, program.steps, job)
+    prepared = Prepared(program=program, track=motion, swept=blank)
+    _check(prepared, job)
+    return prepared
+
+
+def _check(prepared: Prepared, job: TrialJob) -> None:
+    track, name = prepared.track, prepared.program.name
+    low, blank = track.tip[:, 2] < job.blank[5], job.blank
+    inside = low & (track.tip[:, 2] > blank[4])
+    for axis in (0, 1):
+        at = track.tip[:, axis]
+        inside &= (at > blank[2 * axis]) & (at < blank[2 * axis + 1])
+    other = inside & ~np.isin(track.tool, list(job.tools))
+    if other.any():
+        k = int(np.argmax(other))
+        raise ValueError(
+            f"{name}:{track.line[k]} goes into the blank with tool {track.tool[k]}, which the job "
+            f"does not have: it has {', '.join(f'T{n}' for n in sorted(job.tools))}"
+        )
+    stands = prepared.swept.cuts & (track.speed < 1)
+    if stands.any():
+        k = int(np.argmax(stands))
+        raise ValueError(
+            f"{name}:{track.line[k]} cuts while the spindle stands: program S and M3 before it"
+        )
+
+
+def trial(prepared: Prepared, job: TrialJob, parameters: ShopParameters, seed: int) -> Trial:
+    """Cut one part of a program that :func:`prepare` has read."""
+    random = _generator(parameters, seed)
+    part = chance(job, parameters, random)
+    loads = cut(prepared.track, prepared.swept, part, job, parameters, random)
+    plan = control_of(prepared.program, job, parameters, random).run(prepared.program)
+    lines = _by_line(prepared.track, loads)
+    return Trial(
+        time_s=plan.duration, limit_load_N=job.limit_load_N, cutting_s=loads.cutting,
+        above_s=loads.above, lines=lines,
+    )  # fmt: skip
+
+
+def _generator(parameters: ShopParameters, seed: int) -> np.random.Generator:
+    words = [parameters.seed, seed, *b"trial cut"]
+    return np.random.Generator(np.random.PCG64(words))
+
+
+def _by_line(track: Track, loads: Loads) -> tuple[LineLoad, ...]:
+    moving = np.any(np.diff(track.tip, axis=0, prepend=track.tip[:1]) != 0, axis=1)
+    lines = np.unique(track.line[moving])
+    seconds = np.bincount(track.line) * track.cycle
+    return tuple(
+        LineLoad(line=n, seconds=float(seconds[n]), peak_N=loads.peaks.get(n, 0.0))
+        for n in lines.tolist()
+    )
+
+
+def trial_cut(
+    text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters, seed: int
+) -> Trial:
+    """Cut one part.
+
+    Parameters
+    ----------
+    text : bytes or str
+        Of the program.
+    name : str
+        For errors: the file's name.
+    job : TrialJob
+        Blank, tools, material, limit.
+    parameters : ShopParameters
+        The machine.
+    seed : int
+        Of the differences from part to part.
+
+    Raises
+    ------
+    GcodeError, ValueError
+        As :func:`prepare`.
+    """
+    return trial(prepare(text, name, job, parameters), job, parameters, seed)
+
+
+def trials(
+    before: bytes | str, after: bytes | str, job: TrialJob, parameters: ShopParameters,
+    seeds: Sequence[int],
+) -> dict[str, Any]:  # fmt: skip
+    """Cut the same parts (batch, mounting, edge) by a program before and after it was changed.
+
+    Parameters
+    ----------
+    before, after : bytes or str
+        Texts of the programs.
+    job, parameters
+        As of :func:`trial_cut`.
+    seeds : sequence of int
+        One part of each program for each seed.
+
+    Returns
+    -------
+    dict
+        For JSON: number of seeds, the limit [N], and of both programs: time of the runs [s], peak
+        load over the runs [N], and in how many of them a peak was above the limit.
+
+    Raises
+    ------
+    GcodeError, ValueError
+        As :func:`prepare`, or without seeds.
+    """
+    if not len(seeds):
+        raise ValueError("trials need one seed or more; got none")
+    out: dict[str, Any] = {"seeds": len(seeds), "limit_load_N": job.limit_load_N}
+    for name, text in (("before", before), ("after", after)):
+        prepared = prepare(text, name, job, parameters)
+        with ThreadPoolExecutor() as pool:  # the forces' kernel lets others run
+            cuts = list(pool.map(partial(trial, prepared, job, parameters), seeds))
+        out[name] = _summary(cuts)
+    return out
+
+
+def _summary(cuts: Sequence[Trial]) -> dict[str, Any]:
+    time = np.array([one.time_s for one in cuts])
+    peak = np.array([one.peak_load_N for one in cuts])
+    worst = cuts[int(np.argmax(peak))]
+    return {
+        "time_s": _spread(time, 3),
+        "peak_load_N": _spread(peak, 2),
+        "peak_line": worst.peak_line,
+        "above": int((peak > worst.limit_load_N).sum()),
+    }
+
+
+def _spread(values: Floats, digits: int) -> dict[str, float]:
+    return {
+        "mean": round(float(values.mean()), digits), "min": round(float(values.min()), digits),
+        "max": round(float(values.max()), digits),
+    }  # fmt: skip
