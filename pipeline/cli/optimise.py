@@ -1,5 +1,8 @@
 """The command that makes a part program faster or cheaper."""
 
+from collections.abc import Callable
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,7 +11,6 @@ import typer
 from pipeline.cli.kerf import app
 from pipeline.cli.options import (
     Material,
-    Pair,
     Program,
     Resolution,
     Responses,
@@ -19,18 +21,49 @@ from pipeline.cli.options import (
     WorkOffset,
 )
 from pipeline.cli.progress import one_sentence, stages_bar
+from pipeline.schema.limits import limit_options
 
 
 def _limit(words: str) -> Any:
     return typer.Option(help=words, rich_help_panel="Limits")
 
 
-def _range(words: str) -> Any:
-    return typer.Option(help=words, rich_help_panel="Limits", metavar="LOW HIGH")
+def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with an option for each field of ``CutLimit`` in place of its ``limits``.
+
+    The command gets a mapping of the fields' names to what was given, None where nothing was.
+    """
+    options, fields = [], {}
+    for name, kind, words in limit_options():
+        given = words.option.removeprefix("--").replace("-", "_")
+        default = typer.Option(
+            None, words.option, help=words.help, rich_help_panel="Limits",
+            metavar=None if kind is float else "LOW HIGH",
+        )  # fmt: skip
+        fields[given] = name
+        options.append(
+            Parameter(given, Parameter.KEYWORD_ONLY, default=default, annotation=kind | None)
+        )
+
+    @wraps(command)
+    def optimised(**given: Any) -> None:
+        limits = {name: given.pop(option) for option, name in fields.items()}
+        command(**given, limits=limits)
+
+    own = [one.replace(kind=Parameter.KEYWORD_ONLY)
+           for one in signature(command).parameters.values()]  # fmt: skip
+    place = [one.name for one in own].index("limits")
+    every = [*own[:place], *options, *own[place + 1 :]]
+    optimised.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    optimised.__annotations__ = {one.name: one.annotation for one in every}
+    del optimised.__wrapped__
+    return optimised
 
 
 @app.command()
+@_with_limits
 def optimise(
+    *,
     program: Program,
     machine: Whose,
     objective: Annotated[
@@ -46,19 +79,7 @@ def optimise(
     resolution: Resolution = None,
     work_offset: WorkOffset = None,
     frf: Responses = None,
-    limit_load: Annotated[float | None, _limit("Greatest load on a tool in the plane, N.")] = None,
-    limit_deflection: Annotated[float | None, _limit("Of a tool's tip, um.")] = None,
-    limit_roughness: Annotated[float | None, _limit("Height of the feed marks, um.")] = None,
-    limit_torque: Annotated[float | None, _limit("Of the cut, N m.")] = None,
-    power_share: Annotated[
-        float | None, _limit("Of the drive's power that may be used, a share.")
-    ] = None,
-    chip: Annotated[Pair | None, _range("Thickest chip of a block, um.")] = None,
-    feed: Annotated[Pair | None, _range("F, mm/min.")] = None,
-    speed: Annotated[Pair | None, _range("S, rev/min.")] = None,
-    cutting_speed: Annotated[Pair | None, _range("Cutting speed, m/min.")] = None,
-    least_speed_change: Annotated[float | None, _limit("Between two S of a tool, rev/min.")] = None,
-    stability_margin: Annotated[float | None, _limit("Kept free of the lobes, a share.")] = None,
+    limits: dict[str, Any],
     epsilon: Annotated[
         float | None, _limit("P(load > limit) at most; 0.01 by default, 0.5 takes nominal values.")
     ] = None,
@@ -80,10 +101,10 @@ def optimise(
     """
     from pipeline.commands.optimise import (
         Outputs,
-        PartLimits,
         PartRequest,
         SearchOptions,
         interruptible,
+        limits_given,
         objective_of,
         optimise_part,
         part_options,
@@ -97,15 +118,10 @@ def optimise(
         request = PartRequest(
             program=program, machine=machine, unit=unit, objective=objective_of(objective),
             cut=part_options(
-                stock=stock, tool_table=tool_table, material=material, load=limit_load,
+                stock=stock, tool_table=tool_table, material=material, load=limits["load_N"],
                 resolution=resolution, work_offset=work_offset, frf=frf,
             ),
-            limits=PartLimits(
-                load=limit_load, deflection=limit_deflection, roughness=limit_roughness,
-                torque=limit_torque, power_share=power_share, chip=chip, feed=feed, speed=speed,
-                cutting_speed=cutting_speed, least_speed_change=least_speed_change,
-                stability_margin=stability_margin,
-            ),
+            limits=limits_given(limits),
             search=SearchOptions(
                 epsilon=epsilon, seed=seed, split=split, speeds=speeds,
                 proof_comment=proof_comment,
@@ -113,18 +129,18 @@ def optimise(
         )  # fmt: skip
         check_outputs(program, out, json, page, inputs=request.cut.files)
         try:
-            with interruptible(_ending) as asked, stages_bar() as told:
-                result, document = optimise_part(request, lambda w, s: (told(w, s), asked())[1])
+            with interruptible(_ending) as ending, stages_bar() as shown:
+                result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
         except KeyboardInterrupt as error:
             typer.echo(
                 "kerf: interrupted before anything kept the limits, nothing is written", err=True
             )
             raise typer.Exit(130) from error
-        written = write_optimised(result, document, outputs)
-    for line in optimise_lines(document):
+        written = write_optimised(result, part, outputs)
+    for line in optimise_lines(part):
         typer.echo(line)
     typer.echo(f"wrote {', '.join(str(path) for path in written)}")
-    if document["interrupted"]:
+    if part.interrupted:
         raise typer.Exit(130)
 
 

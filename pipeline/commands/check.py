@@ -1,4 +1,4 @@
-"""``kerf check``: whether a program was changed in nothing but its F and S words."""
+"""Check of ``kerf check``: a program was changed in nothing but its F and S words."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,7 +16,7 @@ def check_programs(
     """Compare two programs with the set-up of ``machine``, read in ``dialect``.
 
     Subprograms of both are searched in the folder of ``before``.  With ``splits`` the second may
-    have more points on the way of straight cuts.
+    have more points on the path of straight cuts.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def _text(path: Path) -> bytes:
 
 
 def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
-    """What ``kerf check`` says: the words that differ, how many, and the proof's hash."""
+    """Lines that ``kerf check`` prints: words that differ, how many, and the proof's hash."""
     if proof.differences:
         yield f"{'line':>8}  {before.name} -> {after.name}"
     for change in proof.differences:

@@ -13,13 +13,14 @@ from pipeline.commands.programs import Controlled, Simulated
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.engagement.stock import stock_of
 from pipeline.cutting.stability.tip_dynamics import TipDynamics, TipModes, rigid_directions
 from pipeline.cutting.tool import ToolTable
-from pipeline.optimisation.part_job import spindle_drive
+from pipeline.optimisation.job import Workshop, cut_of
+from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
+from pipeline.schema.limits import CutLimit
+from pipeline.schema.part import Objective
 from pipeline.twin.cut import CutJob, cut_program
-from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
 from pipeline.twin.cut_document import CutBasis, document_of
 
 T = TypeVar("T")
@@ -128,44 +129,47 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dic
 
 
 def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
-    """What is cut from what with what, and what that is judged by.
+    """The cut, and the prices, laws and limits that it is evaluated by.
 
     Raises
     ------
     ValueError
         When blank, tools or material are not known.
     """
-    table = read_tools(options.tool_table)
-    material = read_material(options.material)
-    sections = on.parameters["machine"][machine]
+    part = part_of(options, CutLimit(load_N=options.limit_load), "time")
     known = model_document(machine, "cutting.json") or {}
-    laws = tool_coefficients(
-        table.tools, options.material, material, identified_coefficients(known)
-    )
-    drive, drive_source = spindle_drive(
-        section(sections, "spindle_drive", SpindleDrive), f"conf/machine/{machine}.yaml", known
-    )
-    job = CutJob(
-        stock=stock_of(options.stock),
-        tools=table.tools,
-        laws={number: one.law for number, one in laws.items()},
-        resolution=options.resolution * 1e-3,
-        offsets=on.setup.work_offsets,
-        offset=options.work_offset,
-    )
-    basis = CutBasis(
-        stock=options.stock,
-        table=options.tool_table,
-        material=material,
-        laws=laws,
-        limit_load=options.limit_load,
+    return cut_of(part, workshop_of(on, machine, options), known, on.setup)
+
+
+def part_of(
+    options: CutOptions, limits: CutLimit, objective: Objective, program: str = "part.nc"
+) -> Part:
+    """Blank, tools and material of the options as a part with limits and an objective."""
+    return Part(
+        program=program, name="part", stock=options.stock, tool_table=options.tool_table,
+        material=options.material, objective=objective, limits=limits,
+        resolution_mm=options.resolution, work_offset=options.work_offset,
+    )  # fmt: skip
+
+
+def workshop_of(on: Controlled, machine: str, options: CutOptions) -> Workshop:
+    """Tools, material, prices and spindle of the options and the machine's file.
+
+    Raises
+    ------
+    ValueError
+        When tools or material are not known.
+    """
+    sections = on.parameters["machine"][machine]
+    return Workshop(
+        table=read_tools(options.tool_table),
+        material=read_material(options.material),
         rates=section(on.parameters, "cost", CostRates),
+        drive=section(sections, "spindle_drive", SpindleDrive),
+        drive_source=f"conf/machine/{machine}.yaml",
         energy=section(sections, "energy", EnergyParameters),
-        drive=drive,
-        drive_source=drive_source,
         dynamics=_dynamics(sections, options.frf),
     )
-    return job, basis
 
 
 def read_tools(name: str) -> ToolTable:

@@ -1,4 +1,4 @@
-"""A part program made better, by hand: aim and limits in; program, JSON and page out."""
+"""A part program optimised by hand: objective and limits in; program, JSON and page out."""
 
 import re
 import signal
@@ -12,10 +12,11 @@ from typing import Any, get_args
 from pipeline.commands.cutting import (
     REMEDY,
     CutOptions,
-    cut_job,
     cut_options,
     model_document,
+    part_of,
     section,
+    workshop_of,
 )
 from pipeline.commands.fleet import DATA
 from pipeline.commands.programs import (
@@ -25,79 +26,43 @@ from pipeline.commands.programs import (
     setup_beside,
     write_document,
 )
-from pipeline.optimisation.document import optimised_document, optimised_text
-from pipeline.optimisation.job import Job, Progress
-from pipeline.optimisation.optimise import Result, optimise
-from pipeline.optimisation.settings import CutLimit, Margins, Objective, OptimisationSettings
-from pipeline.report.optimise_page import write_optimise_page
+from pipeline.optimisation.document import optimised_part, optimised_text
+from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.job import Job, MachineModels, Progress, part_job
+from pipeline.optimisation.optimise import optimise
+from pipeline.optimisation.settings import OptimisationSettings
+from pipeline.report.optimised_page import write_optimised_page
+from pipeline.schema.limits import CutLimit, limit_options
+from pipeline.schema.part import Objective, OptimisedPart, part_values
 from pipeline.twin.drive_file import read_drives
 
-Pair = tuple[float, float]
-
 OPTION = {
-    "limits.load_N": "--limit-load",
-    "limits.deflection_um": "--limit-deflection",
-    "limits.roughness_um": "--limit-roughness",
-    "limits.torque_Nm": "--limit-torque",
-    "limits.power_share": "--power-share",
-    "limits.chip_um": "--chip",
-    "limits.feed_mm_min": "--feed",
-    "limits.speed_rpm": "--speed",
-    "limits.cutting_speed_m_min": "--cutting-speed",
-    "limits.least_speed_change_rpm": "--least-speed-change",
-    "margins.stability": "--stability-margin",
     "certainty.epsilon": "--epsilon",
     "certainty.seed": "--seed",
     "search.seed": "--seed",
-    "feed_mm_min": "--feed",
-    "speed_rpm": "--speed",
-    "chip_um": "--chip",
+} | {
+    known: words.option
+    for name, _, words in limit_options()
+    for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])
 }
-"""What a person writes for what the settings are called."""
+"""Option of the command line by the setting that it gives."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PartLimits:
-    """Limits as the options give them; what is None is not limited, or as by default."""
+def limits_given(given: Mapping[str, Any]) -> CutLimit:
+    """The limits of a part by the names of their fields.
 
-    load: float | None = None
-    deflection: float | None = None
-    roughness: float | None = None
-    torque: float | None = None
-    power_share: float | None = None
-    chip: Pair | None = None
-    feed: Pair | None = None
-    speed: Pair | None = None
-    cutting_speed: Pair | None = None
-    least_speed_change: float | None = None
-    stability_margin: float | None = None
-
-    def limits(self) -> CutLimit:
-        """The limits of the part.
-
-        Raises
-        ------
-        ValueError
-            When one is out of its range; it names the option.
-        """
-        given = {
-            "load_N": self.load, "deflection_um": self.deflection, "torque_Nm": self.torque,
-            "roughness_um": self.roughness, "power_share": self.power_share, "chip_um": self.chip,
-            "feed_mm_min": self.feed, "speed_rpm": self.speed,
-            "cutting_speed_m_min": self.cutting_speed,
-            "least_speed_change_rpm": self.least_speed_change,
-        }  # fmt: skip
-        with _named_as_options():
-            margins = Margins()
-            if self.stability_margin is not None:
-                margins = Margins(stability=self.stability_margin)
-            known = {name: value for name, value in given.items() if value is not None}
-            return replace(CutLimit(margins=margins), **known)  # type: ignore[arg-type]
+    Raises
+    ------
+    ValueError
+        When one is out of its range; it names the option.
+    """
+    with _named_as_options():
+        return CutLimit.of_options(given)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
-    """How it is sought, as the options give it; what is None is as in conf/."""
+    """Search settings of the options; those that are None are as in conf/."""
 
     epsilon: float | None = None
     seed: int | None = None
@@ -135,7 +100,7 @@ class SearchOptions:
 
 @contextmanager
 def _named_as_options() -> Iterator[None]:
-    """Settings that are refused are told by the options that gave them."""
+    """A setting that is refused is named by the option that gave it."""
     try:
         yield
     except ValueError as error:
@@ -212,18 +177,18 @@ def objective_of(name: str) -> Objective:
 
 @dataclass(frozen=True, kw_only=True)
 class PartRequest:
-    """Everything that ``kerf optimise`` is told, but where to write."""
+    """All options of ``kerf optimise`` but the files to write."""
 
     program: Path
     machine: str
     unit: str | None
     cut: CutOptions
     objective: Objective
-    limits: PartLimits
+    limits: CutLimit
     search: SearchOptions
 
 
-def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, dict[str, Any]]:
+def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, OptimisedPart]:
     """The optimised program with its document.
 
     Raises
@@ -232,42 +197,42 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, dic
         When something named is not known, the program cannot be followed or cuts nothing, or no
         feed and speed keep the limits.
     KeyboardInterrupt
-        When it was asked to end before anything kept the limits.
+        When it was ended before anything kept the limits.
     """
-    limits = request.limits.limits()
     on = machine_control(request.machine, request.unit)
-    settings = request.search.settings(on.parameters)
-    job = _job(request, on, limits, settings)
+    job = _job(request, on, request.search.settings(on.parameters))
     with _named_as_options():
         result = optimise(job, progress)
-    document = optimised_document(
-        result, machine=request.machine, origin=on.origin, control=on.source
-    )
-    return result, document
+    part = optimised_part(result, machine=request.machine, origin=on.origin, control=on.source)
+    return result, part
 
 
-def _job(
-    request: PartRequest, on: Controlled, limits: CutLimit, settings: OptimisationSettings
-) -> Job:
+def _job(request: PartRequest, on: Controlled, settings: OptimisationSettings) -> Job:
     program = program_at(request.program)
-    cut, basis = cut_job(on, request.machine, request.cut)
     drives = DATA / "models" / request.machine / "drive.json"
-    return Job(
-        program=program, setup=setup_beside(on.setup, request.program), control=on.control,
-        cut=cut, basis=basis, limits=limits, objective=request.objective, settings=settings,
+    models = MachineModels(
+        control=on.control,
         drives=read_drives(drives) if drives.exists() else {},
-        identified=model_document(request.machine, "cutting.json"),
+        cutting=model_document(request.machine, "cutting.json"),
         judged=model_document(request.machine, "cutting_validation.json"),
-    )  # fmt: skip
+    )
+    return part_job(
+        program,
+        part_of(request.cut, request.limits, request.objective),
+        models=models,
+        workshop=workshop_of(on, request.machine, request.cut),
+        setup=setup_beside(on.setup, request.program),
+        settings=settings,
+    )
 
 
-def write_optimised(result: Result, document: dict[str, Any], out: Outputs) -> list[Path]:
-    """Write program, JSON and page; those that were written."""
+def write_optimised(result: Result, part: OptimisedPart, out: Outputs) -> list[Path]:
+    """Write program, JSON and page; the files that were written."""
     out.program.write_bytes(optimised_text(result))
     if out.json is not None:
-        write_document(document, out.json)
+        write_document(part_values(part), out.json)
     if out.page is not None:
-        write_optimise_page(document, out.page, out.json)
+        write_optimised_page(part, out.page, out.json)
     named = (getattr(out, item.name) for item in fields(out))
     return [path for path in named if path is not None]
 

@@ -1,7 +1,8 @@
-"""What ``kerf optimise`` says of a part program that it made better."""
+"""Lines that ``kerf optimise`` prints of an optimised part program."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+
+from pipeline.schema.part import OptimisedPart
 
 NONE = "-"
 TOTALS = (
@@ -15,110 +16,110 @@ TOTALS = (
 """Name, unit (the currency where None), key, factor, key of the change."""
 
 
-def optimise_lines(document: Mapping[str, Any]) -> Iterator[str]:
+def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     """Before and after, certainty, methods, what binds, what was changed, what is not known."""
-    label = " (simulated)" if document["origin"] == "simulated" else ""
-    source = "identified" if document["control"] == "identified" else "as in conf, times unproven"
+    label = " (simulated)" if part.origin == "simulated" else ""
+    source = "identified" if part.control == "identified" else "as in conf, times unproven"
     yield (
-        f"{document['program']} on {document['machine']}{label}, control {source}: "
-        f"{document['objective']}, {document['stock']} in {document['material']}"
+        f"{part.program} on {part.machine}{label}, control {source}: "
+        f"{part.objective}, {part.stock} in {part.material}"
     )
-    if document["interrupted"]:
+    if part.interrupted:
         yield "interrupted: the best that was found until then"
-    yield from _totals(document)
-    yield from _certainty(document)
-    yield from _methods(document)
-    yield from _binding(document)
-    yield from _changes(document)
-    for one in document["held"]:
-        yield f"  held: {one['reason']}, {_many(one['rows'], 'move')}, the first in {one['first']}"
-    for one in document["not_known"]:
-        yield f"  not known: {one['what']}, {one['why']}"
+    yield from _totals(part)
+    yield from _certainty(part)
+    yield from _methods(part)
+    yield from _binding(part)
+    yield from _changes(part)
+    for held in part.held:
+        yield f"  held: {held.reason}, {_many(held.rows, 'move')}, the first in {held.first}"
+    for unknown in part.not_known:
+        yield f"  not known: {unknown.what}, {unknown.why}"
 
 
-def _totals(document: Mapping[str, Any]) -> Iterator[str]:
-    before, after, gain = document["before"], document["after"], document["gain"]
+def _totals(part: OptimisedPart) -> Iterator[str]:
     rows = [["", "", "before", "after", "change"]]
     for name, unit, key, factor, change in TOTALS:
-        told = document["currency"] if unit is None else unit
-        values = [_number(side[key], factor, 4) for side in (before, after)]
-        rows.append([name, str(told or ""), *values, _change(gain[change]) if change else NONE])
+        printed = part.currency if unit is None else unit
+        values = [_number(getattr(side, key), factor, 4) for side in (part.before, part.after)]
+        percent = _change(getattr(part.gain, change)) if change else NONE
+        rows.append([name, printed or "", *values, percent])
     yield from _table(rows, words=2)
 
 
-def _certainty(document: Mapping[str, Any]) -> Iterator[str]:
-    found = document["certainty"]
-    if found is None:
+def _certainty(part: OptimisedPart) -> Iterator[str]:
+    of = part.certainty
+    if of is None:
         return
-    limit = document["limits"].get("load_N")
-    low, high = (_percent(end) for end in found["interval_95"])
+    low, high = (_percent(end) for end in of.interval_95)
     yield (
-        f"  certainty: P(load > {_number(limit)} N) = {_percent(found['exceedance'])} "
-        f"({low} to {high}), at most {_percent(found['epsilon'])} asked, "
-        f"{_many(found['draws'], 'draw')}"
+        f"  certainty: P(load > {_number(part.limits.load_N)} N) = {_percent(of.exceedance)} "
+        f"({low} to {high}), at most {_percent(of.epsilon)} asked, {_many(of.draws, 'draw')}"
     )
-    price = found["price"]
+    price = of.price
     if price is not None:
-        cost = "" if price["cost"] is None else (
-            f", {_number(price['cost'])} {document['currency']} ({_change(price['cost_percent'])})"
+        cost = "" if price.cost is None else (
+            f", {_number(price.cost)} {part.currency} ({_change(price.cost_percent)})"
         )  # fmt: skip
         yield (
-            f"  its price: {_number(price['time_s'])} s ({_change(price['time_percent'])}){cost} "
+            f"  its price: {_number(price.time_s)} s ({_change(price.time_percent)}){cost} "
             "against the optimum that takes every value as known"
         )
 
 
-def _methods(document: Mapping[str, Any]) -> Iterator[str]:
-    currency = str(document["currency"] or "")
+def _methods(part: OptimisedPart) -> Iterator[str]:
+    currency = part.currency or ""
     rows = [
         ["method", "limits", "time", "cost", "energy", "tool life", "evaluations"],
         ["", "", "s", currency, "kWh", "%", ""],
     ]
     rows += [
         [
-            one["method"],
-            "inside" if one["feasible"] else "beyond",
-            _number(one["time_s"], 1, 4),
-            _number(one["cost"], 1, 4),
-            _number(one["energy_kWh"]),
-            _number(one["tool_life_share"], 100),
-            str(one["evaluations"]),
+            one.method,
+            "inside" if one.feasible else "beyond",
+            _number(one.time_s, 1, 4),
+            _number(one.cost, 1, 4),
+            _number(one.energy_kWh),
+            _number(one.tool_life_share, 100),
+            str(one.evaluations),
         ]
-        for one in document["methods"]
+        for one in part.methods
     ]
     yield from _table(rows, words=2)
-    knee = next((k for k, one in enumerate(document["front"], 1) if one["knee"]), None)
+    knee = next((k for k, one in enumerate(part.front, 1) if one.knee), None)
     if knee is not None:
-        front = document["front"]
-        better = sum(one.get("no_worse") is True for one in front)
+        better = sum(one.no_worse for one in part.front)
         of = f"of the {better} no worse" if better else "of all, none being no worse"
-        yield f"  front: {_many(len(front), 'program')}; knee: number {knee}, {of} than before"
+        yield f"  front: {_many(len(part.front), 'program')}; knee: number {knee}, {of} than before"
 
 
-def _binding(document: Mapping[str, Any]) -> Iterator[str]:
-    for one in document["binding"]:
-        what = one["limit"] or "nothing"
-        yield f"  binds: {what:<16} {_many(one['blocks'], 'block')}, {_number(one['time_s'])} s"
+def _binding(part: OptimisedPart) -> Iterator[str]:
+    for one in part.binding:
+        what = one.limit or "nothing"
+        yield f"  binds: {what:<16} {_many(one.blocks, 'block')}, {_number(one.time_s)} s"
 
 
-def _changes(document: Mapping[str, Any]) -> Iterator[str]:
-    words, proof = document["words"], document["proof"]
-    parts = ", ".join(f"{n} {key[0]} {key[2:]}" for key, n in words.items() if n)
+def _changes(part: OptimisedPart) -> Iterator[str]:
+    words, proof = part.words, part.proof
+    counts = (
+        ("F changed", words.F_changed), ("F added", words.F_added),
+        ("S changed", words.S_changed), ("S added", words.S_added),
+    )  # fmt: skip
+    parts = ", ".join(f"{many} {what}" for what, many in counts if many)
     yield f"  words: {parts or 'none changed'}"
-    if proof["same"]:
+    if proof.same:
         yield (
-            f"  proof: {_many(proof['moves'], 'move')} the same to the last bit, "
-            f"sha256 {proof['sha256']}"
+            f"  proof: {_many(proof.moves, 'move')} the same to the last bit, sha256 {proof.sha256}"
         )
     else:
-        yield f"  proof: NOT the same, first difference {proof['first']}"
-    verified = document["verified"]
-    if verified["peak_load_N"] is not None:
-        where = "" if verified["peak_line"] is None else f" in line {verified['peak_line']}"
+        yield f"  proof: NOT the same, first difference {proof.first}"
+    verified = part.verified
+    if verified.peak_load_N is not None:
+        where = "" if verified.peak_line is None else f" in line {verified.peak_line}"
         yield (
-            f"  whole twin: peak load {_number(verified['peak_load_N'])} N{where}, "
-            f"{_many(verified['full_evaluations'], 'evaluation')}, "
-            f"{_many(verified['tightened'], 'round')} of tightening"
+            f"  whole twin: peak load {_number(verified.peak_load_N)} N{where}, "
+            f"{_many(verified.full_evaluations, 'evaluation')}, "
+            f"{_many(verified.tightened, 'round')} of tightening"
         )
 
 

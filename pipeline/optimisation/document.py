@@ -1,43 +1,64 @@
-"""An optimisation as a document: what ``kerf optimise`` writes, prints and draws."""
+"""Document of an optimisation: what ``kerf optimise`` writes, prints and draws."""
 
 from collections import Counter
-from dataclasses import asdict
+from collections.abc import Mapping
 from hashlib import sha256
-from typing import Any
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.optimisation.document_groups import Side, group_rows
-from pipeline.optimisation.document_trace import load_trace, tool_spans
-from pipeline.optimisation.limits_passed import passed, passed_by_limit
-from pipeline.optimisation.optimise import Result
-from pipeline.optimisation.problem.constraints import CONSTRAINTS
+from pipeline.machine.control.path import Motion
+from pipeline.optimisation.comparison import (
+    Side,
+    load_trace,
+    passed,
+    passed_by_limit,
+    tool_spans,
+)
+from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.methods.genes import Method
+from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
+from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.optimisation.proof.prove import with_proof_comment
-from pipeline.optimisation.search.baselines import Method
+from pipeline.schema.arrays import Floats
+from pipeline.schema.part import (
+    Binding,
+    BlockGroup,
+    FrontMember,
+    Gain,
+    HeldRows,
+    MethodResult,
+    Nominal,
+    NotKnown,
+    OptimisedPart,
+    PeakQuantile,
+    Price,
+    Reliability,
+    StoredProof,
+    Totals,
+    Traces,
+    TwinCheck,
+    UncertainQuantity,
+    WordCounts,
+    write_part,
+)
 from pipeline.twin.cut_document import assessed, not_known, notes
 from pipeline.twin.cut_tables import figure, summary
 
-Floats = NDArray[np.float64]
-
+DIGITS = 4
+"""Digits of a metric."""
 ROUNDING = 1e-9
-"""What an evaluation may pass limits by and keep them, as a share [1]."""
-KEYS = ("time_s", "cost", "energy_kWh", "tool_life_share")
-"""Of the objectives, in their order."""
-GAINS = {"time_s": "time_percent", "cost": "cost_percent", "energy_kWh": "energy_percent",
-         "tool_life_share": "tool_life_percent"}  # fmt: skip
+"""Excess over limits, as a share, up to which an evaluation keeps them [1]."""
 
 
 def optimised_text(result: Result) -> bytes:
-    """The program to write: with the proof in a comment at its end where that is asked for."""
+    """The program to write: with the proof in a comment at its end where the settings say so."""
     text = result.answer.text
     return with_proof_comment(text, result.proof) if result.job.settings.proof_comment else text
 
 
-def optimised_document(
-    result: Result, *, machine: str, origin: str, control: str
-) -> dict[str, Any]:  # fmt: skip
-    """What an optimisation found, as JSON holds it; what is not known is None.
+def optimised_part(result: Result, *, machine: str, origin: str, control: str) -> OptimisedPart:
+    """The answer of an optimisation as it is stored.
 
     Parameters
     ----------
@@ -52,44 +73,46 @@ def optimised_document(
     """
     job, basis = result.job, result.job.basis
     before, after = _sides(result)
-    totals = [_totals(side, result) for side in (before, after)]
-    groups = group_rows(result, before, after)
-    return {
-        "program": job.program.name.rpartition("/")[2],
-        "machine": machine,
-        "origin": origin,
-        "control": control,
-        "objective": job.objective,
-        "currency": None if basis.rates is None else basis.rates.currency,
-        "stock": basis.stock,
-        "material": basis.material.name,
-        "tool_table": basis.table,
-        "limits": _limits(result),
-        "certainty": _certainty(result),
-        "before": totals[0],
-        "after": totals[1],
-        "gain": {name: _change(totals[0][key], totals[1][key]) for key, name in GAINS.items()},
-        "methods": [_method(one) for one in result.methods],
-        "front": _front(result),
-        "groups": groups,
-        "binding": _binding(result, after),
-        "held": [asdict(one) for one in result.problem.editable.held],
-        "words": _words(result),
-        "proof": _proof(result),
-        "trace": {
-            "before": load_trace(before.cut),
-            "after": load_trace(after.cut),
-            "tools": tool_spans(before.cut),
-        },
-        "verified": _verified(result),
-        "interrupted": result.interrupted,
-        "not_known": _not_known(result, after),
-        "notes": notes(after.of, basis),
-    }
+    totals = _totals(before, result), _totals(after, result)
+    return OptimisedPart(
+        program=job.program.name.rpartition("/")[2],
+        machine=machine,
+        origin=origin,
+        control=control,
+        objective=job.objective,
+        currency=None if basis.rates is None else basis.rates.currency,
+        stock=basis.stock,
+        material=basis.material.name,
+        tool_table=basis.table,
+        limits=job.limits,
+        certainty=_reliability(result),
+        before=totals[0],
+        after=totals[1],
+        gain=_gain(*totals),
+        methods=tuple(_method(one) for one in result.methods),
+        front=_front(result),
+        groups=_groups(result, before, after),
+        binding=_binding(result, after),
+        held=tuple(
+            HeldRows(reason=one.reason, rows=one.rows, first=one.first)
+            for one in result.problem.editable.held
+        ),
+        words=_words(result),
+        proof=_proof(result),
+        trace=Traces(
+            before=load_trace(before.cut),
+            after=load_trace(after.cut),
+            tools=tool_spans(before.cut),
+        ),
+        verified=_verified(result),
+        interrupted=result.interrupted,
+        not_known=_not_known(result, after),
+        notes=tuple(notes(after.of, basis)),
+    )
 
 
 def _sides(result: Result) -> tuple[Side, Side]:
-    """As programmed and optimised, each with what every row of the first costs and takes."""
+    """As programmed and optimised, each with time and cost of every row of the first."""
     basis, answer = result.job.basis, result.answer
     before, after = assessed(result.before, basis), assessed(answer.cut, basis)
     own = np.arange(len(result.moves))
@@ -99,142 +122,231 @@ def _sides(result: Result) -> tuple[Side, Side]:
     )
 
 
-def _totals(side: Side, result: Result) -> dict[str, Any]:
-    found = summary(side.of.found)
-    cost, limits = found["cost"], result.job.limits
+def _totals(side: Side, result: Result) -> Totals:
+    sums = summary(side.of.found)
+    cost, limits = sums["cost"], result.job.limits
     beyond = {name: int(of.sum()) for name, of in passed_by_limit(side.of, limits).items()}
-    return {
-        "time_s": found["time_s"],
-        "cost": None if cost is None else cost["sum"],
-        "energy_kWh": found["energy_kWh"],
-        "tool_life_share": found["tool_life_share"],
-        "peak_load_N": found["peak_load_N"],
-        "peak_line": found["peak_line"],
-        "beyond": int(passed(side.of, limits).sum()),
-        "beyond_of": {name: many for name, many in beyond.items() if many},
-    }
+    return Totals(
+        time_s=sums["time_s"],
+        cost=None if cost is None else cost["sum"],
+        energy_kWh=sums["energy_kWh"],
+        tool_life_share=sums["tool_life_share"],
+        peak_load_N=sums["peak_load_N"],
+        peak_line=sums["peak_line"],
+        beyond=int(passed(side.of, limits).sum()),
+        beyond_of={name: many for name, many in beyond.items() if many},
+    )
+
+
+def _gain(before: Totals, after: Totals) -> Gain:
+    return Gain(
+        time_percent=_change(before.time_s, after.time_s),
+        cost_percent=_change(before.cost, after.cost),
+        energy_percent=_change(before.energy_kWh, after.energy_kWh),
+        tool_life_percent=_change(before.tool_life_share, after.tool_life_share),
+    )
 
 
 def _change(before: float | None, after: float | None) -> float | None:
+    """Relative change [%]; None where it is not known."""
     if before is None or after is None or before <= 0:
         return None
     return figure(100 * (after / before - 1), 4)
 
 
-def _limits(result: Result) -> dict[str, Any]:
-    found = asdict(result.job.limits)
-    return {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, value in found.items() if value is not None
-    }  # fmt: skip
+def _method(method: Method) -> MethodResult:
+    time, cost, energy, life = (figure(float(one)) for one in method.objectives.tolist())
+    return MethodResult(
+        method=method.name, time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
+        feasible=bool(method.violation <= ROUNDING), evaluations=method.evaluations,
+    )  # fmt: skip
 
 
-def _objectives(values: Floats) -> dict[str, float | None]:
-    return {key: figure(float(v)) for key, v in zip(KEYS, values.tolist(), strict=True)}
-
-
-def _method(method: Method) -> dict[str, Any]:
-    return {
-        "method": method.name,
-        **_objectives(method.objectives),
-        "feasible": bool(method.violation <= ROUNDING),
-        "evaluations": method.evaluations,
-    }
-
-
-def _front(result: Result) -> list[dict[str, Any]]:
+def _front(result: Result) -> tuple[FrontMember, ...]:
     front = result.front
     if front is None:
-        return []
-    return [
-        {**_objectives(values), "knee": k == front.knee, "no_worse": bool(front.no_worse[k])}
-        for k, values in enumerate(front.objectives)
-    ]
+        return ()
+    members = []
+    for k, values in enumerate(front.objectives.tolist()):
+        time, cost, energy, life = (figure(float(one)) for one in values)
+        members.append(FrontMember(
+            time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
+            knee=k == front.knee, no_worse=bool(front.no_worse[k]),
+        ))  # fmt: skip
+    return tuple(members)
 
 
-def _certainty(result: Result) -> dict[str, Any] | None:
+def _reliability(result: Result) -> Reliability | None:
     risk, settings = result.risk, result.job.settings.certainty
     if risk is None or result.uncertain is None:
         return None
-    return {
-        "epsilon": settings.epsilon,
-        "exceedance": figure(risk.probability),
-        "interval_95": [figure(end) for end in risk.interval_95],
-        "draws": risk.draws,
-        "peaks": [
-            {"share": float(share), "load_N": figure(load)}
+    nominal, price = _price(result)
+    low, high = risk.interval_95
+    return Reliability(
+        epsilon=settings.epsilon,
+        exceedance=figure(risk.probability),
+        interval_95=(figure(low), figure(high)),
+        draws=risk.draws,
+        peaks=tuple(
+            PeakQuantile(share=float(share), load_N=figure(load))
             for share, load in sorted(risk.peak_quantiles.items())
-        ],
-        **_price(result),
-        "uncertain": [dict(row) for row in result.uncertain.rows()],
-    }
-
-
-def _price(result: Result) -> dict[str, Any]:
-    """What certainty costs: the direct solution with it beside that without it."""
-    direct = next((one for one in result.methods if one.name == "direct"), None)
-    if result.nominal is None or direct is None:
-        return {"nominal": None, "price": None}
-    sure, nominal = _objectives(direct.objectives), _objectives(result.nominal.objectives)
-    price: dict[str, float | None] = {}
-    for key, name in (("time_s", "time"), ("cost", "cost")):
-        a, b = nominal[key], sure[key]
-        price[key] = None if a is None or b is None else figure(b - a)
-        price[f"{name}_percent"] = _change(a, b)
-    return {"nominal": {key: nominal[key] for key in ("time_s", "cost")}, "price": price}
-
-
-def _binding(result: Result, after: Side) -> list[dict[str, Any]]:
-    """What binds how many of the blocks that cut, and how long those take; the longest first."""
-    decision = result.answer.decision
-    binds = result.problem.binding(decision.row_feeds, decision.row_speeds)
-    cuts = result.problem.cuts
-    found = [
-        {
-            "limit": CONSTRAINTS[k] if k >= 0 else None,
-            "blocks": int(mine.sum()),
-            "time_s": figure(float(after.time[mine].sum())),
-        }
-        for k in np.unique(binds[cuts]).tolist()
-        for mine in [cuts & (binds == k)]
-    ]
-    return sorted(found, key=lambda row: -row["time_s"])
-
-
-def _words(result: Result) -> dict[str, int]:
-    counts = Counter(
-        (change.letter, "added" if change.before is None else "changed")
-        for change in result.answer.changes
+        ),
+        nominal=nominal,
+        price=price,
+        uncertain=tuple(UncertainQuantity(**row) for row in result.uncertain.rows()),
     )
-    return {f"{letter}_{what}": counts[letter, what]
-            for letter in "FS" for what in ("changed", "added")}  # fmt: skip
 
 
-def _proof(result: Result) -> dict[str, Any]:
+def _price(result: Result) -> tuple[Nominal | None, Price | None]:
+    """Price of reliability: the blockwise optimum with it beside that at nominal values."""
+    blockwise = next((one for one in result.methods if one.name == "direct"), None)
+    if result.nominal is None or blockwise is None:
+        return None, None
+    sure, nominal = _method(blockwise), _method(result.nominal)
+    price = Price(
+        time_s=_extra(nominal.time_s, sure.time_s),
+        time_percent=_change(nominal.time_s, sure.time_s),
+        cost=_extra(nominal.cost, sure.cost),
+        cost_percent=_change(nominal.cost, sure.cost),
+    )
+    return Nominal(time_s=nominal.time_s, cost=nominal.cost), price
+
+
+def _extra(before: float | None, after: float | None) -> float | None:
+    return None if before is None or after is None else figure(after - before)
+
+
+def _groups(result: Result, before: Side, after: Side) -> tuple[BlockGroup, ...]:
+    """Each run of blocks of one F and one S, in the order of the program."""
+    moves, decision = result.moves, result.answer.decision
+    binds = binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
+    per_turn = result.before.plan.path.motion == Motion.PER_TURN
+    return tuple(
+        BlockGroup(
+            first_line=int(moves.line[rows].min()),
+            last_line=int(moves.line[rows].max()),
+            tool=int(moves.tool[rows[0]]),
+            feed_before=_mean(before.feed, before.time, rows),
+            feed_after=_mean(after.feed, after.time, rows),
+            feed_unit="mm/rev" if per_turn[rows[0]] else "mm/min",
+            speed_before=_mean(before.speed, before.time, rows),
+            speed_after=_mean(after.speed, after.time, rows),
+            time_before_s=figure(float(before.time[rows].sum())),
+            time_after_s=figure(float(after.time[rows].sum())),
+            cost_before=figure(float(before.cost[rows].sum())),
+            cost_after=figure(float(after.cost[rows].sum())),
+            peak_load_before_N=figure(float(before.peak[rows].max())),
+            peak_load_after_N=figure(float(after.peak[rows].max())),
+            binds=_binds(binds, after.time, rows[result.problem.cuts[rows]]),
+        )
+        for rows in _runs(result)
+    )
+
+
+def _runs(result: Result) -> list[Rows]:
+    """Rows of each group; a row that neither cuts nor has an F to change is in none."""
+    groups, moves = result.answer.decision.groups, result.moves
+    rows = np.flatnonzero((groups.feed >= 0) | result.problem.cuts)
+    if not len(rows):
+        return []
+    per_turn = result.before.plan.path.motion == Motion.PER_TURN
+    keys = np.stack([groups.feed, groups.speed, moves.tool, moves.file, per_turn])[:, rows]
+    edges = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1
+    return np.split(rows, edges)
+
+
+def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:
+    """Of the rows, each counted by its time; by their number where they take none."""
+    weights = seconds[rows] if seconds[rows].sum() > 0 else np.ones(len(rows))
+    if np.ptp(values[rows]) == 0:
+        return figure(float(values[rows[0]]))
+    return figure(float(values[rows] @ weights / weights.sum()))
+
+
+def _binds(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
+    """Constraint that binds for the longest; None where nothing does for longer."""
+    if not len(rows):
+        return None
+    times = np.bincount(binds[rows] + 1, seconds[rows], minlength=len(CONSTRAINTS) + 1)
+    worst = int(np.argmax(times)) - 1
+    return CONSTRAINTS[worst] if worst >= 0 else None
+
+
+def _binding(result: Result, after: Side) -> tuple[Binding, ...]:
+    """Limits that bind, with the blocks that cut and their time; the longest first."""
+    decision, cuts = result.answer.decision, result.problem.cuts
+    binds = binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
+    rows = []
+    for k in np.unique(binds[cuts]).tolist():
+        mine = cuts & (binds == k)
+        limit, seconds = CONSTRAINTS[k] if k >= 0 else None, float(after.time[mine].sum())
+        rows.append(Binding(limit=limit, blocks=int(mine.sum()), time_s=figure(seconds)))
+    return tuple(sorted(rows, key=lambda row: -(row.time_s or 0.0)))
+
+
+def _words(result: Result) -> WordCounts:
+    counts = Counter(
+        (change.letter, change.before is None) for change in result.answer.changes
+    )  # fmt: skip
+    return WordCounts(
+        F_changed=counts["F", False], F_added=counts["F", True],
+        S_changed=counts["S", False], S_added=counts["S", True],
+    )  # fmt: skip
+
+
+def _proof(result: Result) -> StoredProof:
     proof = result.proof
-    return {
-        "same": proof.same,
-        "sha256": proof.sha256,
-        "moves": proof.moves,
-        "before_sha256": sha256(result.job.program.data).hexdigest(),
-        "after_sha256": sha256(optimised_text(result)).hexdigest(),
-        "first": None if proof.first is None else str(proof.first),
-    }
+    return StoredProof(
+        same=proof.same,
+        sha256=proof.sha256,
+        moves=proof.moves,
+        before_sha256=sha256(result.job.program.data).hexdigest(),
+        after_sha256=sha256(optimised_text(result)).hexdigest(),
+        first=None if proof.first is None else str(proof.first),
+    )
 
 
-def _verified(result: Result) -> dict[str, Any]:
-    found, moves = result.answer.verified, result.answer.cut.plan.path.moves
-    worst, lags = found.peak_row, found.following_um
-    return {
-        "peak_load_N": figure(found.peak_N) if worst >= 0 else None,
-        "peak_line": int(moves.line[worst]) if worst >= 0 else None,
-        "following_um": {axis: figure(um) for axis, um in lags.items()} if lags else None,
-        "full_evaluations": result.evaluated,
-        "tightened": result.tightened,
-    }
+def _verified(result: Result) -> TwinCheck:
+    verified, moves = result.answer.verified, result.answer.cut.plan.path.moves
+    worst, lags = verified.peak_row, verified.following_um
+    return TwinCheck(
+        peak_load_N=figure(verified.peak_N) if worst >= 0 else None,
+        peak_line=int(moves.line[worst]) if worst >= 0 else None,
+        following_um={axis: figure(um) for axis, um in lags.items()} if lags else None,
+        full_evaluations=result.evaluated,
+        tightened=result.tightened,
+    )
 
 
-def _not_known(result: Result, after: Side) -> list[dict[str, str]]:
-    found = not_known(after.of, result.job.basis)
+def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
+    rows = [NotKnown(**row) for row in not_known(after.of, result.job.basis)]
     why = result.answer.verified.following_reason
-    return [*found, *([{"what": "following errors", "why": why}] if why else [])]
+    return (*rows, *([NotKnown(what="following errors", why=why)] if why else []))
+
+
+def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, out: Path) -> None:
+    """Write ``<label>.before.nc``, ``<label>.nc`` and ``<label>.json`` into the folder ``out``."""
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f"{label}.before.nc").write_bytes(before)
+    (out / f"{label}.nc").write_bytes(after)
+    write_part(part, out / f"{label}.json")
+
+
+def part_metrics(parts: Mapping[str, OptimisedPart]) -> dict[str, float | int | bool]:
+    """Metrics of parts by label, flat, the unit in the name; unknown ones are left out."""
+    metrics: dict[str, float | int | bool] = {}
+    for label, part in parts.items():
+        currency = part.currency or "currency"
+        values = {}
+        for when, totals in (("before", part.before), ("after", part.after)):
+            values[f"{when}_time_s"] = totals.time_s
+            values[f"{when}_cost_{currency}"] = totals.cost
+            values[f"{when}_peak_load_N"] = totals.peak_load_N
+        values["exceedance"] = None if part.certainty is None else part.certainty.exceedance
+        metrics |= {
+            f"{label}_{name}": float(f"{value:.{DIGITS}g}")
+            for name, value in values.items()
+            if value is not None
+        }
+        metrics[f"{label}_same_geometry"] = part.proof.same
+    return metrics

@@ -1,43 +1,105 @@
-"""A decision as the whole twin sees it: written as text, read again, planned, cut, followed."""
+"""Check of a decision by the whole twin: written as text, read again, planned, cut, followed.
 
+A search takes loads of a table, whose chords, angles and jumps err by its stated accuracy
+(:mod:`pipeline.cutting.force.load_table`).  Here the peaks of the blocks with the greatest loads are
+those of the waveform over a turn, with each tooth's runout, within an eighth of a degree; speeds
+are those that the control reaches, and axes lag as their identified drives do.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
 from pipeline.machine.control.path import where
 from pipeline.optimisation.job import Job
-from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.methods.genes import Front, Method
+from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.text.matching import matching_rows
-from pipeline.optimisation.text.rewrite import WordChange, rewrite, rounded_feeds, rounded_speeds
-from pipeline.optimisation.verify import Verified, verify
+from pipeline.optimisation.proof.prove import Proof
+from pipeline.optimisation.proof.text import WordChange
+from pipeline.optimisation.reliability.chance_constraint import Exceedance
+from pipeline.optimisation.reliability.part_loads import critical
+from pipeline.optimisation.reliability.uncertainty import Uncertainty
+from pipeline.optimisation.text.rewrite import matching_rows, rewrite
+from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
+from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut, recut
+from pipeline.twin.drive_file import IdentifiedDrive
 from pipeline.twin.program import planned_program
-
-Floats = NDArray[np.float64]
+from pipeline.twin.program_axes import follow_program
 
 SLACK = 1e-4
-"""Over a limit, as a share, that counts as rounding."""
+"""Excess over a limit, as a share, that counts as rounding."""
 STEP = 0.98
-"""Of a feed, to see how loads grow with it."""
-ROWS = 256
-"""Whose waveforms are computed: those of the greatest loads."""
+"""Share of a feed at which the slope of the load over it is taken."""
+CHECKED_ROWS = 256
+"""Rows of an answer whose waveforms are computed: those of the greatest loads."""
 LEAST = 0.5
-"""What feeds are lowered to in one round at most."""
+"""Least factor of feeds in one round."""
+WAVEFORM_ROWS = 64
+"""Rows whose waveforms are computed by default: those with the greatest loads of the table."""
+ANGLES = 360
+"""Angles of a turn of the spindle, at least."""
+FINER = 8
+"""Parts into which the angles next to the greatest load are divided."""
+NOTHING = 1e-6
+"""Load that counts as none [N]: that of teeth in balance is what rounding leaves."""
+MICROMETRE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verified:
+    """Loads and following errors of M rows by the whole twin.
+
+    Parameters
+    ----------
+    row_peak : ndarray, shape (M,)
+        Peak across the tool's axis [N]: of the waveform where it was computed, else of the table.
+    ratio : ndarray, shape (M,)
+        Peak of the waveform over that of the table; 1 where none was computed.
+    computed : ndarray of bool, shape (M,)
+        Where one was.
+    f_z : ndarray, shape (M,)
+        Feed for each tooth at the highest speed reached [m].
+    following_um : dict of str to float, optional
+        Greatest following error of each axis while it cuts, in air [um]; None without drives.
+    following_reason : str
+        Why there is none.
+    """
+
+    row_peak: Floats = field(repr=False)
+    ratio: Floats = field(repr=False)
+    computed: NDArray[np.bool_] = field(repr=False)
+    f_z: Floats = field(repr=False)
+    following_um: dict[str, float] | None
+    following_reason: str = ""
+
+    @property
+    def peak_N(self) -> float:
+        """Greatest of the part [N]."""
+        return float(self.row_peak.max(initial=0.0))
+
+    @property
+    def peak_row(self) -> int:
+        """Where that is; -1 where nothing is cut."""
+        return int(np.argmax(self.row_peak)) if self.peak_N > 0 else -1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Full:
-    """What the whole twin makes of a decision.
+    """A decision as the whole twin sees it.
 
     Parameters
     ----------
     decision : Decision
-        What was asked.
+        F and S before rounding.
     text : bytes
         The program with its feeds and speeds, rounded as words are.
     changes : tuple of WordChange
@@ -72,23 +134,76 @@ class Full:
         return not self.why_not
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Result:
+    """Answer of an optimisation, with its proof, its risk and the methods beside it.
+
+    Parameters
+    ----------
+    job : Job
+        Program, machine, limits.
+    moves, before : Moves, Cut
+        Of the program as it was.
+    problem : Problem
+        Its last form, after tightening.
+    blockwise : Decision
+        The blockwise optimum.
+    answer : Full
+        The answer with its text, as the whole twin sees it.
+    proof : Proof
+        That only F and S changed.
+    methods : tuple of Method
+        The answer beside the baselines.
+    front : Front or None
+        Of the objectives, of the objective ``pareto``.
+    uncertain : Uncertainty or None
+        Of the loads; None without a load limit.
+    nominal : Method or None
+        The blockwise optimum at nominal values.
+    risk : Exceedance or None
+        Of the load limit, by the answer.
+    tightened : int
+        Rounds in which loads by the whole twin lowered feeds.
+    evaluated : int
+        Evaluations of the whole twin.
+    interrupted : bool
+        Whether the search was ended early.
+    """
+
+    job: Job = field(repr=False)
+    moves: Moves = field(repr=False)
+    before: Cut = field(repr=False)
+    problem: Problem = field(repr=False)
+    blockwise: Decision = field(repr=False)
+    answer: Full = field(repr=False)
+    proof: Proof
+    methods: tuple[Method, ...]
+    front: Front | None = None
+    uncertain: Uncertainty | None = None
+    nominal: Method | None = None
+    risk: Exceedance | None = None
+    tightened: int = 0
+    evaluated: int = 0
+    interrupted: bool = False
+
+
 def full_twin(
     job: Job, program: Program, moves: Moves, problem: Problem, decision: Decision,
-    certain: Floats | None,
+    certain_f_z: Floats | None,
 ) -> Full:  # fmt: skip
     """Write ``decision`` into the program and judge it by the whole twin.
 
     Parameters
     ----------
     job : Job
-        What was asked.
+        Program, machine, limits.
     program, moves : Program, Moves
         As it was; M rows.
     problem : Problem
         Of its cut.
     decision : Decision
         F and S.
-    certain : ndarray, shape (M,), or None
+    certain_f_z : ndarray, shape (M,), or None
         Feed for each tooth up to which each row keeps the load limit [m]; None without a limit.
 
     Raises
@@ -102,28 +217,28 @@ def full_twin(
     after = interpret(parse_program(written.text, program.name), job.setup)
     rows = matching_rows(moves, after)
     cut = recut(problem.cut, planned_program(after, job.control), rows)
-    found = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
-    verified = verify(cut, drives=job.drives, rows=ROWS)
+    evaluated = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
+    verified = verify(cut, drives=job.drives, rows=CHECKED_ROWS)
     tightening = np.ones(len(moves))
-    if certain is not None:
-        tightening = _tightening(problem.cut, certain, cut.feed_per_tooth[rows], verified, rows)
+    if certain_f_z is not None:
+        tightening = _tightening(problem.cut, certain_f_z, cut.feed_per_tooth[rows], verified, rows)
     return Full(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
-        objectives=found.objectives[0], verified=verified, tightening=tightening,
-        why_not=_why_not(job, program, moves, tightening, float(found.violation[0])),
+        objectives=evaluated.objectives[0], verified=verified, tightening=tightening,
+        why_not=_why_not(job, program, moves, tightening, float(evaluated.violation[0])),
     )  # fmt: skip
 
 
 def _tightening(
-    cut: Cut, certain: Floats, reached: Floats, verified: Verified, rows: NDArray[np.intp]
+    cut: Cut, certain_f_z: Floats, reached: Floats, verified: Verified, rows: NDArray[np.intp]
 ) -> Floats:
-    """Factors of the feed for each tooth that bring passing teeth down to what the table promised.
+    """Factors of the feed for each tooth that bring passing teeth down to the load of the table.
 
     The table's load at the certain feed stands for the limit; where teeth that pass one by one make
     more of the feed that is reached, the excess over the table's slope has to go.
     """
-    bound = np.isfinite(certain)  # elsewhere no feed reaches the limit
-    allowed = cut.table.peaks(np.where(bound, certain, reached))
+    bound = np.isfinite(certain_f_z)  # elsewhere no feed reaches the limit
+    allowed = cut.table.peaks(np.where(bound, certain_f_z, reached))
     here = cut.table.peaks(reached)
     excess = verified.ratio[rows] * here - allowed
     slope = (here - cut.table.peaks(STEP * reached)) / (1 - STEP)  # [N] for the whole feed
@@ -147,3 +262,77 @@ def _why_not(
             f"{job.limits.load_N:g} N allows, whatever the feed: raise the limit"
         )
     return ""
+
+
+def verify(
+    cut: Cut, *, drives: Mapping[str, IdentifiedDrive] | None = None, rows: int = WAVEFORM_ROWS
+) -> Verified:
+    """The whole twin on the plan of a cut.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of the answer, see :func:`pipeline.twin.cut.recut`; M rows.
+    drives : mapping of str to IdentifiedDrive, optional
+        By the axis' letter.
+    rows : int
+        Rows whose waveforms are computed, those with the greatest loads of the table.
+    """
+    f_z, peak = cut.feed_per_tooth, cut.block_loads.peak
+    worst = np.argsort(-peak, kind="stable")[:rows]
+    worst = worst[peak[worst] > NOTHING]
+    candidates = critical(cut, worst)
+    exact = np.zeros(len(peak))
+    for row, station in zip(candidates.row.tolist(), candidates.own_station.tolist(), strict=True):
+        exact[row] = max(exact[row], station_peak(cut, station, float(f_z[row])))
+    computed = exact > 0
+    following, reason = _following(cut, drives)
+    return Verified(
+        row_peak=np.where(computed, exact, peak),
+        ratio=np.divide(exact, peak, out=np.ones(len(peak)), where=computed),
+        computed=computed, f_z=f_z, following_um=following, following_reason=reason,
+    )  # fmt: skip
+
+
+def station_peak(cut: Cut, station: int, f_z: float) -> float:
+    """Peak of the waveform at a station across the tool's axis [N], at a feed for each tooth."""
+    tool = cut.tools[cut.engagement.tool[station]]
+    several = tool.runout > 0 and tool.flutes > 1
+    period = 2 * np.pi / (1 if several else tool.flutes)
+    many = ceil(ANGLES / (1 if several else tool.flutes))
+    step = period / many
+    angles: Floats = step * np.arange(many, dtype=np.float64)
+    load = _loads(cut, station, f_z, angles)
+    place = FINER * int(np.argmax(load)) + np.arange(1.0 - FINER, FINER)
+    about: Floats = step / FINER * place
+    return float(max(load.max(), _loads(cut, station, f_z, about).max()))
+
+
+def _loads(cut: Cut, station: int, f_z: float, angles: Floats) -> Floats:
+    engagement = cut.engagement
+    index = int(engagement.tool[station])
+    forces = profile_waveform(
+        cut.laws[index], cut.tools[index], f_z=f_z, lower=engagement.lower[station],
+        upper=engagement.upper[station], angles=angles,
+        slope=float(np.clip(engagement.slope[station], -1.0, 1.0)),
+    )  # fmt: skip
+    load: Floats = np.hypot(forces[:, 0], forces[:, 1])
+    return load
+
+
+def _following(
+    cut: Cut, drives: Mapping[str, IdentifiedDrive] | None
+) -> tuple[dict[str, float] | None, str]:
+    if not drives:
+        return None, "no drives were identified"
+    try:
+        axes = follow_program(cut.plan, drives)
+    except ValueError as error:
+        return None, str(error)
+    if not axes:
+        return None, "no axis that moves has an identified servo"
+    errors = {
+        letter: np.abs(one.error[cut.tool[one.row] >= 0]).max(initial=0.0)
+        for letter, one in axes.items()
+    }
+    return {letter: float(error) / MICROMETRE for letter, error in errors.items()}, ""

@@ -1,19 +1,36 @@
-"""What is to be optimised: a program on a machine, its cut, what limits and what is known."""
+"""Job of an optimisation: a part program, its cut, and the models of its machine."""
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
 
-from pipeline.gcode.program import Program
+from pipeline.cutting.economics.cost import CostRates, EnergyParameters
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.cutting.tool import ToolTable
+from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.optimisation.settings import CutLimit, Objective, OptimisationSettings
+from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
+from pipeline.schema.limits import CutLimit
+from pipeline.schema.part import Objective
+from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.cut import CutJob
+from pipeline.twin.cut_coefficients import (
+    identified_coefficients,
+    identified_no_load,
+    tool_coefficients,
+)
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.drive_file import IdentifiedDrive
+from pipeline.twin.drive_file import IdentifiedDrive, read_drives
 
 Progress = Callable[[str, float], bool]
-"""Told what is under way and which share of all is done; True asks to end with the best so far."""
+"""Called with what is under way and the share that is done; True ends with the best so far."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +48,13 @@ class Job:
     cut : CutJob
         Blank, tools and force laws.
     basis : CutBasis
-        What a cut is judged by.
+        Prices, laws and limits of the cut.
     limits : CutLimit
         Of the part.
     objective : str
-        ``time``, ``cost``, ``energy``, ``wear`` or ``pareto``, all of these that are known.
+        ``pareto`` is all of the others that are known.
     settings : OptimisationSettings
-        How sure, which groups, how long to search.
+        Reliability, grouping, search.
     drives : mapping of str to IdentifiedDrive
         By axis; empty where none were identified.
     identified, judged : dict or None
@@ -58,4 +75,221 @@ class Job:
 
 
 class Interrupted(KeyboardInterrupt):
-    """The search was asked to end before there was anything that keeps the limits."""
+    """The search was ended before there was anything that keeps the limits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineModels:
+    """Models that were identified of a machine, as far as there are records.
+
+    Parameters
+    ----------
+    control : ControlParameters
+        Whose time counts.
+    drives : mapping of str to IdentifiedDrive
+        By axis.
+    cutting, judged : dict or None
+        ``cutting.json`` and ``cutting_validation.json``.
+    """
+
+    control: ControlParameters
+    drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
+    cutting: dict[str, Any] | None = None
+    judged: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workshop:
+    """Tools, material, prices and the spindle that a part is cut with.
+
+    Parameters
+    ----------
+    table : ToolTable
+        Tools by number.
+    material : Material
+        Of the blank.
+    rates : CostRates, optional
+        Prices of time and electricity.
+    drive : SpindleDrive, optional
+        Of the spindle.
+    drive_source : str
+        Where its values come from.
+    energy : EnergyParameters, optional
+        Power that the machine draws beside the cut.
+    dynamics : TipDynamics, optional
+        Of the tools' tips.
+    """
+
+    table: ToolTable
+    material: Material
+    rates: CostRates | None
+    drive: SpindleDrive | None
+    drive_source: str
+    energy: EnergyParameters | None
+    dynamics: TipDynamics | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Catalogue:
+    """Tool tables and materials by name, and the prices of time and electricity."""
+
+    tools: Mapping[str, ToolTable]
+    materials: Mapping[str, Material]
+    rates: CostRates
+
+    def workshop(self, part: Part, parts: Parts) -> Workshop:
+        """The workshop of one of the parts of a machine.
+
+        Raises
+        ------
+        ValueError
+            When its tool table or material does not exist.
+        """
+        modes = parts.dynamics
+        return Workshop(
+            table=_named(self.tools, part.tool_table, "tool"),
+            material=_named(self.materials, part.material, "material"),
+            rates=self.rates,
+            drive=parts.drive,
+            drive_source="section parts of the machine",
+            energy=parts.energy,
+            dynamics=None if modes is None else TipDynamics.of_modes(modes),
+        )
+
+
+def machine_models(folder: Path, unit: str) -> MachineModels:
+    """The models in ``data/models/<machine>``, with the control of ``unit``.
+
+    Raises
+    ------
+    ValueError
+        When there is no control, or a file is of another form.
+    """
+    drives = folder / "drive.json"
+    return MachineModels(
+        control=control_of_unit(read_controls(folder / "control.json"), unit),
+        drives=read_drives(drives) if drives.exists() else {},
+        cutting=_document(folder / "cutting.json"),
+        judged=_document(folder / "cutting_validation.json"),
+    )
+
+
+def _document(path: Path) -> dict[str, Any] | None:
+    if not path.exists():
+        return None
+    try:
+        document = json.loads(path.read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no JSON: run `dvc repro` to write it again") from error
+    if not isinstance(document, dict):
+        raise ValueError(f"{path} holds no object: run `dvc repro` to write it again")
+    return document
+
+
+def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
+    """The program at ``path``, and the set-up that also finds subprograms in its folder.
+
+    Raises
+    ------
+    ValueError
+        When it does not exist.
+    """
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist: name a program of the machine in parts.programs")
+    return read_program(path), replace(setup, folders=(*setup.folders, path.resolve().parent))
+
+
+def part_job(
+    program: Program, part: Part, *, models: MachineModels, workshop: Workshop, setup: Setup,
+    settings: OptimisationSettings,
+) -> Job:  # fmt: skip
+    """A program with the limits and the objective of ``part``.
+
+    Parameters
+    ----------
+    program : Program
+        As written.
+    part : Part
+        Blank, objective, limits.
+    models : MachineModels
+        Identified of the machine.
+    workshop : Workshop
+        Tools, material, prices, spindle.
+    setup : Setup
+        Of the machine, with the folder of the program's subprograms.
+    settings : OptimisationSettings
+        Reliability, grouping, search.
+
+    Raises
+    ------
+    ValueError
+        When the blank is none.
+    """
+    cut, basis = cut_of(part, workshop, models.cutting or {}, setup)
+    return Job(
+        program=program, setup=setup, control=models.control, cut=cut, basis=basis,
+        limits=part.limits, objective=part.objective, settings=settings, drives=models.drives,
+        identified=models.cutting, judged=models.judged,
+    )  # fmt: skip
+
+
+def cut_of(
+    part: Part, workshop: Workshop, cutting: Mapping[str, Any], setup: Setup
+) -> tuple[CutJob, CutBasis]:
+    """Cut of a part, and the prices, laws and limits that it is evaluated by.
+
+    Parameters
+    ----------
+    part : Part
+        Blank, resolution, load limit.
+    workshop : Workshop
+        Tools, material, prices, spindle.
+    cutting : mapping
+        The ``cutting.json`` of the machine; empty without one.
+    setup : Setup
+        Of the machine.
+
+    Raises
+    ------
+    ValueError
+        When the blank is none.
+    """
+    laws = tool_coefficients(
+        workshop.table.tools, part.material, workshop.material, identified_coefficients(cutting)
+    )
+    drive, source = spindle_drive(workshop.drive, workshop.drive_source, cutting)
+    job = CutJob(
+        stock=stock_of(part.stock), tools=workshop.table.tools,
+        laws={number: one.law for number, one in laws.items()},
+        resolution=part.resolution_mm * 1e-3, offsets=setup.work_offsets,
+        offset=part.work_offset,
+    )  # fmt: skip
+    basis = CutBasis(
+        stock=part.stock, table=part.tool_table, material=workshop.material, laws=laws,
+        limit_load=part.limits.load_N, rates=workshop.rates, energy=workshop.energy,
+        drive=drive, drive_source=source, dynamics=workshop.dynamics,
+    )  # fmt: skip
+    return job, basis
+
+
+def spindle_drive(
+    drive: SpindleDrive | None, source: str, cutting: Mapping[str, Any]
+) -> tuple[SpindleDrive | None, str]:
+    """The drive, with the no-load power of a ``cutting.json`` where one was identified.
+
+    Returns
+    -------
+    SpindleDrive or None, str
+        The drive, and where its values come from.
+    """
+    idle = identified_no_load(cutting)
+    if drive is None or idle is None:
+        return drive, source
+    return replace(drive, no_load_W=idle), f"{source}; no-load power identified on this machine"
+
+
+def _named(known: Mapping[str, T], name: str, folder: str) -> T:
+    if name not in known:
+        there = ", ".join(sorted(known)) or "none"
+        raise ValueError(f"parts name {name!r}, which conf/{folder}/ does not have: it has {there}")
+    return known[name]

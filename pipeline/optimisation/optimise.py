@@ -1,108 +1,53 @@
-"""From a program to one that is faster or cheaper inside its limits.
+"""Optimisation of a part program: faster or cheaper inside its limits.
 
-The direct solution comes first; it is exact where blocks do not interact.  A genetic search goes on
-from it in the fast planner and the load table.  What both find is written as text, read again, and
-judged by the whole twin: speeds that the control reaches, loads by tooth passing, servo.  Rows that
-the table promised too little for get less feed, and the search begins again.
+The blockwise optimum comes first; it is exact where blocks do not interact.  A genetic search goes
+on from it in the fast planner and the load table.  The answers of both are written as text, read
+again, and checked by the whole twin: speeds that the control reaches, loads by tooth passing,
+servo.  Rows whose loads the table took too low get less feed, and the search begins again.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
-from pipeline.optimisation.certainty.certainty import (
-    CertainFeeds,
+from pipeline.optimisation.full_twin import Full, Result, full_twin
+from pipeline.optimisation.job import Interrupted, Job, Progress
+from pipeline.optimisation.methods.blockwise import blockwise_optimum
+from pipeline.optimisation.methods.genes import Front, Method, method_of
+from pipeline.optimisation.methods.genetic import baselines, improve
+from pipeline.optimisation.methods.pareto import pareto
+from pipeline.optimisation.problem.arrays import Decision, Editable
+from pipeline.optimisation.problem.feasible import check_known, problem_of, with_load
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.proof.prove import Proof, prove
+from pipeline.optimisation.reliability.chance_constraint import (
+    ChanceConstrainedFeeds,
     Exceedance,
-    certain_feeds,
+    chance_constrained_feeds,
     exceedance,
 )
-from pipeline.optimisation.certainty.uncertainty import Uncertainty, uncertainty
-from pipeline.optimisation.direct.direct import direct
-from pipeline.optimisation.full_twin import Full, full_twin
-from pipeline.optimisation.job import Interrupted, Job, Progress
-from pipeline.optimisation.limits_passed import check_judged
-from pipeline.optimisation.problem.decision import Decision
-from pipeline.optimisation.problem.problem import Problem, problem_of
-from pipeline.optimisation.proof.prove import Proof, prove
-from pipeline.optimisation.search.baselines import Method, baselines, method_of
-from pipeline.optimisation.search.genetic import improve
-from pipeline.optimisation.search.pareto import Front, pareto
-from pipeline.optimisation.settings import OBJECTIVES, Objective
-from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertainty
+from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.split import split_blocks
+from pipeline.schema.arrays import Floats
+from pipeline.schema.part import Objective
 from pipeline.twin.cut import Cut, cut_program
 from pipeline.twin.cut_limits import missed_blank
 from pipeline.twin.program import planned_program
 
-Floats = NDArray[np.float64]
-
 ROUNDS = 4
-"""Of tightening what the whole twin finds beyond the limit."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Result:
-    """What an optimisation found.
-
-    Parameters
-    ----------
-    job : Job
-        What was asked.
-    moves, before : Moves, Cut
-        Of the program as it was.
-    problem : Problem
-        Its last form, after tightening.
-    direct : Decision
-        The direct solution.
-    answer : Full
-        The answer with its text, as the whole twin sees it.
-    proof : Proof
-        That only F and S changed.
-    methods : tuple of Method
-        The answer beside the baselines.
-    front : Front or None
-        Of the objectives, when it was asked for.
-    uncertain : Uncertainty or None
-        What is not known well; None without a load limit.
-    nominal : Method or None
-        The direct solution that takes every value as known.
-    risk : Exceedance or None
-        Of the load limit, by the answer.
-    tightened : int
-        Rounds in which the whole twin asked for less feed.
-    evaluated : int
-        Evaluations of the whole twin.
-    interrupted : bool
-        Whether the search was ended early.
-    """
-
-    job: Job = field(repr=False)
-    moves: Moves = field(repr=False)
-    before: Cut = field(repr=False)
-    problem: Problem = field(repr=False)
-    direct: Decision = field(repr=False)
-    answer: Full = field(repr=False)
-    proof: Proof
-    methods: tuple[Method, ...]
-    front: Front | None = None
-    uncertain: Uncertainty | None = None
-    nominal: Method | None = None
-    risk: Exceedance | None = None
-    tightened: int = 0
-    evaluated: int = 0
-    interrupted: bool = False
+"""Rounds of tightening where the whole twin finds loads above the limit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:
-    """What one round of searching found; ``written`` is the direct solution's, rounded."""
+    """Result of one round; ``written``: objectives of the blockwise optimum, rounded as words."""
 
-    direct: Decision
+    blockwise: Decision
     written: Floats | None
     answer: Full
     front: Front | None
@@ -135,26 +80,26 @@ class _Course:
         self.interrupted = False
         self.evaluated = 0
         self.program, self.moves, self.before = _as_programmed(job)
-        check_judged(self.before, job.limits, job.basis.drive)
+        check_known(self.before, job.limits, job.basis.drive)
         self.editable: Editable = editable_blocks(self.program, self.moves)
-        self.uncertain, self.certain = self._certainty()
+        self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
 
     def ends(self, what: str, share: float) -> bool:
-        """Tell what is under way; whether the search was asked to end."""
+        """Report progress; whether the search is to end."""
         self.interrupted = self._progress(what, share) or self.interrupted
         return self.interrupted
 
     def result(self) -> Result:
-        """Search, judge by the whole twin, tighten where it asks for it, and compare."""
+        """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         problem, tightened = self._problem(), 0
         while True:
-            found = self._search(problem)
-            answer, done = found.answer, self.evaluated >= self.job.settings.search.full
+            outcome = self._search(problem)
+            answer, done = outcome.answer, self.evaluated >= self.job.settings.search.full
             if answer.kept or done or tightened >= ROUNDS or self.f_z is None:
                 break
             self.f_z = self.f_z * answer.tightening
-            problem = problem.with_load(self.f_z)
+            problem = with_load(problem, self.f_z)
             tightened += 1
         if not answer.kept:
             raise ValueError(answer.why_not)
@@ -162,23 +107,24 @@ class _Course:
         risk = self._risk(answer)
         return Result(
             job=self.job, moves=self.moves, before=self.before, problem=problem,
-            direct=found.direct, answer=answer, proof=self._proof(answer),
-            methods=self._methods(problem, found), front=found.front, uncertain=self.uncertain,
+            blockwise=outcome.blockwise, answer=answer, proof=self._proof(answer),
+            methods=self._methods(problem, outcome), front=outcome.front, uncertain=self.uncertain,
             nominal=self._nominal(problem), risk=risk,
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
-    def _certainty(self) -> tuple[Uncertainty | None, CertainFeeds | None]:
+    def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
         limit, settings = self.job.limits.load_N, self.job.settings.certainty
         if limit is None:
             return None, None
         if self.ends("drawing what is uncertain", 0.05):
             raise Interrupted
-        known = uncertainty(
+        uncertain = uncertainty(
             self.job.basis.laws, self.job.cut.tools, self.job.identified, self.job.judged, settings
         )
         margin = self.job.limits.margins.load
-        return known, certain_feeds(self.before, limit, margin, known, settings)
+        feeds = chance_constrained_feeds(self.before, limit, margin, uncertain, settings)
+        return uncertain, feeds
 
     def _problem(self) -> Problem:
         job = self.job
@@ -186,30 +132,31 @@ class _Course:
 
     @property
     def objective(self) -> Objective:
-        """What the direct solution is for: a front begins with the fastest."""
+        """Objective of the blockwise optimum: a front begins with the fastest."""
         return "time" if self.job.objective == "pareto" else self.job.objective
 
     def _search(self, problem: Problem) -> "_Found":
-        """The direct solution, the best that the whole twin keeps, and the front."""
+        """The blockwise optimum, the best that the whole twin accepts, and the front."""
         if self.ends("solving block by block", 0.2):
             raise Interrupted
         grouping, settings = self.job.settings.grouping, self.job.settings.search
-        found = direct(problem, self.objective, grouping)
-        elite, front, evaluations = [found], None, 1
+        optimum = blockwise_optimum(problem, self.objective, grouping)
+        elite, front, evaluations = [optimum], None, 1
         if not self.ends("searching", 0.3):
             if self.job.objective == "pareto":
-                front = self._front(problem, found)
+                front = self._front(problem, optimum)
                 elite = [front.decisions[front.knee]]
             else:
-                better = improve(problem, found, self.objective, settings, self._each)
+                better = improve(problem, optimum, self.objective, settings, self._each)
                 evaluations += better.evaluations
                 elite.append(better.decision)
         self.ends("whole twin", 0.6)
-        judged = [self._full(problem, one) for one in elite]
-        kept = [one for one in judged if one.kept] or judged
+        checked = [self._full(problem, one) for one in elite]
+        kept = [one for one in checked if one.kept] or checked
         index = OBJECTIVES.index(self.objective)
         return _Found(
-            direct=found, written=judged[0].objectives if front is None else None, front=front,
+            blockwise=optimum, front=front,
+            written=checked[0].objectives if front is None else None,
             answer=min(kept, key=lambda one: float(one.objectives[index])),
             evaluations=evaluations,
         )  # fmt: skip
@@ -218,7 +165,10 @@ class _Course:
         values = problem.evaluate_rows(fastest.row_feeds[None], fastest.row_speeds[None])
         known = [o for o, v in zip(OBJECTIVES, values.objectives[0], strict=True) if np.isfinite(v)]
         grouping = self.job.settings.grouping
-        starts = [fastest, *(direct(problem, one, grouping) for one in known if one != "time")]
+        starts = [
+            fastest,
+            *(blockwise_optimum(problem, one, grouping) for one in known if one != "time"),
+        ]
         return pareto(problem, starts, tuple(known), self.job.settings.search, self._each)
 
     def _each(self, generation: int, _: Floats, __: object) -> bool:
@@ -249,21 +199,21 @@ class _Course:
             seed=settings.seed + 1,
         )  # fmt: skip
 
-    def _methods(self, problem: Problem, found: "_Found") -> tuple[Method, ...]:
-        """The answer beside the direct solution as it would be written, and the baselines."""
-        answer = found.answer
+    def _methods(self, problem: Problem, outcome: "_Found") -> tuple[Method, ...]:
+        """The answer beside the blockwise optimum as it would be written, and the baselines."""
+        answer = outcome.answer
         final = Method(
             name="answer", decision=answer.decision, objectives=answer.objectives, violation=0.0,
-            evaluations=found.evaluations,
+            evaluations=outcome.evaluations,
         )  # fmt: skip
-        first = method_of(problem, "direct", found.direct, 1)
-        if found.written is not None:
-            first = replace(first, objectives=found.written)
+        first = method_of(problem, "direct", outcome.blockwise, 1)
+        if outcome.written is not None:
+            first = replace(first, objectives=outcome.written)
         if self.interrupted:
             return first, final
         settings = self.job.settings.search
         others = baselines(
-            problem, found.direct.groups, self.objective, settings, self._compared
+            problem, outcome.blockwise.groups, self.objective, settings, self._compared
         )  # fmt: skip
         return (*others[:1], first, *others[1:], final)
 
@@ -271,16 +221,16 @@ class _Course:
         return self.ends("comparing", 0.85)
 
     def _nominal(self, problem: Problem) -> Method | None:
-        """What taking every value as known would give."""
+        """The blockwise optimum at nominal values."""
         if self.certain is None or self.interrupted:
             return None
-        nominal = problem.with_load(self.certain.nominal)
-        found = direct(nominal, self.objective, self.job.settings.grouping)
-        return method_of(nominal, "nominal", found, 1)
+        nominal = with_load(problem, self.certain.nominal)
+        optimum = blockwise_optimum(nominal, self.objective, self.job.settings.grouping)
+        return method_of(nominal, "nominal", optimum, 1)
 
 
 def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
-    """Program (its long blocks split, when that is asked for), moves and cut."""
+    """Program (its long blocks split where the settings say so), moves and cut."""
     program = job.program
     moves = interpret(program, job.setup)
     cut = cut_program(planned_program(moves, job.control), job.cut)

@@ -12,7 +12,7 @@ from pipeline.report.cutting_changes import cutting_figures, cutting_parameters,
 from pipeline.report.drive_units import in_shop_units
 from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
-from pipeline.report.part_program_verdict import part_changes
+from pipeline.report.part_programs import part_changes
 from pipeline.report.verdict import Verdict
 
 FORMAT = 1  # of report.json; another one is not compared

@@ -11,7 +11,7 @@ from pipeline.report.cutting_facts import Cutting, cutting_facts
 from pipeline.report.driven import Driven, driven
 from pipeline.report.folders import MachineFolders
 from pipeline.report.modelled import Modelled, modelled, spindle_prefix
-from pipeline.report.part_program_facts import PartPrograms, part_programs
+from pipeline.report.part_programs import PartPrograms, part_programs
 from pipeline.report.reading import Reading, reading
 from pipeline.report.working import NO_RECORD, Day, Working, working
 

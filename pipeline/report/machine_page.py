@@ -20,8 +20,8 @@ from pipeline.report.driven import worst_following, worst_force
 from pipeline.report.facts import Facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.model_sections import golden_section, thermal_section
-from pipeline.report.part_program_section import part_programs_section
-from pipeline.report.part_program_verdict import part_key_figures
+from pipeline.report.part_programs import part_key_figures
+from pipeline.report.part_section import part_programs_section
 from pipeline.report.program_section import programs_section
 from pipeline.report.record_tables import (
     cleaning_table,

@@ -21,7 +21,7 @@ from pipeline.report.control_verdict import times_verdict
 from pipeline.report.cutting_verdict import cut_undetermined, cutting_verdict, plain_better_words
 from pipeline.report.drive_verdict import drives_verdict, undetermined_words
 from pipeline.report.facts import Facts
-from pipeline.report.part_program_verdict import loading_words, warning_words
+from pipeline.report.part_programs import loading_words, warning_words
 from pipeline.report.reading import WHOLE, Gap, rule_words
 
 Status = Literal["failed", "attention", "passed", "unknown"]

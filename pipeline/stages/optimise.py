@@ -7,12 +7,15 @@ from pipeline.cutting.economics.cost import CostRates
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.document import optimised_document, optimised_text
+from pipeline.optimisation.document import (
+    optimised_part,
+    optimised_text,
+    part_metrics,
+    write_program,
+)
+from pipeline.optimisation.job import Catalogue, machine_models, part_job, part_program
 from pipeline.optimisation.optimise import optimise as optimised
-from pipeline.optimisation.part import Parts
-from pipeline.optimisation.part_files import part_metrics, write_part
-from pipeline.optimisation.part_job import Catalogue, machine_models, part_job
-from pipeline.optimisation.settings import OptimisationSettings
+from pipeline.optimisation.settings import OptimisationSettings, Parts
 from pipeline.signals.ingest import MachineIdentity
 from pipeline.twin.control import ControlRecords
 
@@ -35,13 +38,17 @@ def optimise(
     """Optimise the parts of a machine with its ``models``; programs and documents, and metrics."""
     known = machine_models(models, control_records.default_unit)
     catalogue = Catalogue(tools=tool, materials=material, rates=cost)
-    documents = {}
+    written_parts = {}
     for part in parts.programs:
-        path = raw / part.program
-        result = optimised(part_job(path, part, parts, known, catalogue, setup, optimisation))
-        document = optimised_document(
+        program, whose = part_program(raw / part.program, setup)
+        workshop = catalogue.workshop(part, parts)
+        job = part_job(
+            program, part, models=known, workshop=workshop, setup=whose, settings=optimisation
+        )
+        result = optimised(job)
+        document = optimised_part(
             result, machine=identity.name, origin=identity.origin, control="identified"
         )
-        write_part(part.label, path.read_bytes(), optimised_text(result), document, written)
-        documents[part.label] = document
-    metrics.write_text(json.dumps(part_metrics(documents), indent=2, sort_keys=True) + "\n")
+        write_program(part.label, program.data, optimised_text(result), document, written)
+        written_parts[part.label] = document
+    metrics.write_text(json.dumps(part_metrics(written_parts), indent=2, sort_keys=True) + "\n")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.machine.control.planner import totals
-from pipeline.optimisation.problem.groups import Groups
-from pipeline.optimisation.settings import CutLimit
+from pipeline.optimisation.problem.arrays import Groups
+from pipeline.schema.limits import CutLimit
 from tests.optimisation.problem_parts import cut_on, problem_on
 
 POPULATION = 4096

@@ -17,9 +17,10 @@ from pipeline.machine.control.parameters import (
     AxisParameters,
     ControlParameters,
 )
-from pipeline.optimisation.problem.problem import Problem, problem_of
-from pipeline.optimisation.settings import Margins
+from pipeline.optimisation.problem.feasible import problem_of
+from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.text.editable_blocks import editable_blocks
+from pipeline.schema.limits import Margins
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_coefficients import ToolCoefficients
 from pipeline.twin.cut_document import CutBasis

@@ -6,7 +6,7 @@ And random answers of an optimiser for them: any feeds of blocks, any stretches 
 import numpy as np
 
 from pipeline.gcode.moves import Moves
-from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.problem.arrays import Editable
 
 
 def modal_program(rng: np.random.Generator) -> bytes:

@@ -32,8 +32,10 @@ from pipeline.machine.control.parameters import (
     ControlParameters,
 )
 from pipeline.optimisation.job import Job
-from pipeline.optimisation.settings import CutLimit, Objective, OptimisationSettings
+from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
+from pipeline.schema.limits import CutLimit
+from pipeline.schema.part import Objective
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.parameters import (
     ChannelMode,

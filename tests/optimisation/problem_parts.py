@@ -11,9 +11,10 @@ from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.machine.control.parameters import AuxiliaryParameters
-from pipeline.optimisation.problem.problem import Problem, problem_of
-from pipeline.optimisation.settings import CutLimit, Margins
-from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.problem.arrays import Editable
+from pipeline.optimisation.problem.feasible import problem_of
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.schema.limits import CutLimit, Margins
 from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.cut_coefficients import ToolCoefficients
 from pipeline.twin.cut_document import CutBasis

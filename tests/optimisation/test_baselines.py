@@ -5,10 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.optimisation.direct.direct import direct
+from pipeline.optimisation.methods.blockwise import blockwise_optimum
+from pipeline.optimisation.methods.genes import Method, method_of
+from pipeline.optimisation.methods.genetic import baselines
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.search.baselines import Method, baselines, method_of
-from pipeline.optimisation.settings import CutLimit, Grouping, SearchSettings
+from pipeline.optimisation.settings import Grouping, SearchSettings
+from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut_document import document_of
 from tests.optimisation.problem_parts import basis_of, cut_on, problem_on
 from tests.optimisation.zigzags import zigzag_problem
@@ -33,7 +35,7 @@ def problem() -> Problem:
 
 @cache
 def found(objective: str = "time") -> tuple[Method, ...]:
-    groups = direct(problem(), objective, Grouping()).groups
+    groups = blockwise_optimum(problem(), objective, Grouping()).groups
     return tuple(baselines(problem(), groups, objective, SearchSettings()))
 
 
@@ -84,7 +86,7 @@ def test_the_published_search_asks_for_f_and_s_of_their_ranges() -> None:
 def test_feeds_of_a_turn_keep_ranges_of_a_minute() -> None:
     limits = CutLimit(load_N=200.0, feed_mm_min=(100.0, 900.0), speed_rpm=(2000.0, 8000.0))
     part = problem_on(cut_on(PER_TURN), limits)
-    groups = direct(part, "time", Grouping()).groups
+    groups = blockwise_optimum(part, "time", Grouping()).groups
     for method in baselines(part, groups, "time", SearchSettings(baseline=500))[1:]:
         rows = part.cuts
         per_minute = (method.decision.row_feeds * method.decision.row_speeds)[rows]
@@ -93,7 +95,7 @@ def test_feeds_of_a_turn_keep_ranges_of_a_minute() -> None:
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
     def run(seed: int) -> list[bytes]:
-        groups = direct(problem(), "time", Grouping()).groups
+        groups = blockwise_optimum(problem(), "time", Grouping()).groups
         settings = SearchSettings(population=8, baseline=100, seed=seed)
         return [
             method.decision.feeds.tobytes() + method.decision.speeds.tobytes()
@@ -105,7 +107,7 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
 
 
 def test_none_leaves_the_many_out_and_a_callback_ends_them() -> None:
-    groups = direct(problem(), "time", Grouping()).groups
+    groups = blockwise_optimum(problem(), "time", Grouping()).groups
     assert len(baselines(problem(), groups, "time", SearchSettings(baseline=0))) == 2
     ended = baselines(problem(), groups, "time", SearchSettings(), lambda *_: True)
     assert [method.evaluations for method in ended] == [1, 48, 48]

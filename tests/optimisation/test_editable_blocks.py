@@ -6,7 +6,7 @@ import pytest
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 
 HEAD = "G21 S3000 M3\n"

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.optimisation.direct.direct import direct
-from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.methods.blockwise import blockwise_optimum
+from pipeline.optimisation.methods.genes import BoundedGenes
+from pipeline.optimisation.methods.genetic import FEW, baselines, improve
+from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.search.baselines import baselines
-from pipeline.optimisation.search.genetic import FEW, improve
-from pipeline.optimisation.search.shares import Shares
-from pipeline.optimisation.settings import OBJECTIVES, Grouping, Objective, SearchSettings
+from pipeline.optimisation.settings import OBJECTIVES, Grouping, SearchSettings
+from pipeline.schema.part import Objective
 from tests.optimisation.problem_parts import cut_on, problem_on
 from tests.optimisation.zigzags import PAPER, zigzag, zigzag_problem
 
@@ -28,7 +28,7 @@ def problem(seed: int) -> Problem:
 
 @cache
 def solution(seed: int, objective: Objective) -> Decision:
-    return direct(problem(seed), objective, Grouping())
+    return blockwise_optimum(problem(seed), objective, Grouping())
 
 
 def value(seed: int, decision: Decision, objective: Objective) -> tuple[float, float]:
@@ -40,8 +40,8 @@ def value(seed: int, decision: Decision, objective: Objective) -> tuple[float, f
 
 
 def somewhere(seed: int, chance: int) -> Decision:
-    """A decision inside the limits, in the groups of the direct solution."""
-    shares = Shares.of(problem(seed), solution(seed, "time"))
+    """A decision inside the limits, in the groups of the blockwise optimum."""
+    shares = BoundedGenes.of(problem(seed), solution(seed, "time"))
     some = shares.low + np.random.default_rng(chance).random((64, len(shares.low))) * (
         shares.high - shares.low
     )
@@ -90,7 +90,7 @@ def test_a_few_evaluations_are_as_good_as_5000_from_a_random_start(
 def test_a_poor_start_is_left_behind(objective: Objective) -> None:
     start = somewhere(1, 5)
     found = improve(problem(1), start, objective, SearchSettings())
-    # what is between a random start and the direct solution, less a tenth
+    # what is between a random start and the blockwise optimum, less a tenth
     best, before = value(1, solution(1, objective), objective)[0], value(1, start, objective)[0]
     assert before > 1.3 * best
     assert found.value < best + 0.1 * (before - best)
@@ -151,4 +151,4 @@ def test_a_start_beyond_its_limits_is_refused() -> None:
 def test_an_objective_that_is_not_known_is_refused() -> None:
     dull = problem_on(cut_on(zigzag(0)), PAPER, rates=None)
     with pytest.raises(ValueError, match="the cost of the start is not known"):
-        improve(dull, direct(dull, "time", Grouping()), "cost", SMALL)
+        improve(dull, blockwise_optimum(dull, "time", Grouping()), "cost", SMALL)

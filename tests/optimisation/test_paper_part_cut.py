@@ -8,8 +8,10 @@ import sys
 
 import pytest
 
-from pipeline.optimisation.optimise import Result, optimise
-from pipeline.optimisation.settings import Certainty, Objective, OptimisationSettings
+from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.optimise import optimise
+from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings
+from pipeline.schema.part import Objective
 from pipeline.shop.trial.trials import trials
 from tests.optimisation.paper_part import MACHINE, PROGRAM, TRIAL, paper_job, paper_knowledge
 
@@ -31,7 +33,7 @@ def found(knowledge):
 
 
 def _optimised(knowledge, objective: Objective, epsilon: float) -> Result:
-    settings = OptimisationSettings(certainty=Certainty(epsilon=epsilon))
+    settings = OptimisationSettings(certainty=ReliabilitySettings(epsilon=epsilon))
     return optimise(paper_job(objective, knowledge, settings))
 
 

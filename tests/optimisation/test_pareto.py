@@ -1,4 +1,4 @@
-"""Fronts of parts: nobody dominates, all keep the limits, the ends are the direct solutions."""
+"""Fronts of parts: nobody dominates, all keep the limits, the ends are the blockwise optima."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,10 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.optimisation.direct.direct import direct
-from pipeline.optimisation.problem.decision import Decision
+from pipeline.optimisation.methods.blockwise import blockwise_optimum
+from pipeline.optimisation.methods.genes import Front
+from pipeline.optimisation.methods.pareto import pareto
+from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.search.pareto import Front, pareto
 from pipeline.optimisation.settings import OBJECTIVES, Grouping, SearchSettings
 from pipeline.search.dominance import knee
 from tests.optimisation.problem_parts import cut_on, problem_on
@@ -25,7 +26,7 @@ def problem(seed: int) -> Problem:
 
 @cache
 def starts(seed: int) -> tuple[Decision, ...]:
-    return tuple(direct(problem(seed), one, Grouping()) for one in OBJECTIVES)
+    return tuple(blockwise_optimum(problem(seed), one, Grouping()) for one in OBJECTIVES)
 
 
 @cache
@@ -59,7 +60,7 @@ def test_every_member_keeps_the_limits_and_comes_to_what_is_told(seed: int) -> N
 
 
 @SEEDS
-def test_its_ends_are_no_worse_than_the_direct_solutions(seed: int) -> None:
+def test_its_ends_are_no_worse_than_the_blockwise_optima(seed: int) -> None:
     best = np.array([judged(seed, start)[0] for start in starts(seed)]).min(axis=0)
     assert (found(seed).objectives.min(axis=0) <= best).all()
 
@@ -90,7 +91,7 @@ def test_two_objectives_make_a_front_of_two() -> None:
 def test_one_objective_makes_a_front_of_one_that_is_the_best_start() -> None:
     front = pareto(problem(0), starts(0), ("time",), SMALL)
     assert len(front.decisions) == 1 and front.knee == 0
-    # in the time alone others may be as fast; none is faster than the direct solution by much
+    # in the time alone others may be as fast; none is faster than the blockwise optimum by much
     assert front.objectives[0, 0] == pytest.approx(judged(0, starts(0)[0])[0][0], rel=1e-6)
 
 
@@ -143,7 +144,7 @@ def test_more_generations_give_a_front_that_covers_more() -> None:
 
 def test_an_objective_that_is_not_known_is_refused() -> None:
     dull = problem_on(cut_on(zigzag(0)), PAPER, rates=None)
-    start = direct(dull, "time", Grouping())
+    start = blockwise_optimum(dull, "time", Grouping())
     with pytest.raises(ValueError, match="the cost of the part is not known"):
         pareto(dull, [start], ("time", "cost"), SMALL)
 

@@ -12,11 +12,18 @@ from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.part import Part, Parts
-from pipeline.optimisation.part_files import part_metrics, write_part
-from pipeline.optimisation.part_job import Catalogue, MachineModels, part_job, spindle_drive
-from pipeline.optimisation.settings import CutLimit, OptimisationSettings
+from pipeline.optimisation.document import part_metrics, write_program
+from pipeline.optimisation.job import (
+    Catalogue,
+    MachineModels,
+    part_job,
+    part_program,
+    spindle_drive,
+)
+from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
 from pipeline.parameters import ParametersError, structure
+from pipeline.schema.limits import CutLimit
+from pipeline.schema.part import OptimisedPart, part_of
 from tests.twin.cut_parts import CONTROL
 
 ROOT = Path(__file__).parents[2]
@@ -58,9 +65,9 @@ def cutting(material: str = "A6061") -> dict[str, Any]:
         ({"program": ""}, "must be a file below the machine's raw records"),
         ({"program": "parts/O 1 (front).nc"}, r"'O 1 \(front\)' names files and a heading"),
         ({"name": "../O1"}, "names files and a heading"),
-        ({"resolution_mm": 0}, "out of its range, 0.001 to 100"),
+        ({"resolution_mm": 0}, "resolution_mm = 0.0 mm must lie from 0.001 to 100"),
         ({"objective": "money"}, "'money' is none of time, cost, energy, wear, pareto"),
-        ({"limits": {"load_N": -1}}, "load_N = -1 must be positive"),
+        ({"limits": {"load_N": -1}}, "load_N = -1.0 N must lie above 0"),
         ({"limits": {"lod_N": 1}}, "lod_N"),
     ],
 )
@@ -89,9 +96,11 @@ def job_of(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
     limits = CutLimit(load_N=60.0)
     part = Part(**(PART | {"limits": limits} | change))
     parts = Parts(programs=(part,), drive=DRIVE)
+    known, (read, setup) = catalogue(), part_program(tmp_path / part.program, Setup())
     return part_job(
-        tmp_path / part.program, part, parts, models, catalogue(), Setup(), OptimisationSettings()
-    )
+        read, part, models=models, workshop=known.workshop(part, parts), setup=setup,
+        settings=OptimisationSettings(),
+    )  # fmt: skip
 
 
 def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:
@@ -128,18 +137,40 @@ def test_what_a_part_names_must_be_there(tmp_path: Path, change: dict[str, str],
         job_of(tmp_path, MachineModels(control=CONTROL), **change)
 
 
+def stored(**change: Any) -> OptimisedPart:
+    """A part without blocks, as small as one can be."""
+    column = {"total_mm": 1.0, "way_mm": [0.0], "load_N": [None], "line": [1]}
+    empty: dict[str, Any] = {key: [] for key in ("methods", "front", "groups", "binding", "held")}
+    return part_of(empty | {
+        "program": "O1.nc", "machine": "mill", "origin": "recorded", "control": "identified",
+        "objective": "time", "currency": "KRW", "stock": "box", "material": "A6061",
+        "tool_table": "mine", "limits": {}, "certainty": None, "before": {}, "after": {},
+        "gain": {}, "words": {"F_changed": 1, "F_added": 0, "S_changed": 0, "S_added": 0},
+        "proof": {"same": True, "sha256": "", "moves": 1, "before_sha256": "", "after_sha256": "",
+                  "first": None},
+        "trace": {"before": column, "after": column, "tools": []},
+        "verified": {"peak_load_N": None, "peak_line": None, "following_um": None,
+                     "full_evaluations": 1, "tightened": 0},
+        "interrupted": False, "not_known": [], "notes": ["Größe"],
+    } | change)  # fmt: skip
+
+
 def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) -> None:
     before, after = b"%\r\nO1 (\xe9)\r\nG1X1.F100.\r\n", b"%\r\nO1 (\xe9)\r\nG1X1.F200.\r\n"
-    document = {
-        "currency": "KRW", "proof": {"same": True}, "certainty": {"exceedance": 0.00712345},
-        "before": {"time_s": 29.4812, "cost": None, "peak_load_N": 71.234},
-        "after": {"time_s": 24.51, "cost": 76.4, "peak_load_N": True},
-    }  # fmt: skip
-    write_part("O1", before, after, document, tmp_path / "new")
+    risk = {"epsilon": 0.01, "exceedance": 0.00712345, "interval_95": [0.0, 0.02], "draws": 64,
+            "peaks": [], "nominal": None, "price": None, "uncertain": []}  # fmt: skip
+    part = stored(
+        certainty=risk, before={"time_s": 29.4812, "cost": None, "peak_load_N": 71.234},
+        after={"time_s": 24.51, "cost": 76.4, "peak_load_N": None},
+    )  # fmt: skip
+    write_program("O1", before, after, part, tmp_path / "new")
     assert (tmp_path / "new/O1.before.nc").read_bytes() == before
     assert (tmp_path / "new/O1.nc").read_bytes() == after
-    assert json.loads((tmp_path / "new/O1.json").read_text()) == document
-    assert part_metrics({"O1": document, "O2": {"certainty": None}}) == {
+    text = (tmp_path / "new/O1.json").read_text(encoding="utf-8")
+    assert part_of(json.loads(text)) == part and "Größe" in text
+    assert json.loads(text)["limits"].keys() == {"power_share", "least_speed_change_rpm", "margins"}
+    other = stored(proof={**vars(part.proof), "same": False})
+    assert part_metrics({"O1": part, "O2": other}) == {
         "O1_before_time_s": 29.48, "O1_before_peak_load_N": 71.23, "O1_after_time_s": 24.51,
         "O1_after_cost_KRW": 76.4, "O1_exceedance": 0.007123, "O1_same_geometry": True,
         "O2_same_geometry": False,

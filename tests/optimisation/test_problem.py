@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.tool import tip_deflection
 from pipeline.machine.control.planner import plan
-from pipeline.optimisation.problem.groups import Groups
-from pipeline.optimisation.problem.problem import CONSTRAINTS
-from pipeline.optimisation.settings import CutLimit, Margins
+from pipeline.optimisation.problem.arrays import CONSTRAINTS, Groups
+from pipeline.optimisation.problem.feasible import binding_constraints
+from pipeline.schema.limits import CutLimit, Margins
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_document import document_of
 from pipeline.twin.cut_limits import cut_limits
@@ -297,7 +297,7 @@ def test_what_a_row_is_at(limits, feed, speed, name):
     row = problem.blocks.row[-1]
     f_z = problem.f_z_low[row] + feed * (min(problem.f_z_high[row], 1e-4) - problem.f_z_low[row])
     feeds = np.full(len(problem), max(f_z, 1e-6) * speed * problem.flutes[row] * 1e3)
-    found = problem.binding(feeds, np.full(len(problem), speed))
+    found = binding_constraints(problem, feeds, np.full(len(problem), speed))
     assert (CONSTRAINTS[found[row]] if found[row] >= 0 else None) == name
     assert (found[~problem.cuts] == -1).all()
 
@@ -307,7 +307,9 @@ def test_a_row_at_the_ends_of_both_f_and_s_is_at_that_of_f():
     limits = replace(ROOMY, speed_rpm=(3000.0, 7000.0), feed_mm_min=(1.0, 700.0))
     problem = problem_on(cut_on(SLOT), limits, drive=None)
     for speed in (3000.0, 7000.0):
-        found = problem.binding(np.full(len(problem), 700.0), np.full(len(problem), speed))
+        found = binding_constraints(
+            problem, np.full(len(problem), 700.0), np.full(len(problem), speed)
+        )
         assert CONSTRAINTS[found[problem.blocks.row[-1]]] == "feed"
 
 
@@ -318,7 +320,7 @@ def test_a_row_at_the_drives_power_or_torque():
         speeds = np.full(len(problem), speed)
         f_z = problem.power_f_z(speeds)[row]
         feeds = np.full(len(problem), f_z * speed * problem.flutes[row] * 1e3)
-        assert CONSTRAINTS[problem.binding(feeds, speeds)[row]] == name
+        assert CONSTRAINTS[binding_constraints(problem, feeds, speeds)[row]] == name
         violation = problem.evaluate_rows(feeds[np.newaxis] * [[1.0], [1.001]],
                                           np.tile(speeds, (2, 1))).violation  # fmt: skip
         assert violation[0] == 0.0 < violation[1]

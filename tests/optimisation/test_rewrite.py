@@ -11,16 +11,16 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.proof.prove import prove
+from pipeline.optimisation.proof.text import WordChange
 from pipeline.optimisation.text.editable_blocks import editable_blocks
-from pipeline.optimisation.text.matching import matching_rows
-from pipeline.optimisation.text.rewrite import (
-    Rewritten,
-    WordChange,
-    rewrite,
+from pipeline.optimisation.text.rewrite import Rewritten, matching_rows, rewrite
+from pipeline.optimisation.text.words import (
+    SLACK,
+    NumberStyle,
+    rounded_down,
     rounded_feeds,
     rounded_speeds,
 )
-from pipeline.optimisation.text.word_numbers import SLACK, NumberStyle, rounded_down
 from tests.optimisation.modal_programs import any_answer, modal_program
 
 SETUP = Setup()

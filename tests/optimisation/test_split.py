@@ -66,7 +66,7 @@ def test_any_split_with_any_answer_is_proved(seed: int) -> None:
 
 BEFORE = "G21 G90 S3000 M3\nG1 Z-1 F100\nG1 X30 Y10\nG91 G1 X5\nG90 G0 X0\n"
 WRONG = {
-    "beside the way": ("G1 X30 Y10", "G1 X15.00 Y5.02\nG1 X30 Y10", "beside the way"),
+    "beside the path": ("G1 X30 Y10", "G1 X15.00 Y5.02\nG1 X30 Y10", "beside the path"),
     "behind the end": ("G1 X30 Y10", "G1 X33. Y11.\nG1 X30 Y10", "lies behind"),
     "before the begin": ("G1 X30 Y10", "G1 X-3. Y-1.\nG1 X30 Y10", "lies behind"),
     "backwards": ("G1 X30 Y10", "G1 X15. Y5.\nG1 X12. Y4.\nG1 X30 Y10", "lies behind"),

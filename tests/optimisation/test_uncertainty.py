@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.optimisation.certainty.draws import draws_of
-from pipeline.optimisation.certainty.uncertainty import NORMAL, uncertainty
-from pipeline.optimisation.settings import Certainty
+from pipeline.optimisation.reliability.part_loads import draws_of
+from pipeline.optimisation.reliability.uncertainty import NORMAL, uncertainty
+from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.twin.cut_coefficients import ToolCoefficients
 
 LAW = ForceLaw.linear(K_tc=700.0, K_rc=200.0, K_ac=100.0, K_te=30.0, K_re=20.0, K_ae=2.0)
@@ -43,7 +43,7 @@ def document() -> dict:
 def identified(tool=MILL, certainty=None, documents=None):
     law = ToolCoefficients(law=replace(LAW, K_ae=0.0), kind="identified", source="this machine")
     found = document() if documents is None else documents
-    return uncertainty({1: law}, {1: tool}, found, None, certainty or Certainty())
+    return uncertainty({1: law}, {1: tool}, found, None, certainty or ReliabilitySettings())
 
 
 def others(**kinds: str):
@@ -52,7 +52,7 @@ def others(**kinds: str):
         int(number[1:]): ToolCoefficients(law=LAW, kind="measured", source=source)
         for number, source in kinds.items()
     }
-    return uncertainty(laws, dict.fromkeys(laws, MILL), None, None, Certainty())
+    return uncertainty(laws, dict.fromkeys(laws, MILL), None, None, ReliabilitySettings())
 
 
 def coefficients(uncertain, number=1):
@@ -97,7 +97,7 @@ def test_tools_of_one_source_err_together_and_of_two_do_not(source: str, common:
 
 def test_a_cut_never_drives_its_tool():
     law = ToolCoefficients(law=LAW, kind="catalogue", source="a book")
-    known = uncertainty({1: law}, {1: MILL}, None, None, Certainty(catalogue=1.0))
+    known = uncertainty({1: law}, {1: MILL}, None, None, ReliabilitySettings(catalogue=1.0))
     drawn = coefficients(known)
     assert drawn[:, [0, 3]].min() == 0.0 < drawn[:, 0].max()
 
@@ -149,7 +149,9 @@ def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
     ]
     law = {1: ToolCoefficients(law=LAW, kind="measured", source="A")}
     for least, expected in ((0.02, np.sqrt((9 + 25) / 2) / 100), (0.1, 0.1)):
-        known = uncertainty(law, {1: MILL}, None, {"recordings": rows}, Certainty(model=least))
+        known = uncertainty(
+            law, {1: MILL}, None, {"recordings": rows}, ReliabilitySettings(model=least)
+        )
         assert known.model == pytest.approx(expected)
 
 
@@ -174,7 +176,7 @@ def test_the_same_seed_is_the_same_bytes_and_the_first_are_the_first():
 def test_a_law_without_its_tool_is_named():
     law = ToolCoefficients(law=LAW, kind="measured", source="A")
     with pytest.raises(ValueError, match="T4 has a force law and is no tool"):
-        uncertainty({4: law}, {1: MILL}, None, None, Certainty())
+        uncertainty({4: law}, {1: MILL}, None, None, ReliabilitySettings())
 
 
 JSON = st.recursive(
@@ -192,6 +194,6 @@ KEYS = ("parameters", "correlation", "prediction", "recordings")
 @settings(max_examples=60, deadline=None)
 def test_documents_of_another_form_are_not_known(found):
     law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
-    known = uncertainty({1: law}, {1: MILL}, found, found, Certainty())
+    known = uncertainty({1: law}, {1: MILL}, found, found, ReliabilitySettings())
     drawn = draws_of(known, 16, 0).tools[1]
     assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()

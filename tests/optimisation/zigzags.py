@@ -4,8 +4,8 @@ import numpy as np
 
 from pipeline.gcode.program import parse_program
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.settings import CutLimit
 from pipeline.optimisation.text.editable_blocks import editable_blocks
+from pipeline.schema.limits import CutLimit
 from tests.optimisation.problem_parts import cut_on, problem_on
 from tests.twin.cut_parts import CONTROL
 

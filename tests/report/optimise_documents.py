@@ -3,6 +3,9 @@
 import math
 from typing import Any
 
+from pipeline.schema.part import BlockGroup, OptimisedPart, part_of
+from pipeline.schema.structure import structured
+
 HASHES = ("a1" * 32, "b2" * 32, "c3" * 32)
 BINDS = ("load limit", "spindle torque", "greatest chip", None)
 
@@ -48,7 +51,7 @@ def front(many: int) -> list[dict[str, Any]]:
     """Time against cost on a hyperbola, with the knee in its middle."""
     return [
         {"time_s": 23.0 + 6.0 * u, "cost": 70.0 + 6.0 / (0.2 + u) * 2, "energy_kWh": 0.008,
-         "tool_life_share": 0.02 - 0.01 * u, "knee": k == many // 3}
+         "tool_life_share": 0.02 - 0.01 * u, "knee": k == many // 3, "no_worse": False}
         for k in range(many) if (u := k / max(many - 1, 1)) is not None
     ]  # fmt: skip
 
@@ -100,3 +103,13 @@ def optimised(groups: int = 24, columns: int = 300, members: int = 30, name: str
         "not_known": [{"what": "stability", "why": "the machine’s file has no section dynamics"}],
         "notes": ["Forces: catalogue values are off by 20 to 30 %."],
     }  # fmt: skip
+
+
+def part(document: dict[str, Any]) -> OptimisedPart:
+    """A document as its type."""
+    return part_of(document)
+
+
+def blocks(rows: list[dict[str, Any]]) -> tuple[BlockGroup, ...]:
+    """Groups of blocks as their type."""
+    return structured(rows, tuple[BlockGroup, ...], "groups")

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from optimise_documents import optimised
+from optimise_documents import optimised, part
 
-from pipeline.report.optimise_page import write_optimise_page
+from pipeline.report.optimised_page import write_optimised_page
 from tests.browser import foreign, look, needs_browser, requests
 
 pytestmark = needs_browser
@@ -15,7 +15,7 @@ HOSTILE = "<script>document.title='owned'</script>" + "W" * 120
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("optimised") / "page.html"
-    write_optimise_page(optimised(300, columns=900, name=HOSTILE), out)
+    write_optimised_page(part(optimised(300, columns=900, name=HOSTILE)), out)
     return out
 
 

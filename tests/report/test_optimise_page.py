@@ -4,9 +4,9 @@ import copy
 from pathlib import Path
 
 import pytest
-from optimise_documents import HASHES, group, optimised
+from optimise_documents import HASHES, group, optimised, part
 
-from pipeline.report.optimise_page import write_optimise_page
+from pipeline.report.optimised_page import write_optimised_page
 from tests.report.page_reader import outline, words
 
 KEPT = {**optimised()["before"], "beyond": 0}
@@ -15,7 +15,7 @@ NAME = 'SLOT <script>"&'
 
 def page(tmp_path: Path, document: dict) -> Path:
     out = tmp_path / "optimised.html"
-    write_optimise_page(document, out)
+    write_optimised_page(part(document), out)
     return out
 
 
@@ -97,18 +97,18 @@ def test_only_simulated_records_are_labelled_simulated(tmp_path):
 
 
 @pytest.mark.parametrize("key", sorted(optimised()))
-@pytest.mark.parametrize("value", ["absent", None, [], {}, "text"])
-def test_a_document_that_lacks_a_part_still_makes_a_page(tmp_path, key, value):
+def test_a_document_that_lacks_a_part_is_refused_with_its_name(key):
     document = copy.deepcopy(optimised())
-    if value == "absent":
-        del document[key]
-    else:
-        document[key] = value
-    if key in ("before", "after", "groups", "proof") and value == "absent":
-        with pytest.raises(ValueError, match=f"has no {key}"):
-            page(tmp_path, document)
-    else:
-        assert outline(page(tmp_path, document)).tags
+    del document[key]
+    with pytest.raises(ValueError, match=key):
+        part(document)
+
+
+@pytest.mark.parametrize("key", ["limits", "before", "proof", "groups", "words", "trace"])
+@pytest.mark.parametrize("value", [None, "text", 3])
+def test_a_part_of_another_shape_is_refused_with_its_name(key, value):
+    with pytest.raises(ValueError, match=key):
+        part(optimised() | {key: value})
 
 
 def test_numbers_that_are_not_known_are_a_dash_not_a_number(tmp_path):

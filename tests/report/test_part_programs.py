@@ -131,10 +131,12 @@ def test_a_failed_machine_is_not_told_to_load_a_program(tmp_path: Path) -> None:
     assert "Failed" in text and "inside its limits" not in text.partition("On this page")[0]
 
 
-def test_what_is_not_known_does_not_break_the_page(tmp_path: Path) -> None:
-    documents = {"A": {}, "B": {"proof": None, "before": [], "gain": 3, "held": "x"}}
-    text = words(page(tmp_path, documents, {"A": {"seeds": "many"}, "B": {"after": {"above": 1}}}))
-    assert "not proved" in text
+def test_a_document_of_another_shape_is_named_and_does_not_break_the_page(tmp_path: Path) -> None:
+    documents = {"A": {}, "B": optimised() | {"proof": None}, "SLOT": optimised()}
+    text = words(page(tmp_path, documents, {"SLOT": {"seeds": "many"}}))
+    assert "SLOT least cost 29.48" in text and "SLOT: predicted" not in text
+    for name in ("A.json", "B.json", "trials/m.json"):
+        assert name in text
 
 
 def test_a_machine_without_programs_has_no_section_and_no_key_figure(tmp_path: Path) -> None:

@@ -113,5 +113,5 @@ def test_a_wrong_part_is_one_sentence_with_its_path(project: Path) -> None:
     broken = project.parent / "broken"
     broken.mkdir()
     (broken / "params.yaml").write_text(yaml.safe_dump(values))
-    with inside(broken), pytest.raises(ValueError, match=r"load_N = 0 must be .*limits"):
+    with inside(broken), pytest.raises(ValueError, match=r"load_N = 0.0 N must lie .*limits"):
         run(f"optimise@{MACHINE}", "raw", "models", "parts", "metrics.json")

@@ -1,37 +1,60 @@
-"""Refusal of what no feed and speed can keep: one sentence with the block, the values, a remedy."""
+"""Problem of a cut: how far rows use each constraint, and refusal where no F and S keep them all.
+
+The utilisation of a constraint is the value over its limit.  A refusal is one sentence with the
+block, the values and a remedy.
+"""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from pipeline.cutting.economics.spindle_power import SpindleDrive, cutting_power, no_load_power
 from pipeline.machine.control.path import where
-from pipeline.optimisation.problem.constraints import (
+from pipeline.optimisation.problem.arrays import (
     AS_PROGRAMMED,
     CONSTRAINTS,
     CUTTING_SPEED,
     DEFLECTION,
+    F_Z_CONSTRAINTS,
+    FEED,
     GREATEST_CHIP,
+    LEAST_CHIP,
     LOAD,
     POWER,
     ROUGHNESS,
     SPINDLE_SPEED,
     STABILITY,
     TORQUE,
+    Editable,
+    Rows,
+    feeds_per_minute,
 )
-from pipeline.optimisation.problem.nearness import shares
-from pipeline.optimisation.problem.ranges import feeds_per_minute
+from pipeline.optimisation.problem.demand import demand_of
+from pipeline.optimisation.problem.limits import at_hardest_station, bounds_of, ranges_of
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.problem.spindle import Lobes, allowed_power
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.limits import CutLimit, limit_words
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import cut_blocks, station_arcs
+from pipeline.twin.cut_cost import tool_life
+from pipeline.twin.cut_document import CutBasis
 
-if TYPE_CHECKING:
-    from pipeline.optimisation.problem.problem import Problem
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-
+AT = 0.98
+"""Share of a limit from which a row counts as at it: words of F and S are rounded."""
+ORDER = np.array([
+    *F_Z_CONSTRAINTS, LEAST_CHIP, POWER, STABILITY, FEED, CUTTING_SPEED, SPINDLE_SPEED,
+])  # fmt: skip
+"""Precedence among limits that a row is at: at the end of F no S makes it faster."""
 UM = 1e6
 SLACK = 1e-9
 """Share that a limit may be passed by and count as kept: rounding."""
+GIVEN = {
+    LOAD: "load_N", DEFLECTION: "deflection_um", ROUGHNESS: "roughness_um", TORQUE: "torque_Nm",
+}  # fmt: skip
+"""Limits whose value a refusal states, by constraint."""
 REMEDY = {
     LOAD: "raise limits.load_N",
     DEFLECTION: "raise limits.deflection_um",
@@ -46,39 +69,191 @@ REMEDY = {
 }
 
 
-def check(problem: "Problem", *, certain: bool) -> None:
+def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> Floats:
+    """Value over limit of each row, limit over value where the limit is a least one [1].
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    feeds, speeds : ndarray, shape (M,)
+        F and S in the units of ``Moves``.
+
+    Returns
+    -------
+    ndarray, shape (12, M)
+        In the order of ``CONSTRAINTS``; 0 where nothing limits.  F and S outside of their ranges
+        on either side are above 1.
+    """
+    out = np.zeros((len(CONSTRAINTS), len(problem)))
+    cuts, ranges = problem.cuts, problem.ranges
+    spindle_speed = problem.spindle_speed(speeds)
+    f_z = np.where(cuts, problem.feed_per_tooth(feeds, speeds), 0.0)
+    out[list(F_Z_CONSTRAINTS)] = _over(f_z, problem.bounds.most)
+    out[LEAST_CHIP] = np.where(cuts, _over(problem.bounds.least, f_z), 0.0)
+    _fill_drive(out, problem, f_z, spindle_speed)
+    if problem.chatter is not None:
+        kept = 1.0 + problem.limits.margins.stability
+        out[STABILITY] = np.nan_to_num(
+            _over(kept, 1.0 + problem.chatter.margins(spindle_speed)), nan=0.0
+        )
+    surface = _outside(spindle_speed, ranges.surface_low, ranges.surface_high)
+    out[CUTTING_SPEED] = np.where(cuts, surface, 0.0)
+    machine = _outside(spindle_speed, ranges.speed_low, ranges.speed_high)
+    out[SPINDLE_SPEED] = np.where(ranges.counted & (machine > surface), machine, 0.0)
+    own = feeds_per_minute(problem.cut, feeds, spindle_speed)
+    limited = np.isfinite(ranges.feed_high)
+    out[FEED] = np.where(limited, _outside(own, ranges.feed_low, ranges.feed_high), 0.0)
+    return out
+
+
+def binding_constraints(problem: Problem, feeds: ArrayLike, speeds: ArrayLike) -> Rows:
+    """Which of ``CONSTRAINTS`` each row is at, -1 where none; F, S and answer of shape (M,)."""
+    used = constraint_utilisation(problem, np.asarray(feeds, float), np.asarray(speeds, float))
+    at = used[ORDER] >= AT
+    return np.where(at.any(axis=0), ORDER[at.argmax(axis=0)], -1)
+
+
+def _fill_drive(out: Floats, problem: Problem, f_z: Floats, spindle_speed: Floats) -> None:
+    """Fill in the power demanded over the power allowed, as torque below the base speed."""
+    drive = problem.basis.drive
+    if drive is None:
+        return
+    torque = at_hardest_station(problem.cut, problem.bounds.torque, f_z)
+    demanded = cutting_power(torque, spindle_speed / 60) + no_load_power(spindle_speed / 60, drive)
+    allowed = allowed_power(spindle_speed, drive, problem.limits) * drive.efficiency
+    used = np.where(problem.cuts & (spindle_speed > 0), _over(demanded, allowed), 0.0)
+    slow = spindle_speed / 60 < drive.base_speed
+    out[TORQUE] = np.maximum(out[TORQUE], np.where(slow, used, 0.0))
+    out[POWER] = np.where(slow, 0.0, used)
+
+
+def _outside(value: Floats, low: Floats, high: Floats) -> Floats:
+    """The greater of low / value and value / high."""
+    return np.maximum(_over(low, value), _over(value, high))
+
+
+def _over(value: Floats | float, limit: Floats) -> Floats:
+    shape = np.broadcast_shapes(np.shape(value), limit.shape)
+    above = np.where(np.broadcast_to(value, shape) > 0, np.inf, 0.0)
+    divided: Floats = np.divide(value, limit, out=above, where=limit > 0)
+    return divided
+
+
+def check_known(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
+    """Refuse limits whose quantities are not known, rather than to pass over them in silence.
+
+    Raises
+    ------
+    ValueError
+        When the deflection of a tool that cuts, or the spindle's drive, is not known.
+    """
+    if limits.deflection_um is not None:
+        for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
+            tool = cut.tools[index]
+            if tool.stickout is None and tool.kind != "drill":
+                raise ValueError(
+                    f"limits.deflection_um = {limits.deflection_um:g} cannot be kept: "
+                    f"T{cut.numbers[index]} has no stickout_mm in the tool table: write it there, "
+                    "or leave the limit out"
+                )
+    if limits.power_share < 1.0 and drive is None:
+        raise ValueError(
+            f"limits.power_share = {limits.power_share:g} cannot be kept: the machine's file has "
+            "no section spindle_drive: write it there, or leave the limit out"
+        )
+
+
+def problem_of(
+    cut: Cut, basis: CutBasis, limits: CutLimit, editable: Editable, *,
+    f_z_load: Floats | None = None,
+) -> Problem:  # fmt: skip
+    """Limits and objectives of the rows of a cut.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of M rows.
+    basis : CutBasis
+        Prices, energy, drive and dynamics of the cut.
+    limits : CutLimit
+        Of the part.
+    editable : Editable
+        F and S that may change.
+    f_z_load : ndarray, shape (M,), optional
+        Feed for each tooth up to which the load keeps its limit [m]; by default that of the load
+        table.
+
+    Raises
+    ------
+    ValueError
+        When nothing limits the feed of a tool that cuts, when no feed and speed of the ranges keep
+        the limits of a row, or when a row that cannot be changed is beyond one.
+    """
+    arcs = station_arcs(cut.engagement, cut.tools)
+    blocks = cut_blocks(cut, arcs)
+    bounds = bounds_of(cut, blocks, limits, f_z_load)
+    ranges = ranges_of(cut, cut.tool >= 0, limits, editable, basis.drive)
+    life = tool_life(cut, blocks, arcs, basis.material)
+    problem = Problem(
+        cut=cut,
+        basis=basis,
+        limits=limits,
+        editable=editable,
+        blocks=blocks,
+        bounds=bounds,
+        ranges=ranges,
+        demand=demand_of(cut, blocks, life, basis, limits, bounds=bounds, ranges=ranges),
+        lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed),
+    )
+    _check(problem, load_limited=f_z_load is not None)
+    return problem
+
+
+def with_load(problem: Problem, f_z_load: Floats) -> Problem:
+    """The same problem with another bound of the load, as :func:`problem_of` takes it.
+
+    Stability lobes are not computed again.
+    """
+    bounds = bounds_of(problem.cut, problem.blocks, problem.limits, f_z_load)
+    other = replace(problem, bounds=bounds, demand=problem.demand.with_bounds(bounds))
+    _check(other, load_limited=True)
+    return other
+
+
+def _check(problem: Problem, *, load_limited: bool) -> None:
     """Refuse a problem that has no answer.
 
     Parameters
     ----------
     problem : Problem
         Of M rows.
-    certain : bool
+    load_limited : bool
         Whether feeds for each tooth stand for the load limit.
 
     Raises
     ------
     ValueError
-        See :func:`pipeline.optimisation.problem.problem.problem_of`.
+        See :func:`problem_of`.
     """
-    _check_turning(problem)
-    _check_limited(problem, certain)
+    _check_spindle_on(problem)
+    _check_limited(problem, load_limited)
     _check_bounds(problem)
     _check_reach(problem)
     _check_kept(problem)
 
 
-def _refuse(problem: "Problem", wrong: Flags, said: Callable[[int], str]) -> None:
+def _refuse(problem: Problem, wrong: Bools, sentence: Callable[[int], str]) -> None:
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise ValueError(f"{where(problem.cut.plan.path.moves, row)}: {said(row)}")
+        raise ValueError(f"{where(problem.cut.plan.path.moves, row)}: {sentence(row)}")
 
 
-def _tool(problem: "Problem", row: int) -> str:
+def _tool(problem: Problem, row: int) -> str:
     return f"T{problem.cut.numbers[problem.cut.tool[row]]}"
 
 
-def _check_turning(problem: "Problem") -> None:
+def _check_spindle_on(problem: Problem) -> None:
     standing = problem.cuts & ~(problem.cut.plan.spindle_speed > 0)
     _refuse(problem, standing, lambda row: (
         f"{_tool(problem, row)} goes into the material while the spindle stands: program S and M3 "
@@ -86,11 +261,11 @@ def _check_turning(problem: "Problem") -> None:
     ))  # fmt: skip
 
 
-def _check_limited(problem: "Problem", certain: bool) -> None:
-    """Each tool that cuts needs a limit that grows with its chips."""
+def _check_limited(problem: Problem, load_limited: bool) -> None:
+    """Each tool that cuts needs a limit that grows with its feed per tooth."""
     limits = problem.limits
     every = (limits.load_N, limits.roughness_um, limits.chip_um, limits.torque_Nm)
-    if certain or any(limit is not None for limit in every):
+    if load_limited or any(limit is not None for limit in every):
         return
     bends = limits.deflection_um is not None
     free = np.array([
@@ -103,7 +278,7 @@ def _check_limited(problem: "Problem", certain: bool) -> None:
     ))  # fmt: skip
 
 
-def _check_bounds(problem: "Problem") -> None:
+def _check_bounds(problem: Problem) -> None:
     """Least and greatest feed for each tooth leave something between them."""
     high, low, which = problem.f_z_high, problem.f_z_low, problem.binds_high
     _refuse(problem, problem.cuts & ~(high > 0), lambda row: (
@@ -117,17 +292,13 @@ def _check_bounds(problem: "Problem") -> None:
     ))  # fmt: skip
 
 
-def _given(problem: "Problem", which: int) -> str:
-    limits = problem.limits
-    values = {
-        LOAD: (limits.load_N, "N"), DEFLECTION: (limits.deflection_um, "um"),
-        ROUGHNESS: (limits.roughness_um, "um"), TORQUE: (limits.torque_Nm, "N m"),
-    }  # fmt: skip
-    value, unit = values.get(which, (None, ""))
-    return "" if value is None else f" of {value:g} {unit}"
+def _given(problem: Problem, which: int) -> str:
+    name = GIVEN.get(which)
+    value = None if name is None else getattr(problem.limits, name)
+    return "" if name is None or value is None else f" of {value:g} {limit_words(name)[1]}"
 
 
-def _check_reach(problem: "Problem") -> None:
+def _check_reach(problem: Problem) -> None:
     """Feed for each tooth that the ranges of F and S reach."""
     slowest, fastest = _corners(problem)
     high, low, which = problem.f_z_high, problem.f_z_low, problem.binds_high
@@ -144,54 +315,56 @@ def _check_reach(problem: "Problem") -> None:
     ))  # fmt: skip
 
 
-def _whose(problem: "Problem", row: int) -> str:
+def _whose(problem: Problem, row: int) -> str:
     if _held(problem, row):
         return "its F and S cannot be changed, and do not"
     return "no F and S of their ranges"
 
 
-def _wider(problem: "Problem", row: int) -> str:
+def _wider(problem: Problem, row: int) -> str:
     return "" if _held(problem, row) else "widen feed_mm_min or speed_rpm, or "
 
 
-def _held(problem: "Problem", row: int) -> bool:
+def _held(problem: Problem, row: int) -> bool:
     return bool(problem.editable.block[row] < 0 and not problem.editable.speed[row])
 
 
-def _corners(problem: "Problem") -> tuple[Floats, Floats]:
+def _corners(problem: Problem) -> tuple[Floats, Floats]:
     """Least and greatest f_z of each row over its ranges [m]; shape (M,) each."""
     moves, ranges = problem.cut.plan.path.moves, problem.ranges
     by_feed, by_speed = problem.editable.block >= 0, problem.editable.speed
     own = moves.speed
     slow = np.where(by_speed, np.minimum(ranges.speed_low, ranges.speed_high), own)
     fast = np.where(by_speed, ranges.speed_high, own)
-    found = []
-    for feed, turns in ((ranges.feed_low, fast), (ranges.feed_high, slow)):
+    f_z = []
+    for feed, spindle_speed in ((ranges.feed_low, fast), (ranges.feed_high, slow)):
         per_minute = np.where(by_feed & np.isfinite(feed), feed, 0.0)
-        asked = np.where(by_feed, in_units(problem, per_minute, turns), moves.feed)
-        found.append(problem.feed_per_tooth(asked, np.where(np.isfinite(turns), turns, own)))
-    return found[0], found[1]
+        feeds = np.where(by_feed, _in_units(problem, per_minute, spindle_speed), moves.feed)
+        f_z.append(
+            problem.feed_per_tooth(feeds, np.where(np.isfinite(spindle_speed), spindle_speed, own))
+        )
+    return f_z[0], f_z[1]
 
 
-def in_units(problem: "Problem", per_minute: Floats, turns: Floats) -> Floats:
+def _in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
     """F in the units of ``Moves`` of feeds in [mm/min]; shape (M,)."""
-    ones = feeds_per_minute(problem.cut, np.ones(len(problem)), turns)
+    ones = feeds_per_minute(problem.cut, np.ones(len(problem)), spindle_speed)
     units: Floats = np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
     return units
 
 
-def _check_kept(problem: "Problem") -> None:
-    """Rows that keep their S have to keep what depends on it at their least F."""
+def _check_kept(problem: Problem) -> None:
+    """Rows that keep their S have to keep the limits that depend on it at their least F."""
     held = problem.cuts & ~problem.editable.speed
     if not held.any():
         return
     moves, low = problem.cut.plan.path.moves, problem.ranges.feed_low
-    least = in_units(problem, low, problem.cut.plan.spindle_speed)
+    least = _in_units(problem, low, problem.cut.plan.spindle_speed)
     feeds = np.where(problem.editable.block >= 0, least, moves.feed)
-    found = shares(problem, feeds, moves.speed)
-    judged = np.array([CUTTING_SPEED, SPINDLE_SPEED, STABILITY, TORQUE, POWER])
-    which = judged[(found[judged] > 1 + SLACK).argmax(axis=0)]
-    worst = found[which, np.arange(len(problem))]
+    used = constraint_utilisation(problem, feeds, moves.speed)
+    by_speed = np.array([CUTTING_SPEED, SPINDLE_SPEED, STABILITY, TORQUE, POWER])
+    which = by_speed[(used[by_speed] > 1 + SLACK).argmax(axis=0)]
+    worst = used[which, np.arange(len(problem))]
     _refuse(problem, held & (worst > 1 + SLACK), lambda row: (
         f"its S {moves.speed[row]:g} cannot be changed, and {_tool(problem, row)} passes what "
         f"{CONSTRAINTS[which[row]]} allows {worst[row]:.3g} times: {REMEDY[int(which[row])]}"

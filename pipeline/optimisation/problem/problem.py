@@ -1,58 +1,54 @@
-"""An optimisation as arrays: what limits each row, and what a population of F and S makes of it.
+"""An optimisation as arrays: limits of each row, and what a population of F and S makes of them.
 
-Loads, chips and power count at the speed that is asked for or, where that is less, what axes, arcs
-and tolerances allow: at least what the control reaches.  Times, wear and energy are those of the
-look-ahead.
+Loads, feeds for each tooth and power count at the commanded speed or, where that is less, what
+axes, arcs and tolerances allow: at least what the control reaches.  Times, wear and energy are
+those of the look-ahead.
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.machine.control.commands import spindle_speeds
+from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.path import Motion
-from pipeline.optimisation.problem.bounds import Bounds, bounds_of
-from pipeline.optimisation.problem.chatter import Chatter, Lobes
-from pipeline.optimisation.problem.constraints import CONSTRAINTS
-from pipeline.optimisation.problem.decision import Evaluation
-from pipeline.optimisation.problem.drive_power import power_feeds
-from pipeline.optimisation.problem.evaluation import evaluation, row_objectives
-from pipeline.optimisation.problem.feasible import check
-from pipeline.optimisation.problem.groups import Groups
-from pipeline.optimisation.problem.nearness import nearest, shares
-from pipeline.optimisation.problem.objectives import Demand, demand_of
-from pipeline.optimisation.problem.ranges import Ranges, ranges_of
-from pipeline.optimisation.problem.speed_changes import SpeedChanges, speed_changes
-from pipeline.optimisation.settings import CutLimit
-from pipeline.optimisation.text.editable import Editable
+from pipeline.machine.control.row_motion import motion_times
+from pipeline.optimisation.problem.arrays import Bounds, Editable, Evaluation, Groups, Ranges, Rows
+from pipeline.optimisation.problem.demand import Demand
+from pipeline.optimisation.problem.limits import inverse
+from pipeline.optimisation.problem.spindle import (
+    Chatter,
+    Lobes,
+    SpeedChanges,
+    allowed_torque,
+    speed_changes,
+)
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, cut_blocks, station_arcs
-from pipeline.twin.cut_cost import tool_life
+from pipeline.twin.cut_blocks import CutBlocks
 from pipeline.twin.cut_document import CutBasis
 
-__all__ = ["CONSTRAINTS", "Problem", "problem_of"]
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.intp]
-Flags = NDArray[np.bool_]
+AT_ONCE = 1 << 18
+"""Rows of all individuals of one pass, so that they stay in the cache."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """M rows, what limits them, what they take.
+    """M rows, their limits and objectives.
 
     Parameters
     ----------
     cut : Cut
         Of the program as it is.
     basis : CutBasis
-        What it is judged by.
+        Prices, energy, drive and dynamics of the cut.
     limits : CutLimit
         Of the part.
     editable : Editable
-        What may be changed.
+        F and S that may change.
     blocks : CutBlocks
         Of the cut.
     bounds : Bounds
@@ -79,7 +75,7 @@ class Problem:
         return len(self.cut.plan.path)
 
     @cached_property
-    def cuts(self) -> Flags:
+    def cuts(self) -> Bools:
         """Rows that cut at feed; shape (M,)."""
         return self.cut.tool >= 0
 
@@ -129,52 +125,43 @@ class Problem:
         """Margins of stability; None where no dynamics are known."""
         return self.lobes.chatter
 
-    def with_load(self, f_z_load: Floats) -> "Problem":
-        """The same with another bound of the load, as :func:`problem_of` takes it.
-
-        Lobes are not computed again.
-        """
-        bounds = bounds_of(self.cut, self.blocks, self.limits, f_z_load)
-        other = replace(self, bounds=bounds, demand=self.demand.with_bounds(bounds))
-        check(other, certain=True)
-        return other
-
-    def turns(self, speeds: ArrayLike) -> Floats:
+    def spindle_speed(self, speeds: ArrayLike) -> Floats:
         """Speed of the spindle [rev/min] for S of shape (..., M)."""
-        asked = np.asarray(speeds, dtype=np.float64)
-        return spindle_speeds(self.cut.plan.path, asked.reshape(-1, len(self))).reshape(asked.shape)
+        given = np.asarray(speeds, dtype=np.float64)
+        return spindle_speeds(self.cut.plan.path, given.reshape(-1, len(self))).reshape(given.shape)
 
     def power_f_z(self, speeds: ArrayLike) -> Floats:
         """Greatest feed for each tooth that the drive allows at S of shape (..., M) [m]."""
-        turns = self.turns(speeds)
+        spindle_speed = self.spindle_speed(speeds)
         if self.basis.drive is None:
-            return np.full(turns.shape, np.inf)
-        found = power_feeds(self.cut, self.bounds.torque, turns, self.basis.drive, self.limits)
-        return np.where(self.cuts, found, np.inf)
+            return np.full(spindle_speed.shape, np.inf)
+        torque = allowed_torque(spindle_speed, self.basis.drive, self.limits)
+        allowed = inverse(self.cut, self.bounds.torque, torque)
+        return np.where(self.cuts, allowed, np.inf)
 
-    def stable(self, speeds: ArrayLike) -> Flags:
+    def stable(self, speeds: ArrayLike) -> Bools:
         """Whether rows keep the margin of stability at S of shape (..., M); where known."""
-        asked = np.asarray(speeds, dtype=np.float64)
+        given = np.asarray(speeds, dtype=np.float64)
         if self.chatter is None:
-            return np.ones(asked.shape, dtype=np.bool_)
-        margins = self.chatter.margins(self.turns(asked).reshape(-1, len(self)))
-        stable: Flags = ~(margins < self.limits.margins.stability)
-        return stable.reshape(asked.shape)
+            return np.ones(given.shape, dtype=np.bool_)
+        margins = self.chatter.margins(self.spindle_speed(given).reshape(-1, len(self)))
+        stable: Bools = ~(margins < self.limits.margins.stability)
+        return stable.reshape(given.shape)
 
     def feed_per_tooth(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
         """f_z of each row at F and S [m], shape (M,) or (P, M); 0 in air."""
-        asked = np.broadcast_arrays(np.asarray(feeds, float), self.turns(speeds))
-        return self.cut.feed_per_tooth_at(self.speed(*asked), asked[1])
+        both = np.broadcast_arrays(np.asarray(feeds, float), self.spindle_speed(speeds))
+        return self.cut.feed_per_tooth_at(self.speed(*both), both[1])
 
-    def speed(self, feeds: Floats, turns: Floats) -> Floats:
+    def speed(self, feeds: Floats, spindle_speed: Floats) -> Floats:
         """Along the path at F, as fast as axes and arcs allow [m/s]; shape of both."""
         path = self.cut.plan.path
-        by_turn = np.where(path.motion == Motion.PER_TURN, turns, 1.0)
+        by_turn = np.where(path.motion == Motion.PER_TURN, spindle_speed, 1.0)
         allowed: Floats = np.minimum(path.factor * feeds * by_turn, path.cap)
         return allowed
 
     def row_objectives(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
-        """What rows take, each at its F all along.
+        """Objectives of rows, each at its F all along.
 
         Parameters
         ----------
@@ -188,10 +175,10 @@ class Problem:
         """
         both = np.broadcast_arrays(np.asarray(feeds, float), np.asarray(speeds, float))
         feed, speed = (np.ascontiguousarray(one.reshape(-1, len(self))) for one in both)
-        return row_objectives(self, feed, speed).reshape(4, *both[0].shape)
+        return _row_objectives(self, feed, speed).reshape(4, *both[0].shape)
 
     def speed_change_time(self, before: ArrayLike, after: ArrayLike) -> Floats:
-        """What the program waits for a change of S of a turning spindle [s].
+        """Wait for a change of S of a turning spindle [s].
 
         Parameters
         ----------
@@ -206,74 +193,88 @@ class Problem:
         return speed_changes(self.cut.plan, self.editable, self.cuts)
 
     def evaluate(self, groups: Groups, feeds: ArrayLike, speeds: ArrayLike) -> Evaluation:
-        """What a population makes of the part.
+        """Objectives and violation of a population.
 
         Parameters
         ----------
         groups : Groups
-            What shares an F, what an S.
+            Rows that share an F, and an S.
         feeds : array_like, shape (P, G)
             In the units of ``Moves``.
         speeds : array_like, shape (P, H)
             [rev/min].
         """
         feed, speed = np.asarray(feeds, float), np.asarray(speeds, float)
-        return evaluation(
+        return _evaluation(
             self, len(feed),
             lambda part: (groups.row_feeds(feed[part]), groups.row_speeds(speed[part])),
         )  # fmt: skip
 
+    @cached_property
+    def as_programmed(self) -> Evaluation:
+        """Objectives and violation of the program as it is; P = 1."""
+        moves = self.cut.plan.path.moves
+        return self.evaluate_rows(moves.feed[None], moves.speed[None])
+
     def evaluate_rows(self, feeds: ArrayLike, speeds: ArrayLike) -> Evaluation:
         """The same for F and S of rows, of shape (P, M)."""
         feed, speed = np.asarray(feeds, float), np.asarray(speeds, float)
-        return evaluation(self, len(feed), lambda part: (feed[part], speed[part]))
-
-    def binding(self, feeds: ArrayLike, speeds: ArrayLike) -> Rows:
-        """Which of ``CONSTRAINTS`` each row is at, -1 where none; F, S and answer of shape (M,)."""
-        return nearest(shares(self, np.asarray(feeds, float), np.asarray(speeds, float)))
+        return _evaluation(self, len(feed), lambda part: (feed[part], speed[part]))
 
 
-def problem_of(
-    cut: Cut, basis: CutBasis, limits: CutLimit, editable: Editable, *,
-    f_z_load: Floats | None = None,
-) -> Problem:  # fmt: skip
-    """What limits the rows of a cut, and what they take.
+def _evaluation(
+    problem: Problem, many: int, rows: Callable[[slice], tuple[Floats, Floats]]
+) -> Evaluation:
+    """Objectives and violation of ``many`` individuals.
 
     Parameters
     ----------
-    cut : Cut
+    problem : Problem
         Of M rows.
-    basis : CutBasis
-        What it is judged by.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        What may be changed.
-    f_z_load : ndarray, shape (M,), optional
-        Feed for each tooth up to which the load keeps its limit [m]; by default that of the load
-        table.
-
-    Raises
-    ------
-    ValueError
-        When nothing limits the feed of a tool that cuts, when no feed and speed of the ranges keep
-        the limits of a row, or when a row that cannot be changed is beyond one.
+    many : int
+        P.
+    rows : callable
+        F and S of the individuals of a slice, in the units of ``Moves``, shape (p, M) each.
     """
-    arcs = station_arcs(cut.engagement, cut.tools)
-    blocks = cut_blocks(cut, arcs)
-    bounds = bounds_of(cut, blocks, limits, f_z_load)
-    ranges = ranges_of(cut, cut.tool >= 0, limits, editable, basis.drive)
-    life = tool_life(cut, blocks, arcs, basis.material)
-    problem = Problem(
-        cut=cut,
-        basis=basis,
-        limits=limits,
-        editable=editable,
-        blocks=blocks,
-        bounds=bounds,
-        ranges=ranges,
-        demand=demand_of(cut, blocks, life, basis, limits, bounds, ranges),
-        lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed),
-    )
-    check(problem, certain=f_z_load is not None)
-    return problem
+    path, demand = problem.cut.plan.path, problem.demand
+    objectives, violation = np.empty((many, 4)), np.empty(many)
+    for part in _parts(problem, many):
+        feeds, speeds = rows(part)
+        feed = commanded_feeds(path, feeds, 100.0, 100.0)
+        spindle_speed = spindle_speeds(path, speeds)
+        time = motion_times(path, feed, spindle_speed)
+        wait = waits(path, spindle_speed, time)
+        problem.speed_changes.add_waits(spindle_speed, time, wait)
+        objectives[part] = demand.sums(time, wait, spindle_speed)
+        violation[part] = _violation(problem, feed, spindle_speed)
+    return Evaluation(objectives=objectives, violation=violation)
+
+
+def _row_objectives(problem: Problem, feeds: Floats, speeds: Floats) -> Floats:
+    """Objectives of rows, each at its F all along; shape (4, P, M) of F and S of shape (P, M)."""
+    plan = problem.cut.plan
+    fed = np.isin(plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))
+    out = np.empty((4, *feeds.shape))
+    for part in _parts(problem, len(feeds)):
+        spindle_speed = spindle_speeds(plan.path, speeds[part])
+        along = np.where(fed, problem.speed(feeds[part], spindle_speed), 1.0)
+        time = np.where(fed, plan.path.length / along, plan.motion.time)
+        out[:, part] = problem.demand.of_rows(
+            time, np.tile(plan.wait, (len(time), 1)), spindle_speed
+        )
+    return out
+
+
+def _parts(problem: Problem, many: int) -> list[slice]:
+    step = max(1, AT_ONCE // max(len(problem), 1))
+    return [slice(first, first + step) for first in range(0, many, step)]
+
+
+def _violation(problem: Problem, feed: Floats, spindle_speed: Floats) -> Floats:
+    """Shape (P,) of F and speeds of shape (P, M)."""
+    limits = problem.limits
+    out = problem.demand.violation(problem.cut.plan.path, feed, spindle_speed)
+    out += problem.speed_changes.violation(spindle_speed, limits.least_speed_change_rpm)
+    if problem.chatter is not None:
+        out += problem.chatter.violation(spindle_speed, limits.margins.stability)
+    return out

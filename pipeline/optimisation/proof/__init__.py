@@ -1,1 +1,3 @@
-"""The proof that nothing but F and S changed; it shares no code with the writer."""
+"""Proof that two programs differ in F and S words alone, by text and by moves, to the last bit."""
+
+__all__ = ["prove"]

@@ -1,16 +1,38 @@
-"""Whether two programs make the same moves, feed and speed apart: to the last bit."""
+"""Comparison of moves, feed and speed apart: the same to the last bit, split blocks merged again.
+
+A line that was put into a straight block holds G1, coordinates with a decimal point, and F or S;
+nothing else.  Its point may miss the straight line between its neighbours by half of its last
+decimal, and no more.
+"""
 
 import hashlib
+import re
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.gcode.moves import INCH, FeedMode, Kind, Moves
+from pipeline.optimisation.proof.text import same_but_words
+from pipeline.schema.arrays import Bools, Floats
 
 Rows = NDArray[np.intp]
-Flags = NDArray[np.bool_]
+"""Indices of rows or lines."""
 
 BOUND = "F or S is bound to the motion there (thread, tapping, probing, G93, G96) and differs"
+
+
+_NUMBER = rb"-?(?:[0-9]+\.[0-9]*|\.[0-9]+)"
+_FEED = rb"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_POINT = re.compile(
+    rb"(?i)G0?1(?: ?X(?P<X>%b))?(?: ?Y(?P<Y>%b))?(?: ?Z(?P<Z>%b))?(?: ?F%b)?(?: ?S%b)?"
+    % (_NUMBER, _NUMBER, _NUMBER, _FEED, _FEED)
+)
+EXACT = 1e-9
+"""Rounding of coordinates [mm]."""
+SAME = ("kind", "plane", "feed_mode", "direction", "constant_surface_speed", "tool", "frame",
+        "path_mode", "tolerance", "code", "value", "file")  # fmt: skip
+"""Columns that a part of a block has like the rest of it."""
 
 
 def compared_rows(moves: Moves) -> Rows:
@@ -59,13 +81,13 @@ def moves_digest(moves: Moves) -> bytes:
     return digest.digest()
 
 
-def _same_bits(one: NDArray[np.generic], other: NDArray[np.generic]) -> Flags:
+def _same_bits(one: NDArray[np.generic], other: NDArray[np.generic]) -> Bools:
     """Rows whose bytes are the same: NaN is NaN, -0 is not 0."""
     if not len(one):
         return np.ones(0, dtype=np.bool_)
     width = one.dtype.itemsize * (one.shape[1] if one.ndim > 1 else 1)
     views = [np.ascontiguousarray(a).view(np.uint8).reshape(len(a), width) for a in (one, other)]
-    same: Flags = (views[0] == views[1]).all(axis=1)
+    same: Bools = (views[0] == views[1]).all(axis=1)
     return same
 
 
@@ -84,20 +106,20 @@ def _bound_difference(before: Moves, after: Moves, rows: Rows, others: Rows) -> 
     return (int(np.argmax(wrong)), BOUND) if wrong.any() else (len(rows), "")
 
 
-def _stops(value: NDArray[np.float64], other: NDArray[np.float64]) -> Flags:
+def _stops(value: NDArray[np.float64], other: NDArray[np.float64]) -> Bools:
     """Where one is positive and the other is not, or no number."""
-    stops: Flags = ((value > 0) != (other > 0)) | ~np.isfinite(other)
+    stops: Bools = ((value > 0) != (other > 0)) | ~np.isfinite(other)
     return stops
 
 
-def _turns_back(moves: Moves) -> Flags:
-    """Rows of lines in which the spindle turns one way and the other: tapping."""
+def _turns_back(moves: Moves) -> Bools:
+    """Rows of lines in which the spindle turns in both directions: tapping."""
     place = np.stack([moves.file, moves.line])
     new = np.ones(len(moves), dtype=np.bool_)
     new[1:] = (place[:, 1:] != place[:, :-1]).any(axis=0)
-    visit = np.cumsum(new) - 1
-    ways = [np.bincount(visit, weights=moves.direction == way) > 0 for way in (1, -1)]
-    back: Flags = (ways[0] & ways[1])[visit]
+    run = np.cumsum(new) - 1
+    both = [np.bincount(run, weights=moves.direction == sense) > 0 for sense in (1, -1)]
+    back: Bools = (both[0] & both[1])[run]
     return back
 
 
@@ -107,3 +129,118 @@ def _same_frames(before: Moves, after: Moves) -> bool:
         and before.files[1:] == after.files[1:]
         and before.origin.tobytes() == after.origin.tobytes()
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Splits:
+    """Lines of a text that were put into another.
+
+    Parameters
+    ----------
+    kept : list of bytes
+        The other lines.
+    points : mapping of int to bytes
+        Line that was put in, counting from 1 -> its text.
+    line : ndarray of intp, shape (L + 1,)
+        Of each line its number among those kept; of those put in that of the line that follows.
+    """
+
+    kept: list[bytes] = field(repr=False)
+    points: dict[int, bytes] = field(repr=False)
+    line: Rows = field(repr=False)
+
+
+def splits_of(before: list[bytes], after: list[bytes]) -> Splits:
+    """Which lines of ``after`` were put in: those that are points and do not match."""
+    kept: list[bytes] = []
+    points: dict[int, bytes] = {}
+    line = np.zeros(len(after) + 1, dtype=np.intp)
+    for number, text in enumerate(after, 1):
+        line[number] = len(kept) + 1
+        old = before[len(kept)] if len(kept) < len(before) else b""
+        if not same_but_words(old, text) and _POINT.fullmatch(text.rstrip(b"\r\n")):
+            points[number] = text.rstrip(b"\r\n")
+        else:
+            kept.append(text)
+    return Splits(kept=kept, points=points, line=line)
+
+
+def merged(moves: Moves, splits: Splits) -> Moves | tuple[int, str]:
+    """Moves without the points that were put in; or the line of one that is none, and why."""
+    own = moves.file == 0
+    put_in = own & np.isin(moves.line, list(splits.points))
+    straight = np.flatnonzero(put_in & (moves.kind == Kind.FEED))
+    odd = np.flatnonzero(put_in & ~np.isin(moves.kind, (Kind.FEED, Kind.SPINDLE)))
+    if len(odd):
+        return int(splits.line[moves.line[odd[0]]]), "a line that was put in is no straight cut"
+    whole = np.setdiff1d(compared_rows(moves), np.flatnonzero(put_in))
+    at = np.searchsorted(whole, straight)
+    for row, place in zip(straight.tolist(), at.tolist(), strict=True):
+        line = int(moves.line[row])
+        end = int(whole[place]) if place < len(whole) else -1
+        start = moves.end[whole[place - 1]] if place else moves.origin
+        before = moves.end[row - 1] if row else moves.origin
+        wrong = _off_the_path(moves, row, end, start, before, splits.points[line])
+        follows = end >= 0 and splits.line[moves.line[end]] == splits.line[line]
+        if wrong or not follows:
+            return int(splits.line[line]), wrong or "a line that was put in leads nowhere"
+    columns = {name: column[~put_in] for name, column in moves.columns()}
+    columns["line"] = np.where(
+        columns["file"] == 0,
+        splits.line[np.where(columns["file"] == 0, columns["line"], 0)],
+        columns["line"],
+    ).astype(np.int32)
+    return replace(moves, **columns)
+
+
+def _off_the_path(
+    moves: Moves, row: int, end: int, start: Floats, before: Floats, text: bytes
+) -> str:
+    """Why a point is not one of the straight line from ``start`` to row ``end``; empty if it is."""
+    if end < 0 or any(getattr(moves, name)[row] != getattr(moves, name)[end] for name in SAME):
+        return "a point that was put in is not of the block that follows"
+    if moves.feed_mode[row] == FeedMode.INVERSE_TIME or not moves.feed[row] > 0:
+        return "a point that was put in has no feed"
+    point, path = moves.end[row], moves.end[end] - start
+    length = float(path[:3] @ path[:3])
+    if path[3:].any() or (point - start)[3:].any() or length == 0.0:
+        return "a point was put into a block that turns or stands"
+    share = float((point - start)[:3] @ path[:3]) / length
+    done = float((before - start)[:3] @ path[:3]) / length
+    if not done < share < 1.0:
+        return "a point that was put in lies behind"
+    tolerance = _tolerances(moves, row, text)
+    if tolerance is None:
+        return "a point that was put in is not in absolute coordinates"
+    return (
+        ""
+        if _on_the_path((point - start)[:3], path[:3], tolerance)
+        else ("a point that was put in lies beside the path")
+    )
+
+
+def _on_the_path(step: Floats, path: Floats, tolerance: Floats) -> bool:
+    """Whether one place on the path lies within the tolerance of each coordinate."""
+    goes = path != 0.0
+    middle, half = step[goes] / path[goes], tolerance[goes] / np.abs(path[goes])
+    meets = (middle - half).max() <= (middle + half).min()
+    return bool(meets and (np.abs(step[~goes]) <= tolerance[~goes]).all())
+
+
+def _tolerances(moves: Moves, row: int, text: bytes) -> Floats | None:
+    """Distance that X, Y and Z may each miss the path by [mm]; None where they are not absolute."""
+    point = _POINT.fullmatch(text)
+    shift = moves.frames[moves.frame[row]].translation
+    for unit in (1.0, INCH):
+        tolerance = np.full(3, EXACT)
+        absolute = True
+        for axis, letter in enumerate("XYZ"):
+            number = None if point is None else point[letter]
+            if number is not None:
+                decimals = len(number.partition(b".")[2])
+                tolerance[axis] += unit / 2 / 10**decimals
+                miss = abs(float(number) * unit + shift[axis] - moves.end[row, axis])
+                absolute = absolute and miss < EXACT
+        if absolute:
+            return tolerance
+    return None

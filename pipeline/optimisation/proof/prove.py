@@ -1,4 +1,4 @@
-"""The proof that a program was changed in nothing but its F and S words.
+"""Proof that a program was changed in nothing but its F and S words.
 
 Two questions, answered without the code that writes words.  Are the texts the same, byte for byte,
 but for numbers of F and S words and such words added at the end of a line's words, and only where
@@ -7,40 +7,58 @@ moves to the last bit: positions, arcs, planes, feed modes, tools, frames, spind
 codes, dwells, path modes; by the same lines, and with the switch for ``/`` either way?  A word in
 a line that is never executed is a difference, since nothing tells what it means.  The proof's hash
 is one of what is the same, so that either program alone gives it again.
+
+Some words have no proof in a run.  A line that is never executed (behind the end, jumped over)
+makes no moves to compare.  Lines that begin with ``/`` depend on a switch at the machine: programs
+are the same where they are so in both of its positions.  A program that reads the F or S in force
+may keep it in a variable that outlives the run, or branch on it.
 """
 
 import hashlib
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.interpret import Interpreter
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.proof.comment import proof_line, with_comment, without_comment
-from pipeline.optimisation.proof.executed import (
-    followed,
-    left_out,
-    of_kept,
-    other_way,
-    read,
-    switches,
+from pipeline.optimisation.proof.moves import (
+    Splits,
+    merged,
+    moves_difference,
+    moves_digest,
+    splits_of,
 )
-from pipeline.optimisation.proof.moves import moves_difference, moves_digest
-from pipeline.optimisation.proof.splits import Splits, merged, splits_of
-from pipeline.optimisation.proof.text import Difference, shown, text_difference, text_digest
-from pipeline.optimisation.text.word_changes import WordChange
+from pipeline.optimisation.proof.text import (
+    Difference,
+    WordChange,
+    proof_line,
+    shown,
+    text_difference,
+    text_digest,
+    with_comment,
+    without_comment,
+)
+from pipeline.schema.arrays import Bools
 
-Flags = NDArray[np.bool_]
-
-__all__ = ["Difference", "Proof", "prove", "with_proof_comment"]
+LEFT_OUT = "it is not executed, so that nothing proves what its F or S means"
+OTHERWISE = "one program executes it and the other does not"
+READ = "it reads the F or S in force, which differ"
+_READS = re.compile(
+    rb"(?i)#<\s*_(?:feed|rpm)\s*>|#\s*\[?\s*4\s*[0-4]\s*[01]\s*9(?![0-9])|\$P_[FS]\b|\$AC_"
+)
+"""The feed and speed in force: LinuxCNC's parameters, Fanuc's modal variables, Siemens' own."""
+_SKIP = re.compile(rb"(?i)\s*(?:N\s*[0-9]+\s*)?/")
+LEVELS = tuple(range(1, 10))
+"""Of ``/``, all that there are."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Proof:
-    """What two programs have in common.
+    """Result of the comparison of two programs.
 
     Parameters
     ----------
@@ -59,7 +77,7 @@ class Proof:
     dialect : str
         That both were read in.
     points : int
-        Lines that were put in on the way of straight cuts.
+        Lines that were put in on the path of straight cuts.
     """
 
     same: bool
@@ -105,9 +123,9 @@ def prove(
         if not data.strip():
             raise ValueError(f"{name} is empty: name a part program")
     lines, _, _ = without_comment(before.splitlines(keepends=True))
-    others, told, place = without_comment(after.splitlines(keepends=True))
-    found = splits_of(lines, others) if splits else None
-    kept = others if found is None else found.kept
+    others, written, place = without_comment(after.splitlines(keepends=True))
+    splitting = splits_of(lines, others) if splits else None
+    kept = others if splitting is None else splitting.kept
     first, changes = text_difference(lines, kept)
     proof = Proof(
         same=first is None,
@@ -118,16 +136,16 @@ def prove(
         before_sha256=hashlib.sha256(before).hexdigest(),
         after_sha256=hashlib.sha256(after).hexdigest(),
         dialect=setup.dialect,
-        points=0 if found is None else len(found.points),
+        points=0 if splitting is None else len(splitting.points),
     )
     if not proof.same:
         return proof
-    texts = _Texts(lines, others, kept, changes, found, (name_before, name_after))
+    texts = _Texts(lines, others, kept, changes, splitting, (name_before, name_after))
     first, one, whole = texts.compared(setup)
     if first is not None:
         return replace(proof, same=False, first=first, moves=len(one))
     sha256 = _sha256(lines, one)
-    first = _wrong_hash(told, place, sha256, _sha256(kept, whole))
+    first = _wrong_hash(written, place, sha256, _sha256(kept, whole))
     agreed = "" if first is not None else sha256
     return replace(proof, same=first is None, first=first, moves=len(one), sha256=agreed)
 
@@ -145,35 +163,39 @@ class _Texts:
 
     def compared(self, setup: Setup) -> tuple[Difference | None, Moves, Moves]:
         """The first difference with the switch for ``/`` either way; the moves as it is set."""
-        run: Flags = np.zeros(len(self.lines) + 1, dtype=np.bool_)
-        found, first = [], None
+        run: Bools = np.zeros(len(self.lines) + 1, dtype=np.bool_)
+        made, first = [], None
         for one in switches(self.lines, setup):
             try:
                 first, *moves = self._made(one, run)
             except GcodeError:
                 if one is setup:
                     raise
-                continue  # it is no program that way
-            found.append(moves)
+                continue  # it is no program with that switch
+            made.append(moves)
             if first is not None:
                 break
         if self.changes:
             first = first or left_out(self.changes, self.lines, self.kept, run)
-            first = first or read(self.lines, self.kept, run)
-        return first, found[0][0], found[0][1]
+            first = first or reads_in_force(self.lines, self.kept, run)
+        return first, made[0][0], made[0][1]
 
-    def _made(self, setup: Setup, run: Flags) -> tuple[Difference | None, Moves, Moves]:
+    def _made(self, setup: Setup, run: Bools) -> tuple[Difference | None, Moves, Moves]:
         """The first difference of what is made, and the moves; ``run`` gets executed lines."""
         lines, kept = self.lines, self.kept
-        one, executed = followed(Program(b"".join(lines), self.names[0]), setup)
-        other, after = followed(Program(b"".join(self.others), self.names[1]), setup)
+        one, executed = executed_moves(Program(b"".join(lines), self.names[0]), setup)
+        other, after = executed_moves(Program(b"".join(self.others), self.names[1]), setup)
         run |= executed
         whole = other if self.splits is None else merged(other, self.splits)
         if not isinstance(whole, Moves):
             texts = [shown(b"".join(text[whole[0] - 1 : whole[0]])) for text in (lines, kept)]
             return Difference(whole[0], texts[0], texts[1], whole[1]), one, other
         first = _in_lines(moves_difference(one, whole), one, lines, kept)
-        return first or other_way(lines, kept, executed, of_kept(after, self.splits)), one, whole
+        return (
+            first or executed_otherwise(lines, kept, executed, of_kept(after, self.splits)),
+            one,
+            whole,
+        )
 
 
 def with_proof_comment(text: bytes, proof: Proof) -> bytes:
@@ -191,12 +213,12 @@ def with_proof_comment(text: bytes, proof: Proof) -> bytes:
 
 
 def _in_lines(
-    found: tuple[int, int, str] | None, moves: Moves, lines: list[bytes], others: list[bytes]
+    difference: tuple[int, int, str] | None, moves: Moves, lines: list[bytes], others: list[bytes]
 ) -> Difference | None:
-    """A difference of moves, told by the line that makes them."""
-    if found is None:
+    """A difference of moves, by the line that makes them."""
+    if difference is None:
         return None
-    row, _, what = found
+    row, _, what = difference
     inside = row >= 0 and moves.file[row] == 0
     at = int(moves.line[row]) if inside else 0
     texts = [shown(text[at - 1]) if at else "" for text in (lines, others)]
@@ -211,11 +233,70 @@ def _sha256(lines: list[bytes], moves: Moves) -> str:
     return digest.hexdigest()
 
 
-def _wrong_hash(told: str | None, place: int, sha256: str, other: str) -> Difference | None:
+def _wrong_hash(written: str | None, place: int, sha256: str, other: str) -> Difference | None:
     """Whether a hash is not the one of both programs, that in the comment too."""
-    if told is not None and told != sha256:
+    if written is not None and written != sha256:
         reason = "its proof comment has another hash (of another set-up, or another program)"
-        return Difference(place + 1, sha256, told, reason)
+        return Difference(place + 1, sha256, written, reason)
     if sha256 != other:
         return Difference(0, sha256, other, "the hashes of what is the same differ")
     return None
+
+
+def executed_moves(program: Program, setup: Setup) -> tuple[Moves, Bools]:
+    """Moves of a program, and which of its lines it executes (L + 1,), that of line n is n."""
+    walk = Interpreter(program, setup)
+    return walk.moves(), walk.executed
+
+
+def switches(lines: list[bytes], setup: Setup) -> list[Setup]:
+    """The set-up, and where lines begin with ``/`` also with all of them executed, and none."""
+    if not any(_SKIP.match(line) for line in lines):
+        return [setup]
+    others = [skip for skip in ((), LEVELS) if skip != setup.block_skip]
+    return [setup, *(replace(setup, block_skip=skip) for skip in others)]
+
+
+def left_out(
+    changes: tuple[WordChange, ...], lines: list[bytes], others: list[bytes], executed: Bools
+) -> Difference | None:
+    """The first changed word that is in no line that is executed.
+
+    Parameters
+    ----------
+    changes : tuple of WordChange
+        F and S words that differ.
+    lines, others : list of bytes
+        The programs' lines before and after, the same number of each.
+    executed : ndarray of bool, shape (L + 1,)
+        Which of them are executed.
+    """
+    for change in changes:
+        if not executed[change.line]:
+            return _difference(change.line, lines, others, LEFT_OUT)
+    return None
+
+
+def executed_otherwise(
+    lines: list[bytes], others: list[bytes], executed: Bools, executed_after: Bools
+) -> Difference | None:
+    """The first line that one program executes and the other does not."""
+    differs = np.flatnonzero(executed != executed_after)
+    return _difference(int(differs[0]), lines, others, OTHERWISE) if len(differs) else None
+
+
+def reads_in_force(lines: list[bytes], others: list[bytes], executed: Bools) -> Difference | None:
+    """The first executed line that reads the F or S in force."""
+    for number, text in enumerate(lines, 1):
+        if executed[number] and _READS.search(text):
+            return _difference(number, lines, others, READ)
+    return None
+
+
+def of_kept(executed: Bools, splits: Splits | None) -> Bools:
+    """Executed lines of a text without those that were put in."""
+    return executed if splits is None else np.delete(executed, sorted(splits.points))
+
+
+def _difference(number: int, lines: list[bytes], others: list[bytes], reason: str) -> Difference:
+    return Difference(number, shown(lines[number - 1]), shown(others[number - 1]), reason)

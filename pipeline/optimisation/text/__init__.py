@@ -1,1 +1,3 @@
-"""The text of a program: which F and S may change, and how they are written."""
+"""Text of a program: which F and S may change, and how they are written; every other byte stays."""
+
+__all__ = ["editable_blocks", "rewrite", "split", "words"]

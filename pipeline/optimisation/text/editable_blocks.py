@@ -1,28 +1,29 @@
-"""Which F and S of a program may be changed, and why the others may not.
+"""Editable blocks of a program: which F and S may change, and why the others may not.
 
-F and S are modal: what a line leaves in force goes on into the lines after it.  So a block may
-change only where every line that reads its F afterwards can be given its own again; a block before
-one that cannot, a subprogram in another file, say, stays as programmed.
+F and S are modal: the value that a line leaves in force goes on into the lines after it.  So a
+block may change only where every line that reads its F afterwards can be given its own again; a
+block before one that cannot, a subprogram in another file, say, stays as programmed.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.text.editable import Editable, Held
-from pipeline.optimisation.text.modal_words import ModalWords
-from pipeline.optimisation.text.program_words import NONE, OTHER, ProgramWords
-from pipeline.optimisation.text.rounding import FeedText
-from pipeline.optimisation.text.visits import Visits, cuts_at_feed, reads_feed, turns
+from pipeline.optimisation.problem.arrays import Editable, Held, Rows
+from pipeline.optimisation.text.modal_words import (
+    LineRuns,
+    ModalWords,
+    at_speed,
+    cuts_at_feed,
+    reads_feed,
+)
+from pipeline.optimisation.text.words import NONE, OTHER, FeedText, ProgramWords
+from pipeline.schema.arrays import Bools, Floats
 
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.intp]
-Floats = NDArray[np.float64]
-Reasons = list[tuple[str, Flags]]
+Reasons = list[tuple[str, Bools]]
 
 SELF = "the program's own expressions may read F and S"
 ELSEWHERE = "it is in another file"
@@ -32,7 +33,7 @@ CLOSED = "its line calls, computes or sets something, and nothing is written int
 
 
 def editable_blocks(program: Program, moves: Moves) -> Editable:
-    """What may be changed in a program.
+    """Blocks of a program whose F and S may change.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def editable_blocks(program: Program, moves: Moves) -> Editable:
     cutting = reads_feed(moves)
     held = [
         *_held("F", places.feed_reasons, cutting & ~places.feed_free, moves),
-        *_held("S", places.speed_reasons, cutting & turns(moves) & ~places.speed_free, moves),
+        *_held("S", places.speed_reasons, cutting & at_speed(moves) & ~places.speed_free, moves),
     ]
     return Editable(
         block=block, line=lines.astype(np.intp), speed=places.speed_free, may_start=may_start,
@@ -73,10 +74,10 @@ class Places:
     ----------
     words : ProgramWords
         Of the text.
-    visits : Visits
+    line_runs : LineRuns
         To its lines.
     feed, speed : ModalWords
-        Visits that read F, and S.
+        LineRuns that read F, and S.
     feed_may, speed_may : ndarray of bool
         Those whose line may be given a word, or another in its place.
     feed_free, speed_free : ndarray of bool, shape (M,)
@@ -86,41 +87,41 @@ class Places:
     """
 
     words: ProgramWords
-    visits: Visits = field(repr=False)
+    line_runs: LineRuns = field(repr=False)
     feed: ModalWords = field(repr=False)
     speed: ModalWords = field(repr=False)
-    feed_may: Flags = field(repr=False)
-    speed_may: Flags = field(repr=False)
-    feed_free: Flags = field(repr=False)
-    speed_free: Flags = field(repr=False)
+    feed_may: Bools = field(repr=False)
+    speed_may: Bools = field(repr=False)
+    feed_free: Bools = field(repr=False)
+    speed_free: Bools = field(repr=False)
     feed_reasons: Reasons = field(repr=False)
     speed_reasons: Reasons = field(repr=False)
 
 
 def places_of(program: Program, moves: Moves) -> Places:
     """Where F and S of a program are read and may be written."""
-    words, visits = ProgramWords(program), Visits.among(moves)
-    feed = ModalWords.along("F", words, visits, reads_feed(moves), moves.feed)
-    speed = ModalWords.along("S", words, visits, turns(moves), moves.speed)
-    feed_reasons = _feed_reasons(words, visits, moves)
+    words, line_runs = ProgramWords(program), LineRuns.among(moves)
+    feed = ModalWords.along("F", words, line_runs, reads_feed(moves), moves.feed)
+    speed = ModalWords.along("S", words, line_runs, at_speed(moves), moves.speed)
+    feed_reasons = _feed_reasons(words, line_runs, moves)
     free = cuts_at_feed(moves) & ~_any(feed_reasons)
     may = free[feed.row]
     bound = np.isin(feed.line, feed.line[feed.handed_on(~may, may)]) & may
-    stands = _lines_with(moves, free & ~turns(moves))
-    handed = _rows(feed, bound, visits)
+    stands = _lines_with(moves, free & ~at_speed(moves))
+    handed = _rows(feed, bound, line_runs)
     feed_reasons += [
         ("the spindle stands", stands),
         ("the lines after it take its F, and cannot be given one", handed),
     ]
-    speed_may, speed_reasons = _speed_places(words, visits, speed, moves)
+    speed_may, speed_reasons = _speed_places(words, line_runs, speed, moves)
     return Places(
-        words=words, visits=visits, feed=feed, speed=speed, feed_may=may, speed_may=speed_may,
-        feed_free=free & ~handed & ~stands, speed_free=turns(moves) & ~_any(speed_reasons),
+        words=words, line_runs=line_runs, feed=feed, speed=speed, feed_may=may, speed_may=speed_may,
+        feed_free=free & ~handed & ~stands, speed_free=at_speed(moves) & ~_any(speed_reasons),
         feed_reasons=feed_reasons, speed_reasons=speed_reasons,
     )  # fmt: skip
 
 
-def _feed_reasons(words: ProgramWords, visits: Visits, moves: Moves) -> Reasons:
+def _feed_reasons(words: ProgramWords, line_runs: LineRuns, moves: Moves) -> Reasons:
     """Why the F of rows may not change (M,), but for what is handed on."""
     file_line = np.where(moves.file == 0, moves.line, 0)
     cutting, token = cuts_at_feed(moves), words.token("F")[file_line]
@@ -128,7 +129,7 @@ def _feed_reasons(words: ProgramWords, visits: Visits, moves: Moves) -> Reasons:
     reasons: Reasons = [
         (SELF, np.full(len(moves), words.reads_itself)),
         (ELSEWHERE, moves.file != 0),
-        (PITCH, (moves.kind == Kind.THREAD) | visits.taps[visits.of]),
+        (PITCH, (moves.kind == Kind.THREAD) | line_runs.taps[line_runs.of]),
         (PROBES, moves.kind == Kind.PROBE),
         ("G93 is in force", moves.feed_mode == FeedMode.INVERSE_TIME),
         ("F is an expression, or stands twice in the line", token == OTHER),
@@ -143,14 +144,14 @@ def _feed_reasons(words: ProgramWords, visits: Visits, moves: Moves) -> Reasons:
     return reasons
 
 
-def _lines_with(moves: Moves, rows: Flags) -> Flags:
+def _lines_with(moves: Moves, rows: Bools) -> Bools:
     """Rows of the program's own lines that some rows come of (M,)."""
     own = moves.file == 0
-    found: Flags = np.isin(moves.line, np.unique(moves.line[rows & own])) & own
-    return found
+    among: Bools = np.isin(moves.line, np.unique(moves.line[rows & own])) & own
+    return among
 
 
-def _turns_alone(words: ProgramWords, moves: Moves, unit: Floats) -> Flags:
+def _turns_alone(words: ProgramWords, moves: Moves, unit: Floats) -> Bools:
     """Rows whose F may count degrees, which know no inch (M,)."""
     linear = np.zeros(len(words.program) + 1, dtype=np.bool_)
     for letter in "XYZ":
@@ -159,7 +160,7 @@ def _turns_alone(words: ProgramWords, moves: Moves, unit: Floats) -> Flags:
     return (unit != 1.0) & ~linear[inside] & (moves.kind == Kind.FEED)
 
 
-def _differs(moves: Moves, line: Rows, reading: Flags) -> Flags:
+def _differs(moves: Moves, line: Rows, reading: Bools) -> Bools:
     """Rows of lines that are passed with several feeds or feed modes (M,)."""
     own = np.stack([line, moves.feed_mode, moves.feed])[:, reading]
     passes = np.unique(own, axis=1)[0].astype(np.intp)
@@ -167,59 +168,62 @@ def _differs(moves: Moves, line: Rows, reading: Flags) -> Flags:
 
 
 def _speed_places(
-    words: ProgramWords, visits: Visits, speed: ModalWords, moves: Moves
-) -> tuple[Flags, Reasons]:
-    """Visits whose line may take an S word (K,), and why the S of rows may not change (M,)."""
+    words: ProgramWords, line_runs: LineRuns, speed: ModalWords, moves: Moves
+) -> tuple[Bools, Reasons]:
+    """LineRuns whose line may take an S word (K,), and why the S of rows may not change (M,)."""
     line, inside = speed.line, np.where(moves.file == 0, moves.line, 0)
     token = words.token("S")
-    may = (line > 0) & ~words.closed[line] & (token[line] != OTHER) & ~visits.again[speed.visit]
+    may = (line > 0) & ~words.closed[line] & (token[line] != OTHER) & ~line_runs.again[speed.run]
     may &= ~np.bool_(words.reads_itself or speed.uncertain)
     may &= ~moves.constant_surface_speed[speed.row] & (speed.own == np.rint(speed.own))
     everywhere = np.ones(len(moves), dtype=np.bool_)
     reasons: Reasons = [
         (SELF, everywhere & words.reads_itself),
         (ELSEWHERE, moves.file != 0),
-        (PITCH, (moves.kind == Kind.THREAD) | visits.taps[visits.of]),
+        (PITCH, (moves.kind == Kind.THREAD) | line_runs.taps[line_runs.of]),
         (PROBES, moves.kind == Kind.PROBE),
         ("G96 is in force", moves.constant_surface_speed),
         ("S is no whole number", moves.speed != np.rint(moves.speed)),
         (CLOSED, words.closed[inside] & (token[inside] != NONE)),
         ("S words stand alone in a program that jumps", everywhere & speed.uncertain),
     ]
-    keeps = visits.any(_any(reasons) & turns(moves))[speed.visit]
+    keeps = line_runs.any(_any(reasons) & at_speed(moves))[speed.run]
     keeps |= speed.sets & ~may
     after = _until_a_start(keeps | speed.handed_on(keeps, may), may)
     reasons.append(
-        ("no line before takes an S word that holds only from there", _rows(speed, after, visits))
+        (
+            "no line before takes an S word that holds only from there",
+            _rows(speed, after, line_runs),
+        )
     )
     return may, reasons
 
 
-def _until_a_start(keeps: Flags, may: Flags) -> Flags:
-    """Visits that keep S, with those after them up to the next that may be given one (K,)."""
-    found, keeping = keeps.copy(), True
+def _until_a_start(keeps: Bools, may: Bools) -> Bools:
+    """LineRuns that keep S, with those after them up to the next that may be given one (K,)."""
+    kept, keeping = keeps.copy(), True
     for k, (holds, starts) in enumerate(zip(keeps.tolist(), may.tolist(), strict=True)):
         keeping = holds or (keeping and not starts)
-        found[k] = keeping
-    return found
+        kept[k] = keeping
+    return kept
 
 
-def _any(reasons: Reasons) -> Flags:
+def _any(reasons: Reasons) -> Bools:
     return np.logical_or.reduce([rows for _, rows in reasons])
 
 
-def _rows(modal: ModalWords, chosen: Flags, visits: Visits) -> Flags:
-    """Rows of some visits (M,)."""
-    flags = np.zeros(len(visits.line), dtype=np.bool_)
-    flags[modal.visit[chosen]] = True
-    return flags[visits.of]
+def _rows(modal: ModalWords, chosen: Bools, line_runs: LineRuns) -> Bools:
+    """Rows of some line_runs (M,)."""
+    flags = np.zeros(len(line_runs.line), dtype=np.bool_)
+    flags[modal.run[chosen]] = True
+    return flags[line_runs.of]
 
 
-def _held(letter: str, reasons: Reasons, left: Flags, moves: Moves) -> Iterator[Held]:
+def _held(letter: str, reasons: Reasons, left: Bools, moves: Moves) -> Iterator[Held]:
     """Rows that are held by their first reason."""
     for reason, rows in reasons:
-        found = np.flatnonzero(rows & left)
-        if len(found):
-            first = f"{moves.files[moves.file[found[0]]]}:{moves.line[found[0]]}"
-            yield Held(reason=f"{letter}: {reason}", rows=len(found), first=first)
+        first_held = np.flatnonzero(rows & left)
+        if len(first_held):
+            first = f"{moves.files[moves.file[first_held[0]]]}:{moves.line[first_held[0]]}"
+            yield Held(reason=f"{letter}: {reason}", rows=len(first_held), first=first)
         left = left & ~rows

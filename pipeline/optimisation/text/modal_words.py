@@ -1,37 +1,115 @@
-"""F or S along a program: which visits to its lines read it, and where it may be written.
+"""F or S along a program: the line runs that read it, and the lines where it may be written.
 
-A register holds the value in force.  A line with a word of the letter sets it; the others take
-what they find.  What is written anew must leave every visit its value, in whatever order the lines
-are executed.
+A register holds the value in force.  A line with a word of the letter sets it; the others read it
+as it is.  A new word must leave every run of a line its value, in whatever order the lines are
+executed.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.optimisation.text.program_words import NONE, ProgramWords
-from pipeline.optimisation.text.visits import Visits
+from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.optimisation.text.words import NONE, ProgramWords, Rows
+from pipeline.schema.arrays import Bools, Floats
 
-Rows = NDArray[np.intp]
-Flags = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-
+READS_F = (Kind.FEED, Kind.ARC, Kind.PROBE, Kind.THREAD)
 OTHER_MEANING = (4, 10, 25, 26, 50, 65, 66, 66.1, 92)
 """G codes whose line has words of these letters that leave the register alone."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LineRuns:
+    """V runs of rows of one line, of M rows, in the order in which the control takes them.
+
+    Parameters
+    ----------
+    of : ndarray of intp, shape (M,)
+        Line run of each row.
+    line : ndarray of intp, shape (V,)
+        In the program's own file, 0 for those of other files.
+    first : ndarray of intp, shape (V,)
+        First row of each.
+    taps : ndarray of bool, shape (V,)
+        Whether the spindle turns back in it.
+    again : ndarray of bool, shape (V,)
+        Whether the line has other line_runs.
+    """
+
+    of: Rows = field(repr=False)
+    line: Rows = field(repr=False)
+    first: Rows = field(repr=False)
+    taps: Bools = field(repr=False)
+    again: Bools = field(repr=False)
+
+    @classmethod
+    def among(cls, moves: Moves) -> "LineRuns":
+        """Line runs of a program."""
+        rows = len(moves)
+        place = np.stack([moves.file, moves.line]).astype(np.intp)
+        new = np.ones(rows, dtype=np.bool_)
+        new[1:] = (place[:, 1:] != place[:, :-1]).any(axis=0)
+        of = np.cumsum(new) - 1
+        first = np.flatnonzero(new)
+        line = np.where(place[0, first] == 0, place[1, first], 0)
+        count = np.bincount(line, minlength=1) if rows else np.zeros(1, dtype=np.intp)
+        line_runs = cls(
+            of=of, line=line, first=first, taps=np.zeros(len(first), dtype=np.bool_),
+            again=count[line] > 1,
+        )  # fmt: skip
+        line_runs.taps[:] = line_runs.any(moves.direction > 0) & line_runs.any(moves.direction < 0)
+        return line_runs
+
+    def any(self, rows: Bools) -> Bools:
+        """Whether one of the rows of each run is among some (V,)."""
+        among = np.zeros(len(self.line), dtype=np.bool_)
+        among[self.of[rows]] = True
+        return among
+
+    def first_of(self, rows: Bools) -> Rows:
+        """First row of each run that is among some (V,), -1 where none is."""
+        among = np.flatnonzero(rows)
+        first = np.full(len(self.line), -1, dtype=np.intp)
+        first[self.of[among[::-1]]] = among[::-1]
+        return first
+
+    def one_value(self, values: Floats, rows: Bools) -> Floats:
+        """Value that some rows of each run share (V,), NaN where they differ or none is."""
+        first = self.first_of(rows)
+        common = np.where(first >= 0, values[first], np.nan) if len(values) else np.zeros(0)
+        differs = rows & (values != common[self.of])
+        common[self.any(differs)] = np.nan
+        return common
+
+
+def reads_feed(moves: Moves) -> Bools:
+    """Rows whose feed comes of the F in force (M,)."""
+    return np.isin(moves.kind, READS_F)
+
+
+def cuts_at_feed(moves: Moves) -> Bools:
+    """Rows whose F is a feed a minute or a revolution (M,)."""
+    cutting = np.isin(moves.kind, (Kind.FEED, Kind.ARC))
+    timed = moves.feed_mode == FeedMode.INVERSE_TIME
+    return cutting & ~timed & (moves.feed > 0)
+
+
+def at_speed(moves: Moves) -> Bools:
+    """Rows whose S is the speed of a running spindle (M,)."""
+    return (moves.direction != 0) & (moves.speed > 0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ModalWords:
-    """K visits that read the register of one letter, in the order of the program.
+    """K line runs that read the register of one letter, in the order of the program.
 
     Parameters
     ----------
     letter : str
         ``"F"`` or ``"S"``.
-    visit : ndarray of intp, shape (K,)
-        Which they are among all visits.
+    run : ndarray of intp, shape (K,)
+        Which they are among all line_runs.
     line : ndarray of intp, shape (K,)
         0 in other files.
     row : ndarray of intp, shape (K,)
@@ -41,9 +119,9 @@ class ModalWords:
     own : ndarray, shape (K,)
         Value in the units of ``Moves``.
     loose : ndarray of intp
-        Lines with a word of the letter and no such visit, ascending.
+        Lines with a word of the letter and no such run, ascending.
     uncertain : bool
-        Whether those may be executed between any two visits.
+        Whether those may be executed between any two line_runs.
     optional : ndarray of bool, shape (K,)
         Whether the line begins with ``/``: it may be left out at the machine.
     loose_optional : bool
@@ -51,40 +129,40 @@ class ModalWords:
     """
 
     letter: str
-    visit: Rows = field(repr=False)
+    run: Rows = field(repr=False)
     line: Rows = field(repr=False)
     row: Rows = field(repr=False)
-    sets: Flags = field(repr=False)
+    sets: Bools = field(repr=False)
     own: Floats = field(repr=False)
     loose: Rows = field(repr=False)
     uncertain: bool
-    optional: Flags = field(repr=False)
+    optional: Bools = field(repr=False)
     loose_optional: bool
 
     @classmethod
     def along(
-        cls, letter: str, words: ProgramWords, visits: Visits, reads: Flags, values: Floats
+        cls, letter: str, words: ProgramWords, line_runs: LineRuns, reads: Bools, values: Floats
     ) -> "ModalWords":
         """Those of rows ``reads`` (M,) with ``values`` (M,)."""
         token = np.where(words.codes("G", OTHER_MEANING), NONE, words.token(letter))
-        first = visits.first_of(reads)
-        visit = np.flatnonzero(first >= 0)
-        line, row = visits.line[visit], first[visit]
+        first = line_runs.first_of(reads)
+        run = np.flatnonzero(first >= 0)
+        line, row = line_runs.line[run], first[run]
         has = token != NONE
         loose = np.setdiff1d(np.flatnonzero(has), line)
         return cls(
-            letter=letter, visit=visit, line=line, row=row, sets=has[line] & (line > 0),
+            letter=letter, run=run, line=line, row=row, sets=has[line] & (line > 0),
             own=values[row], loose=loose, uncertain=words.winding and len(loose) > 0,
             optional=words.optional[line], loose_optional=bool(words.optional[loose].any()),
         )  # fmt: skip
 
-    def handed_on(self, keeps: Flags, may: Flags) -> Flags:
-        """Visits that must leave their own value in force, for one that cannot be given it (K,).
+    def handed_on(self, keeps: Bools, may: Bools) -> Bools:
+        """LineRuns that must leave their own value in force, for one that cannot be given it (K,).
 
         Parameters
         ----------
         keeps : ndarray of bool, shape (K,)
-            Visits that keep their value.
+            LineRuns that keep their value.
         may : ndarray of bool, shape (K,)
             Those whose line may be written into.
         """
@@ -100,20 +178,20 @@ class ModalWords:
                 needed = past or not ends[k]
         return bound
 
-    def written(self, wanted: Floats, may: Flags) -> Mapping[int, float]:
-        """Line -> value of its word, changed or new, so that each visit has what is wanted.
+    def written(self, wanted: Floats, may: Bools) -> Mapping[int, float]:
+        """Line -> value of its word, changed or new, so that each run has what is wanted.
 
         Parameters
         ----------
         wanted : ndarray, shape (K,)
             In the units of ``own``.
         may : ndarray of bool, shape (K,)
-            Visits whose line may be written into.
+            LineRuns whose line may be written into.
 
         Raises
         ------
         ValueError
-            When a visit would need a word and may have none.
+            When a run would need a word and may have none.
         """
         values: dict[int, float] = {}
         known, value = True, 0.0
@@ -142,20 +220,20 @@ class ModalWords:
                 known, value = False, np.nan  # it depends on whether the line is left out
         return values
 
-    def _depends(self) -> Flags:
-        """Visits whose own value depends on whether lines with ``/`` are left out (K,)."""
+    def _depends(self) -> Bools:
+        """LineRuns whose own value depends on whether lines with ``/`` are left out (K,)."""
         if self.loose_optional:
             return ~self.sets
-        found, depends = np.zeros(len(self.line), dtype=np.bool_), False
+        dependent, depends = np.zeros(len(self.line), dtype=np.bool_), False
         for k, (sets, optional) in enumerate(
             zip(self.sets.tolist(), self.optional.tolist(), strict=True)
         ):
             depends = optional if sets else depends
-            found[k] = depends and not sets
-        return found
+            dependent[k] = depends and not sets
+        return dependent
 
-    def _loose_before(self) -> Flags:
-        """Visits before which a loose word may have been executed (K,)."""
+    def _loose_before(self) -> Bools:
+        """LineRuns before which a loose word may have been executed (K,)."""
         if self.uncertain:
             return np.ones(len(self.line), dtype=np.bool_)
         at = np.searchsorted(self.loose, self.line)

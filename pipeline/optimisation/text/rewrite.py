@@ -1,34 +1,32 @@
-"""A program with other F and S words; every other byte stays."""
+"""A program with other F and S words, every other byte kept, and the rows that match in both."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.gcode.interpret import interpret
-from pipeline.gcode.moves import Moves
+from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.text.editable import Editable
+from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.proof.text import WordChange
 from pipeline.optimisation.text.editable_blocks import places_of
-from pipeline.optimisation.text.matching import matching_rows
-from pipeline.optimisation.text.modal_words import ModalWords
-from pipeline.optimisation.text.program_words import ProgramWords
-from pipeline.optimisation.text.rounding import FeedText, rounded_feeds, rounded_speeds
-from pipeline.optimisation.text.visits import Visits, reads_feed, turns
-from pipeline.optimisation.text.word_changes import WordChange
-from pipeline.optimisation.text.word_numbers import in_place_of
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-
-__all__ = ["Rewritten", "WordChange", "rewrite", "rounded_feeds", "rounded_speeds"]
+from pipeline.optimisation.text.modal_words import LineRuns, ModalWords, at_speed, reads_feed
+from pipeline.optimisation.text.words import (
+    FeedText,
+    ProgramWords,
+    in_place_of,
+    rounded_feeds,
+    rounded_speeds,
+)
+from pipeline.schema.arrays import Bools, Floats
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rewritten:
-    """A program's new text, and what differs."""
+    """The new text of a program, and the words that differ."""
 
     text: bytes = field(repr=False)
     changes: tuple[WordChange, ...]
@@ -51,7 +49,7 @@ def rewrite(
     moves : Moves
         The program as interpreted with ``setup``, M rows.
     editable : Editable
-        What may be changed in it.
+        F and S that may change in it.
     feeds : array_like, shape (M,)
         In the units of ``Moves``; rounded down as :func:`rounded_feeds` does.
     speeds : array_like, shape (M,)
@@ -68,7 +66,7 @@ def rewrite(
     wanted_f = _wanted_feeds(program, moves, editable, feeds)
     wanted_s = _wanted_speeds(moves, editable, speeds)
     places = places_of(program, moves)
-    _refuse_several(places.visits, places.speed, wanted_s, moves)
+    _refuse_several(places.line_runs, places.speed, wanted_s, moves)
     words, text = places.words, FeedText.of(places.words, moves)
     changed: dict[int, list[tuple[str, bytes]]] = {}
     for line, (row, value) in _values(places.feed, wanted_f, places.feed_may):
@@ -86,8 +84,8 @@ def _wanted_feeds(program: Program, moves: Moves, editable: Editable, feeds: Arr
     _refuse(changes & (editable.block < 0), "F", moves, given, moves.feed)
     bad = changes & ~((given > 0) & np.isfinite(given))
     _refuse(bad, "F", moves, given, moves.feed)
-    asked = np.where(changes, given, moves.feed)
-    wanted = np.where(changes, rounded_feeds(program, moves, np.maximum(asked, 1e-9)), moves.feed)
+    changed = np.where(changes, given, moves.feed)
+    wanted = np.where(changes, rounded_feeds(program, moves, np.maximum(changed, 1e-9)), moves.feed)
     rows = np.flatnonzero(editable.block >= 0)
     block = editable.block[rows]
     one = np.full(len(editable.line), np.nan)
@@ -103,7 +101,7 @@ def _wanted_feeds(program: Program, moves: Moves, editable: Editable, feeds: Arr
 
 def _wanted_speeds(moves: Moves, editable: Editable, speeds: ArrayLike) -> Floats:
     given = _of_rows("speeds", speeds, moves)
-    changes = turns(moves) & (given != moves.speed)
+    changes = at_speed(moves) & (given != moves.speed)
     _refuse(changes & ~editable.speed, "S", moves, given, moves.speed)
     _refuse(changes & ~((given > 0) & np.isfinite(given)), "S", moves, given, moves.speed)
     return np.where(changes, rounded_speeds(np.where(changes, given, 1.0)), moves.speed)
@@ -116,10 +114,10 @@ def _of_rows(name: str, values: ArrayLike, moves: Moves) -> Floats:
     return given
 
 
-def _refuse(rows: Flags, letter: str, moves: Moves, given: Floats, own: Floats) -> None:
-    found = np.flatnonzero(rows)
-    if len(found):
-        row = found[0]
+def _refuse(rows: Bools, letter: str, moves: Moves, given: Floats, own: Floats) -> None:
+    wrong = np.flatnonzero(rows)
+    if len(wrong):
+        row = wrong[0]
         raise ValueError(
             f"{moves.files[moves.file[row]]}:{moves.line[row]} is to have {letter}{given[row]:g} "
             f"in place of {letter}{own[row]:g}: change only what editable_blocks says may be "
@@ -127,17 +125,18 @@ def _refuse(rows: Flags, letter: str, moves: Moves, given: Floats, own: Floats) 
         )
 
 
-def _refuse_several(visits: Visits, speed: ModalWords, wanted: Floats, moves: Moves) -> None:
-    one = visits.one_value(wanted, turns(moves))[speed.visit]
-    found = np.flatnonzero(np.isnan(one))
-    if len(found):
+def _refuse_several(line_runs: LineRuns, speed: ModalWords, wanted: Floats, moves: Moves) -> None:
+    one = line_runs.one_value(wanted, at_speed(moves))[speed.run]
+    several = np.flatnonzero(np.isnan(one))
+    if len(several):
         raise ValueError(
-            f"line {speed.line[found[0]]} is to have several speeds: rows of one pass share their S"
+            f"line {speed.line[several[0]]} is to have several speeds: rows of one pass share "
+            "their S"
         )
 
 
 def _values(
-    modal: ModalWords, wanted: Floats, may: Flags
+    modal: ModalWords, wanted: Floats, may: Bools
 ) -> Iterator[tuple[int, tuple[int, float]]]:
     """Line, and a row of it with what is to be written."""
     row = dict(zip(modal.line.tolist(), modal.row.tolist(), strict=True))
@@ -189,14 +188,72 @@ def _check(
     after = interpret(Program(text, program.name), setup)
     rows = matching_rows(moves, after)
     wrong = (reads_feed(moves) & (after.feed[rows] != feeds)) | (
-        turns(moves) & (after.speed[rows] != speeds)
+        at_speed(moves) & (after.speed[rows] != speeds)
     )
-    found = np.flatnonzero(wrong)
-    if len(found):
-        row, other = found[0], rows[found[0]]
+    bad = np.flatnonzero(wrong)
+    if len(bad):
+        row, other = bad[0], rows[bad[0]]
         raise ValueError(
             f"{moves.files[moves.file[row]]}:{moves.line[row]} has F{after.feed[other]:g} "
             f"S{after.speed[other]:g} in the new text and should have F{feeds[row]:g} "
             f"S{speeds[row]:g}: its F or S comes from where it cannot be followed, leave it as it "
             "is"
         )
+
+
+def only_speed(moves: Moves) -> Bools:
+    """Rows that are an S word of a turning spindle and nothing else (M,)."""
+    turned = np.diff(moves.direction, prepend=np.int8(0)) != 0
+    return (moves.kind == Kind.SPINDLE) & (moves.code == 0) & ~turned
+
+
+def matching_rows(before: Moves, after: Moves) -> Rows:
+    """Row of ``after`` for each row of ``before``.
+
+    Parameters
+    ----------
+    before, after : Moves
+        The same moves, but that ``after`` may have more rows where an S word was added.
+
+    Returns
+    -------
+    ndarray of intp, shape (M,)
+        Ascending.
+
+    Raises
+    ------
+    ValueError
+        When they are not the same moves.
+    """
+    spare_before, spare_after = only_speed(before), only_speed(after)
+    rows, others = np.flatnonzero(~spare_before), np.flatnonzero(~spare_after)
+    if len(rows) != len(others) or not _alike(before, after, rows, others):
+        raise ValueError(
+            f"{before.files[0]} has {len(rows)} moves and {after.files[0]} {len(others)} others: "
+            "rows match only where nothing but F and S words differ"
+        )
+    matches = np.empty(len(before), dtype=np.intp)
+    matches[rows] = others
+    for row in np.flatnonzero(spare_before).tolist():
+        # the S word of the same line: it stands right before what the line does
+        start = matches[row - 1] + 1 if row else 0
+        if not (
+            start < len(after) and spare_after[start] and _same_line(before, after, row, start)
+        ):
+            raise ValueError(
+                f"{before.files[before.file[row]]}:{before.line[row]} has an S word that "
+                f"{after.files[0]} has not: rows match only where no S word was taken away"
+            )
+        matches[row] = start
+    return matches
+
+
+def _same_line(before: Moves, after: Moves, row: int, other: int) -> bool:
+    return bool(before.line[row] == after.line[other] and before.file[row] == after.file[other])
+
+
+def _alike(before: Moves, after: Moves, rows: Rows, others: Rows) -> bool:
+    names = ("kind", "line", "file", "end", "direction", "tool", "code", "value")
+    return all(
+        np.array_equal(getattr(before, name)[rows], getattr(after, name)[others]) for name in names
+    )

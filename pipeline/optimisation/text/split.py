@@ -1,23 +1,19 @@
-"""Long straight blocks in parts, where their engagement changes: points put in on the way."""
+"""Long straight blocks split where their engagement changes, by points put in on their path."""
 
 from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement
 from pipeline.gcode.moves import METRE, FeedMode, Kind, Moves
 from pipeline.gcode.program import Line, Program, Word
+from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.settings import Grouping
-from pipeline.optimisation.text.program_words import ProgramWords
-from pipeline.optimisation.text.rounding import FeedText
-from pipeline.optimisation.text.visits import Visits, cuts_at_feed
-from pipeline.optimisation.text.word_numbers import digits
+from pipeline.optimisation.text.modal_words import LineRuns, cuts_at_feed
+from pipeline.optimisation.text.words import FeedText, ProgramWords, digits
+from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 SECONDS = 60.0
 """In a minute."""
@@ -44,7 +40,7 @@ def split_blocks(program: Program, moves: Moves, cut: Cut, grouping: Grouping) -
     cut : Cut
         Of these rows.
     grouping : Grouping
-        What a part has to be worth.
+        Gain that splits a block.
     """
     length = moves.length
     per_turn = moves.feed_mode == FeedMode.PER_REVOLUTION
@@ -61,15 +57,15 @@ def splittable(program: Program, moves: Moves) -> Rows:
     """Rows of straight cuts whose line could be split, ascending.
 
     None where lines that move begin with ``/``: where such a line is left out at the machine, the
-    next way begins elsewhere, and a point on it would lie beside it.
+    next motion begins elsewhere, and a point on it would lie beside it.
     """
     if any(_may_be_left_out(line) for line in program.lines):
         return np.zeros(0, dtype=np.intp)
-    words, visits = ProgramWords(program), Visits.among(moves)
+    words, line_runs = ProgramWords(program), LineRuns.among(moves)
     unit = FeedText.of(words, moves).unit
-    alone = np.bincount(visits.of, minlength=len(visits.line)) == 1
+    alone = np.bincount(line_runs.of, minlength=len(line_runs.line)) == 1
     fits = cuts_at_feed(moves) & (moves.kind == Kind.FEED) & (moves.file == 0)
-    fits &= (alone & ~visits.again)[visits.of]
+    fits &= (alone & ~line_runs.again)[line_runs.of]
     return np.array(
         [
             row
@@ -162,19 +158,19 @@ def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -
 def _points(
     program: Program, moves: Moves, row: int, shares: list[float], unit: float, decimals: int
 ) -> list[list[bytes]]:
-    """Axis words of the points on a row's way; none that rounds to one of its neighbours."""
+    """Axis words of the points on a row's path; none that rounds to one of its neighbours."""
     start, end = moves.start[row], moves.end[row]
     shift = np.array(moves.frames[moves.frame[row]].translation)
     axes = [axis for axis in range(3) if start[axis] != end[axis]]
-    found: list[list[bytes]] = []
+    points: list[list[bytes]] = []
     for share in shares:
         point = (start + share * (end - start) - shift) / unit
-        found.append([_axis_word("XYZ"[axis], float(point[axis]), decimals) for axis in axes])
+        points.append([_axis_word("XYZ"[axis], float(point[axis]), decimals) for axis in axes])
     ends = [
         [_axis_word("XYZ"[axis], float(at[axis]), decimals) for axis in axes]
         for at in ((start - shift) / unit, (end - shift) / unit)
     ]
-    chain = [ends[0], *found, ends[1]]
+    chain = [ends[0], *points, ends[1]]
     return [one for last, one in pairwise(chain[:-1]) if one not in (last, ends[1])]
 
 
@@ -187,13 +183,13 @@ def _axis_word(letter: str, value: float, decimals: int) -> bytes:
 
 def _decimals(program: Program) -> int:
     """That the program's coordinates have at most; 3 at least."""
-    found = [
+    counts = [
         len(digits(word.text).partition(b".")[2])
         for line in program.lines
         for word in line.words
         if word.letter in "XYZ" and word.value is not None
     ]
-    return max([3, *found])
+    return max([3, *counts])
 
 
 def _is_plain(program: Program, moves: Moves, row: int, unit: float) -> bool:

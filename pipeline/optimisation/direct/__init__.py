@@ -1,1 +1,0 @@
-"""The direct solution: blocks, stretches of S, groups of F."""

@@ -1,0 +1,250 @@
+"""Blockwise optimum: block by block the best F, stretch by stretch the best S.
+
+It is exact where blocks do not interact: where each row runs at its F nearly all along, so that
+what one block does changes nothing for the next.  Where rows are too short for that, the speed that
+they reach is taken from the plan of the solution so far, and the best of a few rounds is the
+answer.  The speeds of stretches are refined between the values of the grid, in whole rev/min.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pipeline.machine.control.path import where
+from pipeline.optimisation.methods.feed_groups import feed_groups
+from pipeline.optimisation.methods.feeds import BlockModel, block_feeds, column
+from pipeline.optimisation.methods.speed_pieces import SPEEDS, Pieces
+from pipeline.optimisation.methods.speeds import (
+    Stretches,
+    best_speeds,
+    change_price,
+    changes_of,
+    spread,
+    start_prices,
+)
+from pipeline.optimisation.problem.arrays import Decision, Groups, Rows
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.settings import OBJECTIVES, Grouping
+from pipeline.schema.arrays import Floats
+from pipeline.schema.part import Objective
+
+ROUNDS = 3
+"""Rounds in which the reach of rows is taken from the plan of the best so far."""
+WORTH = 1e-4
+"""Gain that another round has to bring, as a share."""
+NARROWINGS = 6
+CANDIDATES = 9
+"""Of each round, about the best so far; the next round covers what lies between two of them."""
+SAME = 1e-9
+"""Values that differ by less, as a share, are the same, and the lower S is taken."""
+Change = tuple[int, int, bool, float]
+
+
+def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping) -> Decision:
+    """F and S of least time, cost, energy or wear, reckoned row by row.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    objective : Objective
+        To be minimised; ``pareto`` counts as time.
+    grouping : Grouping
+        Which blocks share an F or an S.
+
+    Returns
+    -------
+    Decision
+        Inside all limits; S in whole rev/min or as programmed.
+
+    Raises
+    ------
+    ValueError
+        When the objective is not known for this part, or no F and S keep the limits.
+    """
+    which = column(objective)
+    whole = _as_programmed(problem, objective)
+    kept: list[tuple[float, Decision]] = []
+    passed = np.inf
+    for decision in _rounds(problem, objective, grouping, whole):
+        evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
+        passed = min(passed, float(evaluated.violation[0]))
+        if evaluated.violation[0] > 0.0:
+            continue
+        value, best = float(evaluated.objectives[0, which]), _least(kept)
+        kept.append((value, decision))
+        if value > best * (1 - WORTH):
+            break
+    if not kept:
+        raise ValueError(_passed(problem, passed))
+    return min(kept, key=lambda one: one[0])[1]
+
+
+def _least(kept: list[tuple[float, Decision]]) -> float:
+    return min((value for value, _ in kept), default=np.inf)
+
+
+def _rounds(
+    problem: Problem, objective: Objective, grouping: Grouping, whole: float
+) -> Iterator[Decision]:
+    """Solutions, each reckoned with what the rows reach in the one before."""
+    model = BlockModel.alone(problem, objective)
+    for _ in range(1 + ROUNDS):
+        decision = _solved(model, grouping, whole)
+        yield decision
+        speeds = decision.row_speeds
+        fastest = block_feeds(
+            BlockModel.alone(problem, "time"), problem.editable.block, speeds[None]
+        )  # fmt: skip
+        model = BlockModel.planned(problem, objective, fastest.feeds[0], speeds)
+
+
+def _solved(model: BlockModel, grouping: Grouping, whole: float) -> Decision:
+    problem = model.problem
+    moves = problem.cut.plan.path.moves
+    pieces, stretches = best_speeds(model, grouping, whole)
+    speeds = refined(model, pieces, stretches, problem.editable.block)
+    row_speeds = spread(speeds, stretches.stretch, moves.speed)
+    whole = min(whole, _of_blocks(model, row_speeds))
+    feed, feeds = feed_groups(model, grouping, stretches.stretch, row_speeds, whole)
+    groups = Groups(
+        feed=feed, speed=stretches.stretch, own_feed=moves.feed, own_speed=moves.speed
+    )  # fmt: skip
+    return Decision(groups=groups, feeds=feeds, speeds=speeds)
+
+
+def _as_programmed(problem: Problem, objective: Objective) -> float:
+    which, name = column(objective), problem.cut.plan.path.moves.files[0]
+    whole = float(problem.as_programmed.objectives[0, which])
+    if not np.isfinite(whole):
+        raise ValueError(
+            f"the {OBJECTIVES[which]} of {name} is not known (see not_known of kerf simulate): "
+            "give what is missing, or choose another objective"
+        )
+    return whole
+
+
+def _of_blocks(model: BlockModel, speeds: Floats) -> float:
+    """Objective of the part with each block at its best F."""
+    problem = model.problem
+    values = block_feeds(model, problem.editable.block, speeds[None]).values[0]
+    bad = np.isinf(values)
+    if bad.any():
+        moves, row = problem.cut.plan.path.moves, int(bad.argmax())
+        raise ValueError(
+            f"{where(moves, row)}: the line is run at S of {_listed(problem, speeds, row)} rev/min "
+            "and no F keeps the limits at all of them: widen the limits, or write it once for each"
+        )
+    return float(values.sum())
+
+
+def _listed(problem: Problem, speeds: Floats, row: int) -> str:
+    block = problem.editable.block
+    same = block == block[row] if block[row] >= 0 else np.arange(len(block)) == row
+    return ", ".join(f"{speed:g}" for speed in np.unique(speeds[same]).tolist())
+
+
+def _passed(problem: Problem, violation: float) -> str:
+    return (
+        f"{problem.cut.plan.path.moves.files[0]}: no F and S were found that keep all limits; the "
+        f"best passes them by {100 * violation:.3g} % in sum over its blocks: widen the limits"
+    )
+
+
+def refined(model: BlockModel, pieces: Pieces, stretches: Stretches, group: Rows) -> Floats:
+    """Best S of each stretch near those given; never worse.  Shape (H,) [rev/min].
+
+    Parameters
+    ----------
+    model : BlockModel
+        Objective to be minimised, of M rows.
+    pieces, stretches : Pieces, Stretches
+        Pieces of the stretches, and their speeds so far.
+    group : ndarray of intp, shape (M,)
+        Rows that share an F, -1 where it is kept.
+    """
+    speeds = stretches.speeds.copy()
+    if not len(speeds):
+        return speeds
+    changes = changes_of(stretches.of_piece, pieces)
+    colours = _colours(changes, len(speeds))
+    width = _widths(model.problem, stretches)
+    steps = np.linspace(-1.0, 1.0, CANDIDATES)[:, None]
+    for _ in range(NARROWINGS):
+        for colour in range(int(colours.max()) + 1):
+            mine = colours == colour
+            tried = np.where(mine, np.round(speeds * (1 + width * steps)), speeds)
+            tried[CANDIDATES // 2] = speeds
+            tried = np.maximum(tried, 1.0)
+            values = _values(model, pieces, stretches, changes, group, tried)
+            best = values.min(axis=0)
+            first = (values <= best + SAME * np.abs(best)).argmax(axis=0)
+            better = mine & np.isfinite(best)
+            speeds = np.where(better, tried[first, np.arange(len(speeds))], speeds)
+        width = width * 2 / (CANDIDATES - 1)
+    return speeds
+
+
+def _widths(problem: Problem, stretches: Stretches) -> Floats:
+    """Ratio of two neighbours of the grid, less 1, for each stretch; shape (H,)."""
+    low, high = np.full((2, len(stretches.speeds)), np.nan)
+    rows = np.flatnonzero((stretches.stretch >= 0) & problem.cuts)
+    low[:], high[:] = np.inf, 0.0
+    np.minimum.at(low, stretches.stretch[rows], problem.speed_low[rows])
+    np.maximum.at(high, stretches.stretch[rows], problem.speed_high[rows])
+    low = np.maximum(np.minimum(low, stretches.speeds), 0.01 * stretches.speeds)
+    high = np.minimum(np.maximum(high, stretches.speeds), 100 * stretches.speeds)
+    widths: Floats = (high / low) ** (1 / (SPEEDS - 1)) - 1
+    return widths
+
+
+def _values(
+    model: BlockModel, pieces: Pieces, stretches: Stretches, changes: Sequence[Change], group: Rows,
+    speeds: Floats,
+) -> Floats:  # fmt: skip
+    """Objective of each stretch, with the changes from and to it; shape (P, H) of (P, H)."""
+    own = model.problem.cut.plan.path.moves.speed
+    rows = np.flatnonzero(stretches.stretch >= 0)
+    stretch = stretches.stretch[rows]
+    values = block_feeds(model, group, spread(speeds, stretches.stretch, own)).values
+    out = np.zeros(speeds.shape)
+    for one, total in zip(values, out, strict=True):
+        total += np.bincount(stretch, one[rows], minlength=len(total))
+    grid = speeds.T[np.maximum(stretches.of_piece, 0)]
+    out += _of_stretches(start_prices(model, _alone(pieces), grid), stretches, speeds)
+    for before, after, rest, lead in changes:
+        price = change_price(
+            model, speeds[:, before], speeds[:, after], rest=rest, lead=lead
+        )  # fmt: skip
+        out[:, before] += price
+        out[:, after] += price
+    return out
+
+
+def _alone(pieces: Pieces) -> Pieces:
+    """The same pieces, each with speeds of its own."""
+    return Pieces(
+        piece=pieces.piece, tool_run=np.arange(len(pieces)), word=pieces.word, rest=pieces.rest,
+        lead=pieces.lead, key=pieces.key,
+    )  # fmt: skip
+
+
+def _of_stretches(values: Floats, stretches: Stretches, speeds: Floats) -> Floats:
+    """Sums over the pieces of each stretch; shape (P, H) of (A, P)."""
+    out = np.zeros(speeds.shape)
+    here = stretches.of_piece >= 0
+    np.add.at(out.T, stretches.of_piece[here], values[here])
+    return out
+
+
+def _colours(changes: Sequence[Change], many: int) -> Rows:
+    """Numbers such that stretches that follow one another have different ones; shape (H,)."""
+    beside: list[set[int]] = [set() for _ in range(many)]
+    for before, after, *_ in changes:
+        beside[before].add(after)
+        beside[after].add(before)
+    colours = np.full(many, -1, dtype=np.intp)
+    for one in range(many):
+        taken = {int(colours[other]) for other in beside[one]}
+        colours[one] = next(c for c in range(many) if c not in taken)
+    return colours

@@ -1,0 +1,358 @@
+"""Best feed of each block at given spindle speeds: exact where blocks do not interact.
+
+Limits of a row hold its feed for each tooth f_z and its F; at one S they are one interval of F:
+
+    max(F_low, f_z_low N S) <= F <= min(F_high, f_z_high N S, f_z_power(S) N S)
+
+in the row's own units.  Feeds faster than axes, arcs and tolerances allow (``Path.cap``) change
+nothing.  Where the tool goes down in air F is at most as programmed: a floor may lie a little
+higher than it should.
+
+Rows that share an F have to suit all their intervals.  Time falls with F; so does all else, unless
+wear depends on the feed for each tooth: then the best F may lie inside, where a golden section
+finds it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.machine.control.path import Motion
+from pipeline.machine.control.planner import plan
+from pipeline.optimisation.problem.arrays import RowGroups, Rows
+from pipeline.optimisation.problem.limits import STEEP
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.settings import OBJECTIVES
+from pipeline.optimisation.text.words import ROUNDING, rounded_down
+from pipeline.schema.arrays import Floats
+from pipeline.schema.part import Objective
+
+SLACK = 1e-9
+"""Kept free of the greatest F, as a share, so that no rounding of products passes a limit."""
+ROUNDED = 1.01 * ROUNDING
+"""Kept free of the least F, as a share: words round F down."""
+TINY = 1e-9
+"""Less than any F that a word holds."""
+HOUR = 3600.0
+REACHED = 1.0 - 1e-6
+"""Share of its F from which on a row counts as fast as that."""
+STEP = 1e-4
+"""Step below the greatest feed, as a share, at which the objective is compared with that at it."""
+GOLDEN = (np.sqrt(5) - 1) / 2
+SECTIONS = 32
+AT_ONCE = 2**18
+"""Rows times individuals of one pass."""
+
+
+def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest F of each row at S, in the units of ``Moves``; the least is infinite where
+    no F is allowed at that S.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    speeds : ndarray, shape (P, M)
+        [rev/min].
+
+    Returns
+    -------
+    tuple of ndarray, shapes (P, M)
+    """
+    path, cuts = problem.cut.plan.path, problem.cuts
+    spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
+    engaged = cuts & (spindle_speed > 0)
+    teeth = np.where(engaged, problem.flutes * spindle_speed / 60, 0.0)
+    with np.errstate(invalid="ignore"):
+        most = np.minimum(problem.f_z_high, problem.power_f_z(speeds)) * teeth
+        most = np.where(engaged, most, np.inf)
+        least = np.where(engaged, problem.f_z_low * teeth, 0.0)
+    allowed = (problem.speed_low <= speeds) & (speeds <= problem.speed_high)
+    allowed |= ~problem.ranges.counted
+    allowed &= (problem.stable(speeds) | ~engaged) & (least <= path.cap * (1 + SLACK))
+    scale, in_F = (
+        _scale(problem, spindle_speed),
+        np.where(_per_turn(problem) & (spindle_speed > 0), spindle_speed, 1.0),
+    )
+    high = np.where(most < path.cap, most / scale, np.inf)
+    high = np.minimum(high, problem.feed_high / in_F)
+    low = np.maximum(least / scale, problem.feed_low / in_F)
+    own = np.minimum(np.maximum(path.moves.feed, low), high)
+    high = np.where(_descends_in_air(problem), own, high)
+    return np.where(allowed, low, np.inf), high
+
+
+def _descends_in_air(problem: Problem) -> NDArray[np.bool_]:
+    """Rows that go down as steeply as a plunge and cut nothing; shape (M,)."""
+    moves = problem.cut.plan.path.moves
+    fall = moves.start[:, 2] - moves.end[:, 2]
+    descends: NDArray[np.bool_] = (fall > 0) & (fall >= STEEP * moves.length) & ~problem.cuts
+    return descends
+
+
+def common_bounds(
+    problem: Problem, groups: RowGroups, low: Floats, high: Floats, speeds: Floats
+) -> tuple[Floats, Floats]:
+    """Interval of F that suits all rows of each group, without what axes and arcs cut off.
+
+    All of it still suits when a word rounds F down.  An interval too narrow for that is one F: as
+    programmed, or such as a word holds.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    groups : RowGroups
+        U groups of them.
+    low, high : ndarray, shape (P, M)
+        Of rows, from :func:`feed_bounds`.
+    speeds : ndarray, shape (P, M)
+        [rev/min].
+
+    Returns
+    -------
+    tuple of ndarray, shapes (P, U)
+        Empty where the first is above the second.
+    """
+    path = problem.cut.plan.path
+    spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
+    least, most = groups.greatest(low), -groups.greatest(-high)
+    useful = groups.greatest(np.broadcast_to(path.cap / _scale(problem, spindle_speed), low.shape))
+    wide = least * (1 + ROUNDED) <= most * (1 - SLACK)
+    own = groups.common(path.moves.feed)
+    kept = np.where((least <= own) & (own <= most), own, rounded_down(np.maximum(most, TINY)))
+    least = np.where(wide, least * (1 + ROUNDED), np.where(kept >= least, kept, np.inf))
+    most = np.where(wide, np.clip(useful, least, most * (1 - SLACK)), kept)
+    return least, most
+
+
+def _scale(problem: Problem, spindle_speed: Floats) -> Floats:
+    """Speed along the path for one unit of F [m/s]; 1 where nothing moves."""
+    path = problem.cut.plan.path
+    scale = path.factor * np.where(_per_turn(problem), spindle_speed, 1.0)
+    return np.where(scale > 0, scale, 1.0)
+
+
+def _per_turn(problem: Problem) -> NDArray[np.bool_]:
+    per_turn: NDArray[np.bool_] = problem.cut.plan.path.motion == Motion.PER_TURN
+    return per_turn
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockModel:
+    """M rows of a problem and the objective to be minimised, reckoned row by row.
+
+    A row runs at its F, or as fast as it can, and takes an excess of time beside:
+
+        t = L / min(v(F), v_reach) + t_excess
+
+    At first every row reaches what axes and arcs allow, and nothing is in excess: as if each ran at
+    its F all along.  Of a plan, v_reach is the greatest speed of rows too short for their F, and
+    t_excess what speeding up and slowing down takes; then the model holds near that plan.
+
+    Parameters
+    ----------
+    problem : Problem
+        Limits and objectives of the rows.
+    objective : Objective
+        ``pareto`` counts as time.
+    reach : ndarray, shape (M,)
+        Greatest speed along the path [m/s].
+    excess : ndarray, shape (M,)
+        Time beside that at this speed [s].
+    """
+
+    problem: Problem = field(repr=False)
+    objective: Objective
+    reach: Floats = field(repr=False)
+    excess: Floats = field(repr=False)
+
+    @classmethod
+    def alone(cls, problem: Problem, objective: Objective) -> Self:
+        """Each row at its F all along."""
+        cap = problem.cut.plan.path.cap
+        return cls(problem=problem, objective=objective, reach=cap, excess=np.zeros(len(cap)))
+
+    @classmethod
+    def planned(
+        cls, problem: Problem, objective: Objective, feeds: Floats, speeds: Floats
+    ) -> Self:  # fmt: skip
+        """Each row as the control runs it at F and S of rows, both of shape (M,)."""
+        path = problem.cut.plan.path
+        planned = plan(path, feeds=feeds, speeds=speeds)
+        commanded = problem.speed(planned.feed, planned.spindle_speed)
+        short = planned.v_peak < commanded * REACHED
+        reach = np.where(short & (planned.v_peak > 0), planned.v_peak, path.cap)
+        along = np.minimum(commanded, reach)
+        steady = np.divide(path.length, along, out=np.zeros(len(along)), where=along > 0)
+        excess = np.where(_fed(problem), np.maximum(planned.motion.time - steady, 0.0), 0.0)
+        return cls(problem=problem, objective=objective, reach=reach, excess=excess)
+
+    @property
+    def column(self) -> int:
+        """Where the objective stands in arrays that have one column for each."""
+        return column(self.objective)
+
+    def values(self, feeds: Floats, speeds: Floats) -> Floats:
+        """Objective of each row, (P, M), at F and S of that shape in the units of ``Moves``."""
+        objective: Floats = self.demands(feeds, speeds)[self.column]
+        return objective
+
+    def demands(self, feeds: Floats, speeds: Floats) -> Floats:
+        """All objectives of each row; shape (4, P, M)."""
+        problem = self.problem
+        before, spindle_speed = problem.cut.plan, problem.spindle_speed(speeds)
+        fed = _fed(problem)
+        along = np.minimum(problem.speed(feeds, spindle_speed), self.reach)
+        time = before.path.length / np.where(fed, along, 1.0) + self.excess
+        time = np.where(fed, time, before.motion.time)
+        return problem.demand.of_rows(time, np.tile(before.wait, (len(time), 1)), spindle_speed)
+
+    @property
+    def second_price(self) -> float:
+        """Price of a second of standstill in the units of the objective."""
+        basis = self.problem.basis
+        power = 0.0 if basis.energy is None else basis.energy.base_load_kW
+        if self.objective == "cost" and basis.rates is not None:
+            return basis.rates.per_second + power / HOUR * basis.rates.energy_per_kWh
+        if self.objective == "energy":
+            return power / HOUR
+        return 1.0 if self.objective in ("time", "pareto") else 0.0
+
+
+def column(objective: Objective) -> int:
+    """Where an objective stands in arrays that have one column for each."""
+    return OBJECTIVES.index("time" if objective == "pareto" else objective)
+
+
+def _fed(problem: Problem) -> NDArray[np.bool_]:
+    motion = problem.cut.plan.path.motion
+    return np.isin(motion, (Motion.CUTTING, Motion.PER_TURN))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockFeeds:
+    """Best feeds of M rows at P choices of S.
+
+    Parameters
+    ----------
+    feeds : ndarray, shape (P, M)
+        In the units of ``Moves``; rows that keep theirs have their own.
+    values : ndarray, shape (P, M)
+        Objective of each row at that F and S; infinite where no F meets the limits.
+    low, high : ndarray, shape (P, M)
+        Interval that suits all rows of a group; empty where ``low`` is above ``high``.
+    """
+
+    feeds: Floats = field(repr=False)
+    values: Floats = field(repr=False)
+    low: Floats = field(repr=False)
+    high: Floats = field(repr=False)
+
+
+def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
+    """Best F of each group of rows at given speeds.
+
+    Parameters
+    ----------
+    model : BlockModel
+        Objective to be minimised, of M rows.
+    group : ndarray of intp, shape (M,)
+        Rows that share an F, from 0 without gaps; -1 where the row keeps its own.
+    speeds : ndarray, shape (P, M)
+        S of each row [rev/min].
+    """
+    many = max(1, AT_ONCE // max(speeds.shape[1], 1))
+    parts = [
+        _solved(model, group, speeds[first : first + many]) for first in range(0, len(speeds), many)
+    ]
+    return BlockFeeds(
+        feeds=np.concatenate([part.feeds for part in parts]),
+        values=np.concatenate([part.values for part in parts]),
+        low=np.concatenate([part.low for part in parts]),
+        high=np.concatenate([part.high for part in parts]),
+    )
+
+
+def best_feeds(
+    model: BlockModel, groups: RowGroups, speeds: Floats, low: Floats, high: Floats
+) -> Floats:
+    """F of each row, the best of its group from ``low`` to ``high``.
+
+    Parameters
+    ----------
+    model : BlockModel
+        Objective to be minimised, of M rows.
+    groups : RowGroups
+        U groups that share an F; other rows keep theirs.
+    speeds : ndarray, shape (P, M)
+        S of each row [rev/min].
+    low, high : ndarray, shape (P, U)
+        Where that is empty, the mean of the group's own feeds is taken.
+
+    Returns
+    -------
+    ndarray, shape (P, M)
+    """
+    own = model.problem.cut.plan.path.moves.feed
+
+    def values(feeds: Floats, rows: Rows | slice) -> Floats:
+        return groups.total(model.values(groups.spread(feeds, own), speeds[rows]))
+
+    possible, given = low <= high, groups.mean(own)
+    best = _lowest(values, np.where(possible, low, given), np.where(possible, high, given))
+    return groups.spread(best, own)
+
+
+def _solved(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
+    problem = model.problem
+    own, groups = problem.cut.plan.path.moves.feed, RowGroups(group)
+    low, high = feed_bounds(problem, speeds)
+    least, most = common_bounds(problem, groups, low, high, speeds)
+    feeds = best_feeds(model, groups, speeds, least, most)
+    bad = groups.spread(np.where(least <= most, 0.0, 1.0), np.zeros(len(own))) > 0
+    held = problem.cuts & (group < 0)
+    bad |= held & ~((low <= own * (1 + SLACK)) & (own <= high * (1 + SLACK)))
+    return BlockFeeds(
+        feeds=feeds,
+        values=np.where(bad, np.inf, model.values(feeds, speeds)),
+        low=groups.spread(least, own),
+        high=groups.spread(most, own),
+    )
+
+
+def _lowest(
+    values: Callable[[Floats, Rows | slice], Floats], low: Floats, high: Floats
+) -> Floats:  # fmt: skip
+    """Feeds from ``low`` to ``high`` of the least values; shapes (P, U)."""
+    every = slice(None)
+    inside = np.maximum(high * (1 - STEP), low)
+    interior = values(inside, every) < values(high, every)
+    rows = np.flatnonzero(interior.any(axis=1))
+    if not len(rows):
+        return high
+    best = high.copy()
+    interior_best = _golden(lambda feeds: values(feeds, rows), low[rows], high[rows])
+    best[rows] = np.where(interior[rows], interior_best, high[rows])
+    return best
+
+
+def _golden(values: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
+    """Where a function with one valley is least, by golden section over log F."""
+    left, right = np.log(low), np.log(high)
+    one, two = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
+    at_one, at_two = values(np.exp(one)), values(np.exp(two))
+    for _ in range(SECTIONS):
+        lower = at_one <= at_two  # the valley is left of the second
+        left, right = np.where(lower, left, one), np.where(lower, two, right)
+        new_one = right - GOLDEN * (right - left)
+        new_two = left + GOLDEN * (right - left)
+        new = values(np.exp(np.where(lower, new_one, new_two)))
+        at_one, at_two = np.where(lower, new, at_two), np.where(lower, at_one, new)
+        one, two = new_one, new_two
+    ends = np.stack([low, np.clip(np.exp(0.5 * (left + right)), low, high)])
+    sides = np.stack([values(ends[0]), values(ends[1])])
+    return np.where(sides[0] <= sides[1], ends[0], ends[1])

@@ -1,0 +1,263 @@
+"""Decisions as genes that keep the limits, and one cost for each individual of a search.
+
+At one S the limits of each row are one interval of F
+(:mod:`pipeline.optimisation.methods.feeds`), and so are those of rows that share an F.  A gene of F
+is a place in that interval, on a logarithmic scale, from 0 to 1; whatever S a search tries, feeds
+follow it and keep their limits.  Genes of S are the spindle speeds themselves.
+"""
+
+from dataclasses import dataclass, field
+from math import inf
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.optimisation.methods.feeds import common_bounds, feed_bounds
+from pipeline.optimisation.problem.arrays import Decision, Groups, RowGroups
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.schema.arrays import Floats
+
+LEAST = 1e-3
+"""Of the greatest F that is allowed, where the range of F begins below."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoundedGenes:
+    """Genes of G groups and H stretches: first G shares of F [1], then H speeds [rev/min].
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    start : Decision
+        Whose groups they are; its S may stay as it is, all other S are whole.
+    low, high : ndarray, shape (G + H,)
+        Bounds.
+    """
+
+    problem: Problem = field(repr=False)
+    start: Decision = field(repr=False)
+    low: Floats = field(repr=False)
+    high: Floats = field(repr=False)
+
+    @classmethod
+    def of(cls, problem: Problem, start: Decision) -> "BoundedGenes":
+        """The genes of a decision's groups; its S may lie outside of what rows allow."""
+        slow, fast = speed_ranges(problem, start.groups, start.speeds)
+        slow, fast = np.minimum(slow, start.speeds), np.maximum(fast, start.speeds)
+        many = start.groups.feeds
+        return cls(
+            problem=problem, start=start, low=np.concatenate([np.zeros(many), slow]),
+            high=np.concatenate([np.ones(many), fast]),
+        )  # fmt: skip
+
+    @property
+    def groups(self) -> Groups:
+        """Rows that share an F, and an S."""
+        return self.start.groups
+
+    @property
+    def log(self) -> NDArray[np.bool_]:
+        """Which genes are searched on a logarithmic scale: the speeds; shape (G + H,)."""
+        return np.arange(len(self.low)) >= self.groups.feeds
+
+    def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
+        """F, shape (P, G), and S, shape (P, H), of genes of shape (P, G + H)."""
+        many = self.groups.feeds
+        speeds = whole(genes[:, many:], self.start.speeds)
+        low, high = group_bounds(self.problem, self.groups, speeds)
+        possible = low <= high
+        with np.errstate(over="ignore", invalid="ignore"):
+            feeds = low * (high / low) ** genes[:, :many]
+        # groups without an F that keeps the limits take the greatest that keeps the upper ones
+        other = np.where((high > 0) & np.isfinite(high), high, self.start.feeds)
+        return np.where(possible, np.minimum(feeds, high), other), speeds
+
+    def encoded(self, feeds: Floats, speeds: Floats) -> Floats:
+        """Genes, shape (P, G + H), of F, shape (P, G), and S, shape (P, H)."""
+        low, high = group_bounds(self.problem, self.groups, speeds)
+        wide = high > low
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.log(feeds / low) / np.log(high / low)
+        share = np.clip(np.where(wide & np.isfinite(share), share, 1.0), 0.0, 1.0)
+        many = self.groups.feeds
+        return np.concatenate(
+            [share, np.clip(speeds, self.low[many:], self.high[many:])], axis=1
+        )  # fmt: skip
+
+
+def whole(speeds: Floats, start: Floats) -> Floats:
+    """Whole S, shape (P, H); those next to where the search began as it had them, (H,)."""
+    return np.where(np.abs(speeds - start) < 0.5, start, np.round(speeds))
+
+
+def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest whole S that suits all rows of each stretch, shape (H,) each.
+
+    Where there is no whole S to choose from it is kept as in ``own``, shape (H,).
+    """
+    rows = np.flatnonzero(groups.speed >= 0)
+    low, high = np.zeros(len(own)), np.full(len(own), np.inf)
+    np.maximum.at(low, groups.speed[rows], problem.speed_low[rows])
+    np.minimum.at(high, groups.speed[rows], problem.speed_high[rows])
+    low, high = np.maximum(np.ceil(low), 1.0), np.floor(high)
+    free = np.isfinite(high) & (low <= high)
+    return np.where(free, low, own), np.where(free, high, own)
+
+
+def group_bounds(problem: Problem, groups: Groups, speeds: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest F that suits all rows of each group, shape (P, G) each.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    groups : Groups
+        G of them.
+    speeds : ndarray, shape (P, H)
+        [rev/min].
+
+    Returns
+    -------
+    tuple of ndarray
+        In the units of ``Moves``; the least is above the greatest where no F keeps the limits.
+    """
+    rows = groups.row_speeds(speeds)
+    least, most = common_bounds(
+        problem, RowGroups(groups.feed), *feed_bounds(problem, rows), rows
+    )  # fmt: skip
+    return np.maximum(least, LEAST * most), most
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Method:
+    """Objectives of one method to choose F and S.
+
+    Parameters
+    ----------
+    name : str
+        Of the method.
+    decision : Decision or None
+        F and S that it chose; None for the program as it is.
+    objectives : ndarray, shape (4,)
+        Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known.
+    violation : float
+        Sum over rows of what passes each limit, as a share of it [1]; 0 inside all limits.
+    evaluations : int
+        That it took.
+    """
+
+    name: str
+    decision: Decision | None = field(repr=False)
+    objectives: Floats
+    violation: float
+    evaluations: int
+
+
+def method_of(problem: Problem, name: str, decision: Decision, evaluations: int) -> Method:
+    """Objectives and violation of a decision."""
+    evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
+    return Method(
+        name=name, decision=decision, objectives=evaluated.objectives[0],
+        violation=float(evaluated.violation[0]), evaluations=evaluations,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Front:
+    """Decisions of which none is better than another in all that counts.
+
+    Parameters
+    ----------
+    decisions : tuple of Decision
+        F of them, inside all limits, by the first of the objectives that count.
+    objectives : ndarray, shape (F, 4)
+        Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known.
+    no_worse : ndarray of bool, shape (F,)
+        Members that are in nothing that counts worse than the program as it is.
+    knee : int
+        The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of those
+        that are no worse than the program; of all where there is none.
+    evaluations : int
+        That it took.
+    """
+
+    decisions: tuple[Decision, ...] = field(repr=False)
+    objectives: Floats
+    no_worse: NDArray[np.bool_] = field(repr=False)
+    knee: int
+    evaluations: int
+
+
+class Genes(Protocol):
+    """Genes of a search that stand for F and S."""
+
+    @property
+    def groups(self) -> Groups:
+        """Rows that share an F, and an S."""
+        ...
+
+    def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
+        """F, shape (P, G), and S, shape (P, H), of genes, shape (P, D)."""
+        ...
+
+
+@dataclass(kw_only=True)
+class Fitness:
+    """Evaluates individuals, counts them, and keeps the best that was inside all limits.
+
+    With the objective v as a share of a reference, an individual that keeps all limits costs
+    v / (1 + v), less than 1 however much it takes; one that does not costs 1 and the sum of its
+    violations.  A search that only compares costs never takes a violation for a gain, and no weight
+    has to be chosen.
+
+    Parameters
+    ----------
+    problem : Problem
+        Evaluates them.
+    genes : Genes
+        Of the individuals.
+    column : int
+        Of the objective, see :data:`~pipeline.optimisation.settings.OBJECTIVES`.
+    reference : float
+        The objective's size; above 0.
+    weight : float, optional
+        Of violations beside the objective as a share of the reference, as Sim2023 has it: a
+        penalty, in place of limits first.
+    """
+
+    problem: Problem
+    genes: Genes
+    column: int
+    reference: float
+    weight: float | None = None
+    best: float = inf
+    decision: Decision | None = None
+    evaluations: int = 0
+    history: list[float] = field(default_factory=list)
+
+    def __call__(self, genes: Floats) -> Floats:
+        """Costs, shape (P,), of genes, shape (P, D); NaN where the objective is not known."""
+        feeds, speeds = self.genes.decoded(genes)
+        evaluated = self.problem.evaluate(self.genes.groups, feeds, speeds)
+        value = evaluated.objectives[:, self.column]
+        inside = evaluated.violation <= 0
+        self._keep(np.where(inside, value, inf), feeds, speeds)
+        share = value / self.reference
+        if self.weight is not None:
+            penalised: Floats = share + self.weight * evaluated.violation
+            return penalised
+        return np.where(inside, share / (1 + share), 1 + evaluated.violation)
+
+    def _keep(self, values: Floats, feeds: Floats, speeds: Floats) -> None:
+        values = np.where(np.isnan(values), inf, values)
+        self.evaluations += len(values)
+        best_so_far = np.minimum.accumulate(np.minimum(values, self.best))
+        self.history.extend(best_so_far.tolist())
+        k = int(values.argmin())
+        if values[k] < self.best:
+            self.best = float(values[k])
+            self.decision = Decision(
+                groups=self.genes.groups, feeds=feeds[k].copy(), speeds=speeds[k].copy()
+            )

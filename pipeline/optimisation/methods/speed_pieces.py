@@ -1,0 +1,209 @@
+"""Pieces of a program between the places where S may change, and the spindle speeds tried for them.
+
+Rows between two such places have one S.  The grid of speeds of each tool is a geometric row, the
+ends of its range, and speeds at which the feed per tooth and the feed reach their limits together.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.gcode.moves import Moves
+from pipeline.machine.control.path import Motion
+from pipeline.machine.control.planner import Plan
+from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.problem.spindle import leads
+from pipeline.optimisation.settings import Grouping
+from pipeline.schema.arrays import Bools, Floats
+
+SPEEDS = 48
+"""Of the geometric row."""
+CORNERS = 16
+"""Speeds at most at which the greatest feed per tooth meets the greatest feed."""
+SLOWEST = 0.1
+"""Of the program's least S, where no limit is lower than that."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pieces:
+    """A pieces of a program of M rows, in the order that they are run in.
+
+    Parameters
+    ----------
+    piece : ndarray of intp, shape (M,)
+        -1 in rows that keep their S.
+    tool_run : ndarray of intp, shape (A,)
+        Runs of pieces of one tool; S is free to change from one to the next.
+    word : ndarray of bool, shape (A,)
+        Whether an S word has to be added for S to change at the piece's first line.
+    rest : ndarray of bool, shape (A,)
+        Whether the spindle stands when the piece begins.
+    lead : ndarray, shape (A,)
+        Time from the beginning of the piece to its first cut, at rapids and at rest [s].
+    key : ndarray of intp, shape (A,)
+        Pieces of one key begin at the same line, run again, and have one S.
+    """
+
+    piece: Rows = field(repr=False)
+    tool_run: Rows = field(repr=False)
+    word: Bools = field(repr=False)
+    rest: Bools = field(repr=False)
+    lead: NDArray[np.float64] = field(repr=False)
+    key: Rows = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.tool_run)
+
+
+def speed_pieces(plan: Plan, editable: Editable, cuts: Bools, grouping: Grouping) -> Pieces:
+    """Pieces of a program.
+
+    A piece goes from a line where an S word may stand to the next such line.  A word is added only
+    between two cuts, and at the first line after a cut: the approach to the next cut is made at the
+    speed of that one, the retract from the last at the speed that it was cut with.  A line that is
+    run more than once (a loop, a subprogram) gives S the same value each time: there only the
+    program's own S words count, and each always begins a piece.  Tools that cut nothing keep their
+    S.
+
+    Parameters
+    ----------
+    plan : Plan
+        M rows as programmed.
+    editable : Editable
+        Which S may change.
+    cuts : ndarray of bool, shape (M,)
+        Rows that cut at feed.
+    grouping : Grouping
+        Whether S words may be added.
+    """
+    moves = plan.path.moves
+    line_run, line = _line_runs(moves)
+    repeated = np.bincount(line)[line] > 1
+    own = _any(editable.own_start & editable.speed, line_run)
+    may = _any(editable.may_start & editable.speed, line_run)
+    begins = own.copy()
+    if grouping.speeds == "blocks":
+        begins |= _between_cuts(
+            own, may & ~repeated, _any(cuts, line_run), moves.tool[_first(line_run)].astype(np.intp)
+        )
+    piece = np.cumsum(begins)[line_run] - 1
+    first = np.searchsorted(line_run, np.flatnonzero(begins))
+    changed = np.diff(moves.tool[first], prepend=-2) != 0
+    tool_run = np.cumsum(changed) - 1
+    free = editable.speed & (piece >= 0)
+    cutting = np.zeros(int(tool_run.max(initial=-1)) + 1, dtype=bool)
+    cutting[tool_run[piece[free & cuts]]] = True
+    free[free] = cutting[tool_run[piece[free]]]
+    standing = np.where(first > 0, moves.direction[first - 1], 0) == 0
+    return Pieces(
+        piece=np.where(free, piece, -1), tool_run=tool_run, word=~own[begins], rest=standing,
+        lead=leads(plan, editable, cuts)[first], key=line[begins],
+    )  # fmt: skip
+
+
+def _line_runs(moves: Moves) -> tuple[Rows, Rows]:
+    """Run of rows of one line that each row belongs to, (M,), and the line of each run, (V,)."""
+    new = (np.diff(moves.line, prepend=-1) != 0) | (np.diff(moves.file, prepend=-1) != 0)
+    first = np.flatnonzero(new)
+    where = np.stack([moves.file[first].astype(np.intp), moves.line[first].astype(np.intp)])
+    _, line = np.unique(where, axis=1, return_inverse=True)
+    return (np.cumsum(new) - 1).astype(np.intp), line.ravel()
+
+
+def _between_cuts(own: Bools, may: Bools, cuts: Bools, tool: Rows) -> Bools:
+    """Line runs where a word may be added: a cut before in its piece and one to come; (V,)."""
+    ends = own | (np.diff(tool, prepend=tool[:1]) != 0)
+    begins, cut_since = np.zeros(len(own), dtype=bool), False
+    last = np.append(np.flatnonzero(ends), len(own))
+    next_end = last[
+        np.searchsorted(last, np.arange(len(own)), side="right").clip(max=len(last) - 1)
+    ]
+    cut = np.append(np.flatnonzero(cuts), len(own))
+    next_cut = cut[np.searchsorted(cut, np.arange(len(own))).clip(max=len(cut) - 1)]
+    to_come = next_cut < next_end
+    for v in np.flatnonzero(own | may | cuts).tolist():
+        if own[v]:
+            cut_since = False
+        elif may[v] and cut_since and to_come[v]:
+            begins[v], cut_since = True, False
+        cut_since |= bool(cuts[v])
+    return begins
+
+
+def _first(line_run: Rows) -> Rows:
+    """First row of each line_run."""
+    return np.flatnonzero(np.diff(line_run, prepend=-1))
+
+
+def _any(flags: Bools, line_run: Rows) -> Bools:
+    """Whether any row of each line_run has a flag; shape (V,)."""
+    flagged: Bools = np.bincount(line_run[flags], minlength=int(line_run.max(initial=-1)) + 1) > 0
+    return flagged
+
+
+def speed_grid(problem: Problem, pieces: Pieces) -> Floats:
+    """Speeds tried for each run of pieces of one tool, in whole rev/min or as programmed.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    pieces : Pieces
+        In T runs.
+
+    Returns
+    -------
+    ndarray, shape (T, K)
+        Rising [rev/min]; the last one stands repeatedly where a run has fewer.
+    """
+    moves = problem.cut.plan.path.moves
+    listed = []
+    for tool_run in range(int(pieces.tool_run.max(initial=-1)) + 1):
+        rows = (pieces.piece >= 0) & (pieces.tool_run[pieces.piece] == tool_run)
+        own = np.unique(moves.speed[rows & (moves.speed > 0)])
+        cuts = rows & problem.cuts
+        listed.append(_speeds(problem, cuts, own) if cuts.any() else np.array([1.0]))
+    many = max((len(speeds) for speeds in listed), default=1)
+    grid = np.empty((len(listed), many))
+    for row, speeds in zip(grid, listed, strict=True):
+        row[: len(speeds)], row[len(speeds) :] = speeds, speeds[-1]
+    return grid
+
+
+def _speeds(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> Floats:
+    low, high = speed_range(problem, cuts, own)
+    row = np.geomspace(low, max(high, low), SPEEDS)
+    corners = _corners(problem, cuts)
+    corners = corners[(corners > low) & (corners < high)]
+    if len(corners) > CORNERS:
+        corners = np.quantile(corners, np.linspace(0, 1, CORNERS))
+    ends = [np.ceil(low), np.floor(high)]
+    whole = np.concatenate([ends, np.round(row), np.ceil(corners)])
+    inside = whole[(whole >= low) & (whole <= high)]
+    speeds: Floats = np.unique(np.concatenate([inside, own[(own >= low) & (own <= high)]]))
+    return speeds if len(speeds) else np.array([low])
+
+
+def speed_range(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> tuple[float, float]:
+    """Least and greatest S of any of some rows that cut [rev/min].
+
+    Where nothing limits S, it is what the program has at most, and a tenth of what it has at least.
+    """
+    least, most = float(own.min(initial=np.inf)), float(own.max(initial=0.0))
+    low = float(problem.speed_low[cuts].min())
+    high = float(problem.speed_high[cuts].max())
+    least = min(SLOWEST * least, high)
+    low = max(low, least) if np.isfinite(least) else low
+    return max(low, 1.0), high if np.isfinite(high) else max(most, low)
+
+
+def _corners(problem: Problem, cuts: NDArray[np.bool_]) -> Floats:
+    """Least S of each row at which feed per tooth and feed meet their limits [rev/min]."""
+    path = problem.cut.plan.path
+    rows = np.flatnonzero(cuts & (path.motion != Motion.PER_TURN) & (problem.f_z_high > 0))
+    fastest = np.minimum(path.factor[rows] * problem.feed_high[rows], path.cap[rows])
+    speed = 60 * fastest / (problem.f_z_high[rows] * problem.flutes[rows])
+    corners: Floats = np.unique(np.ceil(speed[np.isfinite(speed)]))
+    return corners

@@ -1,0 +1,356 @@
+"""Spindle speed of each stretch of a program: the cheapest path through a grid of speeds.
+
+Pieces of the program (:mod:`pipeline.optimisation.methods.speed_pieces`) are stages, speeds of the
+grid the states.  A stage costs what its blocks take with their best feeds at that S; a change of S
+costs the time that the control waits for the spindle, and the worth of an S word that has to be
+added.  A change by less than the least one is not allowed.  All speeds are whole rev/min, or as
+programmed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.machine.control.path import where
+from pipeline.machine.spindle import spindle_waits
+from pipeline.optimisation.methods.feeds import BlockModel, block_feeds
+from pipeline.optimisation.methods.speed_pieces import Pieces, speed_grid, speed_pieces
+from pipeline.optimisation.problem.arrays import Rows
+from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.settings import Grouping
+from pipeline.schema.arrays import Floats
+
+LEADS = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0])
+"""Classes of the time before a cut [s]."""
+TIE = 1e-9
+"""Gain of a higher speed of the grid over the one below, as a share, from which it is taken."""
+CHANGE = 1e-7
+"""Saving that any change of S has to reach, as a share of the whole part."""
+LATE = 1e6
+"""Price of cutting before the spindle has its speed: only where nothing else is possible."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stretches:
+    """H stretches of one S in M rows of A pieces.
+
+    Parameters
+    ----------
+    stretch : ndarray of intp, shape (M,)
+        -1 in rows that keep their S.
+    speeds : ndarray, shape (H,)
+        [rev/min].
+    of_piece : ndarray of intp, shape (A,)
+        Stretch of each piece.
+    """
+
+    stretch: Rows = field(repr=False)
+    speeds: Floats = field(repr=False)
+    of_piece: Rows = field(repr=False)
+
+
+def spread(speeds: Floats, stretch: Rows, own: Floats) -> Floats:
+    """S of each row, shape (..., M), of those of stretches, (..., H); ``own`` where it is kept."""
+    if not speeds.shape[-1]:
+        return np.broadcast_to(own, (*speeds.shape[:-1], len(own))).copy()
+    return np.where(stretch >= 0, speeds[..., stretch], own)
+
+
+def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pieces, Stretches]:
+    """Best stretches of S, each with the best value of the grid.
+
+    Parameters
+    ----------
+    model : BlockModel
+        Objective to be minimised, of M rows.
+    grouping : Grouping
+        Where S words may be added, and what they have to save.
+    whole : float
+        Objective of the whole part as programmed.
+
+    Raises
+    ------
+    ValueError
+        When no S of a block's range meets its limits.
+    """
+    problem, moves = model.problem, model.problem.cut.plan.path.moves
+    pieces = speed_pieces(problem.cut.plan, problem.editable, problem.cuts, grouping)
+    grid = speed_grid(problem, pieces)
+    values = _piece_values(model, pieces, grid)
+    values += start_prices(model, pieces, grid)
+    values *= 1 + TIE * np.arange(values.shape[1])
+    rest = model.values(moves.feed[None], moves.speed[None])[0, pieces.piece < 0]
+    least = float(values.min(axis=1).sum() + rest.sum())
+    whole = min(whole, least)  # as programmed may be many times what it could be
+    words = whole * np.where(pieces.word, max(grouping.least_gain, CHANGE), CHANGE)
+    chosen = _chosen(model, pieces, grid, values, words)
+    return pieces, _stretches(pieces, grid[pieces.tool_run, chosen])
+
+
+def _piece_values(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
+    """Objective of each piece at each speed with its best feeds; shape (A, K)."""
+    problem = model.problem
+    own, block = problem.cut.plan.path.moves.speed, problem.editable.block
+    group = _parts_of_blocks(block, pieces.piece)
+    totals = np.zeros((len(pieces), grid.shape[1]))
+    failing = np.ones(len(own), dtype=bool)
+    for k, speeds in enumerate(grid.T):
+        row_speeds = spread(speeds[pieces.tool_run], pieces.piece, own)
+        values = block_feeds(model, group, row_speeds[None]).values[0]
+        here = pieces.piece >= 0
+        totals[:, k] = np.bincount(pieces.piece[here], values[here], minlength=len(pieces))
+        failing &= np.isinf(values)
+    if failing.any():
+        raise ValueError(_no_speed(problem, pieces, grid, int(failing.argmax())))
+    return totals
+
+
+def _parts_of_blocks(block: Rows, piece: Rows) -> Rows:
+    """Rows of one block in one piece, so that pieces can be looked at one by one; (M,)."""
+    parts = np.full(len(block), -1, dtype=np.intp)
+    rows = np.flatnonzero(block >= 0)
+    if len(rows):
+        pairs = np.stack([block[rows], piece[rows]])
+        parts[rows] = np.unique(pairs, axis=1, return_inverse=True)[1].ravel()
+    return parts
+
+
+def _no_speed(problem: Problem, pieces: Pieces, grid: Floats, row: int) -> str:
+    moves = problem.cut.plan.path.moves
+    place, piece = where(moves, row), int(pieces.piece[row])
+    if piece < 0:
+        return (
+            f"{place}: no F keeps the limits at S {moves.speed[row]:g}, which cannot be changed "
+            "there: widen the limits"
+        )
+    speeds = grid[pieces.tool_run[piece]]
+    span = f"no S from {speeds[0]:g} to {speeds[-1]:g} rev/min"
+    if problem.editable.block[row] < 0:
+        return (
+            f"{place}: F {moves.feed[row]:g} cannot be changed there, and {span} keeps the limits "
+            "with it: lower it in the program"
+        )
+    return (
+        f"{place}: {span} has an F that keeps the limits: widen them, or take another tool"
+    )  # fmt: skip
+
+
+def _chosen(
+    model: BlockModel, pieces: Pieces, grid: Floats, values: Floats, words: Floats
+) -> Rows:  # fmt: skip
+    """Index of each piece's speed in the grid of its run; shape (A,)."""
+    values = _shared(values, pieces.key)
+    first = _paths(model, pieces, grid, values, words)
+    _, leader, many = np.unique(pieces.key, return_index=True, return_counts=True)
+    tied = leader[many > 1]
+    if not len(tied):
+        return first
+    for piece in tied.tolist():  # all that begin at one line take the speed of the first
+        speed = grid[pieces.tool_run[piece], first[piece]]
+        for other in np.flatnonzero(pieces.key == pieces.key[piece]).tolist():
+            near = np.abs(grid[pieces.tool_run[other]] - speed)
+            values[other, near > near.min()] = np.inf
+    return _paths(model, pieces, grid, values, words)
+
+
+def _shared(values: Floats, key: Rows) -> Floats:
+    """Values of pieces of one key, each with the mean of all."""
+    _, index, many = np.unique(key, return_inverse=True, return_counts=True)
+    if (many == 1).all():
+        return values
+    total = np.zeros((len(many), values.shape[1]))
+    np.add.at(total, index, values)
+    return total[index] / many[index, None]
+
+
+def _paths(
+    model: BlockModel, pieces: Pieces, grid: Floats, values: Floats, words: Floats
+) -> Rows:  # fmt: skip
+    chosen = np.zeros(len(pieces), dtype=np.intp)
+    for tool_run, speeds in enumerate(grid):
+        mine = np.flatnonzero(pieces.tool_run == tool_run)
+        before, after = speeds[:, None], speeds[None, :]
+        kinds, kind = np.unique(_kinds(pieces)[:, mine], axis=1, return_inverse=True)
+        change = np.stack([
+            change_price(model, before, after, rest=bool(rest), lead=float(lead))
+            for rest, lead in kinds.T
+        ])  # fmt: skip
+        chosen[mine] = viterbi(values[mine], change, kind.ravel(), words[mine])
+        taken = values[mine, chosen[mine]].sum()
+        if not np.isfinite(taken):
+            raise ValueError(_no_sequence(model.problem, pieces, mine))
+    return chosen
+
+
+def _kinds(pieces: Pieces) -> Floats:
+    """Whether the spindle rests before each piece, and the lead, rounded down; shape (2, A)."""
+    lead = LEADS[np.searchsorted(LEADS, pieces.lead, side="right") - 1]
+    return np.stack([pieces.rest.astype(np.float64), lead])
+
+
+def _no_sequence(problem: Problem, pieces: Pieces, mine: Rows) -> str:
+    moves = problem.cut.plan.path.moves
+    row = int(np.isin(pieces.piece, mine).argmax())
+    least = problem.limits.least_speed_change_rpm
+    return (
+        f"{where(moves, row)}: T{moves.tool[row]} finds no S that keeps the limits of all its "
+        f"blocks with changes of at least {least:g} rev/min at the places where S may change: "
+        'widen the limits, or let S words be added (grouping.speeds = "blocks")'
+    )
+
+
+def _stretches(pieces: Pieces, speeds: Floats) -> Stretches:
+    """Pieces in a row that have one S are one stretch; so are all of one key."""
+    new = (np.diff(speeds, prepend=-1.0) != 0) | (np.diff(pieces.tool_run, prepend=-1) != 0)
+    run = np.cumsum(new) - 1
+    run = _joined(run, pieces.key)
+    _, first, of_piece = np.unique(run, return_index=True, return_inverse=True)
+    used = pieces.piece >= 0
+    there, stretch = np.unique(of_piece[pieces.piece[used]], return_inverse=True)
+    rows = np.full(len(pieces.piece), -1, dtype=np.intp)
+    rows[used] = stretch
+    number = np.full(len(first), -1, dtype=np.intp)
+    number[there] = np.arange(len(there))
+    return Stretches(stretch=rows, speeds=speeds[first][there], of_piece=number[of_piece])
+
+
+def _joined(run: Rows, key: Rows) -> Rows:
+    """Runs that share a key made one, by the lowest of their numbers."""
+    while True:
+        lowest = np.full(int(key.max(initial=-1)) + 1, len(run), dtype=np.intp)
+        np.minimum.at(lowest, key, run)
+        of_run = np.arange(len(run) + 1)
+        np.minimum.at(of_run, run, lowest[key])
+        joined = of_run[run]
+        if (joined == run).all():
+            return run
+        run = joined
+
+
+def changes_of(of_piece: Rows, pieces: Pieces) -> Sequence[tuple[int, int, bool, float]]:
+    """Stretches that follow one another on one tool.
+
+    Before, after, whether the spindle rests between them, and the least lead [s].
+    """
+    leads: dict[tuple[int, int, bool], float] = {}
+    for piece in range(1, len(pieces)):
+        before, after = int(of_piece[piece - 1]), int(of_piece[piece])
+        same = pieces.tool_run[piece] == pieces.tool_run[piece - 1]
+        if same and before != after and min(before, after) >= 0:
+            key = (before, after, bool(pieces.rest[piece]))
+            leads[key] = min(leads.get(key, np.inf), float(pieces.lead[piece]))
+    return [(*key, lead) for key, lead in leads.items()]
+
+
+def viterbi(values: Floats, change: Floats, kind: Rows, word: Floats) -> Rows:
+    """States of A stages that cost least together: dynamic programming (Viterbi 1967).
+
+    Parameters
+    ----------
+    values : ndarray, shape (A, K)
+        Of each state at each stage; infinite where it is not allowed.
+    change : ndarray, shape (C, K, K)
+        Price of going from one state (first) to another, by kind of change.
+    kind : ndarray of intp, shape (A,)
+        Kind of the change that leads to each stage.
+    word : ndarray, shape (A,)
+        Price of any change there, beside that of its kind.
+
+    Returns
+    -------
+    ndarray of intp, shape (A,)
+        The lowest states, and the earliest changes, of those that cost the same; infinite in all
+        states of a stage, all are given as 0.
+    """
+    stages, states = values.shape
+    before = np.tile(np.arange(states), (stages, 1))
+    best = values[0]
+    for stage in range(1, stages):
+        price = best[:, None] + change[kind[stage]]
+        cheapest = price.argmin(axis=0)
+        moved = price[cheapest, np.arange(states)] + word[stage]
+        before[stage] = np.where(moved < best, cheapest, before[stage])
+        best = np.minimum(moved, best) + values[stage]
+    path = np.zeros(stages, dtype=np.intp)
+    path[-1] = best.argmin()
+    for stage in range(stages - 1, 0, -1):
+        path[stage - 1] = before[stage, path[stage]]
+    return path
+
+
+def change_price(
+    model: BlockModel, before: Floats, after: Floats, *, rest: bool, lead: float
+) -> Floats:
+    """Price of a change of S between two places of one tool; infinite below the least change.
+
+    Parameters
+    ----------
+    model : BlockModel
+        Objective to be minimised, of M rows.
+    before, after : ndarray
+        [rev/min], of shapes that go together.
+    rest : bool
+        Whether the spindle stands in between; what its start takes does not belong to the change.
+    lead : float
+        Time from the change to the next cut [s]: a control that does not wait cuts at another speed
+        than it should, with too thick chips where that is lower, when the lead is too short.
+    """
+    problem, least = model.problem, model.problem.limits.least_speed_change_rpm
+    step = np.abs(after - before)
+    price = np.zeros(step.shape)
+    if not rest:
+        price += problem.speed_change_time(before, after) * model.second_price
+        price += np.where(problem.speed_changes.ramp(before, after) > lead, LATE, 0.0)
+    price = np.where(step > 0, price, 0.0)
+    return np.where((step > 0) & (step < least), np.inf, price)
+
+
+def start_prices(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
+    """Price of starting the spindle for each piece, and stopping it after; shape (A, K).
+
+    Infinite where S would be too near to that of a row beside the piece that keeps its own.
+
+    Parameters
+    ----------
+    model : BlockModel
+        Objective to be minimised, of M rows.
+    pieces : Pieces
+        A of them.
+    grid : ndarray, shape (T, K)
+        Speeds of each run of pieces [rev/min].
+    """
+    prices, price = _beside_held(model, pieces, grid), model.second_price
+    if not len(pieces) or price == 0.0:
+        return prices
+    plan = model.problem.cut.plan
+    moves, auxiliary = plan.path.moves, plan.path.control.auxiliary
+    speeds = np.where(pieces.piece >= 0, grid.T[:, pieces.tool_run[pieces.piece]], moves.speed)
+    speeds[:, moves.direction == 0] = 0.0
+    rows, waiting, seconds = spindle_waits(moves, auxiliary, speeds)
+    passed = np.concatenate([[0.0], np.cumsum(plan.time)])
+    for row, until, needed in zip(rows.tolist(), waiting.tolist(), seconds.T, strict=True):
+        was_on = row > 0 and moves.direction[row - 1] != 0
+        starts = moves.direction[row] != 0
+        if was_on and starts:
+            continue  # a change of speed
+        piece = pieces.piece[row] if starts else pieces.piece[row - 1]
+        if piece >= 0 and was_on != starts:
+            meanwhile = passed[until] - passed[min(row + 1, until)]
+            prices[piece] += price * np.maximum(0.0, needed - meanwhile)
+    return prices
+
+
+def _beside_held(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
+    prices, problem = np.zeros((len(pieces), grid.shape[1])), model.problem
+    moves, least = problem.cut.plan.path.moves, problem.limits.least_speed_change_rpm
+    on = np.flatnonzero(moves.direction != 0)
+    if least == 0.0:
+        return prices
+    for rows, others in ((on[:-1], on[1:]), (on[1:], on[:-1])):
+        met = (pieces.piece[rows] >= 0) & (pieces.piece[others] < 0)
+        met &= moves.tool[rows] == moves.tool[others]
+        piece = pieces.piece[rows[met]]
+        step = np.abs(grid[pieces.tool_run[piece]] - moves.speed[others[met], None])
+        np.add.at(prices, piece, np.where((step > 0) & (step < least), np.inf, 0.0))
+    return prices

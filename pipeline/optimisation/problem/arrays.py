@@ -1,0 +1,292 @@
+"""Arrays of an optimisation: constraints in their order, editable rows, bounds, groups, decisions.
+
+A program as interpreted has M rows, one for each move.  Rows of one line form a block; blocks that
+share an F form one of G groups, those that share an S one of H stretches.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode
+from pipeline.machine.control.path import Motion
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.twin.cut import Cut
+
+Rows = NDArray[np.intp]
+"""Indices of rows, blocks or groups."""
+
+CONSTRAINTS = (
+    "load limit", "deflection", "roughness", "greatest chip", "least chip", "spindle torque",
+    "spindle power", "stability", "cutting speed", "spindle speed", "feed", "as programmed",
+)  # fmt: skip
+"""The last: chips of a plunge or a drill that nothing else bounds get no thicker than they were."""
+
+(
+    LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, LEAST_CHIP, TORQUE, POWER, STABILITY,
+    CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED,
+) = range(len(CONSTRAINTS))  # fmt: skip
+
+F_Z_CONSTRAINTS = (LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED)
+"""Constraints that bound f_z from above, whatever the spindle speed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bounds:
+    """Feed for each tooth of M rows [m], whatever the spindle's speed.
+
+    Parameters
+    ----------
+    most : ndarray, shape (6, M)
+        Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit.
+    least : ndarray, shape (M,)
+        For the least chip; 0 where there is none.
+    torque : ndarray, shape (M, K + 1)
+        Mean torque over the turn at each row's hardest station, at the nodes of the load table
+        [N m].
+    """
+
+    most: Floats = field(repr=False)
+    least: Floats = field(repr=False)
+    torque: Floats = field(repr=False)
+
+    @property
+    def high(self) -> Floats:
+        """Shape (M,)."""
+        lowest: Floats = self.most.min(axis=0)
+        return lowest
+
+    @property
+    def binds(self) -> Rows:
+        """Which of ``CONSTRAINTS`` makes ``high``, -1 where none does; shape (M,)."""
+        which = np.array(F_Z_CONSTRAINTS)[self.most.argmin(axis=0)]
+        return np.where(np.isfinite(self.high), which, -1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ranges:
+    """Ranges of M rows; every array has shape (M,).
+
+    Rows that keep their F have the range of all there is, and so have those that cut nothing their
+    range of S: a stretch of one S is bounded by its rows that cut.
+
+    Parameters
+    ----------
+    feed_low, feed_high : ndarray
+        F [mm/min].
+    speed_low, speed_high : ndarray
+        S [rev/min].
+    surface_low, surface_high : ndarray
+        S that the cutting speed allows; 0 and infinite where it does not limit [rev/min].
+    counted : ndarray of bool
+        Rows that must keep within the range of S: those that cut, or whose cut is not known.
+    """
+
+    feed_low: Floats = field(repr=False)
+    feed_high: Floats = field(repr=False)
+    speed_low: Floats = field(repr=False)
+    speed_high: Floats = field(repr=False)
+    surface_low: Floats = field(repr=False)
+    surface_high: Floats = field(repr=False)
+    counted: Bools = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Groups:
+    """M rows in G groups of one F and H stretches of one S.
+
+    Parameters
+    ----------
+    feed : ndarray of intp, shape (M,)
+        Group of each row, -1 for rows that keep their F.
+    speed : ndarray of intp, shape (M,)
+        Stretch of each row, -1 for rows that keep their S.
+    own_feed, own_speed : ndarray, shape (M,)
+        What the rows have as programmed, in the units of ``Moves``.
+    """
+
+    feed: Rows = field(repr=False)
+    speed: Rows = field(repr=False)
+    own_feed: Floats = field(repr=False)
+    own_speed: Floats = field(repr=False)
+
+    @property
+    def feeds(self) -> int:
+        """G."""
+        return int(self.feed.max(initial=-1)) + 1
+
+    @property
+    def speeds(self) -> int:
+        """H."""
+        return int(self.speed.max(initial=-1)) + 1
+
+    def row_feeds(self, feeds: ArrayLike) -> Floats:
+        """F of each row, shape (M,) or (P, M), of those of groups, (G,) or (P, G)."""
+        return _spread(feeds, self.feed, self.own_feed)
+
+    def row_speeds(self, speeds: ArrayLike) -> Floats:
+        """S of each row, shape (M,) or (P, M), of those of stretches, (H,) or (P, H)."""
+        return _spread(speeds, self.speed, self.own_speed)
+
+
+def feeds_per_minute(cut: Cut, feeds: Floats, spindle_speed: Floats) -> Floats:
+    """F in [mm/min] of feeds in the units of ``Moves``; shape of ``feeds``."""
+    by_turn = np.where(cut.plan.path.motion == Motion.PER_TURN, spindle_speed, 1.0)
+    per_minute: Floats = feeds * by_turn * feed_units(cut)
+    return per_minute
+
+
+def feed_units(cut: Cut) -> Floats:
+    """Feed in [mm/min] of one unit of F, of 1 mm/rev at 1 rev/min; shape (M,)."""
+    path = cut.plan.path
+    inverse = path.moves.feed_mode == FeedMode.INVERSE_TIME
+    units: Floats = np.where(inverse, path.factor / METRE_PER_SECOND, 1.0)
+    return units
+
+
+def first_rows(group: Rows) -> Rows:
+    """First row of each group, shape (G,), of the group of each row, -1 for none; shape (M,)."""
+    numbers, first = np.unique(group, return_index=True)
+    return first[numbers >= 0]
+
+
+def _spread(values: ArrayLike, group: Rows, own: Floats) -> Floats:
+    given = np.asarray(values, dtype=np.float64)
+    padded = np.concatenate([given, np.zeros((*given.shape[:-1], 1))], axis=-1)
+    return np.where(group >= 0, padded[..., group], own)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision:
+    """F of each group and S of each stretch.
+
+    Parameters
+    ----------
+    groups : Groups
+        Rows that share an F, and an S.
+    feeds : ndarray, shape (G,)
+        In the units of ``Moves`` ([mm/min] or [mm/rev]).
+    speeds : ndarray, shape (H,)
+        [rev/min].
+    """
+
+    groups: Groups
+    feeds: Floats = field(repr=False)
+    speeds: Floats = field(repr=False)
+
+    @property
+    def row_feeds(self) -> Floats:
+        """Shape (M,)."""
+        return self.groups.row_feeds(self.feeds)
+
+    @property
+    def row_speeds(self) -> Floats:
+        """Shape (M,)."""
+        return self.groups.row_speeds(self.speeds)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation:
+    """Objectives and violated limits of P decisions.
+
+    Parameters
+    ----------
+    objectives : ndarray, shape (P, 4)
+        Time [s], cost [currency], energy [kWh], share of tool life [1]; NaN where not known.
+    violation : ndarray, shape (P,)
+        Excess over each limit, as a share of it, summed over rows [1]; 0 inside all limits.
+    """
+
+    objectives: Floats
+    violation: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """Blocks that stay as programmed: why, how many, the first of them as ``file:line``."""
+
+    reason: str
+    rows: int
+    first: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Editable:
+    """F and S that may change in a program of M rows and B editable blocks.
+
+    A block is one line of the program's own file; rows of one line (cycles, repeats) share it.
+
+    Parameters
+    ----------
+    block : ndarray of intp, shape (M,)
+        Block whose F each row takes, -1 for rows that keep theirs; in the order of the program.
+    line : ndarray of intp, shape (B,)
+        Line of each block.
+    speed : ndarray of bool, shape (M,)
+        Rows whose S may be changed.
+    may_start : ndarray of bool, shape (M,)
+        Rows whose line may get (or has) an S word: where a stretch of one S can begin.
+    own_start : ndarray of bool, shape (M,)
+        Those whose line has an S word already.
+    held : tuple of Held
+        Blocks that stay as programmed.
+    """
+
+    block: Rows = field(repr=False)
+    line: Rows = field(repr=False)
+    speed: Bools = field(repr=False)
+    may_start: Bools = field(repr=False)
+    own_start: Bools = field(repr=False)
+    held: tuple[Held, ...]
+
+
+class RowGroups:
+    """Rows of each of U groups.
+
+    Parameters
+    ----------
+    group : ndarray of intp, shape (M,)
+        From 0 without gaps; -1 for rows of none.
+    """
+
+    def __init__(self, group: Rows) -> None:
+        self.group = group
+        order = np.argsort(group, kind="stable")
+        self._order = order[np.searchsorted(group[order], 0) :]
+        sorted_groups = group[self._order]
+        self._first = np.flatnonzero(np.diff(sorted_groups, prepend=-1))
+        self._many = np.diff(np.append(self._first, len(self._order)))
+
+    def total(self, values: Floats) -> Floats:
+        """Shape (P, U) of (P, M)."""
+        return self._reduced(np.add, values)
+
+    def greatest(self, values: Floats) -> Floats:
+        """Shape (P, U) of (P, M)."""
+        return self._reduced(np.maximum, values)
+
+    def mean(self, values: Floats) -> Floats:
+        """Shape (U,) of (M,)."""
+        return self.total(values[None])[0] / np.maximum(self._many, 1)
+
+    def first(self, values: Floats) -> Floats:
+        """Value of the first row of each group; shape (U,) of (M,)."""
+        return values[self._order[self._first]]
+
+    def common(self, values: Floats) -> Floats:
+        """Value that all rows of each group have, NaN where they differ; (U,) of (M,)."""
+        most, least = self.greatest(values[None])[0], -self.greatest(-values[None])[0]
+        return np.where(least == most, least, np.nan)
+
+    def spread(self, values: Floats, other: Floats) -> Floats:
+        """Shape (P, M) of (P, U); ``other`` in rows of no group."""
+        if not len(self._first):
+            return np.repeat(other[None], len(values), axis=0)
+        return np.where(self.group >= 0, values[:, self.group], other)
+
+    def _reduced(self, operation: np.ufunc, values: Floats) -> Floats:
+        if not len(self._first):
+            return np.zeros((len(values), 0))
+        reduced: Floats = operation.reduceat(values[:, self._order], self._first, axis=1)
+        return reduced

@@ -1,0 +1,347 @@
+"""Range of feed for each tooth, feed and spindle speed of each row, by the limits of the part.
+
+Loads of a row depend on f_z alone, so that a limit of the load, the tip's deflection or the torque
+is one of f_z; so are those of the chip, h = f_z sin(phi) sin(kappa) at its greatest, and of the
+height of feed marks,
+
+    R_t = f^2 / (8 rho),
+
+with rho the tool's radius for walls (Martellotti 1941, of teeth that go straight: f_z much less
+than D) or its corner's radius for floors, and f the feed for each tooth; where the tool runs out
+one tooth leaves the marks, and f is that of a turn.  Plunges and drills leave none.  Ranges of F
+and S come from the part's limits, the machine, the tools and the program.
+"""
+
+import numpy as np
+
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.force.load_table import TORQUE as MEAN_TORQUE
+from pipeline.cutting.tool import Tool, tip_stiffness
+from pipeline.machine.control.parameters import LINEAR
+from pipeline.machine.control.path import where
+from pipeline.machine.spindle import CUTTING
+from pipeline.optimisation.problem.arrays import (
+    F_Z_CONSTRAINTS,
+    Bounds,
+    Editable,
+    Ranges,
+    feeds_per_minute,
+)
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.limits import CutLimit
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import CutBlocks
+
+MM, UM = 1e-3, 1e-6
+STEEP = float(np.sqrt(0.5))
+"""|dz / ds| from which a motion is a plunge."""
+LEAST_FEED = 0.1
+"""Of the least F of a program, where no range is given, or one from 0 on."""
+
+
+def bounds_of(
+    cut: Cut, blocks: CutBlocks, limits: CutLimit, f_z_load: Floats | None = None
+) -> Bounds:
+    """Bounds of each row of a cut.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of M rows.
+    blocks : CutBlocks
+        Its K blocks.
+    limits : CutLimit
+        Of the part.
+    f_z_load : ndarray, shape (M,), optional
+        Feed for each tooth that the load limit allows [m]; by default that of the load table.
+    """
+    margins = limits.margins
+    torque = greatest_torque(cut)
+    most = np.full((len(F_Z_CONSTRAINTS), cut.engagement.blocks), np.inf)
+    load, deflection, roughness, chip, by_torque, programmed = most
+    cuts = cut.tool >= 0
+    if f_z_load is not None:
+        load[cuts] = f_z_load[cuts]
+    elif limits.load_N is not None:
+        load[:] = inverse(cut, cut.table.values[0], limits.load_N * (1 - margins.load))
+    if limits.deflection_um is not None:
+        give = limits.deflection_um * UM * (1 - margins.deflection)
+        stiffness = np.array([_stiffness(tool) for tool in cut.tools])
+        deflection[:] = inverse(cut, cut.table.values[0], give * stiffness[cut.tool])
+    if limits.roughness_um is not None:
+        height = limits.roughness_um * UM * (1 - margins.roughness)
+        marked = np.array([feed_for_marks(tool, height) for tool in cut.tools])
+        roughness[:] = np.where(_plunges(cut), np.inf, marked[cut.tool])
+    if limits.torque_Nm is not None:
+        by_torque[:] = inverse(cut, torque, limits.torque_Nm * (1 - margins.torque))
+    factor = _chip_factor(cut, blocks)
+    chip[:] = _greatest_chip(cut, limits, factor)
+    alone = _only_along(cut) | ~np.isfinite(most).any(axis=0)
+    programmed[:] = np.where(
+        alone & ~np.isfinite(chip), cut.commanded_feed_per_tooth(), np.inf
+    )  # fmt: skip
+    most[:, ~cuts] = np.inf
+    return Bounds(most=most, least=_least(cut, blocks, limits, factor), torque=torque)
+
+
+def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
+    """Greatest f_z up to which a load stays within a limit [m].
+
+    Parameters
+    ----------
+    cut : Cut
+        Whose load table has M rows.
+    values : ndarray, shape (M, K + 1)
+        The load at its nodes.
+    limit : ndarray, shape (..., M), or float
+        In the unit of ``values``; infinite where there is none.
+
+    Returns
+    -------
+    ndarray, shape (..., M)
+        0 where any feed passes the limit, infinite where none does.
+    """
+    from pipeline.optimisation.problem.kernels import first_crossings
+
+    table = cut.table
+    shape = np.broadcast_shapes(np.shape(limit), table.scale.shape)
+    limits = np.ascontiguousarray(np.broadcast_to(limit, shape), dtype=np.float64)
+    out = np.empty(shape)
+    if out.size:
+        many = (-1, shape[-1])
+        first_crossings(
+            limits.reshape(many), np.ascontiguousarray(values), table.scale, table.exponent,
+            out.reshape(many),
+        )  # fmt: skip
+    return out
+
+
+def greatest_torque(cut: Cut) -> Floats:
+    """Mean torque over the turn at each row's hardest station [N m]; shape (M, K + 1).
+
+    At the nodes of the load table; between them it is not below any station's.
+    """
+    engagement, table = cut.engagement, cut.table
+    out = np.zeros((engagement.blocks, table.values.shape[2]))
+    fed = np.flatnonzero(engagement.feed)
+    order = fed[np.argsort(engagement.block[fed], kind="stable")]
+    block = engagement.block[order]
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    if len(first):
+        each = table.station_values[MEAN_TORQUE][table.station[order]]
+        out[block[first]] = np.maximum.reduceat(each, first)
+    return out
+
+
+def at_hardest_station(cut: Cut, torque: Floats, f_z: Floats) -> Floats:
+    """Torque of :func:`greatest_torque` at feeds for each tooth [N m]; shape (M,)."""
+    from pipeline.cutting.force.profile_kernel import look_up
+
+    out = np.empty((1, len(f_z)))
+    look_up(f_z[np.newaxis], torque, cut.table.scale, cut.table.exponent, out)
+    return out[0]
+
+
+def feed_for_marks(tool: Tool, height: float) -> float:
+    """Feed for each tooth whose marks have that height [m]; infinite for a drill.
+
+    sqrt(8 rho R_t) with the lesser of the radii that leave marks, over the teeth where the tool
+    runs out.  Valid for feeds much less than that radius (Martellotti 1941).
+
+    Examples
+    --------
+    A ball of 6 mm that leaves marks of 1 um:
+
+    >>> ball = Tool(kind="ball", diameter_mm=6.0, flutes=2)
+    >>> round(feed_for_marks(ball, 1e-6) * 1e3, 4)
+    0.1549
+    """
+    if tool.kind == "drill":
+        return float("inf")
+    radius = tool.corner_radius or tool.radius
+    teeth = tool.flutes if tool.runout > 0 else 1
+    return float(np.sqrt(8 * radius * height)) / teeth
+
+
+def _stiffness(tool: Tool) -> float:
+    """Stiffness of the tip [N/m]; infinite without a stickout and of a drill: its lips balance."""
+    known = tool.stickout is not None and tool.kind != "drill"
+    return tip_stiffness(tool) if known else float("inf")
+
+
+def _chip_factor(cut: Cut, blocks: CutBlocks) -> Floats:
+    """Thickest chip of each row over its feed for each tooth [1]; 0 without a chip.  Shape (M,)."""
+    out = np.zeros(cut.engagement.blocks)
+    fed = blocks.feed_per_tooth > 0
+    out[blocks.row[fed]] = blocks.thickness[fed] / blocks.feed_per_tooth[fed]
+    return out
+
+
+def _greatest_chip(cut: Cut, limits: CutLimit, factor: Floats) -> Floats:
+    """Greatest f_z by the thickest chip that is allowed and by the tools' makers [m]."""
+    share = 1 - limits.margins.chip
+    made = [tool.feed_per_tooth_mm for tool in cut.tools]
+    most = np.array([np.inf if span is None else span[1] * MM * share for span in made])[cut.tool]
+    if limits.chip_um is not None:
+        thickest = limits.chip_um[1] * UM * share
+        with np.errstate(divide="ignore"):
+            most = np.minimum(most, thickest / factor)
+    return most
+
+
+def _least(cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats) -> Floats:
+    """Least f_z by the thinnest chip and by the tools' makers [m]; shape (M,).
+
+    A row that is engaged over less than a cell of the blank is too thin for its thickness to count.
+    """
+    share = 1 + limits.margins.chip
+    made = [tool.feed_per_tooth_mm for tool in cut.tools]
+    least = np.array([0.0 if span is None else span[0] * MM * share for span in made])[cut.tool]
+    if limits.chip_um is not None:
+        wide = np.zeros(len(least), dtype=np.bool_)
+        wide[blocks.row] = blocks.radial_depth >= cut.engagement.resolution
+        known = wide & (factor > 0)
+        thinnest = limits.chip_um[0] * UM * share
+        least = np.maximum(
+            least, np.divide(thinnest, factor, out=np.zeros(len(least)), where=known)
+        )
+    return np.where(cut.tool >= 0, least, 0.0)
+
+
+def _plunges(cut: Cut) -> Bools:
+    """Rows that plunge all along; shape (M,)."""
+    engagement = cut.engagement
+    out = np.ones(engagement.blocks, dtype=np.bool_)
+    out[engagement.block[np.abs(engagement.slope) < STEEP]] = False
+    return out
+
+
+def _only_along(cut: Cut) -> Bools:
+    """Rows somewhere loaded along the tool's axis rather than across: plunges, drills; (M,)."""
+    engagement = cut.engagement
+    out = np.zeros(engagement.blocks, dtype=np.bool_)
+    out[engagement.block[np.abs(engagement.slope) >= STEEP]] = True
+    drills = np.array([tool.kind == "drill" for tool in cut.tools])
+    return out | drills[cut.tool]
+
+
+def ranges_of(
+    cut: Cut, cuts: Bools, limits: CutLimit, editable: Editable, drive: SpindleDrive | None
+) -> Ranges:
+    """Ranges of each row.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of M rows.
+    cuts : ndarray of bool, shape (M,)
+        Rows that cut at feed.
+    limits : CutLimit
+        Of the part.
+    editable : Editable
+        What may be changed.
+    drive : SpindleDrive or None
+        Of the machine.
+
+    Raises
+    ------
+    ValueError
+        When a range is empty.
+    """
+    unknown = not_computed(cut)
+    feed_low, feed_high = _feeds(cut, limits, editable, unknown)
+    surface_low, surface_high = _surface(cut, limits)
+    highest = _top_speed(cut, drive)
+    low, high = _speeds(cut, cuts, limits, drive, highest)
+    free = editable.speed & ~unknown
+    speed_low = np.where(free, np.maximum(low, surface_low), surface_low)
+    speed_high = np.minimum(np.where(free, min(high, highest), highest), surface_high)
+    own = cut.plan.spindle_speed
+    ranges = Ranges(
+        feed_low=feed_low,
+        feed_high=feed_high,
+        speed_low=np.where(unknown, own, speed_low),
+        speed_high=np.where(unknown, own, speed_high),
+        surface_low=surface_low,
+        surface_high=surface_high,
+        counted=cuts | unknown,
+    )
+    _check(cut, cuts, ranges)
+    return ranges
+
+
+def not_computed(cut: Cut) -> Bools:
+    """Rows that move at feed and whose engagement was left out: threads, turned axes; (M,)."""
+    moves = cut.plan.path.moves
+    fed: Bools = np.isin(moves.kind, CUTTING) & (moves.length > 0)
+    fed[cut.path.pieces.block] = False
+    return fed
+
+
+def _feeds(
+    cut: Cut, limits: CutLimit, editable: Editable, unknown: Bools
+) -> tuple[Floats, Floats]:  # fmt: skip
+    moves, free = cut.plan.path.moves, editable.block >= 0
+    own = feeds_per_minute(cut, moves.feed, cut.plan.spindle_speed)
+    low = LEAST_FEED * float(own[free].min(initial=np.inf)) if free.any() else 0.0
+    if limits.feed_mm_min is not None:
+        least, high = limits.feed_mm_min
+        low = least or min(low, high)  # a feed of 0 is none
+    else:
+        axes = cut.plan.path.control.axes
+        fastest = max(axis.cutting_speed for letter, axis in axes.items() if letter in LINEAR)
+        high = max(fastest, float(own[free].max(initial=0.0)))
+    return (
+        np.where(free, np.where(unknown, own, low), 0.0),
+        np.where(free, np.where(unknown, own, high), np.inf),
+    )
+
+
+def _surface(cut: Cut, limits: CutLimit) -> tuple[Floats, Floats]:
+    """Range of S by the cutting speeds of the limits and of the tools' makers [rev/min]."""
+    margin = limits.margins.cutting_speed
+    low, high = np.zeros(len(cut.tools) + 1), np.full(len(cut.tools) + 1, np.inf)
+    for index, tool in enumerate(cut.tools):
+        for span in (limits.cutting_speed_m_min, tool.cutting_speed_m_min):
+            if span is not None:
+                spindle_speed = np.array(span) / (np.pi * tool.diameter)
+                low[index] = max(low[index], spindle_speed[0] * (1 + margin))
+                high[index] = min(high[index], spindle_speed[1] * (1 - margin))
+        high[index] = min(high[index], tool.top_speed_rpm or np.inf)
+    return low[cut.tool], high[cut.tool]
+
+
+def _top_speed(cut: Cut, drive: SpindleDrive | None) -> float:
+    most = cut.plan.path.control.auxiliary.maximum_speed
+    return float(most if drive is None else min(most, drive.top_speed_rpm))
+
+
+def _speeds(
+    cut: Cut, cuts: Bools, limits: CutLimit, drive: SpindleDrive | None, highest: float
+) -> tuple[float, float]:
+    if limits.speed_rpm is not None:
+        low, high = limits.speed_rpm
+        if low > highest:
+            raise ValueError(
+                f"limits.speed_rpm = [{low:g}, {high:g}] begins above the spindle's top speed "
+                f"{highest:g} rev/min: lower it"
+            )
+        return low, high
+    own = cut.plan.spindle_speed[cuts]
+    least, most = float(own.min(initial=np.inf)), float(own.max(initial=0.0))
+    if drive is None:
+        return least, most
+    return min(least, drive.minimum_speed_rpm), drive.top_speed_rpm
+
+
+def _check(cut: Cut, cuts: Bools, ranges: Ranges) -> None:
+    empty = cuts & (ranges.speed_low > ranges.speed_high)
+    if empty.any():
+        row = int(np.argmax(empty))
+        tool = cut.tools[cut.tool[row]]
+        raise ValueError(
+            f"{where(cut.plan.path.moves, row)}: no speed of the spindle keeps the limits of "
+            f"T{cut.numbers[cut.tool[row]]}, {tool.diameter_mm:g} mm: it needs at least "
+            f"{ranges.speed_low[row]:.6g} and at most {ranges.speed_high[row]:.6g} rev/min: widen "
+            "cutting_speed_m_min or speed_rpm"
+        )

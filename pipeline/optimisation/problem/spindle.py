@@ -1,0 +1,326 @@
+"""Limits that a spindle sets: power and torque of its drive, changes of speed, chatter.
+
+Power is that of the motor, torque that of the cut; a change of S while the spindle turns takes the
+run-up time of the spindle, which the control waits for or cuts through.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
+from pipeline.cutting.stability.margins import StabilityTable
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.gcode.moves import Kind
+from pipeline.machine.control.parameters import AuxiliaryParameters
+from pipeline.machine.control.path import Path
+from pipeline.machine.control.planner import Plan
+from pipeline.machine.spindle import CUTTING, run_up_time
+from pipeline.optimisation.problem.arrays import Editable, Ranges, Rows
+from pipeline.schema.arrays import Floats
+from pipeline.schema.limits import CutLimit
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_stability import stability
+
+NEAR = 1e-9
+"""Rounding, as a share: two speeds count as one, a margin as kept."""
+SLOWEST = 0.1
+"""Slowest speed whose lobes are computed, over the fastest: below it lobes stand close together,
+and the least limit of all speeds counts.
+"""
+ALIKE = 0.999
+"""Greatest ratio of the slowest to the fastest speed, so that there are two."""
+
+
+def allowed_power(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
+    """Motor power that may be taken [W] at speeds [rev/min]; 0 above the top speed.
+
+    It is the share of the drive's power, less the margin of torque below the base speed and that of
+    power from there on.
+    """
+    n = spindle_speed / 60
+    margins = limits.margins
+    margin = np.where(n < drive.base_speed, margins.torque, margins.power)
+    power = np.nan_to_num(available_power(n, drive), nan=0.0)
+    allowed: Floats = limits.power_share * (1 - margin) * power
+    return allowed
+
+
+def allowed_torque(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
+    """Mean torque over a turn that a cut may take [N m]; below 0 where idling takes all."""
+    n = spindle_speed / 60
+    cutting = allowed_power(spindle_speed, drive, limits) * drive.efficiency - no_load_power(
+        n, drive
+    )
+    torque: Floats = np.divide(
+        cutting, 2 * np.pi * n, out=np.full(n.shape, -np.inf), where=n > 0
+    )  # fmt: skip
+    return torque
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpeedChanges:
+    """Where S can change in a program.
+
+    Parameters
+    ----------
+    waiting : AuxiliaryParameters
+        How fast the spindle is, and where it is waited for.
+    added : ndarray of intp, shape (A,)
+        Rows before which an S word could be added while the spindle turns, and be waited for.
+    until : ndarray of intp, shape (A,)
+        Row that waits for each of them.
+    standstill : float
+        What a standstill before a wait takes: filters run empty, check of position [s].
+    standing : ndarray, shape (A,)
+        Part of it that the program takes there anyway [s].
+    pairs : ndarray of intp, shape (N, 2)
+        Rows of one tool, with no other between them in which the spindle turns, whose S may
+        change.
+    lead : ndarray, shape (N,)
+        Time from the second of each pair to the next cut, in rapids and at rest [s]; infinite where
+        the spindle rests between them.
+    """
+
+    waiting: AuxiliaryParameters
+    added: Rows = field(repr=False)
+    until: Rows = field(repr=False)
+    standstill: float
+    standing: Floats = field(repr=False)
+    pairs: Rows = field(repr=False)
+    lead: Floats = field(repr=False)
+
+    @property
+    def waits(self) -> bool:
+        """Whether the control waits where S changes while the spindle turns."""
+        return self.waiting.speed_change_waits and self.waiting.spindle_wait != "none"
+
+    def time(self, before: ArrayLike, after: ArrayLike) -> Floats:
+        """Wait for a change of S [s] from one speed to another [rev/min], shapes that broadcast.
+
+        The most that it can be: from a path that runs on, and where no axis moves meanwhile.
+        """
+        old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
+        if not self.waits:
+            return np.zeros(old.shape)
+        most = self._change(old, new) + self.waiting.spindle_delay + self.standstill
+        return np.where(new == old, 0.0, most)
+
+    def add_waits(self, spindle_speed: Floats, time: Floats, wait: Floats) -> None:
+        """Add to ``wait`` what added S words are waited for; all of shape (P, M).
+
+        As :func:`pipeline.machine.control.commands.waits` does it for words of the program: axes that move on
+        meanwhile shorten the wait.
+        """
+        if not self.waits or not len(self.added):
+            return
+        old, new = spindle_speed[:, self.added - 1], spindle_speed[:, self.added]
+        needed = self._change(old, new) + self.waiting.spindle_delay
+        passed = np.cumsum(np.hstack([np.zeros((len(time), 1)), time + wait]), axis=1)
+        needed -= passed[:, self.until] - passed[:, self.added]
+        needed = np.maximum(needed, 0.0) + self.standstill - self.standing
+        where = np.maximum(self.until - 1, self.added)
+        np.add.at(wait.T, where, np.where(new == old, 0.0, needed).T)
+
+    def ramp(self, before: ArrayLike, after: ArrayLike) -> Floats:
+        """Time that a spindle that is not waited for has another speed than it should [s].
+
+        Cuts within a rise have thicker chips than they should, cuts within a fall are made at
+        speeds outside of the limits.
+        """
+        old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
+        if self.waits:
+            return np.zeros(old.shape)
+        return self._change(old, new)
+
+    def _change(self, old: Floats, new: Floats) -> Floats:
+        up, base = self.waiting.spindle_acceleration, self.waiting.spindle_base_speed
+        rates = np.where(new < old, self.waiting.spindle_deceleration or up, up)
+        change: Floats = np.abs(run_up_time(new, rates, base) - run_up_time(old, rates, base))
+        return change
+
+    def violation(self, spindle_speed: Floats, least: float) -> Floats:
+        """Violation by changes of S, (P,) of speeds (P, M) [rev/min].
+
+        The sum of 1 - |dS| / least over changes that are too small, and of 1 - lead / ramp over
+        those that the spindle is too slow for.
+        """
+        if not len(self.pairs):
+            return np.zeros(len(spindle_speed))
+        return self._too_small(spindle_speed, least) + self._too_late(spindle_speed)
+
+    def _too_late(self, spindle_speed: Floats) -> Floats:
+        if self.waits or not np.isfinite(self.waiting.spindle_acceleration):
+            return np.zeros(len(spindle_speed))
+        near = np.flatnonzero(np.isfinite(self.lead))
+        pairs, lead = self.pairs[near], self.lead[near]
+        needed = self.ramp(spindle_speed[:, pairs[:, 0]], spindle_speed[:, pairs[:, 1]])
+        late = needed > lead * (1 + NEAR) + NEAR
+        share = np.divide(lead, needed, out=np.ones(needed.shape), where=late)
+        total: Floats = (1.0 - share).sum(axis=1)
+        return total
+
+    def _too_small(self, spindle_speed: Floats, least: float) -> Floats:
+        if not least > 0:
+            return np.zeros(len(spindle_speed))
+        step = np.abs(spindle_speed[:, self.pairs[:, 1]] - spindle_speed[:, self.pairs[:, 0]])
+        small = (step > NEAR * least) & (step < (1 - NEAR) * least)
+        share = np.divide(step, least, out=np.ones(step.shape), where=small)
+        total: Floats = (1.0 - share).sum(axis=1)
+        return total
+
+
+def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
+    """Where S can change in a program.
+
+    Parameters
+    ----------
+    plan : Plan
+        M rows as programmed.
+    editable : Editable
+        Which S may change.
+    cuts : ndarray of bool, shape (M,)
+        Rows that cut at feed.
+    """
+    path, free = plan.path, editable.speed
+    moves = path.moves
+    turning = moves.direction[1:] * moves.direction[:-1] > 0
+    added = turning & (free[1:] | free[:-1]) & (moves.kind[1:] != Kind.SPINDLE)
+    rows = np.flatnonzero(added) + 1
+    until = _waiting(path, rows)
+    row = np.flatnonzero((moves.direction != 0) & ~moves.constant_surface_speed)
+    pairs = np.column_stack([row[:-1], row[1:]])
+    same = moves.tool[pairs[:, 0]] == moves.tool[pairs[:, 1]]
+    pairs = pairs[same & free[pairs].any(axis=1)]
+    lead = leads(plan, editable, cuts)[pairs[:, 1]]
+    known = until < len(moves)
+    standstill = float(path.control.filters[1].sum()) + path.control.settle_time
+    return SpeedChanges(
+        waiting=path.control.auxiliary,
+        added=rows[known],
+        until=until[known],
+        standstill=standstill,
+        standing=np.minimum(_pauses(path)[until[known]], standstill),
+        pairs=pairs,
+        lead=np.where(pairs[:, 1] == pairs[:, 0] + 1, lead, np.inf),
+    )
+
+
+def _pauses(path: Path) -> Floats:
+    """Standstill of the last row that moves before each row, all of it where none does; (M,)."""
+    moving = np.append(-1, np.flatnonzero(path.moving))
+    last = moving[np.searchsorted(moving, np.arange(len(path))) - 1]
+    pauses: Floats = np.where(last >= 0, path.pause[last], np.inf)
+    return pauses
+
+
+def leads(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Floats:
+    """Time from the start of each row to the next cut, in rapids and at rest [s]; shape (M,).
+
+    What moves at a feed that may change counts as no time.
+    """
+    passed = np.concatenate([[0.0], np.cumsum(np.where(editable.block < 0, plan.time, 0.0))])
+    next_cut = np.append(np.flatnonzero(cuts), len(cuts))
+    row = np.arange(len(cuts))
+    lead: Floats = passed[next_cut[np.searchsorted(next_cut[:-1], row)]] - passed[row]
+    return lead
+
+
+def _waiting(path: Path, rows: Rows) -> Rows:
+    """First row that waits for S words before ``rows``; the number of rows where none does."""
+    moves, wait = path.moves, path.control.auxiliary.spindle_wait
+    if wait == "next_line":
+        other = (np.diff(moves.line) != 0) | (np.diff(moves.file) != 0)
+        candidates, side = np.flatnonzero(other) + 1, "right"
+    elif wait == "before_cutting":
+        candidates, side = np.flatnonzero(np.isin(moves.kind, CUTTING)), "left"
+    else:
+        return rows
+    index = np.searchsorted(candidates, rows, side=side)  # type: ignore[call-overload]
+    first: Rows = np.append(candidates, len(moves))[index]
+    return first
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chatter:
+    """Lobes of a cut between two speeds [rev/min]."""
+
+    table: StabilityTable
+    low: float
+    high: float
+
+    def margins(self, spindle_speed: Floats) -> Floats:
+        """Least stability margin of each row [1]; inf in air, NaN without dynamics.
+
+        Parameters
+        ----------
+        spindle_speed : ndarray, shape (M,) or (P, M)
+            [rev/min]; those outside of the lobes count as their ends.
+        """
+        return self.table.margins(np.clip(spindle_speed, self.low, self.high))
+
+    def violation(self, spindle_speed: Floats, least: float) -> Floats:
+        """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) speeds."""
+        over = (1.0 + least) / np.maximum(1.0 + self.margins(spindle_speed), NEAR) - 1.0
+        total: Floats = np.where(over > NEAR, over, 0.0).sum(axis=1)  # NaN: no dynamics
+        return total
+
+
+class Lobes:
+    """Stability lobes, computed at their first use and kept: they take time.
+
+    Parameters
+    ----------
+    cut, blocks, dynamics, ranges, free
+        As :func:`chatter_of` takes them; without dynamics there are none.
+    """
+
+    def __init__(
+        self, cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
+        free: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        self._of = cut, blocks, dynamics, ranges, free
+
+    @cached_property
+    def chatter(self) -> Chatter | None:
+        """None where nothing that is milled has known dynamics."""
+        cut, blocks, dynamics, ranges, free = self._of
+        return None if dynamics is None else chatter_of(cut, blocks, dynamics, ranges, free)
+
+
+def chatter_of(
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, ranges: Ranges, free: NDArray[np.bool_]
+) -> Chatter | None:
+    """Lobes over the speeds that rows may have, those of the program where S is kept.
+
+    None where nothing that is milled has known dynamics.
+    """
+    row = blocks.row
+    own, mine = cut.plan.spindle_speed[row], free[row]
+    low = float(np.where(mine, ranges.speed_low[row], own).min(initial=np.inf))
+    high = float(np.where(mine, ranges.speed_high[row], own).max(initial=0.0))
+    if not high > 0.0:
+        return None
+    span = max(min(low, ALIKE * high), SLOWEST * high), high
+    lobes = stability(cut, blocks, dynamics, span)
+    if lobes is None:
+        return None
+    table = _deepest(lobes.table)
+    if low < span[0]:
+        table.limit[:, 0] = table.limit.min(axis=1)
+    return Chatter(table=table, low=span[0], high=span[1])
+
+
+def _deepest(table: StabilityTable) -> StabilityTable:
+    """The same margins from the deepest station of each class in each block."""
+    order = np.lexsort((-table.depth, table.kind, table.block))
+    block, kind = table.block[order], table.kind[order]
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = (np.diff(block) != 0) | (np.diff(kind) != 0)
+    kept = order[first]
+    return replace(
+        table, kind=table.kind[kept], block=table.block[kept], depth=table.depth[kept]
+    )  # fmt: skip

@@ -1,0 +1,416 @@
+"""Loads of a whole part in draws of its uncertain quantities.
+
+The load of a station in a draw is its own nominal load, of the load table, and by how much the load
+of its class' representative R changes in that draw:
+
+    load(station, f_z, draw) = table(station, f_z) + w (load(R, f_z, draw) - load(R, f_z)),
+
+with w what both loads are over each other in the table.  Stations of one tool are alike whose
+engaged arcs begin and end in the same 5 degrees, whose depths differ by less than 10 %, and whose
+slopes by less than 0.03.  A block has one candidate for each class among its critical stations,
+those whose load comes near to its greatest, for in a draw another one may be the greatest.
+
+Draws come from a scrambled Sobol sequence, which fills its cube more evenly than chance, so that
+far quantiles settle with fewer draws (Owen 1998).  The load of each class' representative is
+computed in each draw, over the feed for each tooth; candidates of the part follow their class.
+"""
+
+from dataclasses import dataclass, field
+from math import ceil, log2
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.engagement.engagement import engaged_arc
+from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
+from pipeline.optimisation.problem.arrays import Rows
+from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
+from pipeline.schema.arrays import Floats
+from pipeline.twin.cut import Cut
+
+ALIKE_RAD = np.pi / 36
+"""Angle by which engaged arcs of one class may differ at their ends [rad]."""
+ALIKE_DEPTH = 1.1
+"""Ratio of depths within one class."""
+ALIKE_SLOPE = 0.03
+WEIGHT = 1.25
+"""Greatest w; the least is its inverse."""
+ENDLESS = 1.0
+"""Feed for each tooth from which on a load counts as not growing with it [m]."""
+NEAR = 0.9
+"""Share of a block's greatest load from which on a station is a candidate [1]."""
+COEFFICIENTS, SIZE, ANGLE, MOUNTING, DEPTH = slice(0, 6), 6, 7, slice(8, 10), 10
+DIMENSIONS = 11
+"""Of one tool."""
+NODES = np.array([0.01, 0.1, 0.25, 0.42, 0.6, 0.8, 1.0])
+"""Feeds at which a class is computed, over its greatest."""
+CLOSE = 1.25
+"""Two nodes next to each other, greater over less."""
+FEW, MANY = 2, 6
+DEPTHS = 7
+"""Depths at which a class is computed."""
+FLOOR = 1e-4
+"""Height up to which material counts as lying on the tool's tip [m]."""
+SKIN = 1e-6
+"""Height that is left in the material [m]."""
+STEEP = np.sqrt(0.5)
+"""Slope from which on a tool cuts with its end: a plunge is as deep as it goes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Critical:
+    """Q candidates in C classes.
+
+    Parameters
+    ----------
+    row : ndarray of intp, shape (Q,)
+        Whose candidate it is, never falling.
+    curve : ndarray, shape (Q, K + 1)
+        Peak load over the nodes of the table, never falling [N].
+    scale, exponent : ndarray, shape (Q,)
+        Of the nodes, as in :class:`pipeline.cutting.force.load_table.LoadTable`.
+    own_station : ndarray of intp, shape (Q,)
+        Of each candidate, the one with the greatest load at the middle of the table.
+    weight : ndarray, shape (Q,)
+        w [1].
+    group : ndarray of intp, shape (Q,)
+        Class of each.
+    station : ndarray of intp, shape (C,)
+        Representative of each class.
+    tool : ndarray of intp, shape (C,)
+        Its tool, an index.
+    rows : int
+        M, of the program.
+    """
+
+    row: Rows = field(repr=False)
+    curve: Floats = field(repr=False)
+    scale: Floats = field(repr=False)
+    exponent: Floats = field(repr=False)
+    own_station: Rows = field(repr=False)
+    weight: Floats = field(repr=False)
+    group: Rows = field(repr=False)
+    station: Rows = field(repr=False)
+    tool: Rows = field(repr=False)
+    rows: int
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def classes(self) -> int:
+        """C."""
+        return len(self.station)
+
+    @property
+    def last_feeds(self) -> Floats:
+        """f_z of the last node of each candidate's table [m]; shape (Q,)."""
+        last: Floats = ((self.curve.shape[1] - 2.0) ** 2 / self.scale) ** (1.0 / self.exponent)
+        return last
+
+    def loads(self, f_z: Floats) -> Floats:
+        """Nominal peak of each candidate [N] at one feed for each, shape (Q,)."""
+        from pipeline.cutting.force.profile_kernel import look_up
+
+        out = np.empty((1, len(self)))
+        if len(self):
+            look_up(f_z[np.newaxis], self.curve, self.scale, self.exponent, out)
+        return out[0]
+
+    def feeds(self, limit: float) -> Floats:
+        """Greatest f_z up to which each stays within a load [m]; inf where none reaches it."""
+        squares = np.arange(self.curve.shape[1]) ** 2.0
+        beyond = self.curve > limit
+        beyond[:, -1] = True  # the last two go on
+        node = np.argmax(beyond, axis=1)
+        after = np.maximum(node, 1)
+        low, high = (np.take_along_axis(self.curve, k[:, None], axis=1)[:, 0]
+                     for k in (after - 1, after))  # fmt: skip
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            share = (limit - low) / (high - low)
+            u = squares[after - 1] + share * (squares[after] - squares[after - 1])
+            f_z = (u / self.scale) ** (1.0 / self.exponent)
+        f_z = np.where((high > low) & (f_z < ENDLESS), f_z, np.inf)
+        return np.where(node == 0, 0.0, f_z)
+
+
+def critical(cut: Cut, rows: Rows | None = None) -> Critical:
+    """Candidates of all rows that cut at feed, or of ``rows`` alone."""
+    engagement, table = cut.engagement, cut.table
+    wanted = engagement.feed
+    if rows is not None:
+        among = np.zeros(engagement.blocks, dtype=np.bool_)
+        among[rows] = True
+        wanted = wanted & among[engagement.block]
+    fed = np.flatnonzero(wanted)
+    values = table.station_values[0]
+    nodes = values.shape[1]
+    middle = nodes // 2
+    block = engagement.block[fed]
+    load = values[table.station[fed], middle]
+    greatest = np.zeros(engagement.blocks)
+    np.maximum.at(greatest, block, load)
+    near = (load >= NEAR * greatest[block]) & (load > 0)
+    fed, block, load = fed[near], block[near], load[near]
+    _, kind = np.unique(_kinds(cut, fed), axis=0, return_inverse=True)
+    kind = kind.ravel()
+    pair, member = np.unique(np.stack([block, kind], axis=1), axis=0, return_inverse=True)
+    member = member.ravel()
+    curve = np.zeros((len(pair), nodes))
+    np.maximum.at(curve, member, values[table.station[fed]])
+    first, candidate = _greatest_of(kind, load), _greatest_of(member, load)
+    group = kind[candidate].astype(np.intp)
+    return Critical(
+        row=pair[:, 0].astype(np.intp),
+        curve=np.maximum.accumulate(curve, axis=1),
+        scale=table.scale[pair[:, 0]],
+        exponent=table.exponent[pair[:, 0]],
+        own_station=fed[candidate],
+        weight=np.clip(load[candidate] / load[first][group], 1 / WEIGHT, WEIGHT),
+        group=group,
+        station=fed[first],
+        tool=engagement.tool[fed[first]].astype(np.intp),
+        rows=engagement.blocks,
+    )
+
+
+def _greatest_of(kind: NDArray[np.int64], load: Floats) -> Rows:
+    """Where the greatest load of each kind is, counted from 0 without a gap."""
+    order = np.lexsort((-load, kind))
+    return order[np.flatnonzero(np.diff(kind[order], prepend=-1))]
+
+
+def _kinds(cut: Cut, stations: Rows) -> NDArray[np.int64]:
+    """Features that stations of one class share; shape (N, 7)."""
+    engagement = cut.engagement
+    lower, upper = engagement.lower[stations], engagement.upper[stations]
+    height = np.where(upper > lower, upper - lower, 0.0).astype(np.float64)
+    ahead = np.sin(engagement.angles) > 0
+    begin, end = engaged_arc(np.where(ahead, height, 0.0))
+    depth = np.maximum(height.max(axis=1, initial=0.0), 1e-9)
+    many = np.maximum((height > 0).sum(axis=1), 1)
+    columns = (
+        engagement.tool[stations],
+        np.nan_to_num(begin, nan=-1.0) / ALIKE_RAD,
+        np.nan_to_num(end, nan=-1.0) / ALIKE_RAD,
+        np.log(depth) / np.log(ALIKE_DEPTH),
+        engagement.slope[stations] / ALIKE_SLOPE,
+        np.sign(engagement.slope[stations]),  # a flat end cuts on its way down only
+        np.log(many) / np.log(ALIKE_DEPTH),
+    )
+    return np.round(np.stack(columns, axis=1)).astype(np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToolDraws:
+    """D draws of one tool.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (D, 6)
+        K_tc, K_rc, K_ac, K_te, K_re, K_ae, SI.
+    offsets : ndarray, shape (D, 2)
+        Of the tool's axis from the spindle's, along the first tooth and across [m].
+    depth : ndarray, shape (D,)
+        By which it stands deeper [m].
+    """
+
+    coefficients: Floats
+    offsets: Floats
+    depth: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Draws:
+    """D draws of a part: those of each tool, by number, and the model's factor, shape (D,)."""
+
+    tools: dict[int, ToolDraws]
+    model: Floats
+
+    def __len__(self) -> int:
+        return len(self.model)
+
+    def first(self, many: int) -> "Draws":
+        """The first of them."""
+        tools = {
+            number: ToolDraws(
+                coefficients=one.coefficients[:many], offsets=one.offsets[:many],
+                depth=one.depth[:many],
+            ) for number, one in self.tools.items()
+        }  # fmt: skip
+        return Draws(tools=tools, model=self.model[:many])
+
+
+def draws_of(uncertain: Uncertainty, many: int, seed: int) -> Draws:
+    """D = ``many`` draws."""
+    from scipy.special import ndtri
+
+    numbers = sorted(uncertain.tools)
+    common = 1 + len(uncertain.sources)
+    places = _sobol(common + DIMENSIONS * len(numbers), many, seed)
+    normal = ndtri(places)
+    tools = {}
+    for k, number in enumerate(numbers):
+        own = slice(common + DIMENSIONS * k, common + DIMENSIONS * (k + 1))
+        tool = uncertain.tools[number]
+        shared = normal[:, 1 + tool.source] if tool.source >= 0 else np.zeros(many)
+        tools[number] = _of_tool(tool, uncertain.depth, shared, normal[:, own], places[:, own])
+    return Draws(tools=tools, model=np.maximum(1.0 + uncertain.model * normal[:, 0], 0.0))
+
+
+def _of_tool(
+    tool: ToolUncertainty, depth: float, shared: Floats, normal: Floats, places: Floats
+) -> ToolDraws:
+    scale = np.maximum(1.0 + tool.common * shared, 0.0)
+    law = tool.mean * scale[:, None] + normal[:, COEFFICIENTS] @ tool.own.T
+    law[:, [0, 3]] = np.maximum(law[:, [0, 3]], 0.0)  # a cut does not drive its tool
+    size = np.abs(tool.runout + tool.runout_sd * normal[:, SIZE])
+    angle = 2 * np.pi * places[:, ANGLE]
+    offsets = size[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    offsets += tool.mounting * normal[:, MOUNTING]
+    return ToolDraws(coefficients=law, offsets=offsets, depth=depth * normal[:, DEPTH])
+
+
+def _sobol(dimensions: int, many: int, seed: int) -> Floats:
+    """Points inside the unit cube; shape (many, dimensions)."""
+    from scipy.stats.qmc import Sobol
+
+    sequence = Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
+    points = sequence.random_base2(ceil(log2(many)))[:many]
+    least = 0.5**33
+    return np.clip(points, least, 1.0 - least)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses:
+    """Loads of the representatives of C classes, in D draws.
+
+    Parameters
+    ----------
+    f_z : ndarray, shape (C, K)
+        Feeds, rising [m].
+    expected : ndarray, shape (C, K)
+        Without uncertainty [N].
+    values : ndarray, shape (C, K, D)
+        In the draws [N].
+    """
+
+    f_z: Floats = field(repr=False)
+    expected: Floats = field(repr=False)
+    values: Floats = field(repr=False)
+
+
+def nodes_below(most: Floats) -> Floats:
+    """Feeds of classes whose greatest are given, shape (C,), down to none; shape (C, K)."""
+    return most[:, None] * NODES
+
+
+def nodes_between(least: Floats, most: Floats) -> Floats:
+    """Feeds of classes that span the given ones, shape (C, K)."""
+    span = float((most / least).max(initial=1.0))
+    many = int(np.clip(np.ceil(np.log(span) / np.log(CLOSE)) + 1, FEW, MANY))
+    return np.geomspace(least, most * (1 + 1e-9), many, axis=1)
+
+
+def responses(cut: Cut, candidates: Critical, f_z: Floats, draws: Draws) -> Responses:
+    """Loads of all representatives at feeds of shape (C, K)."""
+    values, expected = np.empty((*f_z.shape, len(draws))), np.empty(f_z.shape)
+    for one in range(candidates.classes):
+        drawn = draws.tools[cut.numbers[candidates.tool[one]]]
+        _fill(cut, int(candidates.station[one]), f_z[one], drawn, expected[one], values[one])
+    values *= draws.model
+    return Responses(f_z=f_z, expected=expected, values=values)
+
+
+def _fill(
+    cut: Cut, station: int, f_z: Floats, drawn: ToolDraws, expected: Floats, out: Floats
+) -> None:
+    """Fill ``expected`` of shape (K,) and ``out`` of shape (K, D) for one station."""
+    engagement = cut.engagement
+    tool, law = cut.tools[engagement.tool[station]], cut.laws[engagement.tool[station]]
+    slope = float(engagement.slope[station])
+    lower = engagement.lower[station].astype(np.float64)
+    upper = engagement.upper[station].astype(np.float64)
+    nominal = np.concatenate([law.cutting, law.edge])[np.newaxis]
+    offset = tool.runout * np.array([[np.cos(tool.runout_angle), np.sin(tool.runout_angle)]])
+
+    def nominal_peaks(depth: float) -> Floats:
+        turn = edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope)
+        return drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
+
+    turn = edge_turn(tool, lower, upper, slope=slope)
+    expected[:] = drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
+    out[:] = drawn_peaks(turn, drawn.coefficients, drawn.offsets, f_z, m_c=law.m_c)
+    reach = float(np.abs(drawn.depth).max(initial=0.0))
+    if reach == 0.0 or tool.kind == "drill" or abs(slope) > STEEP or not (expected > 0).all():
+        return
+    depths = np.linspace(-reach, reach, DEPTHS)
+    shifted = np.stack([nominal_peaks(depth) for depth in depths.tolist()])
+    for k in range(len(f_z)):
+        out[k] *= np.interp(drawn.depth, depths, shifted[:, k] / expected[k])
+
+
+def deeper(lower: Floats, upper: Floats, depth: float, slope: float = 0.0) -> tuple[Floats, Floats]:
+    """Heights in the material of a tool that stands deeper by ``depth`` [m]; no arc changes.
+
+    What lies on the tool's tip stays there, for the material below is as much as before; on its way
+    down a tool's end stays in the material at any depth.
+    """
+    there = upper > lower
+    least = SKIN if slope < 0 else 0.0
+    raised = np.where(there, np.maximum(upper + depth, least), upper)
+    low = np.where(there & (lower > 2 * FLOOR), np.maximum(lower + depth, 0.0), lower)
+    return np.minimum(low, raised), raised
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PartLoads:
+    """Candidates of a part, their limit, and their loads in each draw.
+
+    Parameters
+    ----------
+    candidates : Critical
+        Q candidates in C classes.
+    limit : float
+        Of the load across the tool's axis [N].
+    most : ndarray, shape (Q,)
+        Greatest feed of each [m].
+    responses : Responses
+        Of the classes.
+    """
+
+    candidates: Critical
+    limit: float
+    most: Floats
+    responses: Responses
+
+    def feeds(self, loads: Floats) -> Floats:
+        """Feeds up to which each stays within where classes have these loads, (C, K); (Q,)."""
+        from pipeline.optimisation.reliability.kernels import feeds_within
+
+        of, out = self.candidates, np.empty(len(self.candidates))
+        feeds_within(
+            self.limit, self.most, of.curve, of.scale, of.exponent, of.weight, of.group,
+            self.responses.f_z, loads - self.responses.expected, out,
+        )  # fmt: skip
+        return out
+
+    def peaks(self, feeds: Floats, draws: slice) -> tuple[Floats, Rows]:
+        """The part's greatest load in each draw, and how often each candidate passes the limit."""
+        from pipeline.optimisation.reliability.kernels import peak_loads
+
+        of, peaks = self.candidates, np.zeros(draws.stop - draws.start)
+        beyond = np.empty(len(of), dtype=np.intp)
+        drawn = self.responses
+        peak_loads(
+            feeds, self.limit, of.curve, of.scale, of.exponent, of.weight, of.group, drawn.f_z,
+            drawn.expected, drawn.values, draws.start, peaks, beyond,
+        )  # fmt: skip
+        return peaks, beyond
+
+
+def row_feeds(candidates: Critical, feeds: Floats) -> Floats:
+    """Least feed of each row's candidates; inf without one.  Shape (M,)."""
+    out = np.full(candidates.rows, np.inf)
+    np.minimum.at(out, candidates.row, feeds)
+    return out

@@ -1,0 +1,344 @@
+"""Uncertainty of a part's loads: coefficients, runout, axial depth, and the model itself.
+
+A coefficient of a tool is
+
+    K = K_mean max(0, 1 + s z_source) + L z,
+
+with z standard normal, z_source common to all tools whose coefficients come from one source.
+
+- Identified coefficients have the intervals and correlations of the fit, and no common part.  One
+  that the records did not determine has the value that the fit took and a standard deviation as
+  great as that, or as a tenth of the tangential one: zero, which nominal loads take, is among it.
+- Others' measurements and catalogues err in the material and the edge above all, which moves all
+  coefficients together: of the variance 4 / 5 is common, 1 / 5 each coefficient's own.
+
+Runout belongs to a mounting.  A tool table speaks of the mounting that is to cut, so that its size
+stands; which tooth stands out nobody knows.  What was identified is of the mounting that was
+recorded: the next one has its size, within its interval, at any angle, and an offset of its own of
+``certainty.runout_um`` on top.  Without either there is that offset alone; its size is Rayleigh's.
+
+Documents of a fit come from files, so that nothing of their form is taken for granted: a key that
+is missing or of another form counts as not known.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
+from pipeline.cutting.tool import UM, Tool
+from pipeline.optimisation.settings import ReliabilitySettings
+from pipeline.schema.arrays import Floats
+from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
+
+NORMAL = 1.959963984540054
+"""Standard deviations of half a 95 % interval."""
+COMMON, OWN = np.sqrt(0.8), np.sqrt(0.2)
+"""Parts of the standard deviation that coefficients of one source share, and each one's own."""
+BESIDE = 0.1
+"""Standard deviation of what was not determined, at least, over the tangential coefficient."""
+CHIP = 5e-5
+"""Thickness by which edge coefficients are beside cutting ones [m]."""
+SCALES = np.array([N_MM2] * 3 + [N_MM] * 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uncertain:
+    """One uncertain quantity in words: what it is, its value, its spread, its source."""
+
+    what: str
+    value: str
+    spread: str
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToolUncertainty:
+    """Distribution of the coefficients and the runout of one tool.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (6,)
+        Of the coefficients, SI.
+    own : ndarray, shape (6, 6)
+        L, root of their own covariance.
+    source : int
+        Which common scale they have, -1 for none.
+    common : float
+        s, its standard deviation [1].
+    runout, runout_sd : float
+        Size of the offset that is known of [m]; its angle is not.
+    mounting : float
+        Standard deviation of each component of what another mounting adds [m].
+    described : tuple of Uncertain
+        In words.
+    """
+
+    mean: Floats = field(repr=False)
+    own: Floats = field(repr=False)
+    source: int = -1
+    common: float = 0.0
+    runout: float = 0.0
+    runout_sd: float = 0.0
+    mounting: float = 0.0
+    described: tuple[Uncertain, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Distribution of all uncertain quantities of a part.
+
+    Parameters
+    ----------
+    tools : mapping of int to ToolUncertainty
+        By number.
+    sources : tuple of str
+        Of the common scales.
+    depth : float
+        Standard deviation of each tool's axial depth [m].
+    model : float
+        Of the model's peaks, common to the part [1].
+    described : tuple of Uncertain
+        The last two in words.
+    """
+
+    tools: Mapping[int, ToolUncertainty]
+    sources: tuple[str, ...]
+    depth: float
+    model: float
+    described: tuple[Uncertain, ...] = ()
+
+    def rows(self) -> list[dict[str, str]]:
+        """Uncertain quantities with value, spread and source; those that tools share once."""
+        tools_of: dict[tuple[str, str, str, str], list[int]] = {}
+        for number, tool in sorted(self.tools.items()):
+            for one in tool.described:
+                key = (one.what, one.value, one.spread, one.source)
+                tools_of.setdefault(key, []).append(number)
+        listed = [
+            (f"{what} ({', '.join(f'T{n}' for n in numbers)})", value, spread, source)
+            for (what, value, spread, source), numbers in tools_of.items()
+        ]
+        listed += [(one.what, one.value, one.spread, one.source) for one in self.described]
+        keys = ("what", "value", "spread", "source")
+        return [dict(zip(keys, one, strict=True)) for one in listed]
+
+
+def uncertainty(
+    laws: Mapping[int, ToolCoefficients],
+    tools: Mapping[int, Tool],
+    cutting_document: Mapping[str, Any] | None,
+    validation_document: Mapping[str, Any] | None,
+    settings: ReliabilitySettings,
+) -> Uncertainty:
+    """Distribution of the uncertain quantities of a part.
+
+    Parameters
+    ----------
+    laws : mapping of int to ToolLaw
+        Force law of each tool that cuts, by number, and where it is from.
+    tools : mapping of int to Tool
+        The tools.
+    cutting_document, validation_document : mapping, optional
+        Contents of cutting.json and cutting_validation.json of the machine.
+    settings : ReliabilitySettings
+        Spread of what the documents do not hold.
+
+    Raises
+    ------
+    ValueError
+        When a law has no tool.
+    """
+    document = cutting_document or {}
+    sources = tuple(sorted({one.source for one in laws.values() if one.kind != "identified"}))
+    drawn_tools = {}
+    for number, law in laws.items():
+        if number not in tools:
+            raise ValueError(f"uncertainty: T{number} has a force law and is no tool: add it")
+        if law.kind == "identified":
+            drawn = _identified(law, document)
+        else:
+            drawn = _taken_over(law, sources.index(law.source), settings)
+        drawn_tools[number] = _with_runout(drawn, tools[number], law.kind, document, settings)
+    model, model_source = model_spread(validation_document or {}, settings.model)
+    depth = Uncertain(
+        what="axial depth", value="as in the blank", spread=f"{settings.depth_um:g} um",
+        source="certainty.depth_um: tool length and blank, of each tool",
+    )  # fmt: skip
+    return Uncertainty(
+        tools=drawn_tools, sources=sources, depth=settings.depth_um * UM, model=model,
+        described=(depth, Uncertain(
+            what="model's peak loads", value="1", spread=f"{100 * model:.2g} %",
+            source=model_source,
+        )),
+    )  # fmt: skip
+
+
+def _values(law: ForceLaw) -> Floats:
+    return np.concatenate([law.cutting, law.edge])
+
+
+def _taken_over(
+    law: ToolCoefficients, source: int, settings: ReliabilitySettings
+) -> ToolUncertainty:
+    """Coefficients that others measured, or a catalogue has."""
+    measured = law.kind == "measured"
+    spread = settings.measured_elsewhere if measured else settings.catalogue
+    mean = _values(law.law)
+    described = Uncertain(
+        what="coefficients", value=f"K_tc {mean[0] * 1e-6:.4g} N/mm^2" if law.law.m_c == 0 else
+        f"k_c1.1 {mean[0] * 1e-6 * 1e-3**-law.law.m_c:.4g} N/mm^2",
+        spread=f"{100 * spread:.3g} %, 4/5 of the variance common to all", source=law.source,
+    )  # fmt: skip
+    return ToolUncertainty(
+        mean=mean, own=np.diag(OWN * spread * np.abs(mean)), source=source,
+        common=float(COMMON * spread), described=(described,),
+    )  # fmt: skip
+
+
+def _identified(law: ToolCoefficients, document: Mapping[str, Any]) -> ToolUncertainty:
+    """Coefficients that this machine's recordings say, with the covariance of the fit."""
+    mean, spread = _values(law.law), np.zeros(6)
+    fitted = fitted_coefficients(document)
+    described = []
+    for k, name in enumerate(COEFFICIENTS):
+        value, half = interval(document, name)
+        if value is not None and half is not None:
+            spread[k], how = half / NORMAL * SCALES[k], law.source
+        else:
+            mean[k] = fitted[k]
+            beside = mean[0] if k < 3 else max(mean[3], mean[0] * CHIP)
+            spread[k], how = max(abs(mean[k]), BESIDE * beside), "not determined by the records"
+        unit = "N/mm^2" if k < 3 else "N/mm"
+        described.append(Uncertain(
+            what=name, value=f"{mean[k] / SCALES[k]:.4g} {unit}",
+            spread=f"{spread[k] / SCALES[k]:.3g} {unit}", source=how,
+        ))  # fmt: skip
+    determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(law.law)[k]]
+    own = spread[:, None] * root(correlation(document, determined))
+    return ToolUncertainty(mean=mean, own=own, described=tuple(described))
+
+
+def _with_runout(
+    drawn: ToolUncertainty, tool: Tool, kind: str, document: Mapping[str, Any],
+    settings: ReliabilitySettings,
+) -> ToolUncertainty:  # fmt: skip
+    """The same with the runout of the tool."""
+    if tool.flutes < 2:
+        return drawn
+    value, half = None, None
+    if kind == "identified":
+        value, half = interval(document, "runout", upper=True)
+    if tool.runout > 0:
+        described = Uncertain(
+            what="runout", value=f"{tool.runout_um:g} um", spread="at any angle",
+            source="tool table",
+        )  # fmt: skip
+        return replace(drawn, runout=tool.runout, described=(*drawn.described, described))
+    own = f"Rayleigh's scale {settings.runout_um:g} um"
+    if value is None or half is None:
+        described = Uncertain(
+            what="runout", value="not known", spread=own, source="certainty.runout_um",
+        )  # fmt: skip
+        return replace(
+            drawn, mounting=settings.runout_um * UM, described=(*drawn.described, described)
+        )
+    described = Uncertain(
+        what="runout", value=f"{value:.3g} um",
+        spread=f"{half / NORMAL:.2g} um, at any angle; another mounting: {own}",
+        source="identified in another mounting",
+    )  # fmt: skip
+    return replace(
+        drawn, runout=value * UM, runout_sd=half / NORMAL * UM,
+        mounting=settings.runout_um * UM, described=(*drawn.described, described),
+    )  # fmt: skip
+
+
+def interval(
+    document: Mapping[str, Any], name: str, *, upper: bool = False
+) -> tuple[float, float] | tuple[None, None]:
+    """Value and half of the 95 % interval of a parameter of cutting.json, in its unit.
+
+    None where it was not determined; ``upper`` takes the part of the interval above the value.
+    """
+    parameter = _under(document, "parameters", name)
+    if not isinstance(parameter, dict) or not parameter.get("determined", True):
+        return None, None
+    value, ends = _number(parameter.get("value")), parameter.get("interval_95")
+    if value is None or not isinstance(ends, list) or len(ends) != 2:
+        return None, None
+    low, high = _number(ends[0]), _number(ends[1])
+    if low is None or high is None:
+        return None, None
+    return value, high - value if upper else (high - low) / 2
+
+
+def fitted_coefficients(document: Mapping[str, Any]) -> Floats:
+    """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
+    values = _under(document, "prediction", "values")
+    if not isinstance(values, list) or len(values) < len(COEFFICIENTS):
+        return np.zeros(len(COEFFICIENTS))
+    numbers = [_number(value) for value in values[: len(COEFFICIENTS)]]
+    return np.array([0.0 if value is None else value for value in numbers])
+
+
+def correlation(document: Mapping[str, Any], determined: Sequence[str]) -> Floats:
+    """Of the six coefficients; only those of ``known`` are correlated.  Shape (6, 6)."""
+    correlations = np.eye(len(COEFFICIENTS))
+    names, matrix = (_under(document, "correlation", key) for key in ("names", "matrix"))
+    if not isinstance(names, list) or not isinstance(matrix, list):
+        return correlations
+    try:
+        table = np.asarray(matrix, dtype=np.float64)
+    except (TypeError, ValueError):
+        return correlations
+    if table.shape != (len(names), len(names)) or not np.isfinite(table).all():
+        return correlations
+    rows = [k for k, name in enumerate(COEFFICIENTS) if name in names and name in determined]
+    place = [names.index(COEFFICIENTS[k]) for k in rows]
+    correlations[np.ix_(rows, rows)] = table[np.ix_(place, place)]
+    np.fill_diagonal(correlations, 1.0)
+    return correlations
+
+
+def root(matrix: Floats) -> Floats:
+    """R with R R^T a correlation, which rounding may have made slightly indefinite."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    factor: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
+    length = np.sqrt((factor**2).sum(axis=1, keepdims=True))
+    return factor / np.where(length > 0, length, 1.0)
+
+
+def model_spread(document: Mapping[str, Any], least: float) -> tuple[float, str]:
+    """Standard deviation of the model's peak loads [1], at least ``least``, and where it is from.
+
+    It is the root mean square of the errors of the peaks of recordings that the coefficients were
+    not found from, in cutting_validation.json.
+    """
+    rows = document.get("recordings")
+    errors = [
+        error for row in (rows if isinstance(rows, list) else [])
+        if _under(row, "role") == "judged"
+        and (error := _number(_under(row, "components", "resultant", "peak_error_percent")))
+        is not None
+    ]  # fmt: skip
+    rms = float(np.sqrt(np.mean(np.square(errors)))) / 100 if errors else 0.0
+    if rms > least:
+        return rms, f"{len(errors)} recordings that the coefficients were not found from"
+    return least, "certainty.model"
+
+
+def _under(document: Any, *keys: str) -> Any:
+    """The value under keys; None where one of them is missing."""
+    for key in keys:
+        document = document.get(key) if isinstance(document, dict) else None
+    return document
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        return None
+    return float(value)

@@ -1,1 +1,0 @@
-"""Searches from the direct solution on, the baselines, and the front."""

@@ -1,0 +1,281 @@
+"""Page of an optimised program, from its stored document; nothing else."""
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.charts.numbers import NARROW, asked, counted, number, signed
+from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sources import Source
+from pipeline.report.alone import LonePage, rendered, source_of
+from pipeline.report.cut_tables import sentence, share
+from pipeline.report.optimised_figures import (
+    FRONT_LEGEND,
+    LOAD_LEGEND,
+    METHODS_LEGEND,
+    OVER_LEGEND,
+    PAIR_LEGEND,
+    QUANTITIES,
+    WORDS_LEGEND,
+    Blocks,
+    compared,
+    front_figure,
+    front_places,
+    load_figure,
+    method_places,
+    pairs_figure,
+    path_load,
+    per_pair,
+    words_figure,
+)
+from pipeline.report.optimised_tables import (
+    binding_table,
+    front_table,
+    gain_table,
+    groups_table,
+    limits_table,
+    methods_table,
+    proof_table,
+    uncertain_table,
+)
+from pipeline.report.optimised_verdict import aim, key_figures, verdict
+from pipeline.schema.part import OptimisedPart, Reliability
+
+
+def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = None) -> None:
+    """Write the page of a part; ``source`` is the file that holds it."""
+    sources = [source_of(source)] if source is not None else []
+    text = rendered(optimised_page(part, sources), "optimise.html.j2")
+    out.write_text(text, encoding="utf-8", newline="\n")
+
+
+def optimised_page(part: OptimisedPart, sources: list[Source]) -> LonePage:
+    """Sections of the page, in the order in which its reader needs them."""
+    status, word, sentences = verdict(part)
+    return LonePage(
+        program=part.program,
+        machine=part.machine,
+        about=_about(part),
+        origin="simulated" if part.origin == "simulated" else "recorded",
+        status=status,
+        word=word,
+        sentences=sentences,
+        key_figures=key_figures(part),
+        sections=optimised_sections(part, sources),
+    )
+
+
+def _about(part: OptimisedPart) -> str:
+    return (
+        f"For {aim(part)}: {part.stock} in {part.material} on {part.machine}, tools of "
+        f"{part.tool_table}"
+    )
+
+
+def optimised_sections(part: OptimisedPart, sources: list[Source]) -> list[Section]:
+    """Load, words, where time goes, certainty, methods, proof, basis."""
+    found = [
+        _load_section(part, sources), _words_section(part, sources),
+        _time_section(part, sources), _certainty_section(part, sources),
+        _methods_section(part, sources), _proof_section(part, sources),
+        _basis_section(part, sources),
+    ]  # fmt: skip
+    return [section for section in found if section is not None]
+
+
+def _load_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
+    before, after = path_load(part.trace.before), path_load(part.trace.after)
+    if before is None or after is None:
+        return None
+    limit = part.limits.load_N
+    legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
+    label = f"Load along the way of {part.program}, as programmed and optimised"
+    figure = Figure(
+        svg=load_figure(before, after, limit, part.trace.tools, label),
+        caption="Highest force on the tool in the plane over the way at feed; the way is the same "
+        "before and after, so that what stands below each other is the same place of the part.",
+        sources=sources,
+    )
+    return Section(
+        key="load", title="Load before and after", text=_verified(part),
+        blocks=[Figures(figures=[figure], legend=legend, kind="one wide")],
+    )  # fmt: skip
+
+
+def _verified(part: OptimisedPart) -> list[str]:
+    check = part.verified
+    if check.peak_load_N is None:
+        return []
+    where = "" if check.peak_line is None else f" in line {check.peak_line}"
+    servo = "" if check.following_um is None else "the servo, "
+    said = (
+        f"The answer was put through the whole twin, with {servo}the feeds that the control "
+        f"reaches and the waveform of the load: its highest load is "
+        f"{number(check.peak_load_N)}{NARROW}N{where}."
+    )
+    if check.tightened:
+        said += f" Feeds were lowered for that in {counted(check.tightened, 'round')}."
+    lags = [
+        f"{axis} {number(um)}" for axis, um in (check.following_um or {}).items() if um is not None
+    ]
+    return [f"{said} The axes lag by at most {', '.join(lags)}{NARROW}µm." if lags else said]
+
+
+def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
+    blocks = Blocks(rows=part.groups)
+    if not len(blocks):
+        return None
+    found: list[Any] = []
+    if (picture := words_figure(blocks, f"F and S of the blocks of {part.program}")) is not None:
+        figure = Figure(
+            svg=picture,
+            caption="F and S of each group of blocks, in the order of the program, and the limit "
+            "that holds it back; groups are drawn equally wide.",
+            sources=sources,
+        )
+        legend = WORDS_LEGEND
+        found.append(Figures(figures=[figure], legend=legend, kind="one wide"))
+    found += present(binding_table(part, sources), groups_table(part, sources))
+    return Section(key="words", title="F and S, and what binds them", blocks=found)
+
+
+def _time_section(part: OptimisedPart, sources: list[Source]) -> Section:
+    blocks, currency = Blocks(rows=part.groups), part.currency or ""
+    heads = [("Time, s", "time_{}_s"), (f"Cost, {currency}".removesuffix(", "), "cost_{}")]
+    picture = None
+    if len(blocks):
+        picture = pairs_figure(blocks, heads, "Time and cost of the blocks before and after")
+    found: list[Any] = [gain_table(part, sources)]
+    if picture is not None:
+        many = per_pair(len(blocks))
+        one = "one group of blocks" if many == 1 else f"{many} groups of blocks"
+        figure = Figure(svg=picture, caption=f"Time and cost, each pair of columns {one}.",
+                        sources=sources)  # fmt: skip
+        legend = PAIR_LEGEND
+        found.append(Figures(figures=[figure], legend=legend, kind="one wide"))
+    return Section(key="time", title="Time and cost", blocks=found)
+
+
+def _certainty_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
+    if part.certainty is None:
+        return None
+    return Section(
+        key="certainty", title="How sure it is", text=_certainty_text(part, part.certainty),
+        blocks=present(uncertain_table(part, sources)),
+    )  # fmt: skip
+
+
+def _certainty_text(part: OptimisedPart, of: Reliability) -> list[str]:
+    said = []
+    if of.exceedance is not None:
+        interval = f" ({' to '.join(share(end) for end in of.interval_95)})"
+        said.append(
+            f"The load passes its limit somewhere in the part in {share(of.exceedance)}{interval} "
+            f"of {counted(of.draws, 'draw')} that the answer was not made with; asked for was at "
+            f"most {asked(100 * of.epsilon)}{NARROW}%."
+        )
+    return said + _peaks(of) + _price(part, of)
+
+
+def _peaks(of: Reliability) -> list[str]:
+    words = [
+        f"below {number(row.load_N)}{NARROW}N in {asked(100 * row.share)}{NARROW}%"
+        for row in of.peaks
+        if row.load_N is not None
+    ]
+    return [f"The highest load of a part is {', '.join(words)} of parts."] if words else []
+
+
+def _price(part: OptimisedPart, of: Reliability) -> list[str]:
+    nominal, price = of.nominal, of.price
+    if nominal is None or price is None or None in (nominal.time_s, price.time_s):
+        return []
+    extra = f"{number(price.time_s)}{NARROW}s"
+    if price.time_percent is not None:
+        extra += f" ({signed(price.time_percent)}{NARROW}%)"
+    if price.cost is not None:
+        extra += f" and {number(price.cost)} {part.currency or ''}".rstrip()
+        if price.cost_percent is not None:
+            extra += f" ({signed(price.cost_percent)}{NARROW}%)"
+    return [
+        f"Were every value exactly as stated, the best program would take "
+        f"{number(nominal.time_s, 4)}{NARROW}s: the price of certainty is {extra}."
+    ]
+
+
+def _methods_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
+    table, keys = methods_table(part, sources), compared(part)
+    figures = None if keys is None else _front(part, keys, sources)
+    blocks = present(table, figures, front_table(part, sources))
+    if not blocks:
+        return None
+    title = "Methods side by side" if figures is None else "Methods, and what else is possible"
+    return Section(key="methods", title=title, blocks=blocks)
+
+
+def _front(part: OptimisedPart, keys: tuple[str, str], sources: list[Source]) -> Figures:
+    currency, names = part.currency or "", QUANTITIES
+    heads = tuple(f"{names[k]}, {currency}" if k == "cost" else names[k] for k in keys)
+    front, others = front_places(part, keys), method_places(part, keys)
+    better = any(row.no_worse for row in part.front)
+    among = " It is that of the programs that are in nothing worse than the one before."
+    first = Figure(
+        svg=front_figure(front, (heads[0], heads[1]), "The front in two objectives"),
+        caption="The front: programs than which no other is better in all objectives, drawn in the "
+        "two that pull apart most. At the knee, one begins to cost much of the other."
+        + (among if better else ""),
+        sources=sources,
+    )
+    second = Figure(
+        svg=front_figure([*others, *front], (heads[0], heads[1]), "The front and other methods"),
+        caption="The same beside the program as it was, and what other methods find inside the "
+        "limits.",
+        sources=sources,
+    )
+    legend = [*FRONT_LEGEND, *METHODS_LEGEND]
+    return Figures(figures=[first, second], legend=legend)
+
+
+def _proof_section(part: OptimisedPart, sources: list[Source]) -> Section:
+    pairs = [
+        (sentence(row.reason),
+         f"{counted(row.rows, 'move')}, the first in {row.first}: as programmed.")
+        for row in part.held
+    ]  # fmt: skip
+    return Section(
+        key="proof", title="What was changed", text=_proof_text(part), pairs=pairs,
+        blocks=present(proof_table(part, sources)),
+    )  # fmt: skip
+
+
+def _proof_text(part: OptimisedPart) -> list[str]:
+    proof, words = part.proof, part.words
+    if not proof.same:
+        first = proof.first or "not told"
+        return [f"The two programs do not make the same moves. First difference: {first}."]
+    counts = {
+        "F changed": words.F_changed, "F added": words.F_added,
+        "S changed": words.S_changed, "S added": words.S_added,
+    }  # fmt: skip
+    listed = ", ".join(f"{number(many)} {what}" for what, many in counts.items() if many)
+    which = f": {counted(words.total, 'word')} ({listed})".replace(" ()", "")
+    command = "kerf check BEFORE AFTER" + (f" --machine {part.machine}" if part.machine else "")
+    return [
+        f"Only F and S words changed{which}; every other byte of the program is as it was. All "
+        f"{number(proof.moves)} moves, "
+        "modal states, tools, offsets and codes are the same to the last bit, compared by a "
+        f"check that shares nothing with what wrote the program: {command}."
+    ]
+
+
+def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
+    unknown = [
+        (f"{sentence(row.what)}: not known", sentence(row.why) + ".") for row in part.not_known
+    ]
+    control = {"identified": "The machine’s control is the one that was identified.",
+               "conf/machine": "The machine’s control is as in conf/machine, not identified: times "
+               "are unproven."}.get(part.control, "")  # fmt: skip
+    return Section(
+        key="basis", title="What these numbers rest on",
+        text=[*filter(None, [control]), *part.notes], pairs=unknown,
+        blocks=present(limits_table(part, sources)), closing=True,
+    )  # fmt: skip

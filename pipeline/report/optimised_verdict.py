@@ -1,0 +1,169 @@
+"""Verdict and key figures of an optimised program, in the words of who cuts the part."""
+
+from pipeline.charts.numbers import NARROW, asked, counted, duration, number
+from pipeline.report.cut_tables import share
+from pipeline.report.optimised_tables import change, limit_name
+from pipeline.schema.part import OptimisedPart
+
+LEAST = 0.05  # percent: what is less is no gain
+AIMS = {
+    "time": ("least time", "time_percent", "faster"),
+    "cost": ("least cost", "cost_percent", "cheaper"),
+    "energy": ("least energy", "energy_percent", "less energy"),
+    "wear": ("least wear of tools", "tool_life_percent", "less wear"),
+}
+"""Each objective in words, its gain, and the word for less."""
+
+
+def aim(part: OptimisedPart) -> str:
+    """The objective in words."""
+    if part.objective == "pareto":
+        return "the knee of all objectives"
+    return AIMS[part.objective][0]
+
+
+def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
+    """Status, word, and the sentences that a reader needs before anything else."""
+    sentences = [*_gain(part), *_safe(part), *_certain(part), *_binds(part),
+            *_words(part), *_not_known(part)]  # fmt: skip
+    if not part.proof.same:
+        first = part.proof.first or ""
+        where = f" First difference: {first}." if first else ""
+        said = f"The program written is not proved to make the same moves: do not cut it.{where}"
+        return "failed", "not proved", [said, *sentences]
+    if (part.after.beyond or 0) > 0:
+        return "failed", "beyond its limits", sentences
+    if part.interrupted:
+        stopped = "It was interrupted: this is the best that was found until then."
+        return "attention", "interrupted", [stopped, *sentences]
+    if word := _word(part):
+        return "passed", word, sentences
+    if (part.before.beyond or 0) > 0:
+        return "passed", "inside its limits", sentences
+    return "unknown", "nothing gained", sentences
+
+
+def _word(part: OptimisedPart) -> str:
+    """``17 % faster``; empty where nothing is gained."""
+    for _, key, less in AIMS.values() if part.objective == "pareto" else [AIMS[part.objective]]:
+        gain = getattr(part.gain, key)
+        if gain is not None and gain <= -LEAST:
+            digits = 0 if gain <= -9.95 else 1
+            return f"{-gain:.{digits}f}{NARROW}% {less}"
+    return ""
+
+
+def _gain(part: OptimisedPart) -> list[str]:
+    before, after = part.before.time_s, part.after.time_s
+    if before is None or after is None:
+        return []
+    said = f"The part takes {_seconds(after)} instead of {_seconds(before)}"
+    said += f" ({change(part.gain.time_percent)})"
+    costs = [part.before.cost, part.after.cost]
+    if None in costs:
+        return [f"{said}."]
+    currency, percent = part.currency or "", change(part.gain.cost_percent)
+    return [f"{said} and costs {number(costs[1], 4)} {currency} instead of "
+            f"{number(costs[0], 4)} ({percent})."]  # fmt: skip
+
+
+def _seconds(value: float) -> str:
+    return f"{number(value, 4)}{NARROW}s" if value < 600 else duration(value)
+
+
+def _safe(part: OptimisedPart) -> list[str]:
+    beyond, was = part.after.beyond, part.before.beyond or 0
+    peak, limit = part.after.peak_load_N, part.limits.load_N
+    said = []
+    if beyond:
+        said.append(f"{counted(beyond, 'block')} pass a limit.")
+    elif beyond is not None:
+        said.append(
+            f"No block passes a limit; as programmed {was} did{_which(part)}." if was
+            else "No block passes a limit, as programmed or now."
+        )  # fmt: skip
+    if peak is not None and limit is not None:
+        said.append(
+            f"The highest predicted load is {number(peak)}{NARROW}N of {asked(limit)}{NARROW}N."
+        )
+    return said
+
+
+def _which(part: OptimisedPart) -> str:
+    """Limits that the program as it was passed."""
+    return f" ({', '.join(part.before.beyond_of)})"
+
+
+def _certain(part: OptimisedPart) -> list[str]:
+    of = part.certainty
+    if of is None or of.exceedance is None:
+        return []
+    extra = None if of.price is None else of.price.time_percent
+    price = (
+        f"; being that sure costs {number(extra, 2)}{NARROW}% of time"
+        if extra and extra > 0
+        else ""
+    )
+    between = f" ({' to '.join(share(end) for end in of.interval_95)})"
+    return [
+        f"With all that is uncertain, the load passes its limit in {share(of.exceedance)} of parts"
+        f"{between}, {asked(100 * of.epsilon)}{NARROW}% is allowed{price}."
+    ]
+
+
+def _binds(part: OptimisedPart) -> list[str]:
+    rows = [row for row in part.binding if row.limit]
+    if not rows:
+        return []
+    first = max(rows, key=lambda row: row.time_s or 0.0)
+    where = f", in {counted(first.blocks, 'block')}"
+    name = limit_name(first.limit)
+    if name == "load limit" and part.certainty is not None:
+        name += ", as surely as asked"
+    return [f"What holds it back longest is the {name}{where}."]
+
+
+def _words(part: OptimisedPart) -> list[str]:
+    if not part.proof.same:
+        return []
+    return [
+        f"Only F and S words changed: {counted(part.words.total, 'word')}. The moves are the same "
+        "to the last bit."
+    ]
+
+
+def _not_known(part: OptimisedPart) -> list[str]:
+    found = [row.what for row in part.not_known]
+    return [f"Not known: {', '.join(found)}."] if found else []
+
+
+def key_figures(part: OptimisedPart) -> list[tuple[str, str, str]]:
+    """Name, value after, and beside it the value before with the change."""
+    currency, limit = part.currency or "", part.limits.load_N
+    aside = "" if limit is None else f", limit {asked(limit)}{NARROW}N"
+    return [
+        _key(part, "Time", "time_s", "s", "time_percent"),
+        _key(part, "Cost of the part", "cost", currency, "cost_percent"),
+        _key(part, "Tool life used", "tool_life_share", "%", "tool_life_percent"),
+        _key(part, "Energy", "energy_kWh", "kWh", "energy_percent"),
+        _key(part, "Peak load", "peak_load_N", "N", None, aside),
+    ]
+
+
+def _key(
+    part: OptimisedPart, name: str, key: str, unit: str, gain: str | None, more: str = ""
+) -> tuple[str, str, str]:
+    before, after = getattr(part.before, key), getattr(part.after, key)
+    if after is None:
+        return name, "not known", ""
+    was = "" if before is None else f"was {_with(before, unit)}"
+    percent = change(getattr(part.gain, gain)) if gain and was else ""
+    return name, _with(after, unit), ", ".join(filter(None, (was, percent))) + more
+
+
+def _with(value: float, unit: str) -> str:
+    if unit == "%":
+        return share(value)
+    if unit == "s":
+        return _seconds(value)
+    return f"{number(value, 4 if unit not in ('kWh', 'N') else 3)}{NARROW}{unit}"

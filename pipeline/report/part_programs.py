@@ -1,0 +1,198 @@
+"""Optimised part programs of a machine: facts, trial cuts, and the words of the page's head."""
+
+from dataclasses import dataclass, field
+from math import comb
+from pathlib import Path
+from typing import TypeVar
+
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, number, signed
+from pipeline.charts.sources import Shelf, shown
+from pipeline.report.folders import MachineFolders
+from pipeline.report.optimised_verdict import AIMS
+from pipeline.schema.part import OptimisedPart, Side, TrialCuts, TrialPart
+from pipeline.schema.structure import structured
+
+T = TypeVar("T")
+
+WORTH = 1.0  # percent less: below it nobody changes a program that runs
+SURE = 0.05  # chance of a load above its limit: with more nobody is told to load a program
+MODELS = "the program, its part in conf/machine and the machine’s models"
+SURPRISE = 0.025  # chance below which trial cuts above the limit are no accident
+CUT = "the programs before and after, cut on the simulated shop floor"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartProgram:
+    """One part program, before and after.
+
+    Parameters
+    ----------
+    label : str
+        Of its files.
+    part : OptimisedPart
+        As it is stored.
+    path : Path
+        Of that document; the optimised program lies beside it.
+    cut : TrialPart or None
+        Trial cuts of both on the simulated shop floor; None where nothing was cut.
+    """
+
+    label: str
+    part: OptimisedPart
+    path: Path
+    cut: TrialPart | None = None
+
+    @property
+    def program(self) -> Path:
+        """The optimised program."""
+        return self.path.with_suffix(".nc")
+
+    @property
+    def proved(self) -> bool:
+        """Whether the geometry is proved to be the same."""
+        return self.part.proof.same
+
+    @property
+    def inside(self) -> bool:
+        """Whether no block is known to pass a limit."""
+        return not self.part.after.beyond
+
+    @property
+    def gain(self) -> float | None:
+        """Reduction of the objective [%]; negative where it grew."""
+        _, key, _ = AIMS.get(self.part.objective, AIMS["time"])
+        change: float | None = getattr(self.part.gain, key)
+        return None if change is None else -change
+
+    @property
+    def limit(self) -> float | None:
+        """Of the load [N]."""
+        return self.part.limits.load_N
+
+    @property
+    def epsilon(self) -> float | None:
+        """Chance that was allowed for a load above its limit [1]."""
+        return None if self.part.certainty is None else self.part.certainty.epsilon
+
+    def cuts(self, which: Side = "after") -> tuple[int, int] | None:
+        """Trial cuts with a load above the limit, and how many there were."""
+        return None if self.cut is None else (self.cut.side(which).above, self.cut.seeds)
+
+    @property
+    def overloaded(self) -> bool:
+        """Whether more trial cuts passed the limit than chance explains at what is allowed."""
+        cuts = self.cuts()
+        return cuts is not None and at_least(*cuts, self.epsilon or 0.0) < SURPRISE
+
+
+def at_least(many: int, of: int, chance: float) -> float:
+    """Probability that ``many`` or more ``of`` independent cuts pass, each with ``chance``.
+
+    >>> [round(at_least(k, 20, 0.01), 4) for k in (0, 1, 2)]
+    [1.0, 0.1821, 0.0169]
+    """
+    return 1.0 - sum(comb(of, k) * chance**k * (1 - chance) ** (of - k) for k in range(many))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartPrograms:
+    """The optimised programs of a machine, in the order of their labels."""
+
+    programs: list[PartProgram] = field(default_factory=list)
+    trial: Path | None = None
+
+    @property
+    def seconds(self) -> tuple[float, float] | None:
+        """Of all programs together, before and after [s]; None where one is not known."""
+        pairs = [(one.part.before.time_s, one.part.after.time_s) for one in self.programs]
+        known = [(a, b) for a, b in pairs if a is not None and b is not None]
+        if not known or len(known) < len(pairs):
+            return None
+        return sum(a for a, _ in known), sum(b for _, b in known)
+
+
+def part_programs(folders: MachineFolders, shelf: Shelf) -> PartPrograms:
+    """Optimised programs of a machine, with their trial cuts."""
+    if folders.parts is None:
+        return PartPrograms()
+    trial = _stored(shelf, folders.trial, TrialCuts, CUT)
+    cuts = {} if trial is None else trial.parts
+    programs = [
+        PartProgram(label=path.stem, part=part, path=path, cut=cuts.get(path.stem))
+        for path in sorted(folders.parts.glob("*.json"))
+        if (part := _stored(shelf, path, OptimisedPart, MODELS)) is not None
+    ]
+    return PartPrograms(programs=programs, trial=folders.trial if trial is not None else None)
+
+
+def _stored(shelf: Shelf, path: Path | None, wanted: type[T], made_from: str) -> T | None:
+    """A stored document; None where there is none, or it is of another shape and named so."""
+    values = None if path is None else shelf.document(path, made_from)
+    if path is None or values is None:
+        return None
+    try:
+        return structured(values, wanted, "$")
+    except ValueError as error:
+        shelf.broken[shown(path)] = f"of another shape: {error}"
+        return None
+
+
+def loading_words(found: PartPrograms) -> str:
+    """Which optimised programs are worth loading, the greatest gain first; empty without any."""
+    worth = sorted(
+        (one for one in found.programs if is_worth_loading(one)), key=lambda one: -(one.gain or 0.0)
+    )
+    if not worth:
+        return ""
+    first, *rest = worth
+    more = f", and {counted(len(rest), 'more program')} below" if rest else ""
+    return f"Load {shown(first.program)}: {gain_words(first)} inside its limits{more}."
+
+
+def is_worth_loading(one: PartProgram) -> bool:
+    """Whether it gains enough, is proved, inside its limits, and no trial cut speaks against it."""
+    sure = one.proved and not one.overloaded and (one.epsilon or 0.0) <= SURE
+    return sure and one.inside and (one.gain or 0.0) >= WORTH
+
+
+def gain_words(one: PartProgram) -> str:
+    """``18 % faster``."""
+    _, _, less = AIMS.get(one.part.objective, AIMS["time"])
+    gain = one.gain or 0.0
+    said = number(gain, 2) if gain < 9.95 else f"{gain:.0f}"
+    return f"{said}{TOGETHER}% {less}"
+
+
+def warning_words(found: PartPrograms) -> list[str]:
+    """Programs that must not be loaded, and why."""
+    said = []
+    for one in found.programs:
+        cuts = one.cuts()
+        if not one.proved:
+            said.append(
+                f"Do not load {shown(one.program)}: it is not proved to make the same moves."
+            )
+        elif one.overloaded and cuts is not None:
+            said.append(
+                f"Do not load {shown(one.program)}: on the simulated shop floor {cuts[0]} of "
+                f"{cuts[1]} cuts passed the limit of {number(one.limit)}{NARROW}N."
+            )
+    return said
+
+
+def part_key_figures(found: PartPrograms) -> list[tuple[str, str, str]]:
+    """By how much all programs together are shorter; nothing without any."""
+    seconds = found.seconds
+    if seconds is None or not seconds[0]:
+        return []
+    change = 100 * (seconds[1] / seconds[0] - 1)
+    return [("Time of part programs", f"{signed(change)} %",
+             f"predicted, of {counted(len(found.programs), 'program')}")]  # fmt: skip
+
+
+def part_changes(found: PartPrograms) -> dict[str, float | int | None]:
+    """Entries of ``report.json``; none for a machine without any."""
+    if not found.programs:
+        return {}
+    before, after = found.seconds or (None, None)
+    return {"parts": len(found.programs), "parts_before_s": before, "parts_after_s": after}

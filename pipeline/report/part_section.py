@@ -1,0 +1,199 @@
+"""Section on optimised part programs: before and after, reliability, trial cuts."""
+
+from pipeline.charts.numbers import NARROW, counted, number, signed
+from pipeline.charts.sections import Block, Figure, Figures, Heading, Section, present
+from pipeline.charts.sources import Source
+from pipeline.charts.tables import Cell, Head, Table, cells, numbers, sources
+from pipeline.report.cut_tables import NONE, share
+from pipeline.report.cutting_verdict import cutting_verdict
+from pipeline.report.facts import Facts
+from pipeline.report.optimised_figures import LOAD_LEGEND, OVER_LEGEND, load_figure, path_load
+from pipeline.report.optimised_tables import (
+    binding_table,
+    change,
+    figure,
+    gain_table,
+    groups_table,
+    methods_table,
+    proof_table,
+    uncertain_table,
+)
+from pipeline.report.optimised_verdict import aim, verdict
+from pipeline.report.part_programs import PartProgram
+from pipeline.schema.part import OptimisedPart, Side, TrialPart
+
+WHAT = (
+    "F and S of each block were chosen again, inside the limits of the part; every other byte of "
+    "the program is as it was. Times are those of the control that was identified; loads rest on "
+    "the coefficients in the tables of what the certainty allows for."
+)
+MORE = "kerf optimise draws F, S, time and cost block by block on a page of its own."
+
+
+def part_programs_section(found: Facts) -> Section | None:
+    """All programs in a table, then each: load, gain, certainty, methods, cut, proof."""
+    programs = found.parts.programs
+    if not programs:
+        return None
+    blocks: list[Block] = present(overview_table(found))
+    for one in programs:
+        blocks += _program(found, one)
+    title = "Part programs: faster or cheaper"
+    return Section(key="part-programs", title=title, text=[f"{WHAT} {MORE}"], blocks=blocks)
+
+
+def _program(found: Facts, one: PartProgram) -> list[Block]:
+    part, files = one.part, sources(found.shelf, one.path)
+    _, word, said = verdict(part)
+    words = " ".join([*_doubt(found), *said, *_trial(one), *_held(part)])
+    return present(
+        Heading(heading=f"{one.label}: {word}", text=words),
+        _load(found, one),
+        gain_table(part, files),
+        cut_table(found, one),
+        binding_table(part, files),
+        methods_table(part, files),
+        uncertain_table(part, files),
+        groups_table(part, files),
+        proof_table(part, files),
+    )
+
+
+def _load(found: Facts, one: PartProgram) -> Figures | None:
+    trace = one.part.trace
+    before, after = path_load(trace.before), path_load(trace.after)
+    if before is None or after is None:
+        return None
+    legend = [*LOAD_LEGEND] if one.limit is None else [*LOAD_LEGEND, OVER_LEGEND]
+    words = f"Load along the way of {one.label}, as programmed and optimised"
+    picture = Figure(
+        svg=load_figure(before, after, one.limit, trace.tools, words),
+        caption=f"{words}: the highest force on the tool in the plane, predicted.",
+        sources=sources(found.shelf, one.path),
+    )
+    return Figures(figures=[picture], legend=legend, kind="one")
+
+
+def _trial(one: PartProgram) -> list[str]:
+    """Trial cuts on the simulated shop floor."""
+    cuts, before = one.cuts("after"), one.cuts("before")
+    if one.cut is None or cuts is None or before is None:
+        return []
+    error = trial_time_error(one)
+    said = (
+        f"Cut on the simulated shop floor {cuts[1]} times, it passed the limit of the load in "
+        f"{cuts[0]} of them, the program as it was in {before[0]}"
+    )
+    times = [figure(side.time_s.mean, 4) for side in (one.cut.after, one.cut.before)]
+    if error is not None:
+        said += (
+            f"; it took {times[0]}{NARROW}s instead of {times[1]}{NARROW}s, and its time was "
+            f"predicted with an error of {signed(error)}{NARROW}%"
+        )
+    return [f"{said}."]
+
+
+def _doubt(found: Facts) -> list[str]:
+    """Why the predicted loads must not be trusted, where the machine's forces were judged."""
+    judged = cutting_verdict(found.cutting)
+    if judged is None or judged.status == "passed":
+        return []
+    return ["Do not load it yet: the forces of this machine’s cut have not passed their judgement, "
+            "and its loads rest on them."]  # fmt: skip
+
+
+def _held(part: OptimisedPart) -> list[str]:
+    many = sum(row.rows for row in part.held)
+    if not many:
+        return []
+    reasons = ", ".join(row.reason for row in part.held[:3])
+    return [f"{counted(many, 'move')} stayed as programmed: {reasons}."]
+
+
+def overview_table(found: Facts) -> Table | None:
+    """Every program: time, cost and peak load before and after, and what is proved."""
+    programs = found.parts.programs
+    if not programs:
+        return None
+    currencies = dict.fromkeys(one.part.currency or "" for one in programs)
+    currency = next(iter(currencies)) if len(currencies) == 1 else ""
+    heads = [Head(name="Program"), Head(name="aim")]
+    for name, unit, columns in (
+        ("Time", "s", 3), ("Cost", currency, 3), ("Peak load", "N", 2),
+    ):  # fmt: skip
+        words = (("before", unit), ("after", unit), ("change", ""))[:columns]
+        heads += numbers(*words, group=name)
+    heads += [*numbers(("limit", "N")), Head(name="same moves")]
+    return Table(
+        caption="Part programs before and after",
+        heads=heads,
+        rows=[_overview(one) for one in programs],
+        sources=sources(found.shelf, *(one.path for one in programs)),
+    )
+
+
+def _overview(one: PartProgram) -> list[Cell]:
+    part = one.part
+    proof = Cell(text="proved" if one.proved else "not proved",
+                 status="passed" if one.proved else "failed")  # fmt: skip
+    return cells(
+        one.label, aim(part),
+        *_pair(part, "time_s", 4), change(part.gain.time_percent),
+        *_pair(part, "cost", 4), change(part.gain.cost_percent),
+        *_pair(part, "peak_load_N", 3), figure(one.limit), proof,
+    )  # fmt: skip
+
+
+def _pair(part: OptimisedPart, key: str, digits: int) -> list[str]:
+    return [figure(getattr(side, key), digits) for side in (part.before, part.after)]
+
+
+def cut_table(found: Facts, one: PartProgram) -> Table | None:
+    """Predicted by the twin beside cut by the simulated shop floor, which is another machine."""
+    cuts = one.cuts("after")
+    if one.cut is None or cuts is None:
+        return None
+    limit, allowed, of = one.limit, one.epsilon, one.part.certainty
+    rows = [
+        cells("Time, s", *_sides(one.part, one.cut, "time_s", 4)),
+        cells("Peak load, N", *_sides(one.part, one.cut, "peak_load_N", 3)),
+        cells("Highest peak load, N", NONE, figure(one.cut.before.peak_load_N.max), NONE,
+              figure(one.cut.after.peak_load_N.max)),
+        cells(f"Above the limit{f' of {number(limit)}{NARROW}N' if limit is not None else ''}",
+              NONE, _above(one, "before"), share(None if of is None else of.exceedance),
+              _above(one, "after")),
+    ]  # fmt: skip
+    heads = [Head(name="Of the part"),
+             *numbers(("predicted", ""), ("cut", ""), group="As programmed"),
+             *numbers(("predicted", ""), ("cut", ""), group="Optimised")]  # fmt: skip
+    asked = "" if allowed is None else f"; asked for was at most {share(allowed)}"
+    return Table(
+        caption=f"{one.label}: predicted, and cut on the simulated shop floor {cuts[1]} times",
+        heads=heads, rows=rows, sources=_both(found, one),
+        note="Each cut has its own mounting of the tool, batch of material and wear; means are "
+        f"over them. The shop floor is richer than the twin, which knows nothing of it{asked}.",
+    )  # fmt: skip
+
+
+def _sides(part: OptimisedPart, cut: TrialPart, key: str, digits: int) -> list[str]:
+    """Predicted and cut, before and after."""
+    values = []
+    for totals, trial in ((part.before, cut.before), (part.after, cut.after)):
+        values += [getattr(totals, key), getattr(trial, key).mean]
+    return [figure(value, digits) for value in values]
+
+
+def _above(one: PartProgram, which: Side) -> str:
+    cuts = one.cuts(which)
+    return NONE if cuts is None else f"{cuts[0]} of {cuts[1]}"
+
+
+def _both(found: Facts, one: PartProgram) -> list[Source]:
+    trial = found.parts.trial
+    return sources(found.shelf, one.path, *([trial] if trial is not None else []))
+
+
+def trial_time_error(one: PartProgram) -> float | None:
+    """By how much the predicted time of the optimised program is wrong [%]."""
+    predicted, cut = one.part.after.time_s, None if one.cut is None else one.cut.after.time_s.mean
+    return None if predicted is None or not cut else 100 * (predicted / cut - 1)

@@ -1,0 +1,235 @@
+"""Limits of a part's cut: one type from the command line to the constraint and the stored document.
+
+Each limit says on its field the range of its value with the unit, its name on pages, the margin
+that is kept free of it, and the option that gives it on the command line.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
+from typing import Annotated, Any, get_args, get_type_hints
+
+from pipeline.schema.ranges import Range, Ranged
+
+ENDLESS = 1e12
+"""Value from which on a limit counts as a mistake, in any unit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """Words for one limit.
+
+    Parameters
+    ----------
+    option : str
+        On the command line.
+    help : str
+        Of the option, one sentence.
+    name : str
+        On pages; empty where it is no row of its own.
+    margin : str
+        Field of :class:`Margins` that is kept free of it; empty where there is none.
+    """
+
+    option: str
+    help: str
+    name: str = ""
+    margin: str = ""
+
+
+Margin = Annotated[float, Range(least=0.0, below=1.0)]
+"""Share of a limit that is kept free [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins(Ranged, section="margins"):
+    """Shares of the limits that are kept free [1].
+
+    A limit L counts as L (1 - margin) where values must stay below it, and as L (1 + margin) where
+    they must stay above it.
+    """
+
+    load: Margin = 0.0
+    power: Margin = 0.05
+    torque: Margin = 0.05
+    chip: Margin = 0.0
+    deflection: Margin = 0.05
+    stability: Annotated[
+        float,
+        Range(least=0.0, below=1.0),
+        Limit(option="--stability-margin", help="Kept free of the lobes, a share."),
+    ] = 0.1
+    cutting_speed: Margin = 0.0
+    roughness: Margin = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutLimit(Ranged, section="limits"):
+    """Limits of a part's cut, in the units of tables; a limit that is None does not hold.
+
+    Parameters
+    ----------
+    load_N : float, optional
+        Peak of the load across the tool's axis [N].
+    deflection_um : float, optional
+        Of the tool's tip [um].
+    roughness_um : float, optional
+        Height of the feed marks on walls and floors, R_t [um].
+    chip_um : tuple of float, optional
+        Least and greatest thickness of the thickest chip of a block [um].
+    cutting_speed_m_min : tuple of float, optional
+        Least and greatest v_c [m/min].
+    feed_mm_min : tuple of float, optional
+        F [mm/min]; by default from a tenth of the program's least up to the fastest of the axes.
+    speed_rpm : tuple of float, optional
+        S [rev/min]; by default the range of the spindle's drive.
+    torque_Nm : float, optional
+        Of the cut, beside the drive's own [N m].
+    power_share : float
+        Of the drive's power at each speed [1].
+    least_speed_change_rpm : float
+        Between two blocks of one tool S stays or changes by at least this [rev/min].
+    margins : Margins
+        Kept free of each.
+
+    Raises
+    ------
+    ValueError
+        When a limit is not positive, or a range is empty.
+    """
+
+    load_N: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="N"),
+        Limit(
+            option="--limit-load", help="Greatest load on a tool in the plane, N.",
+            name="load across the tool’s axis", margin="load",
+        ),
+    ] = None  # fmt: skip
+    deflection_um: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="um"),
+        Limit(
+            option="--limit-deflection", help="Of a tool's tip, um.",
+            name="deflection of the tip", margin="deflection",
+        ),
+    ] = None  # fmt: skip
+    roughness_um: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="um"),
+        Limit(
+            option="--limit-roughness", help="Height of the feed marks, um.",
+            name="feed marks", margin="roughness",
+        ),
+    ] = None  # fmt: skip
+    chip_um: Annotated[
+        tuple[float, ...] | None,
+        Range(least=0.0, below=ENDLESS, unit="um"),
+        Limit(
+            option="--chip", help="Thickest chip of a block, um.",
+            name="thickest chip", margin="chip",
+        ),
+    ] = None  # fmt: skip
+    cutting_speed_m_min: Annotated[
+        tuple[float, ...] | None,
+        Range(least=0.0, below=ENDLESS, unit="m/min"),
+        Limit(
+            option="--cutting-speed", help="Cutting speed, m/min.",
+            name="cutting speed", margin="cutting_speed",
+        ),
+    ] = None  # fmt: skip
+    feed_mm_min: Annotated[
+        tuple[float, ...] | None,
+        Range(least=0.0, below=ENDLESS, unit="mm/min"),
+        Limit(option="--feed", help="F, mm/min.", name="F"),
+    ] = None
+    speed_rpm: Annotated[
+        tuple[float, ...] | None,
+        Range(least=0.0, below=ENDLESS, unit="rev/min"),
+        Limit(option="--speed", help="S, rev/min.", name="S"),
+    ] = None
+    torque_Nm: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="N m"),
+        Limit(
+            option="--limit-torque", help="Of the cut, N m.",
+            name="torque of the cut", margin="torque",
+        ),
+    ] = None  # fmt: skip
+    power_share: Annotated[
+        float,
+        Range(above=0.0, below=ENDLESS),
+        Limit(
+            option="--power-share", help="Of the drive's power that may be used, a share.",
+            name="share of the drive’s power", margin="power",
+        ),
+    ] = 1.0  # fmt: skip
+    least_speed_change_rpm: Annotated[
+        float,
+        Range(least=0.0, below=ENDLESS, unit="rev/min"),
+        Limit(
+            option="--least-speed-change", help="Between two S of a tool, rev/min.",
+            name="least change of S",
+        ),
+    ] = 0.0  # fmt: skip
+    margins: Margins = field(default_factory=Margins)
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, tuple) and not (
+                len(value) == 2 and 0.0 <= value[0] <= value[1] and value[1] > 0
+            ):
+                raise ValueError(
+                    f"limits.{item.name} = {list(value)} must be two numbers, the least first"
+                )
+        super().__post_init__()
+
+    @classmethod
+    def of_options(cls, given: Mapping[str, Any]) -> "CutLimit":
+        """Limits by the name of their field or margin; None leaves each at its default.
+
+        Raises
+        ------
+        ValueError
+            When one is out of its range.
+        """
+        known = {name: value for name, value in given.items() if value is not None}
+        margins = {name: known.pop(name) for name in list(known) if name in _of(Margins)}
+        return replace(cls(margins=Margins(**margins)), **known)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Limits that hold, by the name of their field, and the margins."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+def limit_words(name: str) -> tuple[Limit, str]:
+    """Words of the limit of one field of :class:`CutLimit`, and its unit."""
+    return _of(CutLimit)[name]
+
+
+def limit_options() -> Iterator[tuple[str, Any, Limit]]:
+    """Each limit that a command line may give: name of its field, type of its value, its words."""
+    for kind in (CutLimit, Margins):
+        for name, (words, _) in _of(kind).items():
+            value = get_type_hints(kind)[name]
+            yield name, tuple[float, float] if _is_pair(value) else float, words
+
+
+def _is_pair(value: Any) -> bool:
+    return any(str(part).startswith("tuple") for part in get_args(value))
+
+
+@cache
+def _of(kind: type) -> dict[str, tuple[Limit, str]]:
+    """Words and unit of each field of a class that has them."""
+    found = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        extras = getattr(hint, "__metadata__", ())
+        words = next((extra for extra in extras if isinstance(extra, Limit)), None)
+        unit = next((extra.unit for extra in extras if isinstance(extra, Range)), "")
+        if words is not None:
+            found[name] = words, unit
+    return found

@@ -1,0 +1,479 @@
+"""An optimised part program as it is stored, and its trial cuts on the simulated shop floor.
+
+``kerf optimise`` and the stage ``optimise`` write :class:`OptimisedPart`, pages read it.  Times are
+in [s], lengths in [mm], loads in [N], shares in [1]; F in [mm/min] or [mm/rev], S in [rev/min].
+A value that is not known is None.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from pipeline.schema.limits import CutLimit
+from pipeline.schema.store import write_json
+from pipeline.schema.structure import plain, structured
+
+Objective = Literal["time", "cost", "energy", "wear", "pareto"]
+"""Quantity to be minimised; ``pareto`` takes the knee of the front of all that are known."""
+Side = Literal["before", "after"]
+"""The program as it was, and as it is optimised."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Totals:
+    """Sums and peaks of a whole program.
+
+    Parameters
+    ----------
+    time_s : float or None
+        [s].
+    cost : float or None
+        In the currency of the document.
+    energy_kWh : float or None
+        [kWh].
+    tool_life_share : float or None
+        Of tool lives used, summed over tools [1].
+    peak_load_N : float or None
+        Highest load across the tool's axis, predicted [N].
+    peak_line : int or None
+        Line of the program where it is.
+    beyond : int or None
+        Blocks that pass a limit.
+    beyond_of : mapping of str to int
+        Of them, by the name of the limit; limits that no block passes are left out.
+    """
+
+    time_s: float | None = None
+    cost: float | None = None
+    energy_kWh: float | None = None
+    tool_life_share: float | None = None
+    peak_load_N: float | None = None
+    peak_line: int | None = None
+    beyond: int | None = None
+    beyond_of: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """Change of each total from before to after [%]; negative is less."""
+
+    time_percent: float | None = None
+    cost_percent: float | None = None
+    energy_percent: float | None = None
+    tool_life_percent: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeakQuantile:
+    """Load [N] that the part's peak stays below in a ``share`` of parts [1]."""
+
+    share: float
+    load_N: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nominal:
+    """Blockwise optimum at nominal values: time [s] and cost [currency]."""
+
+    time_s: float | None
+    cost: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Price:
+    """Extra time [s] [%] and cost [currency] [%] of keeping the load limit with its probability."""
+
+    time_s: float | None
+    time_percent: float | None
+    cost: float | None
+    cost_percent: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncertainQuantity:
+    """One uncertain quantity in words: what it is, its value, its spread, its source."""
+
+    what: str
+    value: str
+    spread: str
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reliability:
+    """Probability that the load passes its limit, as it was allowed and as it is.
+
+    Parameters
+    ----------
+    epsilon : float
+        Allowed for the whole part [1].
+    exceedance : float or None
+        In draws that the answer was not made with [1].
+    interval_95 : tuple of float
+        Of the exceedance [1].
+    draws : int
+        Of the uncertain quantities.
+    peaks : tuple of PeakQuantile
+        Of the part's peak load.
+    nominal, price : Nominal, Price, or None
+        Optimum at nominal values, and the extra over it.
+    uncertain : tuple of UncertainQuantity
+        That are drawn.
+    """
+
+    epsilon: float
+    exceedance: float | None
+    interval_95: tuple[float | None, ...]
+    draws: int
+    peaks: tuple[PeakQuantile, ...]
+    nominal: Nominal | None
+    price: Price | None
+    uncertain: tuple[UncertainQuantity, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodResult:
+    """Objectives that one method reaches, and the evaluations that it takes.
+
+    Units as in :class:`Totals`; ``feasible`` is whether it keeps all limits with their margins.
+    """
+
+    method: str
+    time_s: float | None
+    cost: float | None
+    energy_kWh: float | None
+    tool_life_share: float | None
+    feasible: bool
+    evaluations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontMember:
+    """A program than which no other is better in all objectives; units as in :class:`Totals`.
+
+    ``knee`` marks the one that gives most for what it takes, ``no_worse`` those that are in nothing
+    worse than the program as it was.
+    """
+
+    time_s: float | None
+    cost: float | None
+    energy_kWh: float | None
+    tool_life_share: float | None
+    knee: bool = False
+    no_worse: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockGroup:
+    """Blocks in a row of one F and one S, before and after.
+
+    Parameters
+    ----------
+    first_line, last_line : int
+        Of the program.
+    tool : int
+        Number.
+    feed_before, feed_after : float or None
+        F, its mean over time [mm/min], or [mm/rev] by ``feed_unit``.
+    speed_before, speed_after : float or None
+        S, its mean over time [rev/min].
+    time_before_s, time_after_s, cost_before, cost_after : float or None
+        [s], [currency].
+    peak_load_before_N, peak_load_after_N : float or None
+        [N].
+    binds : str or None
+        Limit that binds for the longest; None where none does.
+    """
+
+    first_line: int
+    last_line: int
+    tool: int
+    feed_before: float | None
+    feed_after: float | None
+    feed_unit: Literal["mm/min", "mm/rev"]
+    speed_before: float | None
+    speed_after: float | None
+    time_before_s: float | None
+    time_after_s: float | None
+    cost_before: float | None
+    cost_after: float | None
+    peak_load_before_N: float | None
+    peak_load_after_N: float | None
+    binds: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Binding:
+    """Blocks that one limit holds back, and their time [s]; ``limit`` None: no limit does."""
+
+    limit: str | None
+    blocks: int
+    time_s: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldRows:
+    """Moves that stay as programmed: why, how many, the first of them as ``file:line``."""
+
+    reason: str
+    rows: int
+    first: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class WordCounts:
+    """F and S words that were changed and added."""
+
+    F_changed: int
+    F_added: int
+    S_changed: int
+    S_added: int
+
+    @property
+    def total(self) -> int:
+        """All words that differ."""
+        return self.F_changed + self.F_added + self.S_changed + self.S_added
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredProof:
+    """Proof that nothing but F and S words differs.
+
+    Parameters
+    ----------
+    same : bool
+        Whether it holds.
+    sha256 : str
+        Of everything that both programs do but F and S.
+    moves : int
+        Compared.
+    before_sha256, after_sha256 : str
+        Of the two texts.
+    first : str or None
+        First difference.
+    """
+
+    same: bool
+    sha256: str
+    moves: int
+    before_sha256: str
+    after_sha256: str
+    first: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadTrace:
+    """Highest load in each of N columns of equal path length at feed.
+
+    Parameters
+    ----------
+    total_mm : float
+        Path length at feed [mm].
+    way_mm : tuple of float
+        Path length where each column begins [mm].
+    load_N : tuple of float
+        [N]; None in air.
+    line : tuple of int
+        Of the program, where each column begins.
+    """
+
+    total_mm: float
+    way_mm: tuple[float, ...]
+    load_N: tuple[float | None, ...]
+    line: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traces:
+    """Load along the path before and after; columns of both belong to the same places.
+
+    ``tools`` holds number, begin and end of each stretch of one tool, as shares of the path.
+    """
+
+    before: LoadTrace
+    after: LoadTrace
+    tools: tuple[tuple[int, float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinCheck:
+    """The answer as the whole twin sees it.
+
+    Parameters
+    ----------
+    peak_load_N : float or None
+        Highest load, of the waveform [N].
+    peak_line : int or None
+        Line of the program where it is.
+    following_um : mapping of str to float, or None
+        Greatest following error by axis [um]; None without drives.
+    full_evaluations : int
+        Of the whole twin.
+    tightened : int
+        Rounds in which feeds were lowered for it.
+    """
+
+    peak_load_N: float | None
+    peak_line: int | None
+    following_um: Mapping[str, float | None] | None
+    full_evaluations: int
+    tightened: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotKnown:
+    """A quantity that is not known, and why."""
+
+    what: str
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptimisedPart:
+    """A part program before and after.
+
+    Parameters
+    ----------
+    program, machine : str
+        Names.
+    origin : str
+        Of the machine's records.
+    control : str
+        ``identified``, or ``conf/machine`` where the control's values are as written there.
+    objective : str
+        That was minimised.
+    currency : str or None
+        Of all costs; None where prices are not known.
+    stock, material, tool_table : str
+        Blank [mm], material, tools.
+    limits : CutLimit
+        Of the part; stored without those that do not hold.
+    certainty : Reliability or None
+        Of the load limit; None without one.
+    before, after : Totals
+        Of the program as it was and as it is optimised.
+    gain : Gain
+        From before to after.
+    methods : tuple of MethodResult
+        The answer beside others.
+    front : tuple of FrontMember
+        Of the objective ``pareto``.
+    groups : tuple of BlockGroup
+        In the order of the program.
+    binding : tuple of Binding
+        Of blocks that cut, the longest first.
+    held : tuple of HeldRows
+        Moves whose F or S may not change.
+    words : WordCounts
+        That differ.
+    proof : StoredProof
+        That only they do.
+    trace : Traces
+        Load along the path.
+    verified : TwinCheck
+        By the whole twin.
+    interrupted : bool
+        Whether the search was ended early.
+    not_known : tuple of NotKnown
+        Quantities that the document lacks.
+    notes : tuple of str
+        On the figures, one sentence each.
+    """
+
+    program: str
+    machine: str
+    origin: str
+    control: str
+    objective: Objective
+    currency: str | None
+    stock: str
+    material: str
+    tool_table: str
+    limits: CutLimit
+    certainty: Reliability | None
+    before: Totals
+    after: Totals
+    gain: Gain
+    methods: tuple[MethodResult, ...]
+    front: tuple[FrontMember, ...]
+    groups: tuple[BlockGroup, ...]
+    binding: tuple[Binding, ...]
+    held: tuple[HeldRows, ...]
+    words: WordCounts
+    proof: StoredProof
+    trace: Traces
+    verified: TwinCheck
+    interrupted: bool
+    not_known: tuple[NotKnown, ...]
+    notes: tuple[str, ...]
+
+    def totals(self, side: Side) -> Totals:
+        """Totals before or after."""
+        return self.before if side == "before" else self.after
+
+
+def part_values(part: OptimisedPart) -> dict[str, Any]:
+    """A part as it is stored: limits that do not hold are left out."""
+    values: dict[str, Any] = plain(part)
+    given = part.limits.given
+    values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
+    return values
+
+
+def part_of(values: Any, path: str = "$") -> OptimisedPart:
+    """A stored part, read from JSON; ``path`` names it in messages.
+
+    Raises
+    ------
+    ValueError
+        When it is of another shape; the message names the keys.
+    """
+    return structured(values, OptimisedPart, path)
+
+
+def write_part(part: OptimisedPart, path: Path) -> None:
+    """Store a part as JSON."""
+    write_json(part_values(part), path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Mean and greatest of a quantity over trial cuts; ``min`` where it is stored."""
+
+    mean: float
+    max: float
+    min: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialSide:
+    """Trial cuts of one program: time [s], peak load [N], cuts with a load above the limit."""
+
+    time_s: Spread
+    peak_load_N: Spread
+    above: int
+    peak_line: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialPart:
+    """Trial cuts of a part: ``seeds`` of each program, and the load limit [N]."""
+
+    seeds: int
+    before: TrialSide
+    after: TrialSide
+    limit_load_N: float | None = None
+
+    def side(self, which: Side) -> TrialSide:
+        """Cuts of the program before or after."""
+        return self.before if which == "before" else self.after
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialCuts:
+    """Parts that the simulated shop floor cut, by label."""
+
+    parts: Mapping[str, TrialPart]
+    machine: str = ""
+    origin: str = "simulated"
