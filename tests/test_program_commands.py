@@ -55,16 +55,18 @@ def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     assert "behind" not in kerf(project, "simulate", "part.nc", "--machine", "hurco").stdout
     way = {"coulomb": 100.0, "static": 120.0, "stribeck_velocity": 0.005, "viscous": 300.0}
     axis = {
-        "command_unit": "A", "force_unit": "N", "fit": {},
-        "drive": {
-            "servo": {"position_gain": 40.0, "velocity_gain": 600.0, "integral_gain": 30000.0},
-            "feed_drive": {"mass": 800.0, "force_constant": 400.0,
-                           "friction": {"positive": way, "negative": way}},
-        },
+        "command_unit": "A", "force_unit": "N",
+        "fit": {"samples": 1, "relative_error_percent": None, "bandwidth_Hz": None,
+                "condition": None, "rank": 1, "correlation": {}},
+        "servo": {"position_gain": 40.0, "velocity_gain": 600.0, "integral_gain": 30000.0},
+        "feed_drive": {"mass": 800.0, "force_constant": 400.0,
+                       "friction": {"positive": way, "negative": way}},
     }  # fmt: skip
-    folder = project / "data/models/hurco"
+    model = {"submodel": "drive", "machine": "hurco", "origin": "recorded", "parameters": {},
+             "trained_on": []}  # fmt: skip
+    folder = project / "data/models/hurco/drive"
     folder.mkdir(parents=True)
-    (folder / "drive.json").write_text(json.dumps({"axes": {"X": axis}}))
+    (folder / "model.json").write_text(json.dumps(model | {"axes": {"X": axis}}))
     done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
     assert done.exit_code == 0, done.output
     (told,) = json.loads((project / "times.json").read_text())["axes"]
@@ -73,13 +75,13 @@ def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     assert told["at_line"] in (8, 9, 10)
     assert told["axis"] == "X" and told["command_unit"] == "A" and told["max_command"] > 0
     assert "X behind by up to" in done.stdout
-    bare = axis | {"drive": axis["drive"] | {"servo": None, "servo_reason": "no reference"}}
-    (folder / "drive.json").write_text(json.dumps({"axes": {"X": bare}}))
+    bare = axis | {"servo": None, "servo_reason": "no reference"}
+    (folder / "model.json").write_text(json.dumps(model | {"axes": {"X": bare}}))
     done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
     assert "X not followed: no reference" in done.stdout
-    (folder / "drive.json").write_text("{")
+    (folder / "model.json").write_text("{")
     said = refused(project, "simulate", "part.nc", "--machine", "hurco")
-    assert "drive.json holds no identified drives" in said and "dvc repro" in said
+    assert "model.json holds no identified drives" in said and "dvc repro" in said
 
 
 def test_inch_programs_and_offsets_end_in_machine_millimetres(project: Path) -> None:

@@ -4,7 +4,6 @@ EMPS: A. Janot, M. Gautier, M. Brunot, nonlinearbenchmark.org, 2019.  The mill: 
 Michigan SMART lab.
 """
 
-import json
 import os
 import shutil
 from dataclasses import replace
@@ -15,6 +14,8 @@ import pytest
 import yaml
 
 from pipeline.commands.fleet import collect, use_fleet
+from pipeline.schema.drive import DriveModel
+from pipeline.schema.store import read_json
 from pipeline.stages.__main__ import run
 from tests.small_project import ROOT, inside
 
@@ -45,28 +46,28 @@ def documents(tmp_path_factory):
         run("compose", "conf", "params.yaml")
         found = {}
         for machine in MACHINES:
-            signals, model = f"data/signals/{machine}", f"data/models/{machine}/drive.json"
-            for place in (signals, Path(model).parent):
-                Path(place).mkdir(parents=True)
+            signals, model = f"data/signals/{machine}", f"data/models/{machine}/drive"
+            Path(signals).mkdir(parents=True)
             run(f"ingest@{machine}", f"data/raw/{machine}", signals)
             run(f"identify_drive@{machine}", signals, model)
-            found[machine] = json.loads(Path(model).read_text())
+            found[machine] = read_json(Path(model) / "model.json", DriveModel)
     return found
 
 
 def interval(parameter):
-    assert parameter["determined"], parameter["how"]
-    return parameter["low"], parameter["value"], parameter["high"]
+    assert parameter.determined, parameter.method
+    low, high = parameter.interval_95
+    return low, parameter.value, high
 
 
 def test_the_positioning_systems_mass_is_that_of_the_benchmark(documents):
-    low, value, high = interval(documents["emps"]["axes"]["X"]["parameters"]["mass"])
+    low, value, high = interval(documents["emps"].parameters["X"]["mass"])
     # published: 95.1 kg; a control of the result, nothing was fitted to it
     assert low < 95.1 < high and high - low < 0.05 * value
 
 
 def test_its_friction_and_offset_have_intervals(documents):
-    parameters = documents["emps"]["axes"]["X"]["parameters"]
+    parameters = documents["emps"].parameters["X"]
     low, _, high = interval(parameters["coulomb_positive"])
     assert low < 20.4 < high  # published, one for both directions
     ways = [interval(parameters[f"viscous_{way}"]) for way in ("positive", "negative")]
@@ -78,49 +79,49 @@ def test_its_friction_and_offset_have_intervals(documents):
 
 
 def test_its_slow_speeds_are_missing_and_that_is_said(documents):
-    axis = documents["emps"]["axes"]["X"]
+    parameters = documents["emps"].parameters["X"]
     for name in ("static_positive", "stribeck_velocity_negative"):
-        assert not axis["parameters"][name]["determined"]
-        assert "0.1 to 1 mm/s" in axis["parameters"][name]["remedy"]
-    friction = axis["drive"]["feed_drive"]["friction"]["positive"]
-    assert friction["static"] == friction["coulomb"]
+        assert not parameters[name].determined
+        assert "0.1 to 1 mm/s" in parameters[name].remedy
+    friction = documents["emps"].axes["X"].feed_drive.friction.positive
+    assert friction.static == friction.coulomb
 
 
 def test_its_force_is_rebuilt(documents):
-    fit = documents["emps"]["axes"]["X"]["fit"]
-    assert fit["relative_error_percent"] < 4.2
-    assert fit["rank"] == len(fit["correlation"]["names"]) and fit["condition"] < 30
+    fit = documents["emps"].axes["X"].fit
+    assert fit.relative_error_percent < 4.2
+    assert fit.rank == len(fit.correlation.names) and fit.condition < 30
 
 
 def test_the_mills_coulomb_friction_is_in_ampere(documents):
-    axis = documents["umich_mill"]["axes"]["X"]
-    assert axis["force_unit"] == "A"
+    assert documents["umich_mill"].axes["X"].force_unit == "A"
     for way in ("positive", "negative"):
-        low, value, high = interval(axis["parameters"][f"coulomb_{way}"])
-        assert axis["parameters"][f"coulomb_{way}"]["unit"] == "A"
+        coulomb = documents["umich_mill"].parameters["X"][f"coulomb_{way}"]
+        low, value, high = interval(coulomb)
+        assert coulomb.unit == "A"
         assert 3.5 < low < value < high < 5.0 and high - low < 0.25 * value
 
 
 def test_ten_samples_a_second_tell_no_mass_and_no_following_error(documents):
     for axis in ("X", "Y"):
-        found = documents["umich_mill"]["axes"][axis]
-        assert not found["parameters"]["mass"]["determined"]
-        assert found["recursive"] is None
-        assert found["drive"]["servo"] is None and found["drive"]["servo_reason"]
+        found = documents["umich_mill"].axes[axis]
+        assert not documents["umich_mill"].parameters[axis]["mass"].determined
+        assert found.recursive_mass is None
+        assert found.servo is None and found.servo_reason
 
 
 def test_the_mills_third_axis_has_no_current_and_that_is_said(documents):
     found = documents["umich_mill"]
-    assert set(found["axes"]) == {"X", "Y"}
-    reasons = [row["reason"] for row in found["recordings"]["left_out"]]
+    assert set(found.axes) == {"X", "Y"}
+    reasons = [row.reason for row in found.left_out]
     assert any("axis Z" in why and "'z_current' is 0 throughout" in why for why in reasons)
 
 
 def test_experiments_that_are_not_named_are_judged():
-    records = yaml.safe_load((ROOT / "conf/machine/umich_mill.yaml").read_text())["drive_records"]
+    roles = yaml.safe_load((ROOT / "conf/machine/umich_mill.yaml").read_text())["roles"]
     trained = [
         number
         for number in range(1, 30)
-        if any(fnmatchcase(f"experiment_{number:02d}.csv", p) for p in records["training"])
+        if any(fnmatchcase(f"experiment_{number:02d}.csv", p) for p in roles["training"])
     ]
     assert trained == [1, 3, 6, 9, 11, 15, 18]

@@ -34,7 +34,7 @@ from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective, OptimisedPart, part_values
-from pipeline.twin.drive_file import read_drives
+from pipeline.twin.drive import read_drives
 
 OPTION = {
     "certainty.epsilon": "--epsilon",
@@ -209,7 +209,7 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
 
 def _job(request: PartRequest, on: Controlled, settings: OptimisationSettings) -> Job:
     program = program_at(request.program)
-    drives = DATA / "models" / request.machine / "drive.json"
+    drives = DATA / "models" / request.machine / "drive" / "model.json"
     models = MachineModels(
         control=on.control,
         drives=read_drives(drives) if drives.exists() else {},

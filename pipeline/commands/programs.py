@@ -18,7 +18,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.twin.control import control_of_unit, read_controls
-from pipeline.twin.drive_file import read_drives
+from pipeline.twin.drive import read_drives
 from pipeline.twin.program import planned_program
 from pipeline.twin.simulation import blocks, summary, write_trace
 
@@ -192,7 +192,7 @@ def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
     """
     from pipeline.twin.program_axes import follow_program
 
-    found = DATA / "models" / machine / "drive.json"
+    found = DATA / "models" / machine / "drive" / "model.json"
     if not found.exists():
         return []
     drives, lines = read_drives(found), plan.path.moves.line
@@ -218,7 +218,7 @@ def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
 def _control(
     machine: str, sections: dict[str, Any], unit: str | None
 ) -> tuple[ControlParameters, bool]:
-    found = DATA / "models" / machine / "control.json"
+    found = DATA / "models" / machine / "control" / "model.json"
     records = sections.get("control_records", {})
     units = records.get("units", {})
     if unit is not None and not units:

@@ -31,7 +31,7 @@ from pipeline.optimisation.text.rewrite import matching_rows, rewrite
 from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut, recut
-from pipeline.twin.drive_file import IdentifiedDrive
+from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program import planned_program
 from pipeline.twin.program_axes import follow_program
 

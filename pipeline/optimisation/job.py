@@ -26,7 +26,7 @@ from pipeline.twin.cut_coefficients import (
     tool_coefficients,
 )
 from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.drive_file import IdentifiedDrive, read_drives
+from pipeline.twin.drive import IdentifiedDrive, read_drives
 
 Progress = Callable[[str, float], bool]
 """Called with what is under way and the share that is done; True ends with the best so far."""
@@ -165,9 +165,9 @@ def machine_models(folder: Path, unit: str) -> MachineModels:
     ValueError
         When there is no control, or a file is of another form.
     """
-    drives = folder / "drive.json"
+    drives = folder / "drive" / "model.json"
     return MachineModels(
-        control=control_of_unit(read_controls(folder / "control.json"), unit),
+        control=control_of_unit(read_controls(folder / "control" / "model.json"), unit),
         drives=read_drives(drives) if drives.exists() else {},
         cutting=_document(folder / "cutting.json"),
         judged=_document(folder / "cutting_validation.json"),

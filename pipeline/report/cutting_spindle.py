@@ -7,6 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
+from pipeline.charts.bands import UNITS, Band, band, plain, readings
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, number, real
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import dig, objects_of, rows_of, words_of
@@ -15,8 +16,6 @@ from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, name
 from pipeline.report.cutting_changes import POWERS
 from pipeline.report.cutting_tables import cutting_sources, small_table
 from pipeline.report.cutting_units import determined
-from pipeline.report.drive_frame import UNITS, Band, band, plain
-from pipeline.report.drive_traces import readings
 from pipeline.report.facts import Facts
 
 TOP, HEIGHT = 18, 220  # px

@@ -4,9 +4,9 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
+from pipeline.charts.bands import UNITS, Band, band, line, plain
 from pipeline.charts.svg import anchor
 from pipeline.report.cutting_traces import CutTrace
-from pipeline.report.drive_frame import UNITS, Band, band, line, plain
 
 TOP, HEIGHT, GAP = 18, 120, 28  # px: head, a component, between two
 TURN = (0.0, 360.0)  # deg

@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.charts.bands import readings
 from pipeline.charts.sources import Shelf, shown
-from pipeline.report.drive_traces import readings
 from pipeline.report.folders import MachineFolders
 
 JUDGED = "cutting.json and recordings of forces"

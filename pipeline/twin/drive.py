@@ -1,21 +1,34 @@
-"""One feed axis: its servo, sampled, on its mechanics, stepped (Sim2023).
+"""One feed axis: its servo, sampled, on its mechanics, stepped (Sim2023); stability of the loop.
 
 At each sample the servo sees the encoder and sets the command, which holds until the next sample.
 The encoder sits on the motor: with backlash the carriage is elsewhere.
+
+From one of the servo's samples to the next the deviation s = (x, v, J, v_seen, v_ref), J the
+integral's share of the command as an acceleration, becomes G s: the linear part of the loop, in
+slip and within the limit.  It is stable while all eigenvalues of G lie inside the unit circle.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import isfinite
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters, carriage_position, screw_step
+from pipeline.machine.axis.feed_drive import (
+    DriveColumn,
+    FeedDriveParameters,
+    carriage_position,
+    drive_row,
+    screw_step,
+)
 from pipeline.machine.axis.servo import ServoParameters, ServoState, servo_step
-from pipeline.twin.drive_stability import check_stability
-
-Floats = npt.NDArray[np.float64]
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.drive import DriveAxis, DriveModel
+from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.store import StoreError, read_json
+from pipeline.schema.structure import plain, structured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +48,7 @@ class DriveParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveStart:
+class DriveStart(Ranged, section="start"):
     """The axis at the first sample.
 
     Parameters
@@ -53,15 +66,10 @@ class DriveStart:
         When a value is not finite.
     """
 
-    position: float
-    velocity: float = 0.0
-    command: float = 0.0
-    reference_velocity: float = 0.0
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            if not isfinite(getattr(self, item.name)):
-                raise ValueError(f"start.{item.name} = {getattr(self, item.name)} must be finite")
+    position: Annotated[float, Range(unit="m")]
+    velocity: Annotated[float, Range(unit="m/s")] = 0.0
+    command: Annotated[float, Range(unit="A")] = 0.0
+    reference_velocity: Annotated[float, Range(unit="m/s")] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,3 +264,164 @@ def check_steps(period: float, substeps: int) -> None:
         raise ValueError(f"period = {period} s must be finite and positive")
     if substeps < 1:
         raise ValueError(f"substeps = {substeps} must be at least 1")
+
+
+def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
+    """G of axes, of their less viscous direction.
+
+    Parameters
+    ----------
+    rows : (..., 21) array
+        Of :func:`pipeline.machine.axis.feed_drive.drive_row`.
+    period : float
+        Of the servo [s].
+    substeps : int
+        Steps of the mechanics in it.
+
+    Returns
+    -------
+    (..., 5, 5) array
+    """
+    K, V, R, M, k, T_v, T_x = (
+        rows[..., column]
+        for column in (
+            DriveColumn.LOOP_GAIN, DriveColumn.PROPORTIONAL, DriveColumn.INTEGRAL,
+            DriveColumn.MASS, DriveColumn.FORCE_CONSTANT, DriveColumn.VELOCITY_LAG,
+            DriveColumn.POSITION_LAG,
+        )
+    )  # fmt: skip
+    seen, reached = _approach(T_v, period), _approach(T_x, period)
+    zero, one = np.zeros_like(K), np.ones_like(K)
+    v_seen = _row(zero, seen, zero, 1 - seen, zero)
+    v_ref = _row(-reached * K, zero, zero, zero, 1 - reached)
+    error = v_ref - v_seen
+    J = _row(zero, zero, np.where(R > 0, one, zero), zero, zero)
+    acceleration = (k * V / M)[..., np.newaxis] * error + _row(zero, zero, one, zero, zero)
+    x, v = _row(one, zero, zero, zero, zero), _row(zero, one, zero, zero, zero)
+    step = period / substeps
+    half = 0.5 * step * np.minimum(*_viscous(rows))[..., np.newaxis] / M[..., np.newaxis]
+    for _ in range(substeps):
+        v_next = ((1 - half) * v + step * acceleration) / (1 + half)
+        x, v = x + 0.5 * step * (v + v_next), v_next
+    J_next = J + (period * k * R / M)[..., np.newaxis] * error
+    return np.stack((x, v, J_next, v_seen, v_ref), axis=-2)
+
+
+def stable(rows: Floats, period: float, substeps: int = 1) -> Bools:
+    """Whether axes are stable; parameters as of :func:`loop_matrix`, shape (...)."""
+    step = period / substeps
+    # beyond this the step of viscous friction turns the speed round
+    viscous = np.maximum(*_viscous(rows)) * step < 2 * rows[..., DriveColumn.MASS]
+    radius = np.abs(np.linalg.eigvals(loop_matrix(rows, period, substeps))).max(axis=-1)
+    found: Bools = viscous & (radius < 1)
+    return found
+
+
+def check_stability(
+    servo: ServoParameters, feed_drive: FeedDriveParameters, period: float, substeps: int = 1
+) -> None:
+    """Refuse a servo whose loop is unstable when it samples with ``period`` [s].
+
+    Raises
+    ------
+    ValueError
+        With the longest period at which it is stable, or with that there is none.
+    """
+    row = drive_row(servo, feed_drive)
+    if stable(row, period, substeps):
+        return
+    bandwidth = feed_drive.force_constant * servo.proportional / feed_drive.mass
+    loop = f"S_pp P_p = {servo.loop_gain:.4g} 1/s, k S_vp V_p / M = {bandwidth:.4g} 1/s"
+    shorter = period * np.geomspace(0.99, 1e-6, 1000)
+    good = next((T for T in shorter if stable(row, T, substeps)), None)
+    if good is None:
+        raise ValueError(
+            f"the loop ({loop}) is unstable at any period from {shorter[-1]:.2g} to {period:.4g} s:"
+            " lower the position gain, the integral gain or the lags"
+        )
+    raise ValueError(
+        f"period = {period:.4g} s is too long for the loop ({loop}), which is stable up to "
+        f"{good:.3g} s: lower the gains, or let the servo run in substeps"
+    )
+
+
+def _approach(lag: Floats, period: float) -> Floats:
+    with np.errstate(divide="ignore", over="ignore"):
+        return -np.expm1(-period / lag)
+
+
+def _viscous(rows: Floats) -> tuple[Floats, Floats]:
+    return rows[..., DriveColumn.VISCOUS_POSITIVE], rows[..., DriveColumn.VISCOUS_NEGATIVE]
+
+
+def _row(*entries: Floats) -> Floats:
+    return np.stack(entries, axis=-1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifiedDrive:
+    """One identified axis, ready for simulation.
+
+    Parameters
+    ----------
+    feed_drive : FeedDriveParameters
+        Its mechanics.
+    servo : ServoParameters or None
+        Its loops; None where the records do not determine them.
+    command_unit, force_unit : str
+        Of its command; of forces, the command's where the force constant is not listed.
+    servo_reason : str
+        Why there is no servo.
+    bandwidth_Hz : float or None
+        Of the filter through which its motion and force were compared [Hz]; None for none.
+    delay : float
+        Of its motion behind its command [s].
+    """
+
+    feed_drive: FeedDriveParameters
+    servo: ServoParameters | None
+    command_unit: str
+    force_unit: str
+    servo_reason: str = ""
+    bandwidth_Hz: float | None = None
+    delay: float = 0.0
+
+
+def read_drives(path: Path) -> dict[str, IdentifiedDrive]:
+    """Axes in the drives' ``model.json``, by letter.
+
+    Raises
+    ------
+    StoreError
+        When the file is missing, broken or of another form.
+    """
+    try:
+        return identified_drives(read_json(path, DriveModel))
+    except ValueError as error:
+        why = error if isinstance(error, StoreError) else f"{error}: run `dvc repro`"
+        raise StoreError(f"{path} holds no identified drives: {why}") from error
+
+
+def identified_drives(model: DriveModel) -> dict[str, IdentifiedDrive]:
+    """Axes of a stored model, by letter.
+
+    Raises
+    ------
+    ValueError
+        When a parameter is out of its range.
+    """
+    return {letter: identified_drive(axis) for letter, axis in model.axes.items()}
+
+
+def identified_drive(axis: DriveAxis) -> IdentifiedDrive:
+    """A stored axis, ready for simulation."""
+    servo = None
+    if axis.servo is not None:
+        values = {name: value for name, value in vars(axis.servo).items() if value is not None}
+        servo = ServoParameters(**values)
+    return IdentifiedDrive(
+        feed_drive=structured(plain(axis.feed_drive), FeedDriveParameters, "feed_drive"),
+        servo=servo, command_unit=axis.command_unit, force_unit=axis.force_unit,
+        servo_reason=axis.servo_reason, bandwidth_Hz=axis.fit.bandwidth_Hz,
+        delay=axis.fit.delay_s or 0.0,
+    )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Many variants of axes under their servos: what they err and draw, or their traces.
+"""Populations of axes under their servos: following errors and commands, or traces.
 
 The equations are those of :mod:`pipeline.twin.drive`, compiled.  A variant is a row of numbers for
-each axis, :class:`pipeline.machine.axis.feed_drive.DriveColumn`.  Errors are the encoder's: backlash
-does not show in them.
+each axis, :class:`pipeline.machine.axis.feed_drive.DriveColumn`.  Errors are those at the encoder:
+backlash does not show in them.
 """
 
 import os
@@ -11,13 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from pipeline.machine.axis.feed_drive import DriveColumn, check_rows, drive_row
+from pipeline.schema.arrays import Floats
 from pipeline.twin.drive import DriveParameters, DriveStart, check_steps, samples
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from pipeline.gcode.moves import AXES
 from pipeline.machine.axis.feed_drive import drive_row
 from pipeline.machine.control.interpolate import trace
 from pipeline.machine.control.planner import Plan
-from pipeline.twin.drive_file import IdentifiedDrive
+from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.drive_population import simulate_traces
 
 Floats = npt.NDArray[np.float64]

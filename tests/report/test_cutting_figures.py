@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 from report_folders import FLEET, empty_machine
 
 from pipeline.charts import svg
+from pipeline.charts.bands import UNITS
 from pipeline.charts.sources import Shelf
 from pipeline.report.cutting_spindle import no_load, no_load_figure
 from pipeline.report.cutting_trace_figure import HEIGHT, revolution_figure
 from pipeline.report.cutting_traces import CURVES, CutTrace, cut_traces
-from pipeline.report.drive_frame import UNITS
 from pipeline.report.pages import write_report
 from tests.browser import look, needs_browser
 

@@ -12,9 +12,8 @@ from scipy.linalg import expm
 from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.twin.drive import DriveParameters, DriveStart, simulate_drive
+from pipeline.twin.drive import DriveParameters, DriveStart, loop_matrix, simulate_drive, stable
 from pipeline.twin.drive_population import simulate_traces
-from pipeline.twin.drive_stability import loop_matrix, stable
 from tests.twin.axes import AXIS, BOTH, NONE, T, ramp, to_and_fro, with_drive, with_servo
 
 
@@ -297,5 +296,5 @@ def test_inputs_out_of_range_are_refused(change: dict[str, object], said: str) -
 
 
 def test_start_that_is_no_number_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"start.velocity = nan must be finite"):
+    with pytest.raises(ValueError, match=r"start.velocity = nan m/s must be finite"):
         replace(DriveStart(position=0.0), velocity=float("nan"))

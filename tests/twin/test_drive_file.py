@@ -8,7 +8,8 @@ import pytest
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.twin.drive_file import drives_of, read_drives
+from pipeline.schema.store import StoreError
+from pipeline.twin.drive import read_drives
 
 SERVO = ServoParameters(
     position_gain=40.0, velocity_gain=500.0, integral_gain=9e3, position_scale=0.82,
@@ -23,37 +24,44 @@ SCREW = FeedDriveParameters(
 )  # fmt: skip
 
 
-def document(**changes):
-    axis = {
-        "command_unit": "V",
-        "force_unit": "N",
-        "drive": {"servo": asdict(SERVO), "feed_drive": asdict(SCREW), "servo_reason": ""},
-        "fit": {"bandwidth_Hz": 40.0, "delay_s": 2e-4},
-    }
-    return {"axes": {"X": axis | changes}}
+FIT = {"samples": 1, "relative_error_percent": 2.0, "bandwidth_Hz": 40.0, "delay_s": 2e-4,
+       "condition": 3.0, "rank": 1, "correlation": {"names": [], "values": []}}  # fmt: skip
+
+
+def document(**changes) -> str:
+    axis = {"command_unit": "V", "force_unit": "N", "servo": asdict(SERVO),
+            "feed_drive": asdict(SCREW), "fit": FIT}  # fmt: skip
+    return json.dumps({
+        "submodel": "drive", "machine": "m", "origin": "recorded", "parameters": {},
+        "trained_on": [], "axes": {"X": axis | changes},
+    })  # fmt: skip
+
+
+def read(tmp_path, text):
+    path = tmp_path / "model.json"
+    path.write_text(text)
+    return read_drives(path)
 
 
 def test_what_was_written_is_read(tmp_path):
-    path = tmp_path / "drive.json"
-    path.write_text(json.dumps(document()))
-    [(letter, found)] = read_drives(path).items()
+    [(letter, found)] = read(tmp_path, document()).items()
     assert letter == "X"
     assert (found.servo, found.feed_drive) == (SERVO, SCREW)
     assert (found.command_unit, found.force_unit) == ("V", "N")
     assert (found.bandwidth_Hz, found.delay) == (40.0, 2e-4)
 
 
-def test_a_limit_that_is_left_out_is_infinite():
-    servo = asdict(SERVO)
-    del servo["current_limit"]
-    drive = {"servo": servo, "feed_drive": asdict(SCREW)}
-    found = drives_of(document(drive=drive))["X"].servo
+@pytest.mark.parametrize("limit", [{}, {"current_limit": None}])
+def test_a_limit_that_is_left_out_is_infinite(tmp_path, limit):
+    servo = {k: v for k, v in asdict(SERVO).items() if k != "current_limit"}
+    found = read(tmp_path, document(servo=servo | limit))["X"].servo
     assert found is not None and found.current_limit == float("inf")
 
 
-def test_without_servo_its_reason_is_kept():
-    drive = {"servo": None, "servo_reason": "no reference", "feed_drive": asdict(SCREW)}
-    found = drives_of(document(drive=drive, fit={"bandwidth_Hz": None}))["X"]
+def test_without_servo_its_reason_is_kept(tmp_path):
+    fit = FIT | {"bandwidth_Hz": None, "delay_s": None}
+    changed = document(servo=None, servo_reason="no reference", fit=fit)
+    found = read(tmp_path, changed)["X"]
     assert found.servo is None
     assert found.servo_reason == "no reference"
     assert found.bandwidth_Hz is None and found.delay == 0
@@ -62,19 +70,16 @@ def test_without_servo_its_reason_is_kept():
 @pytest.mark.parametrize(
     "text",
     ["", "[]", "{}", '{"axes": 3}', '{"axes": {"X": {}}}', '{"axes": {"X": null}}',
-     json.dumps(document(drive={"servo": None, "feed_drive": {"mass": 1}})),
-     json.dumps(document(drive={"servo": None, "feed_drive": asdict(SCREW) | {"weight": 1}})),
-     json.dumps(document(drive={"servo": None, "feed_drive": asdict(SCREW) | {"mass": -1}})),
-     json.dumps(document(fit={"bandwidth_Hz": 4, "delay_s": "soon"})), "\x00", "{\"axes\": "],
+     document(feed_drive={"mass": 1}), document(feed_drive=asdict(SCREW) | {"weight": 1}),
+     document(feed_drive=asdict(SCREW) | {"mass": -1}),
+     document(fit=FIT | {"delay_s": "soon"}), "\x00", "{\"axes\": "],
     ids=range(12),
 )  # fmt: skip
 def test_another_form_is_one_sentence(tmp_path, text):
-    path = tmp_path / "drive.json"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=r"drive\.json holds no identified drives .* `dvc repro`"):
-        read_drives(path)
+    with pytest.raises(StoreError, match=r"model\.json holds no identified drives: .+ `dvc repro`"):
+        read(tmp_path, text)
 
 
 def test_a_file_that_is_not_there_is_one_sentence(tmp_path):
-    with pytest.raises(ValueError, match="holds no identified drives"):
+    with pytest.raises(ValueError, match=r"holds no identified drives: .* does not exist"):
         read_drives(tmp_path / "none.json")

@@ -10,7 +10,7 @@ from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
-from pipeline.twin.drive_file import IdentifiedDrive
+from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program import planned_program
 from pipeline.twin.program_axes import between, follow_program
 

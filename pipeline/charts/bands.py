@@ -1,0 +1,104 @@
+"""Bands of a figure: values over pixels, their levels, their curves; a time axis in seconds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from pipeline.charts import svg
+from pipeline.schema.arrays import Floats
+
+UNITS = 2000
+"""Units across a band's viewport [1]."""
+STRETCHES = 420
+"""Stretches of the x axis, each drawn by its lowest and highest value [1]."""
+MOST = 1e12
+"""Greatest magnitude, in any unit of the shop, that is a reading [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A part of a figure with its own values.
+
+    Parameters
+    ----------
+    top, height : float
+        Where it stands [px].
+    low, high : float
+        Values at its bottom and its top.
+    """
+
+    top: float
+    height: float
+    low: float
+    high: float
+
+    @property
+    def bottom(self) -> float:
+        """Lower end [px]."""
+        return self.top + self.height
+
+    def pixel(self, value: float) -> float:
+        """Where a value stands [px]; beyond the band at its edge."""
+        share = (self.high - min(max(value, self.low), self.high)) / (self.high - self.low)
+        return self.top + self.height * share
+
+    def down(self, values: Floats) -> Floats:
+        """Values (T,) as heights of the viewport, from its top, within it."""
+        inside = np.clip(values, self.low, self.high)
+        heights: Floats = svg.FULL * (self.high - inside) / (self.high - self.low)
+        return heights
+
+    def levels(self, most: int = 4) -> list[Markup]:
+        """Lines and words at round values."""
+        parts = []
+        for mark in svg.ticks(self.low, self.high, most=most):
+            y = self.pixel(mark)
+            kind = "grid zero" if mark == 0 and self.low < 0 else "grid"
+            parts += [svg.across(y, kind), svg.text(0, y + 4, plain(mark), "tick end", dx=-6)]
+        return parts
+
+    def content(self, parts: list[Markup]) -> Markup:
+        """Curves in the viewport of this band."""
+        return svg.band(self.top, self.height, UNITS, parts)
+
+
+def band(top: float, height: float, *values: Floats, zero: bool = False) -> Band:
+    """A band wide enough for all known ``values``, and for 0 where ``zero`` says so."""
+    every = np.concatenate([*values, [0.0] if zero else []])
+    every = every[np.isfinite(every)]
+    low, high = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
+    pad = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
+    return Band(top=top, height=height, low=low - pad, high=high + pad)
+
+
+def line(seconds: Floats, values: Floats, span: tuple[float, float], into: Band,
+         kind: str) -> Markup:  # fmt: skip
+    """A curve over the part ``span`` [s] of the time, thinned to what a page can show."""
+    here = (seconds >= span[0]) & (seconds <= span[1])
+    x = UNITS * (seconds[here] - span[0]) / max(span[1] - span[0], 1e-12)
+    y = values[here]
+    if len(x) > 2 * STRETCHES:
+        x, y = svg.thinned(x, y, UNITS / STRETCHES)
+    return svg.curve(x, into.down(y), kind)
+
+
+def clock(span: tuple[float, float], top: float, bottom: float) -> list[Markup]:
+    """Lines down and words at round seconds."""
+    parts = [svg.text(50, bottom + 31, "Time, s", "tick mid")]
+    for mark in svg.ticks(*span, most=6):
+        x = 100 * (mark - span[0]) / max(span[1] - span[0], 1e-12)
+        parts += [svg.down(x, top, bottom), svg.text(x, bottom + 16, plain(mark), svg.anchor(x))]
+    return parts
+
+
+def plain(mark: float) -> str:
+    """A tick's words, with a real minus and without one before 0."""
+    return f"{mark + 0.0:.6g}".replace("-", "−")
+
+
+def readings(values: Floats) -> Floats:
+    """Values (T,) with NaN where they are infinite or beyond :data:`MOST`."""
+    with np.errstate(invalid="ignore"):
+        known: Floats = np.where(np.abs(values) <= MOST, values, np.nan)
+    return known

@@ -1,1 +1,0 @@
-"""Feed drives: from records of the servo to friction, mass, loops and their intervals."""

@@ -1,0 +1,224 @@
+"""Identified feed drives as they are stored: mechanics and loops of each axis, and the motor.
+
+Positions in metres at the encoder; forces in newtons at the carriage, or in the command's unit
+where the force constant is not listed.  The parameters with their intervals stand in
+:attr:`~pipeline.schema.model.Model.parameters`, by the axis' letter and ``motor``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pipeline.schema.model import Correlation, Model
+
+MOTOR = "motor"
+"""Group of the motor's parameters, beside the letters of the axes."""
+FORCE, FOLLOWING, COMMAND, SPEED = "force", "following error", "command", "speed"
+"""Predicted quantities, each followed by the axis' letter; the last two are shown, not scored."""
+LEVEL, LAG = "constant_level", "speed_over_loop_gain"
+"""Baselines: one force against motion; the following error at steady speed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DirectionFriction:
+    """Friction in one direction: Coulomb and static level [N], v_s [m/s], viscous [N s/m]."""
+
+    coulomb: float
+    static: float
+    stribeck_velocity: float
+    viscous: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Friction in both directions of motion."""
+
+    positive: DirectionFriction
+    negative: DirectionFriction
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedDrive:
+    """Mechanics of an axis: mass [kg], force constant [N/A], friction, offset [N], backlash [m]."""
+
+    mass: float
+    force_constant: float
+    friction: Friction
+    offset: float = 0.0
+    backlash: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """Loops of an axis: gains as listed, their scale factors, feed-forward, lags [s].
+
+    Gains in SI: P_p [1/s], V_p [A s/m], V_i [A/m], f_a [A s^2/m]; ``current_limit`` [A] is None
+    where there is none.
+    """
+
+    position_gain: float
+    velocity_gain: float
+    integral_gain: float = 0.0
+    position_scale: float = 1.0
+    velocity_scale: float = 1.0
+    integral_scale: float = 1.0
+    velocity_feedforward: float = 0.0
+    acceleration_feedforward: float = 0.0
+    current_limit: float | None = None
+    velocity_lag: float = 0.0
+    position_lag: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionPoint:
+    """Mean force at one constant speed, with half of its 95 % interval and its duration."""
+
+    velocity_mm_s: float
+    force: float
+    half_width: float | None
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvePoint:
+    """Friction and offset of the model at one speed."""
+
+    velocity_mm_s: float
+    force: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A method that was run on one task: its error, its evaluations, whether it was kept."""
+
+    task: str
+    method: str
+    chosen: bool
+    error: float | None
+    error_unit: str
+    evaluations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitFacts:
+    """Quality of a fit.
+
+    Parameters
+    ----------
+    samples : int
+        Number of rows that were fitted [1].
+    relative_error_percent : float or None
+        Of the force or the command [%].
+    bandwidth_Hz : float or None
+        Of the filter [Hz]; None for no filter.
+    delay_s : float or None
+        Of the motion behind the command [s].
+    condition : float or None
+        Of the Jacobian with columns scaled to length one [1].
+    rank : int
+        Of the same [1].
+    correlation : Correlation
+        Of the fitted parameters.
+    """
+
+    samples: int
+    relative_error_percent: float | None
+    bandwidth_Hz: float | None
+    delay_s: float | None = None
+    condition: float | None
+    rank: int
+    correlation: Correlation
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecursiveMass:
+    """Recursive estimate of the mass through one recording, with half of its 95 % interval."""
+
+    recording: str
+    unit: str
+    time_s: tuple[float, ...]
+    value: tuple[float | None, ...]
+    half_width: tuple[float | None, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveAxis:
+    """One identified axis.
+
+    Parameters
+    ----------
+    command_unit, force_unit : str
+        Of the command; of forces, the command's where the force constant is not listed.
+    feed_drive : FeedDrive
+        Mechanics.
+    servo : Servo or None
+        Loops; None where the records do not determine them.
+    servo_reason : str
+        Why there is no servo.
+    constant_level : float
+        Mean force against motion over the training recordings, the baseline of the force.
+    friction_points : tuple of FrictionPoint
+        Friction at constant speed as measured.
+    friction_curve : tuple of CurvePoint
+        Friction and offset of the model over the same speeds.
+    methods : tuple of Method
+        That were run.
+    fit, servo_fit : FitFacts
+        Of the mechanics and of the loops.
+    recursive_mass : RecursiveMass or None
+        None where no mass is determined or the sampling is too slow.
+    """
+
+    command_unit: str
+    force_unit: str
+    feed_drive: FeedDrive
+    servo: Servo | None
+    servo_reason: str = ""
+    constant_level: float = 0.0
+    friction_points: tuple[FrictionPoint, ...] = ()
+    friction_curve: tuple[CurvePoint, ...] = ()
+    methods: tuple[Method, ...] = ()
+    fit: FitFacts
+    servo_fit: FitFacts | None = None
+    recursive_mass: RecursiveMass | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveMotor:
+    """Fit of a synchronous motor: its axis, windows fitted and left out, condition, correlation."""
+
+    axis: str
+    windows: int
+    left_out: int
+    condition: float | None
+    correlation: Correlation
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingRecording:
+    """A training recording: its length [s] and the changes to its rows."""
+
+    recording: str
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveModel(Model):
+    """The drives' ``model.json``.
+
+    Parameters
+    ----------
+    axes : mapping of str to DriveAxis
+        By letter.
+    motor : DriveMotor or None
+        None without recordings of a motor's voltages and currents.
+    recordings : tuple of TrainingRecording
+        Training recordings of the axes.
+    substeps : int
+        Steps of the closed-loop simulation in one sample [1].
+    """
+
+    axes: Mapping[str, DriveAxis] = field(default_factory=dict)
+    motor: DriveMotor | None = None
+    recordings: tuple[TrainingRecording, ...] = ()
+    substeps: int = 1

@@ -1,0 +1,7 @@
+"""Feed drives: friction, moving mass and loops of each axis, identified from records of its servo.
+
+An axis is one mass on a screw, M a + F_f(v) + F_g = k A, under a cascade of position and velocity
+loop (Sim2023); positions in metres at the encoder, forces in newtons at the carriage, or in the
+command's unit where the force constant is not listed.  ``mechanics`` holds the inverse dynamics,
+``servo`` the loops, ``motor`` resistance, inductances and flux of a synchronous motor.
+"""

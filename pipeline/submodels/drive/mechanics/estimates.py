@@ -1,0 +1,334 @@
+"""Named parameters of a feed drive with 95 % intervals, from a vector of the inverse dynamics.
+
+Motion shows two Coulomb levels, F_c+ + F_g and F_c- - F_g, of three unknowns (gravity split).  What
+is known of the axis decides (``coulomb`` in conf/machine/): with equal Coulomb friction in both
+directions the difference of the levels is twice the constant force; without a constant force each
+level is Coulomb friction.  "auto" takes the first where the levels differ by more than ``GRAVITY``
+of their mean, or one is negative, which friction alone does not explain, and the second otherwise.
+"Equal" is meant within ``ALIKE``, the usual difference on horizontal axes of one machine; where
+"auto" decides, within the relative difference of viscous friction, if that is more.  Coulomb
+friction and constant force are uncertain by as much.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.submodels.drive.mechanics.inverse_dynamics import Dynamics
+from pipeline.submodels.drive.prior import Coulomb
+
+GRAVITY = 0.5
+"""Relative difference of the Coulomb levels above which a constant force explains it [1]."""
+ALIKE = 0.05
+"""Relative difference of Coulomb friction in both directions that counts as equal [1]."""
+EQUAL = "Coulomb friction taken as alike both ways"
+GIVEN = f"{EQUAL}, as conf/machine/ says"
+SHOWN = f"{EQUAL}: the levels differ by more than friction does"
+UNEQUAL = "taken as 0: motion cannot tell it from Coulomb friction that differs both ways"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """Factor with half of its 95 % interval; ``zero`` is the reading of a load channel at rest."""
+
+    value: float
+    half_width: float
+    zero: float = 0.0
+
+    def is_determined(self, widest: float) -> bool:
+        """Whether its relative half width is at most ``widest`` [1]."""
+        return self.value != 0 and self.half_width <= widest * abs(self.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GravitySplit:
+    """Split of the Coulomb levels into Coulomb friction and constant force.
+
+    Parameters
+    ----------
+    equal : bool
+        Whether Coulomb friction is taken as equal in both directions.
+    reason : str
+        Why.
+    unequal_share : float
+        Relative difference of Coulomb friction that remains possible [1].
+    """
+
+    equal: bool
+    reason: str
+    unequal_share: float = 0.0
+
+
+def gravity_split(found: Dynamics, coulomb: Coulomb) -> GravitySplit:
+    """Split of the Coulomb levels of ``found``."""
+    positive, negative = (
+        found.value("coulomb_level_positive"),
+        found.value("coulomb_level_negative"),
+    )
+    both = all(
+        found.fitted[found.names.index(f"coulomb_level_{s}")] for s in ("positive", "negative")
+    )
+    if not both:
+        return GravitySplit(equal=False, reason="only one direction was recorded")
+    if coulomb == "equal":
+        return GravitySplit(equal=True, reason=GIVEN, unequal_share=ALIKE)
+    mean = 0.5 * (positive + negative)
+    impossible = min(positive, negative) < 0
+    if impossible or (coulomb == "auto" and abs(positive - negative) > GRAVITY * mean):
+        directions = found.value("viscous_positive"), found.value("viscous_negative")
+        share = abs(directions[0] - directions[1]) / sum(directions) if sum(directions) > 0 else 0.0
+        return GravitySplit(equal=True, reason=SHOWN, unequal_share=max(share, ALIKE))
+    return GravitySplit(equal=False, reason=UNEQUAL)
+
+
+def coulomb_and_offset(found: Dynamics, split: GravitySplit) -> tuple[float, float, float]:
+    """F_c+, F_c- and F_g [N]."""
+    positive, negative = (
+        found.value("coulomb_level_positive"),
+        found.value("coulomb_level_negative"),
+    )
+    if split.equal:
+        mean = 0.5 * (positive + negative)
+        return mean, mean, 0.5 * (positive - negative)
+    return positive, negative, 0.0
+
+
+DIRECTIONS = ("positive", "negative")
+NAMES = (
+    "mass", "coulomb_positive", "coulomb_negative", "static_positive", "static_negative",
+    "stribeck_velocity_positive", "stribeck_velocity_negative", "viscous_positive",
+    "viscous_negative", "offset",
+)  # fmt: skip
+"""The D parameters in their order."""
+SENSOR = 0.01
+"""Relative error of a recorded current as a whole [1] (a sensor of class 1, and ripple between its
+samples): no force is more certain, whatever the residuals."""
+DEFAULT_VELOCITY = 0.005
+"""Stribeck velocity [m/s] where static equals Coulomb friction, so that it is irrelevant."""
+FITTED = "bounded robust least squares on motion and force through one filter"
+GENETIC = "genetic algorithm on motion and force through one filter"
+INSTRUMENTAL = "instrumental variables: the reference's motion in place of the noisy measured one"
+SAME = "not determined; static friction is taken as Coulomb friction"
+LEFT = "not determined by these recordings; the twin uses the best value all the same"
+
+_SLOW = (
+    "record strokes of constant speed from a tenth of the Stribeck velocity (0.1 to 1 mm/s) "
+    "upward, each as long as a turn of the screw or more"
+)  # fmt: skip
+BY_LOAD = "a recorded load against the command that carries it"
+LOAD_FACTOR = "force of the motor for one unit of the recorded load"
+REMEDY = {
+    "mass": "record strokes that reverse with strong acceleration, in air, at 1 kHz",
+    "coulomb": "record strokes of constant speed at ten speeds in both directions, in air",
+    "static": _SLOW,
+    "stribeck_velocity": _SLOW,
+    "viscous": "record strokes of constant speed from slow to rapid in both directions, in air",
+    "offset": "say in conf/machine/ (coulomb: equal) that Coulomb friction is alike both ways, "
+    "where it is; no motion tells it",
+    "load": "record a slow feed while a load of at least the friction's size comes and goes",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimates:
+    """D parameters.
+
+    Parameters
+    ----------
+    names : tuple of str
+        :data:`NAMES`, then ``force_constant`` or ``load_factor`` where a load determines it.
+    values, low, high : ndarray, shape (D,)
+        With the 95 % interval [SI, force in the fit's unit].
+    determined : ndarray of bool, shape (D,)
+        Whether the recordings determine it.
+    how, remedy : tuple of str
+        Where each value comes from, and what to record where it is not determined.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    low: Floats
+    high: Floats
+    determined: Bools
+    how: tuple[str, ...]
+    remedy: tuple[str, ...]
+
+
+def units(force_unit: str, names: Sequence[str], command_unit: str) -> tuple[str, ...]:
+    """Unit of each parameter where forces are in ``force_unit``."""
+    of_kind = {
+        "mass": "kg" if force_unit == "N" else f"{force_unit} s^2/m",
+        "stribeck_velocity": "m/s",
+        "viscous": f"{force_unit} s/m",
+        "force_constant": f"N/{command_unit}",
+        "load_factor": "1" if force_unit == "N" else f"{force_unit}/N",
+    }
+    return tuple(of_kind.get(_kind(name), force_unit) for name in names)
+
+
+def physical(found: Dynamics, split: GravitySplit) -> Floats:
+    """Values of the D parameters; a direction that was not recorded has those of the other."""
+    coulomb = dict(zip(DIRECTIONS, coulomb_and_offset(found, split), strict=False))
+    offset = coulomb_and_offset(found, split)[2]
+    static, velocity, viscous = {}, {}, {}
+    for direction in DIRECTIONS:
+        seen = is_fitted(found, f"stribeck_amplitude_{direction}")
+        static[direction] = coulomb[direction] + (
+            found.value(f"stribeck_amplitude_{direction}") if seen else 0.0
+        )
+        velocity[direction] = (
+            float(np.exp(found.value(f"log_velocity_{direction}"))) if seen else DEFAULT_VELOCITY
+        )
+        viscous[direction] = found.value(f"viscous_{direction}")
+    for direction, other in (DIRECTIONS, DIRECTIONS[::-1]):
+        if not is_fitted(found, f"coulomb_level_{direction}"):
+            for table in (coulomb, static, velocity, viscous):
+                table[direction] = table[other]
+    ordered = [
+        table[direction]
+        for table in (coulomb, static, velocity, viscous)
+        for direction in DIRECTIONS
+    ]
+    return np.array([found.value("mass"), *ordered, offset])
+
+
+def is_fitted(found: Dynamics, name: str) -> bool:
+    """Whether the parameter called ``name`` was fitted."""
+    return bool(found.fitted[found.names.index(name)])
+
+
+def estimates(
+    found: Dynamics,
+    half_width: Floats,
+    correlation: Floats,
+    others: Sequence[Dynamics],
+    split: GravitySplit,
+    *,
+    widest: float,
+    how: str,
+) -> Estimates:
+    """Parameters with intervals.
+
+    Parameters
+    ----------
+    found : Dynamics
+        With S parameters that were fitted.
+    half_width, correlation : ndarray, shape (S,) and (S, S)
+        Of these.
+    others : sequence of Dynamics
+        The same fitted at other bandwidths; their differences widen the interval.
+    split : GravitySplit
+        Of the Coulomb levels into Coulomb friction and offset.
+    widest : float
+        Relative half width of the 95 % interval beyond which nothing is determined [1].
+    how : str
+        Where fitted values come from.
+    """
+    values = physical(found, split)
+    slopes = _slopes(lambda one: physical(one, split), found)
+    spread = np.outer(half_width, half_width) * correlation
+    variance = np.einsum("is,st,it->i", slopes, np.where(np.isfinite(spread), spread, 0), slopes)
+    blind = (slopes != 0) @ ~np.isfinite(half_width)
+    half = np.where(blind > 0, np.inf, np.sqrt(np.maximum(variance, 0)))
+    for one in others:
+        half = np.hypot(half, np.abs(physical(one, split) - values))
+    forces = ~np.char.startswith(NAMES, "stribeck")
+    half[forces] = np.hypot(half[forces], SENSOR * np.abs(values[forces]))
+    coulomb = 0.5 * (values[1] + values[2])
+    unequal = np.isin(NAMES, ("coulomb_positive", "coulomb_negative", "static_positive",
+                              "static_negative", "offset"))  # fmt: skip
+    half[unequal] = np.hypot(half[unequal], split.unequal_share * coulomb)
+    scale = np.abs(values)
+    scale[-1] = max(scale[-1], abs(coulomb))  # an offset may well be 0
+    determined: Bools = (half <= widest * scale) & (scale > 0)
+    fitted = [_components_fitted(found, name, split) for name in NAMES]
+    determined &= np.array(fitted)
+    low, high = values - half, values + half
+    for k in (5, 6):  # fitted on a logarithmic scale
+        factor = np.exp(half[k] / max(values[k], 1e-300)) if np.isfinite(half[k]) else np.inf
+        low[k], high[k] = values[k] / factor, values[k] * factor
+    low[:-1] = np.maximum(low[:-1], 0.0)
+    return Estimates(
+        names=NAMES, values=values, low=low, high=high, determined=determined,
+        how=tuple(_how(n, t, split, how) for n, t in zip(NAMES, determined, strict=True)),
+        remedy=tuple(REMEDY[_kind(name)] for name in NAMES),
+    )  # fmt: skip
+
+
+def with_load(
+    estimated: Estimates, constant: Factor | None, factor: Factor | None, widest: float
+) -> Estimates:
+    """With a force constant by a load, whose uncertainty every force shares, or a load factor.
+
+    Parameters
+    ----------
+    estimated : Estimates
+        Of the drive.
+    constant : Factor or None
+        Force constant by the load [N/A].
+    factor : Factor or None
+        Of the load's channel, where the force constant was known.
+    widest : float
+        As in :func:`estimates`.
+    """
+    if constant is not None:
+        share = constant.half_width / constant.value
+        forces = ~np.char.startswith(estimated.names, "stribeck")
+        more = np.where(forces, np.abs(estimated.values) * share, 0.0)
+        low = estimated.values - np.hypot(estimated.values - estimated.low, more)
+        high = estimated.values + np.hypot(estimated.high - estimated.values, more)
+        estimated = replace(estimated, low=low, high=high)
+    for name, one, how, remedy in (
+        ("force_constant", constant, BY_LOAD, REMEDY["load"]),
+        ("load_factor", factor, LOAD_FACTOR, REMEDY["load"]),
+    ):
+        if one is None:
+            continue
+        estimated = replace(
+            estimated, names=(*estimated.names, name), values=np.r_[estimated.values, one.value],
+            low=np.r_[estimated.low, one.value - one.half_width],
+            high=np.r_[estimated.high, one.value + one.half_width],
+            determined=np.r_[estimated.determined, one.is_determined(widest)],
+            how=(*estimated.how, how), remedy=(*estimated.remedy, remedy),
+        )  # fmt: skip
+    return estimated
+
+
+def _slopes(function: Callable[[Dynamics], Floats], found: Dynamics) -> Floats:
+    """Derivatives by the parameters that were fitted; shape (D, S)."""
+    columns = []
+    for k in np.flatnonzero(found.fitted):
+        step = np.zeros(len(found.values))
+        step[k] = 1e-5 * max(abs(found.values[k]), 1e-3)
+        ends = [function(replace(found, values=found.values + s * step)) for s in (1, -1)]
+        columns.append((ends[0] - ends[1]) / (2 * step[k]))
+    return np.column_stack(columns)
+
+
+def _kind(name: str) -> str:
+    return name.removesuffix("_positive").removesuffix("_negative")
+
+
+def _components_fitted(found: Dynamics, name: str, split: GravitySplit) -> bool:
+    """Whether all that a parameter is computed from was fitted."""
+    direction = name.rpartition("_")[2]
+    kind = _kind(name)
+    if kind == "offset":
+        return split.equal
+    if kind == "mass":
+        return is_fitted(found, "mass")
+    seen = is_fitted(found, f"coulomb_level_{direction}")
+    if kind in ("static", "stribeck_velocity"):
+        return seen and is_fitted(found, f"stribeck_amplitude_{direction}")
+    return seen and is_fitted(found, f"viscous_{direction}")
+
+
+def _how(name: str, determined: bool, split: GravitySplit, how: str) -> str:
+    kind = _kind(name)
+    if kind == "offset" and not split.equal:
+        return UNEQUAL
+    if not determined:
+        return SAME if kind in ("static", "stribeck_velocity") else LEFT
+    return f"{how}; {split.reason}" if kind in ("coulomb", "offset") and split.equal else how

@@ -1,0 +1,339 @@
+"""Filtered motion and force of an axis, and the bandwidth of the filter.
+
+Positions are differentiated after a Butterworth filter run forward and backward (no delay), by
+central differences of fourth order.  What the regression sees, motion and force alike, passes one
+more filter (parallel filtering: Gautier, Vandanjon and Presse 1994): a Gaussian, because its
+impulse response ends, so that the samples around a stop can be cut out cleanly.  A linear model
+passes through such a filter unchanged, whatever its bandwidth.
+
+Unless it is given, the bandwidth holds ``HELD`` of the power of the acceleration, or, where that is
+more, lets the filter settle in half of the shortest stretch of constant speed; but it is at most
+where the noise of the position adds ``NOISE`` to the power of the acceleration, which would make
+the mass too small by as much, and ``TOP`` of half the sampling rate.  Records whose velocity and
+acceleration were recorded need no derivative; when their band is full they are not filtered.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from pipeline.submodels.drive.records import AxisRecord, Recording
+
+REACH = 0.4
+"""Half length of the Gaussian in periods of its bandwidth [1]: 3 standard deviations."""
+
+
+def first_difference(q: Floats, period: float) -> Floats:
+    """Derivative by central differences of fourth order; the two samples at each end are held."""
+    d: Floats = np.empty_like(q)
+    d[2:-2] = (8 * (q[3:-1] - q[1:-3]) - (q[4:] - q[:-4])) / (12 * period)
+    d[:2], d[-2:] = d[2], d[-3]
+    return d
+
+
+def second_difference(q: Floats, period: float) -> Floats:
+    """Second derivative by central differences of fourth order; the ends are held."""
+    d: Floats = np.empty_like(q)
+    near, far = q[3:-1] + q[1:-3], q[4:] + q[:-4]
+    d[2:-2] = (16 * near - far - 30 * q[2:-2]) / (12 * period**2)
+    d[:2], d[-2:] = d[2], d[-3]
+    return d
+
+
+def low_passed(values: Floats, period: float, cut: float | None) -> Floats:
+    """Butterworth of order 4 at ``cut`` [Hz], forward and backward."""
+    if cut is None:
+        return values
+    from scipy.signal import butter, sosfiltfilt
+
+    sos = butter(4, cut, fs=1 / period, output="sos")
+    smooth: Floats = sosfiltfilt(sos, values, padlen=min(len(values) - 1, int(3 / (cut * period))))
+    return smooth
+
+
+def gaussian(places: Ints, samples: int, period: float, bandwidth: float) -> Any:
+    """Gaussian filter of -3 dB at ``bandwidth``, evaluated at some samples only.
+
+    Its standard deviation is sqrt(ln 2) / (2 pi bandwidth); it ends ``REACH`` / bandwidth away.
+
+    Parameters
+    ----------
+    places : ndarray of int, shape (N,)
+        Samples to evaluate, at least its reach from both ends.
+    samples : int
+        T of the signals that it is applied to.
+    period, bandwidth : float
+        Of the samples [s], of the filter [Hz].
+
+    Returns
+    -------
+    scipy.sparse.csr_array, shape (N, T)
+        Matrix that signals of shape (T,) or (T, C) are multiplied by.
+    """
+    from scipy.sparse import csr_array
+
+    half = reach(period, bandwidth)
+    offsets = np.arange(-half, half + 1)
+    weights = np.exp(-0.5 * (offsets * period * 2 * np.pi * bandwidth) ** 2 / np.log(2))
+    weights /= weights.sum()
+    columns = (places[:, None] + offsets).ravel()
+    starts = np.arange(len(places) + 1) * len(offsets)
+    return csr_array((np.tile(weights, len(places)), columns, starts), shape=(len(places), samples))
+
+
+def reach(period: float, bandwidth: float) -> int:
+    """Half length of the Gaussian filter in samples."""
+    return int(np.ceil(REACH / (bandwidth * period)))
+
+
+def white_noise(values: Floats) -> float:
+    """Variance of the white noise in a smooth signal: fourth differences, or its resolution."""
+    d = np.diff(values, 4)
+    steps = np.abs(np.diff(values))
+    step = float(np.min(steps[steps > 0], initial=np.inf))
+    noise = (1.4826 * float(np.median(np.abs(d)))) ** 2 / 70  # 1 + 16 + 36 + 16 + 1
+    return max(noise, step**2 / 12 if np.isfinite(step) else 0.0)
+
+
+WIDER = 3.0
+"""Bandwidth of the speed that friction is a function of, over that of the parallel filter."""
+LATEST = 0.2
+"""Greatest lag of an axis behind its reference [s]."""
+QUIET = 4.0
+"""Standard deviations of its noise below which a speed has no sign [1]."""
+PRESLIDING = 3e-5
+"""Travel after a stop or reversal over which friction is a spring, not a level [m]: rolling
+guides and screws have 10 to 50 micrometres (Armstrong-Helouvry, Dupont and Canudas de Wit 1994)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """One axis in one recording, ready for regression; N samples.
+
+    Parameters
+    ----------
+    recording : str
+        Its name.
+    period : float
+        From sample to sample [s].
+    bandwidth : float or None
+        Of the parallel filter still to be applied [Hz]; None for none.
+    time : ndarray, shape (N,)
+        [s].
+    position : ndarray, shape (N,)
+        [m]; integrated speed where only the speed was recorded.
+    velocity, acceleration : ndarray, shape (N,)
+        [m/s], [m/s^2].
+    force : ndarray, shape (N,)
+        Of the motor: command times force constant.
+    load : ndarray, shape (N,), optional
+        Against positive motion [N].
+    instruments : tuple of ndarray, shape (N,), optional
+        Velocity and acceleration of the reference, free of the noise of measurement.
+    known : ndarray of bool, shape (N,)
+        Recorded, free of cutting and away from the ends of the record.
+    moving : ndarray of bool, shape (N,)
+        Whether the axis slides: the speed has a significant sign, and has kept it for longer than
+        presliding.
+    """
+
+    recording: str
+    period: float
+    bandwidth: float | None
+    time: Floats
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    force: Floats
+    load: Floats | None
+    instruments: tuple[Floats, Floats] | None
+    known: Bools
+    moving: Bools
+
+
+def motion(
+    recording: "Recording", axis: str, bandwidth: float | None, delay: float = 0.0
+) -> Motion:
+    """Speed, acceleration and force of ``axis``.
+
+    Parameters
+    ----------
+    recording : Recording
+        That shows the axis.
+    axis : str
+        Its letter.
+    bandwidth : float or None
+        Of the parallel filter [Hz]; None for records that are taken as they are.
+    delay : float
+        How long the motion is behind the command [s].
+    """
+    record, period = recording.axes[axis], recording.period
+    cut = None if bandwidth is None else min(WIDER * bandwidth, 0.8 * 0.5 / period)
+    every = 1 if cut is None else max(int(0.25 / (cut * period)), 1)
+    velocity, acceleration = derivatives(
+        record.position, record.velocity, record.acceleration, period, cut
+    )
+    place = np.cumsum(velocity) * period if record.position is None else record.position
+    slow = _standstill(record, period, cut)
+    ends = 0 if bandwidth is None else 2 * reach(period, bandwidth)
+    inside = np.zeros(recording.samples, bool)
+    inside[ends : recording.samples - ends] = True
+    return Motion(
+        recording=recording.name,
+        period=period * every,
+        bandwidth=bandwidth,
+        time=period * np.arange(recording.samples, dtype=np.float64)[::every],
+        position=place[::every],
+        velocity=velocity[::every],
+        acceleration=acceleration[::every],
+        force=record.force_constant * _later(record.command, delay / period, period, cut)[::every],
+        load=None if record.load is None else low_passed(record.load, period, cut)[::every],
+        instruments=_instruments(record, velocity, period, cut, every),
+        known=_all_of(recording.air, every) & inside[::every],
+        moving=_sliding(velocity, period, slow)[::every],
+    )
+
+
+def _sliding(velocity: Floats, period: float, slow: float) -> Bools:
+    """Whether the axis has moved in one direction for longer than presliding."""
+    sign = np.where(np.abs(velocity) > slow, np.sign(velocity), 0.0)
+    reversals = (
+        np.flatnonzero(np.diff(sign, prepend=sign[0])) if len(sign) else np.zeros(0, np.int64)
+    )
+    travel = np.cumsum(velocity) * period
+    since = np.zeros(len(sign), np.int64)
+    since[reversals] = reversals
+    since = np.maximum.accumulate(since)
+    return np.asarray((sign != 0) & (np.abs(travel - travel[since]) > PRESLIDING))
+
+
+def _instruments(
+    record: "AxisRecord", measured: Floats, period: float, cut: float | None, every: int
+) -> tuple[Floats, Floats] | None:
+    """Velocity and acceleration of the reference, delayed by the lag of the axis."""
+    if record.reference is None and record.velocity_reference is None:
+        return None
+    velocity, acceleration = derivatives(
+        record.reference, record.velocity_reference, record.acceleration_reference, period, cut
+    )
+    velocity, acceleration = velocity[::every], acceleration[::every]
+    if cut is None:
+        return velocity, acceleration
+    lags = range(min(int(LATEST / (period * every)), len(velocity) // 2))
+    followed = measured[::every]
+    alike = [float(velocity[: len(velocity) - k] @ followed[k:]) for k in lags]
+    late = int(np.argmax(alike)) if alike else 0
+    return _held_back(velocity, late), _held_back(acceleration, late)
+
+
+def _held_back(values: Floats, samples: int) -> Floats:
+    return np.r_[np.full(samples, values[0]), values[: len(values) - samples]]
+
+
+def _all_of(flags: Bools, every: int) -> Bools:
+    """Whether all of each ``every`` samples are true, at the first of each."""
+    padded = np.r_[flags, np.ones(-len(flags) % every, bool)]
+    return np.asarray(padded.reshape(-1, every).all(axis=1))
+
+
+def derivatives(
+    position: Floats | None,
+    velocity: Floats | None,
+    acceleration: Floats | None,
+    period: float,
+    cut: float | None,
+) -> tuple[Floats, Floats]:
+    """Velocity and acceleration filtered at ``cut``: recorded ones, else derivatives."""
+    if velocity is not None:
+        v = low_passed(velocity, period, cut)
+        a = first_difference(v, period)
+    elif position is not None:
+        q = low_passed(position, period, cut)
+        v, a = first_difference(q, period), second_difference(q, period)
+    else:
+        raise ValueError("neither position nor velocity is recorded")
+    return v, a if acceleration is None else low_passed(acceleration, period, cut)
+
+
+def _later(values: Floats, samples: float, period: float, cut: float | None) -> Floats:
+    """Filtered values, each ``samples`` later; the ends are held."""
+    smooth = low_passed(values, period, cut)
+    if samples == 0:
+        return smooth
+    place = np.arange(len(values))
+    shifted: Floats = np.interp(place - samples, place, smooth)
+    return shifted
+
+
+def _standstill(record: "AxisRecord", period: float, cut: float | None) -> float:
+    """Speed below which its sign is noise [m/s]: noise of the position, differentiated."""
+    top = 0.4 / period if cut is None else cut
+    if record.velocity is not None:
+        return QUIET * float(np.sqrt(white_noise(record.velocity) * 2 * period * top))
+    density = 0.0 if record.position is None else 2 * period * white_noise(record.position)
+    return QUIET * float(2 * np.pi * np.sqrt(density * top**3 / 3))
+
+
+HELD = 0.95
+"""Share of the power of the acceleration below the bandwidth [1]."""
+NOISE = 1e-3
+"""Greatest share of noise in the power of the acceleration [1]."""
+TOP = 0.25
+"""Greatest bandwidth over half the sampling rate [1]."""
+
+
+def parallel_bandwidth(
+    recordings: "Sequence[Recording]", axis: str, shortest: float
+) -> float | None:
+    """Bandwidth of the parallel filter [Hz] by the rule above; None for no filter.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The one with the greatest acceleration decides.
+    axis : str
+        Its letter.
+    shortest : float
+        Shortest stretch of constant speed [s].
+    """
+    shown = [one for one in recordings if axis in one.axes]
+    found = [_bandwidth(one, axis, 4 * REACH / shortest) for one in shown]
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _bandwidth(recording: "Recording", axis: str, settled: float) -> tuple[float, float | None]:
+    """Power of the acceleration, and the bandwidth by the rule above."""
+    record, period = recording.axes[axis], recording.period
+    half = 0.5 / period
+    _, acceleration = derivatives(
+        record.position, record.velocity, record.acceleration, period, 0.5 * half
+    )
+    frequency, power = _power(acceleration * recording.air, period)
+    noise = np.zeros_like(power)
+    if record.velocity is None and record.position is not None:
+        noise = 2 * period * white_noise(record.position) * (2 * np.pi * frequency) ** 4
+    signal = np.cumsum(np.maximum(power - noise, 0))
+    if signal[-1] <= 0:
+        return 0.0, TOP * half
+    power_held = float(signal[-1])
+    clear = np.flatnonzero(np.cumsum(noise) <= NOISE * signal)
+    quiet = float(frequency[max(int(clear[-1]), 1)]) if len(clear) else float(frequency[1])
+    below = signal[frequency <= quiet]
+    held = float(frequency[np.searchsorted(below, HELD * below[-1])])
+    if held > TOP * half and record.velocity is not None and record.acceleration is not None:
+        return power_held, None
+    return power_held, max(min(max(held, settled), quiet, TOP * half), 4 / recording.seconds)
+
+
+def _power(values: Floats, period: float) -> tuple[Floats, Floats]:
+    """Frequencies [Hz] and one-sided power density."""
+    from scipy.signal import welch
+
+    length = min(len(values), int(4 / period))
+    frequency, power = welch(values, 1 / period, nperseg=length, detrend=False)
+    return frequency, power

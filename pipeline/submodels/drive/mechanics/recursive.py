@@ -1,0 +1,389 @@
+"""Recursive least squares with forgetting (FFRLS): inertia, damping and load of an axis as it runs.
+
+J dw/dt = T_e - T_l - B w, sampled: w(k) = S_1 w(k-1) + S_2 T_e(k-1) - S_3 with J = T / S_2,
+B = (1 - S_1) J / T, T_l = S_3 / S_2 (Feed2025).  Euler's step makes J too great by B T / (2 J) of
+it.  Estimated is the change w(k) - w(k-1), on scales on which every regressor and every parameter
+is about one, so that T = 1e-6 s loses no digits.
+
+At constant speed inertia and load cannot be separated, and forgetting would lose the estimate.  All
+three are therefore updated only while the torque, less its part proportional to the speed, has
+spread by more than ``excitation`` of its scale within the memory; else the load alone is updated.
+Forgetting pauses while it would carry the trace of P above its bound.
+
+The compiled recursion works with y = -b w + j m - l, where (b, j, l) = (B w_s / m_s, 1, T_l / m_s)
+J_0 / J, all of size one.  Its state is held in scalars, not in an array: memory between the steps
+would take as long as they do.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, nan, sqrt
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.kernels import compiled
+from pipeline.machine.axis.friction import friction_force
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit
+from pipeline.submodels.drive.mechanics.motion import motion
+from pipeline.submodels.drive.records import Recording
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecursiveSettings(Ranged, section="recursive"):
+    """Settings of the recursive estimator.
+
+    Parameters
+    ----------
+    forgetting : float
+        lambda for each update [1], 0.9 to 1: the memory is about 1 / (1 - lambda) updates.
+    inertia : float
+        Initial J_0 [kg m^2] (a mass [kg] for a linear axis); a factor of a hundred off is enough.
+    prior : float
+        Variance of the scaled parameters at the start, in units of the residuals' [1].
+    excitation : float
+        Spread of torque below which the inertia is not updated, as a share of its scale [1].
+        It must be above the noise of torque and speed; 0 updates always.
+    trace_bound : float
+        Greatest trace of the scaled P [1], at least three times ``prior``.
+    window : int
+        Samples whose mean makes one update.  Noise of the speed is in its change too, and biases
+        the damping, and the inertia where the torque answers to it; by 1 / window^2 of that.
+    speed_scale, torque_scale : float, optional
+        Rated values [rad/s, N m] or [m/s, N]; the record's greatest unless given.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    forgetting: Annotated[float, Range(least=0.9, most=1.0)] = 0.99
+    inertia: Positive = 1e-3
+    prior: Positive = 1e4
+    excitation: Annotated[float, Range(least=0.0, below=1.0)] = 0.1
+    trace_bound: Positive = 1e6
+    window: Annotated[int, Range(least=1)] = 1
+    speed_scale: Positive | None = None
+    torque_scale: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.trace_bound < 3 * self.prior:
+            raise ValueError(
+                f"recursive.trace_bound = {self.trace_bound} must be at least three times "
+                f"recursive.prior = {self.prior}"
+            )
+        if self.window != int(self.window):
+            raise ValueError(f"recursive.window = {self.window} must be a whole number")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecursiveTrace:
+    """Estimates at each sample; nan where they were not determined.
+
+    Parameters
+    ----------
+    inertia : ndarray, shape (T,)
+        J [kg m^2], or the mass [kg] of a linear axis.
+    damping : ndarray, shape (T,)
+        B [N m s/rad] or [N s/m].
+    load : ndarray, shape (T,)
+        T_l [N m] or [N], Coulomb friction of the present direction in it.
+    deviation : ndarray, shape (T,)
+        Standard deviation of ``inertia`` from P and the residuals' variance; infinite where it is
+        not determined.
+    covariance_trace : ndarray, shape (T,)
+        Of the scaled P [1].
+    excited : ndarray of bool, shape (T,)
+        Whether the inertia was updated at that sample.
+    freedom : float
+        Degrees of freedom of the last deviation.
+    skipped : int
+        Samples without a finite speed or torque, left out.
+    """
+
+    inertia: Floats
+    damping: Floats
+    load: Floats
+    deviation: Floats
+    covariance_trace: Floats
+    excited: Bools
+    freedom: float
+    skipped: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the last inertia; 0 to infinity when it is not determined."""
+        from scipy.stats import t as student
+
+        if not (isfinite(self.deviation[-1]) and self.freedom > 0):
+            return 0.0, inf
+        value = float(self.inertia[-1])
+        share = float(student.ppf(0.975, self.freedom) * self.deviation[-1]) / value
+        # symmetric in 1 / J, which is what is estimated
+        return value / (1 + share), value / (1 - share) if share < 1 else inf
+
+
+def recursive_inertia(
+    speed: ArrayLike, torque: ArrayLike, period: float, settings: RecursiveSettings
+) -> RecursiveTrace:
+    """Inertia, damping and load torque at every sample of a record.
+
+    Of a linear axis: mass [kg], damping [N s/m] and load [N] from velocity and force.
+
+    Parameters
+    ----------
+    speed : array_like, shape (T,)
+        w [rad/s], or v [m/s].
+    torque : array_like, shape (T,)
+        T_e [N m], or the force [N], held from its sample to the next.
+    period : float
+        T [s].
+    settings : RecursiveSettings
+        Of the estimator.
+
+    Raises
+    ------
+    ValueError
+        When the record is no two series of the same length, or the period is not positive.
+    """
+    w, m = _record(speed, torque, period)
+    speed_scale = _scale(w, settings.speed_scale)
+    torque_scale = _scale(m, settings.torque_scale)
+    return _recursed(w, m, period, settings, speed_scale, torque_scale)
+
+
+def _recursed(
+    w: Floats, m: Floats, period: float, settings: RecursiveSettings,
+    speed_scale: float, torque_scale: float,
+) -> RecursiveTrace:  # fmt: skip
+    many = len(w)
+    inertia, damping, load, deviation, trace = (np.empty(many) for _ in range(5))
+    excited, ends = np.empty(many, np.bool_), np.empty(3)
+    recurse(
+        w, m, (settings.inertia, torque_scale / speed_scale, torque_scale, 1 / speed_scale),
+        settings.inertia / (period * torque_scale), int(settings.window), settings.forgetting,
+        settings.prior, settings.excitation, settings.trace_bound,
+        inertia, damping, load, deviation, trace, excited, ends,
+    )  # fmt: skip
+    weight, squared, skipped = ends.tolist()
+    return RecursiveTrace(
+        inertia=inertia,
+        damping=damping,
+        load=load,
+        deviation=deviation,
+        covariance_trace=trace,
+        excited=excited,
+        freedom=weight**2 / squared - PARAMETERS if squared else 0.0,
+        skipped=int(skipped),
+    )
+
+
+def _record(speed: ArrayLike, torque: ArrayLike, period: float) -> tuple[Floats, Floats]:
+    w = np.ascontiguousarray(speed, dtype=np.float64)
+    m = np.ascontiguousarray(torque, dtype=np.float64)
+    if w.ndim != 1 or w.shape != m.shape or len(w) < 2:
+        raise ValueError(
+            f"speed of shape {w.shape} and torque of shape {m.shape} are no record: "
+            "give two series of the same length, two samples at least"
+        )
+    if not (isfinite(period) and period > 0):
+        raise ValueError(f"period = {period} s must be finite and positive")
+    return w, m
+
+
+def _scale(series: Floats, given: float | None) -> float:
+    if given is not None:
+        return given
+    greatest = max(float(series.max()), -float(series.min()))
+    if not isfinite(greatest):
+        greatest = float(np.abs(series[np.isfinite(series)]).max(initial=0.0))
+    return greatest if greatest > 0 else 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MassTrace:
+    """Recursive estimate of the mass of one axis over one recording.
+
+    Parameters
+    ----------
+    recording, unit : str
+        Its name, and the unit of ``value``.
+    time, value, half_width : ndarray, shape (K,)
+        [s], and mass with half of its 95 % interval.
+    """
+
+    recording: str
+    unit: str
+    time: Floats
+    value: Floats
+    half_width: Floats
+
+
+MEMORY = 0.99
+"""Forgetting factor of the mass trace [1]: the last hundred samples count."""
+SHOWN = 200
+"""Greatest number of samples of a stored mass trace [1]."""
+
+
+def mass_trace(recordings: Sequence[Recording], axis: str, found: FeedDriveFit) -> MassTrace | None:
+    """Recursive mass in the recording of the strongest acceleration, with friction subtracted.
+
+    None where the fit determines no mass, the sampling is too slow, or no recording shows one.
+    """
+    if not (found.determined[0] and np.isfinite(found.bandwidth_Hz)):
+        return None
+    shown = [one for one in recordings if axis in one.axes]
+    moved = [motion(one, axis, found.bandwidth_Hz, found.delay) for one in shown]
+    best = max(moved, key=lambda one: float(np.mean(one.acceleration[one.known] ** 2)))
+    drive = found.feed_drive
+    force = best.force - friction_force(best.velocity, drive.friction) - drive.offset
+    middle = 0.5 * (force + np.append(force[1:], force[-1]))  # the mean until the next sample
+    clear = best.known & best.moving
+    settings = RecursiveSettings(
+        forgetting=MEMORY, inertia=float(drive.mass) / 2, window=1,
+        speed_scale=float(np.abs(best.velocity).max()),
+        torque_scale=float(np.abs(middle[clear]).max()),
+    )  # fmt: skip
+    trace = recursive_inertia(
+        np.where(clear, best.velocity, np.nan), np.where(clear, middle, np.nan), best.period,
+        settings,
+    )  # fmt: skip
+    defined = np.flatnonzero(np.isfinite(trace.inertia) & np.isfinite(trace.deviation))
+    if not len(defined):
+        return None
+    chosen = np.unique(
+        defined[np.linspace(0, len(defined) - 1, min(SHOWN, len(defined))).astype(int)]
+    )
+    return MassTrace(
+        recording=best.recording, unit=found.units[0], time=best.time[chosen],
+        value=trace.inertia[chosen], half_width=1.96 * trace.deviation[chosen],
+    )  # fmt: skip
+
+
+PARAMETERS = 3
+"""Number of estimated parameters [1]."""
+_NO_SPREAD = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_RESIDUALS = (0.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def recurse(  # type: ignore[no-untyped-def]
+    speed, torque, scales, gain, window, forgetting, prior, excitation, bound,
+    inertia, damping, load, deviation, trace, excited, ends,
+):  # fmt: skip
+    """Recursion over a record of T samples; the arguments after ``bound`` are filled.
+
+    ``scales`` are J_0, torque scale / speed scale, torque scale, and 1 / speed scale; ``gain`` is
+    J_0 / (T torque scale).  ``inertia``, ``damping``, ``load``, ``deviation``, ``trace`` and
+    ``excited`` have shape (T,); ``ends`` the sum of the weights, of their squares, and the samples
+    that were skipped.
+    """
+    inverse_speed, inverse_torque = scales[3], 1.0 / scales[2]
+    share = 1.0 / window
+    b, j, l = 0.0, 1.0, 0.0  # noqa: E741
+    p = (prior, 0.0, 0.0, prior, 0.0, prior)
+    spread, residuals = _NO_SPREAD, _NO_RESIDUALS
+    seen, skipped, count, sum_w, sum_m = 0.0, 0.0, 0, 0.0, 0.0
+    anchor, updates_all = speed[0], False
+    known = (nan, nan, nan, inf)
+    for k in range(speed.shape[0]):
+        if k > 0:
+            w, m = speed[k - 1], torque[k - 1]
+            # times 0 only finite numbers give 0
+            if (speed[k] - anchor + m + w) * 0.0 == 0.0:
+                count += 1
+                sum_w += w
+                sum_m += m
+            else:
+                skipped += 1.0
+                count, sum_w, sum_m, anchor = 0, 0.0, 0.0, speed[k]
+        if count == window:
+            y = (speed[k] - anchor) * gain * share
+            w, m = sum_w * share * inverse_speed, sum_m * share * inverse_torque
+            count, sum_w, sum_m, anchor = 0, 0.0, 0.0, speed[k]
+            seen += 1.0
+            spread = _spread(spread, w, m, max(1.0 - forgetting, 1.0 / seen))
+            updates_all = _excites(spread, excitation)
+            error = y + b * w - j * m + l
+            if updates_all:
+                full = p[0] + p[3] + p[5] > bound * forgetting
+                p, step, residuals = _update(p, residuals, w, m, error, 1.0 if full else forgetting)
+                b, j, l = b + step[0], j + step[1], l + step[2]  # noqa: E741
+            else:
+                # at constant speed only the load is seen
+                l -= (1.0 - forgetting) * error  # noqa: E741
+            known = _physical(b, j, l, p[3], residuals, scales)
+        inertia[k], damping[k], load[k], deviation[k] = known
+        trace[k] = p[0] + p[3] + p[5]
+        excited[k] = updates_all
+    ends[0], ends[1], ends[2] = residuals[1], residuals[2], skipped
+
+
+@compiled
+def _update(p, residuals, w, m, error, forgetting):  # type: ignore[no-untyped-def]
+    """The upper half of P, the step of the parameters, and the residuals' sums after a sample.
+
+    The regressors are (-w, m, -1).  Six numbers hold P, so that it stays symmetric.
+    """
+    p00, p01, p02, p11, p12, p22 = p
+    squares, weight, squared, updates = residuals
+    g0 = p01 * m - p00 * w - p02
+    g1 = p11 * m - p01 * w - p12
+    g2 = p12 * m - p02 * w - p22
+    inverse = 1.0 / (forgetting - g0 * w + g1 * m - g2)
+    slower = 1.0 / forgetting
+    gain, h = error * inverse, inverse * slower
+    h0, h1, h2 = g0 * h, g1 * h, g2 * h
+    after = (
+        p00 * slower - g0 * h0, p01 * slower - g0 * h1, p02 * slower - g0 * h2,
+        p11 * slower - g1 * h1, p12 * slower - g1 * h2, p22 * slower - g2 * h2,
+    )  # fmt: skip
+    sums = (
+        forgetting * (squares + error * gain), forgetting * weight + 1.0,
+        forgetting * forgetting * squared + 1.0, updates + 1.0,
+    )  # fmt: skip
+    return after, (g0 * gain, g1 * gain, g2 * gain), sums
+
+
+@compiled
+def _spread(spread, w, m, share):  # type: ignore[no-untyped-def]
+    """Mean and variance of speed and torque over the memory, and their covariance."""
+    mean_w, mean_m, var_w, var_m, both, _ = spread
+    kept = 1.0 - share
+    off_w, off_m = w - mean_w, m - mean_m
+    return (
+        mean_w + share * off_w, mean_m + share * off_m,
+        kept * (var_w + share * off_w * off_w), kept * (var_m + share * off_m * off_m),
+        kept * (both + share * off_w * off_m), 0.0,
+    )  # fmt: skip
+
+
+@compiled
+def _excites(spread, excitation):  # type: ignore[no-untyped-def]
+    """Whether the torque, less what follows the speed, spreads by more than ``excitation``."""
+    if excitation == 0.0:
+        return True
+    _, _, var_w, var_m, both, _ = spread
+    least = excitation * excitation
+    return var_m >= least and var_m * var_w - both * both >= least * var_w
+
+
+@compiled
+def _physical(b, j, l, p11, residuals, scales):  # type: ignore[no-untyped-def]  # noqa: E741
+    """J, B, T_l and the standard deviation of J; nan where they are not determined."""
+    squares, weight, squared, updates = residuals
+    thinned = squared / max(weight, 1.0)
+    freedom = weight - PARAMETERS * thinned
+    if not (updates > PARAMETERS and freedom > 0.0 and j > 0.0):
+        return nan, nan, nan, inf
+    inverse = 1.0 / j
+    variance = max(squares / freedom * thinned * p11, 0.0)
+    return (
+        scales[0] * inverse, b * inverse * scales[1], l * inverse * scales[2],
+        scales[0] * inverse * inverse * sqrt(variance),
+    )  # fmt: skip

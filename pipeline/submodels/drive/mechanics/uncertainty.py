@@ -1,0 +1,333 @@
+"""Uncertainty of the inverse dynamics: clusters, position-dependent disturbance, noise bias.
+
+* Residuals of a record are autocorrelated; :func:`~pipeline.submodels.least_squares.certainty`
+  clusters them in blocks, each ``BLOCK`` times as long as their autocorrelation reaches.
+* Cogging, pitch errors and the guideway disturb the force as a function of position, not of time.
+  A slow stroke stays at one position: all of its samples share one disturbance, and so does every
+  repetition of it, so that scatter in time does not show it.  Variance and correlation length of
+  the disturbance are estimated from strokes that travel past several of its lengths; the covariance
+  of all rows at all positions follows.
+* Noise in speed and acceleration makes least-squares parameters too small (errors in variables).
+  The commanded motion is free of it and correlated with the true motion; as instrumental variables,
+  Z' W (F - X theta) = 0, it has no such bias (Janot, Vandanjon and Gautier 2014).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.submodels.drive.mechanics.inverse_dynamics import LOGS, Dynamics, Regressors, jacobian
+from pipeline.submodels.least_squares import Certainty, certainty
+
+BLOCK = 8.0
+"""Length of a block of residuals over their autocorrelation length [1]."""
+FEWEST = 3
+"""Least number of blocks for each parameter [1], if need be at the cost of their length."""
+
+
+def correlation_rows(residuals: Floats, stretch: Ints) -> float:
+    """Integrated autocorrelation of residuals, in rows; at least 1.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (N,)
+        In the order of time within a stretch.
+    stretch : ndarray of int, shape (N,)
+        Stretch without a gap of each row; only pairs within one stretch count.
+    """
+    centred = residuals - residuals.mean()
+    power = float(np.mean(centred**2))
+    if power == 0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, len(residuals) // 4):
+        same = stretch[lag:] == stretch[:-lag]
+        if np.count_nonzero(same) < 10:
+            break
+        share = float(np.mean((centred[lag:] * centred[:-lag])[same])) / power
+        if share < 0.05:
+            break
+        total += 2 * share
+    return total
+
+
+def block_numbers(rows: Regressors, residuals: Floats, parameters: int) -> Ints:
+    """Block of each row; shape (N,)."""
+    many = len(residuals)
+    length = BLOCK * correlation_rows(residuals, rows.stretch)
+    length = max(min(length, many / (FEWEST * parameters)), 1.0)
+    numbers: Ints = (np.arange(many) / length).astype(np.int64)
+    return numbers
+
+
+def dynamics_certainty(rows: Regressors, found: Dynamics) -> Certainty:
+    """Certainty of the parameters that were fitted, in their order."""
+    weights = np.sqrt(found.weights)
+    slopes = jacobian(rows, found.values)[:, found.fitted] * weights[:, None]
+    residuals = found.residuals * weights
+    blocks = block_numbers(rows, residuals, int(found.fitted.sum()))
+    sure = certainty(slopes, residuals, blocks)
+    # clusters underestimate the variance in a direction that only few blocks excite
+    least = np.maximum(sure.half_width, _textbook(slopes, residuals))
+    added, quantile = _by_position(rows, found, slopes * weights[:, None])
+    covariance = sure.covariance + added
+    widened = np.hypot(least, quantile * np.sqrt(np.diag(added)))
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-200))
+    return replace(
+        sure, covariance=covariance, half_width=widened,
+        correlation=covariance / np.outer(deviation, deviation),
+    )  # fmt: skip
+
+
+def _by_position(rows: Regressors, found: Dynamics, slopes: Floats) -> tuple[Floats, float]:
+    """Covariance that the disturbance adds, shape (S, S), and the quantile of its interval."""
+    seen = position_disturbance(rows, found.residuals, found.value("mass"))
+    size = slopes.shape[1]
+    if seen is None:
+        return np.zeros((size, size)), 0.0
+    used = jacobian(rows, found.values)[:, found.fitted]
+    scale = np.linalg.norm(used, axis=0)
+    scale[scale == 0] = 1.0
+    information = (used / scale).T @ (slopes / scale)
+    inverse = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+    middle = scores_covariance(rows, slopes / scale, seen)
+    added: Floats = inverse @ middle @ inverse / np.outer(scale, scale)
+    return added, seen.quantile
+
+
+def _textbook(slopes: Floats, residuals: Floats) -> Floats:
+    """Half of the 95 % interval if residuals were independent; shape (S,)."""
+    length = np.linalg.norm(slopes, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    _, singular, right = np.linalg.svd(slopes / length, full_matrices=False)
+    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
+    noise = float(np.std(residuals))
+    half_width: Floats = 2 * noise * spread / length
+    return half_width
+
+
+TRAVEL = 3.0
+"""Correlation lengths that a stroke must travel to show the disturbance [1]."""
+ROWS = 8
+"""Least number of rows of a stroke [1]."""
+STROKES = 2
+"""Least number of strokes of nearly one speed [1]."""
+CELLS = 3000
+"""Greatest number of cells that the travel is divided into [1]."""
+STEADY = 0.1
+"""Greatest share of friction that inertia may reach at constant speed [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionDisturbance:
+    """Disturbance of the force that repeats with position.
+
+    Parameters
+    ----------
+    variance : float
+        [N^2].
+    length : float
+        Distance over which it is correlated [m].
+    strokes : int
+        Strokes that show at least half of the variance.
+    """
+
+    variance: float
+    length: float
+    strokes: int
+
+    @property
+    def quantile(self) -> float:
+        """Student's t for a 95 % interval: a variance from few strokes is uncertain itself."""
+        from scipy.stats import t as student
+
+        return float(student.ppf(0.975, self.strokes))
+
+
+def position_disturbance(
+    rows: Regressors, residuals: Floats, mass: float
+) -> PositionDisturbance | None:
+    """Variance and correlation length of the disturbance; None when no stroke shows one.
+
+    Strokes of constant speed are grouped by octaves of speed; each group gives the variance within
+    its strokes and the distance over which it is correlated.  The group of the greatest variance
+    counts: slower ones did not travel far enough to show all, in faster ones the filter removed it.
+    """
+    friction = float(np.median(np.abs(rows.force)))
+    inertia = np.abs(mass * rows.linear[:, rows.names.index("mass")])
+    steady = inertia < STEADY * friction
+    groups: dict[int, list[tuple[float, float]]] = {}
+    for stroke in np.unique(rows.stroke[steady]).tolist():
+        chosen = np.flatnonzero(steady & (rows.stroke == stroke))
+        if len(chosen) < ROWS:
+            continue
+        speed = float(np.median(np.abs(rows.velocity[chosen])))
+        centred = residuals[chosen] - residuals[chosen].mean()
+        variance = float(centred @ centred) / (len(chosen) - 1)
+        length = (
+            speed * rows.period * (_persistence(centred) - 1)
+        )  # less what the filter correlates
+        if float(np.ptp(rows.position[chosen])) > TRAVEL * length:
+            groups.setdefault(int(np.floor(np.log2(speed))), []).append((variance, length))
+    enough = {octave: found for octave, found in groups.items() if len(found) >= STROKES}
+    groups = {o: found for o, found in enough.items() if np.median(found, axis=0)[1] > 0}
+    if not groups:
+        return None
+    medians = {octave: np.median(np.array(found), axis=0) for octave, found in groups.items()}
+    loudest = max(medians, key=lambda octave: float(medians[octave][0]))
+    variance, length = medians[loudest].tolist()
+    strokes = sum(len(groups[o]) for o, one in medians.items() if one[0] >= 0.5 * variance)
+    return PositionDisturbance(variance=variance, length=length, strokes=strokes)
+
+
+def _persistence(centred: Floats) -> float:
+    """Correlation length of a series in rows: its autocorrelation falls to 1/e there."""
+    power = float(centred @ centred)
+    for lag in range(1, len(centred) // 2):
+        if float(centred[lag:] @ centred[:-lag]) < power / np.e:
+            return float(lag)
+    return len(centred) / 2
+
+
+def scores_covariance(rows: Regressors, slopes: Floats, found: PositionDisturbance) -> Floats:
+    """Covariance of the sums of ``slopes`` times the disturbance; shape (D, D).
+
+    Disturbances at two positions are correlated by exp(-distance / length); a row that the filter
+    averages over many lengths shows little of them; the two directions are taken as independent.
+
+    Parameters
+    ----------
+    rows : Regressors
+        N rows.
+    slopes : ndarray, shape (N, D)
+        Weighted derivatives of the modelled force.
+    found : PositionDisturbance
+        Its variance and length.
+    """
+    averaged = np.abs(rows.velocity) * rows.period / found.length
+    averaged_slopes = slopes / np.sqrt(1 + averaged**2)[:, None]
+    total = np.zeros((slopes.shape[1], slopes.shape[1]))
+    for direction in (rows.velocity > 0, rows.velocity < 0):
+        if not direction.any():
+            continue
+        place = rows.position[direction]
+        width = max(found.length / 2, float(np.ptp(place)) / CELLS, 1e-9)
+        cells, member = np.unique(np.floor(place / width), return_inverse=True)
+        sums = np.zeros((len(cells), slopes.shape[1]))
+        np.add.at(sums, member, averaged_slopes[direction])
+        away = np.abs(cells[:, None] - cells) * width
+        total += sums.T @ np.exp(-away / found.length) @ sums
+    covariance: Floats = found.variance * total
+    return covariance
+
+
+def disturbance_weights(rows: Regressors, residuals: Floats, found: PositionDisturbance) -> Floats:
+    """Weights by which rows of one stroke at one position count as one observation; (N,).
+
+    n rows that share a disturbance of variance P and have independent noise of variance R are worth
+    n / (1 + n P / R) rows; weights are 1 for rows that share nothing.
+    """
+    own = max(float(np.median(residuals**2)) / 0.455, 1e-3 * found.variance)
+    cell = np.stack([rows.stroke, np.floor(rows.position / found.length).astype(np.int64)])
+    averaged = np.abs(rows.velocity) * rows.period / found.length
+    _, member, count = np.unique(cell, axis=1, return_inverse=True, return_counts=True)
+    weights: Floats = 1 / (1 + count[member.ravel()] * found.variance / own / (1 + averaged**2))
+    return weights / weights.max()
+
+
+WEAKEST = 1e-3
+"""Least singular value of Z' X, with columns of length one, of a usable instrument [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Instrumental:
+    """Estimates by instrumental variables of the parameters that enter linearly.
+
+    Parameters
+    ----------
+    index : ndarray of int, shape (L,)
+        Their indices in the vector of parameters.
+    values, half_width : ndarray, shape (L,)
+        With half of the 95 % interval.
+    """
+
+    index: Ints
+    values: Floats
+    half_width: Floats
+
+
+def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:
+    """Parameters with the commanded motion as instruments, v_s as in ``found``.
+
+    None without a reference, or where it is hardly correlated with the motion.
+    """
+    if rows.instruments is None:
+        return None
+    linear = np.flatnonzero(found.fitted & ~np.isin(found.names, LOGS))
+    k = len(rows.names)
+    stribeck = rows.stribeck_columns(found.values[k + 2 :])
+    motion = np.hstack([rows.linear, stribeck])[:, linear]
+    known = np.hstack([rows.instruments, stribeck])[:, linear]
+    lengths = np.linalg.norm(motion, axis=0), np.linalg.norm(known, axis=0)
+    if min(lengths[0].min(), lengths[1].min()) == 0:
+        return None
+    motion, known = motion / lengths[0], known / lengths[1]
+    cross = known.T @ (found.weights[:, None] * motion)
+    if np.linalg.svd(cross, compute_uv=False)[-1] < WEAKEST:
+        return None
+    inverse = np.linalg.inv(cross)
+    scaled = inverse @ (known.T @ (found.weights * rows.force))
+    residuals = found.weights * (rows.force - motion @ scaled)
+    blocks = block_numbers(rows, residuals, len(linear))
+    sums = np.zeros((int(blocks.max()) + 1, len(linear)))
+    np.add.at(sums, blocks, known * residuals[:, None])
+    freedom = len(sums) - len(linear)
+    if freedom < 1:
+        return None
+    from scipy.stats import t as student
+
+    covariance = inverse @ (sums.T @ sums) @ inverse.T * (len(sums) / freedom)
+    half_width = student.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+    return Instrumental(
+        index=linear, values=scaled / lengths[0], half_width=half_width / lengths[0]
+    )
+
+
+def is_better(
+    by_instruments: Instrumental, found: Dynamics, half_width: Floats, widest: float
+) -> bool:
+    """Whether least squares is biased and instruments are precise, by the mass, which noise biases.
+
+    Parameters
+    ----------
+    by_instruments : Instrumental
+        Of the same rows.
+    found : Dynamics
+        By least squares.
+    half_width : ndarray, shape (S,)
+        Of the parameters that were fitted.
+    widest : float
+        Half an interval that is wider, as a share, is no determination [1].
+    """
+    place = found.names.index("mass")
+    if place not in by_instruments.index:
+        return False
+    at = int(np.flatnonzero(by_instruments.index == place)[0])
+    value, half = float(by_instruments.values[at]), float(by_instruments.half_width[at])
+    least = float(half_width[int(np.count_nonzero(found.fitted[:place]))])
+    return value > 0 and half <= widest * value and abs(value - found.values[place]) > least + half
+
+
+def biased_half_width(by_instruments: Instrumental, found: Dynamics, half_width: Floats) -> Floats:
+    """Half widths that reach to the instrumental estimate, for unfiltered records; (S,).
+
+    Without a filter the noise of speed and acceleration biases least squares by an unknown amount;
+    the distance to the unbiased estimate, and its own half width, bound it.
+    """
+    half = np.zeros(len(found.values))
+    half[found.fitted] = half_width
+    at = by_instruments.index
+    away = np.abs(by_instruments.values - found.values[at]) + by_instruments.half_width
+    half[at] = np.maximum(half[at], away)
+    return half[found.fitted]

@@ -1,0 +1,318 @@
+"""Drives of a machine: identification of every axis and motor, and the stored model of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.machine.axis.friction import friction_force
+from pipeline.machine.axis.servo import ServoParameters
+from pipeline.schema.drive import (
+    CurvePoint,
+    DriveAxis,
+    DriveMotor,
+    FeedDrive,
+    FitFacts,
+    FrictionPoint,
+    Method,
+    RecursiveMass,
+    Servo,
+)
+from pipeline.schema.model import Correlation, LeftOut, Parameter
+from pipeline.schema.structure import structured
+from pipeline.submodels.drive.comparison import compared_force, constant_level
+from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
+from pipeline.submodels.drive.motor import (
+    ModulatingSettings,
+    MotorFit,
+    MotorFitSettings,
+    identify_motor,
+)
+from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
+from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
+from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
+from pipeline.twin.drive import identified_drive
+
+if TYPE_CHECKING:
+    from pipeline.submodels.drive.mechanics.recursive import MassTrace
+
+CURVE = 40
+"""Number of speeds of the stored friction curve in each direction [1]."""
+MOTOR_METHOD = "least squares on voltage equations integrated over windows"
+MOTOR_REMEDY = (
+    "record voltages, currents and speed of the motor under steps of speed and load, i_d among them"
+)
+MOTOR_NAMES = {"resistance": "R", "inductance_d": "L_d", "inductance_q": "L_q"}
+"""Symbols by which a motor's parameters are stored."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DriveIdentification:
+    """Drives of a machine as identified from its recordings.
+
+    Parameters
+    ----------
+    feed_drives, servos, masses : mapping by the axis' letter
+        Of each axis; axes without are missing.
+    open_axes : mapping of str to str
+        Axes that were not identified, with the reason.
+    motor : MotorFit or None
+        Of the axis ``motor_axis``.
+    motor_axis : str
+        Letter; "" without recordings of a motor.
+    motor_reason : str
+        Why there is no motor.
+    """
+
+    feed_drives: Mapping[str, FeedDriveFit]
+    servos: Mapping[str, ServoFit] = field(default_factory=dict)
+    masses: Mapping[str, "MassTrace"] = field(default_factory=dict)
+    open_axes: Mapping[str, str] = field(default_factory=dict)
+    motor: MotorFit | None = None
+    motor_axis: str = ""
+    motor_reason: str = ""
+
+
+def identify_drives(
+    recordings: Sequence[Recording],
+    records: DriveRecords,
+    prior: DrivePrior,
+    settings: DriveFitSettings,
+) -> DriveIdentification:
+    """Everything that the recordings determine of a machine's drives.
+
+    Raises
+    ------
+    ValueError
+        When no axis can be identified.
+    """
+    from pipeline.submodels.drive.mechanics.recursive import mass_trace
+
+    drives: dict[str, FeedDriveFit] = {}
+    servos: dict[str, ServoFit] = {}
+    masses: dict[str, MassTrace] = {}
+    missing: dict[str, str] = {}
+    training = [one for one in recordings if one.trained]
+    for axis in records.axes:
+        try:
+            drives[axis] = identify_feed_drive(training, axis, prior, settings)
+        except ValueError as error:
+            missing[axis] = _reason(recordings, axis, str(error))
+            continue
+        servos[axis] = identify_servo(training, axis, settings)
+        if (trace := mass_trace(training, axis, drives[axis])) is not None:
+            masses[axis] = trace
+    if not drives:
+        raise ValueError(
+            "no drive can be identified: " + "; ".join(f"{a}: {why}" for a, why in missing.items())
+        )
+    motor, reason = _motor(recordings, records.motor, settings.widest)
+    return DriveIdentification(
+        feed_drives=drives, servos=servos, masses=masses, open_axes=missing, motor=motor,
+        motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
+    )  # fmt: skip
+
+
+def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
+    """Why an axis is not identified: what its training recordings lack, if all lack it."""
+    training = [one for one in recordings if one.trained and not one.motor]
+    reasons = {one.lacking[axis] for one in training if axis in one.lacking}
+    silent = training and all(axis in one.lacking for one in training)
+    return "; ".join(sorted(reasons)) if silent else otherwise
+
+
+def _motor(
+    recordings: Sequence[Recording], records: MotorRecords | None, widest: float
+) -> tuple[MotorFit | None, str]:
+    """Motor from its longest recording, or why there is none."""
+    if records is None:
+        return None, ""
+    shown = [one for one in recordings if one.motor]
+    if not shown:
+        return None, f"no recording fits drive_records.motor.recordings = {records.recordings!r}"
+    longest = max(shown, key=lambda one: one.samples)
+    signals = longest.motor
+    try:
+        motor = identify_motor(
+            signals["u_d"], signals["u_q"], signals["i_d"], signals["i_q"],
+            records.pole_pairs * signals["speed"], period=longest.period,
+            settings=MotorFitSettings(
+                widest=widest, modulating=ModulatingSettings(held=records.held)
+            ),
+        )  # fmt: skip
+    except ValueError as error:
+        return None, f"{longest.name}: {error}"
+    return motor, ""
+
+
+def stored_axis(
+    letter: str, found: DriveIdentification, recordings: Sequence[Recording]
+) -> DriveAxis:
+    """One axis as it is stored.
+
+    Parameters
+    ----------
+    letter : str
+        Of an identified axis.
+    found : DriveIdentification
+        Of the machine.
+    recordings : sequence of Recording
+        From which it was identified; the constant level of the force is their mean.
+    """
+    fit, servo = found.feed_drives[letter], found.servos.get(letter)
+    mass = found.masses.get(letter)
+    axis = DriveAxis(
+        command_unit=fit.command_unit,
+        force_unit=fit.force_unit,
+        feed_drive=structured(asdict(fit.feed_drive), FeedDrive, "feed_drive"),
+        servo=None if servo is None or servo.servo is None else _servo(servo.servo),
+        servo_reason="" if servo is None else servo.reason,
+        friction_points=tuple(
+            FrictionPoint(
+                velocity_mm_s=_significant(1e3 * one.velocity), force=_significant(one.force),
+                half_width=_known(one.half_width), seconds=round(one.seconds, 3),
+            )
+            for one in fit.points
+        ),
+        friction_curve=_curve(fit),
+        methods=tuple(
+            Method(**{**one, "error": _known(one["error"])})
+            for one in (*fit.methods, *(() if servo is None else servo.methods))
+        ),
+        fit=replace(_facts(fit), delay_s=_known(fit.delay)),
+        servo_fit=None if servo is None else _facts(servo),
+        recursive_mass=None if mass is None else _recursive_mass(mass),
+    )  # fmt: skip
+    drive = identified_drive(axis)
+    shown = [one for one in recordings if one.trained and letter in one.axes]
+    return replace(axis, constant_level=constant_level([compared_force(one, letter, drive)
+                                                        for one in shown]))  # fmt: skip
+
+
+def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
+    """The motor as it is stored, without its parameters."""
+    values: list[list[float]] = fit.correlation.tolist()
+    return DriveMotor(
+        axis=axis, windows=fit.windows, left_out=fit.left_out, condition=_known(fit.condition),
+        correlation=Correlation(
+            names=tuple(MOTOR_NAMES.get(name, name) for name in fit.names),
+            values=tuple(tuple(_rounded(one, 3) for one in row) for row in values),
+        ),
+    )  # fmt: skip
+
+
+def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parameter]:
+    """Parameters of an axis: of its mechanics, then of its servo."""
+    fits: list[FeedDriveFit | ServoFit] = [found.feed_drives[letter]]
+    if letter in found.servos:
+        fits.append(found.servos[letter])
+    return {
+        name: _parameter(fit, i, method=fit.how[i], remedy=fit.remedy[i])
+        for fit in fits
+        for i, name in enumerate(fit.names)
+    }
+
+
+def motor_parameters(fit: MotorFit) -> dict[str, Parameter]:
+    """Parameters of the motor by their symbols."""
+    return {
+        MOTOR_NAMES.get(name, name): _parameter(
+            fit, i, remedy=MOTOR_REMEDY,
+            method=MOTOR_METHOD if fit.determined[i] else fit.reasons.get(name, "not determined"),
+        )
+        for i, name in enumerate(fit.names)
+    }  # fmt: skip
+
+
+def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tuple[LeftOut, ...]:
+    """Recordings without an axis or of another servo, and axes that no recording shows."""
+    rows = [
+        LeftOut(case=one.name, reason="; ".join(sorted(set(one.lacking.values()))))
+        for one in recordings
+        if not one.axes and not one.motor
+    ]
+    rows += [
+        LeftOut(case="all of them", reason=f"axis {axis}: {why}")
+        for axis, why in found.open_axes.items()
+    ]
+    rows += [
+        LeftOut(
+            case=name,
+            reason=f"servo of axis {axis}: taken with other gains than the first recording",
+        )
+        for axis, servo in found.servos.items()
+        for name in servo.left_out
+    ]
+    if found.motor_reason:
+        rows.append(LeftOut(case="the motor's", reason=found.motor_reason))
+    return tuple(rows)
+
+
+def _servo(servo: ServoParameters) -> Servo:
+    """Loops as stored: an infinite limit is none."""
+    return Servo(**{k: v for k, v in asdict(servo).items() if not np.isinf(v)})
+
+
+def _parameter(
+    fit: FeedDriveFit | ServoFit | MotorFit, i: int, *, method: str, remedy: str
+) -> Parameter:
+    known = bool(fit.determined[i])
+    return Parameter(
+        value=_known(fit.values[i]) if known else None,
+        unit=fit.units[i],
+        interval_95=(_significant(fit.low[i]), _significant(fit.high[i])) if known else None,
+        determined=known,
+        method=method,
+        remedy="" if known else remedy,
+    )
+
+
+def _facts(fit: FeedDriveFit | ServoFit) -> FitFacts:
+    correlation: list[list[float]] = np.round(fit.correlation, 3).tolist()
+    return FitFacts(
+        samples=fit.samples,
+        relative_error_percent=_rounded(fit.relative_error_percent, 3),
+        bandwidth_Hz=_known(fit.bandwidth_Hz),
+        condition=_known(fit.condition),
+        rank=fit.rank,
+        correlation=Correlation(names=fit.correlated, values=tuple(map(tuple, correlation))),
+    )
+
+
+def _curve(fit: FeedDriveFit) -> tuple[CurvePoint, ...]:
+    """Friction and offset over speed, from the slowest to the fastest point in each direction."""
+    speeds = np.abs([one.velocity for one in fit.points])
+    if not len(speeds):
+        return ()
+    steps = np.geomspace(0.8 * speeds.min(), speeds.max(), CURVE)
+    velocity = np.r_[-steps[::-1], steps]
+    force = friction_force(velocity, fit.feed_drive.friction) + fit.feed_drive.offset
+    return tuple(
+        CurvePoint(velocity_mm_s=_significant(1e3 * v), force=_significant(f))
+        for v, f in zip(velocity.tolist(), force.tolist(), strict=True)
+    )
+
+
+def _recursive_mass(mass: "MassTrace") -> RecursiveMass:
+    return RecursiveMass(
+        recording=mass.recording,
+        unit=mass.unit,
+        time_s=tuple(round(t, 4) for t in mass.time.tolist()),
+        value=tuple(map(_known, mass.value.tolist())),
+        half_width=tuple(map(_known, mass.half_width.tolist())),
+    )
+
+
+def _significant(value: float) -> float:
+    """To five significant digits."""
+    return float(f"{value:.5g}")
+
+
+def _known(value: float) -> float | None:
+    """To five significant digits; None when it is not finite."""
+    return _significant(value) if np.isfinite(value) else None
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return round(float(value), digits) if np.isfinite(value) else None

@@ -1,0 +1,460 @@
+"""Synchronous motor and its shaft from recorded currents, voltages and speed.
+
+u_d = R i_d + L_d di_d/dt - w_e L_q i_q, u_q = R i_q + L_q di_q/dt + w_e (L_d i_d + phi), and
+T_e = J dw/dt + B w + T_c sign w + T_l (Feed2025) are linear in their parameters once integrated
+over windows.  A parameter that the record does not excite is not determined, with the reason.
+
+* Modulating functions: multiplied by a function g that vanishes with its slope at both ends of a
+  window and integrated, dx/dt becomes -integral(g' x) (Shinbrot 1957), so that no record is
+  differentiated.  The functions are sin^3(pi s) cos(k pi s) over s = 0..1; their first two
+  derivatives vanish at the ends too, or nearly, so that sums over samples are integrals to the
+  fourth order of the period.
+* Two-stage least squares: ordinary least squares takes noise in the regressors for excitation, and
+  answers with small parameters and narrow intervals where nothing is excited.  Here the regressors
+  are made from the even samples and from the odd ones; noise of the samples is in one only, signal
+  in both.  Each serves as the other's instrument, and a regressor or a combination of several on
+  which the halves do not agree is not determined.
+* Dead time: where the voltages are the ones commanded, the inverter takes a voltage of constant
+  height along the current from them, u_0 i / |i|, which otherwise counts as resistance (Jeong and
+  Park 1991).  It is fitted too, and kept where the record shows it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import pi
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.ranges import Range, Ranged
+from pipeline.submodels.least_squares import Certainty, certainty
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModulatingSettings:
+    """Windows and modulating functions.
+
+    Parameters
+    ----------
+    window : int
+        Samples of a window, even and at least 16; it should last about as long as the slowest of
+        what is fitted.
+    orders : int
+        Functions for each window; the fastest has (orders + 2) / 2 waves in it.
+    held : bool
+        Whether the driving signal (the voltage, the torque) is held from its sample to the next, as
+        an inverter's command is; else it is sampled like the others.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    window: int = 64
+    orders: int = 4
+    held: bool = False
+
+    def __post_init__(self) -> None:
+        if not (self.window >= 16 and self.window % 2 == 0):
+            raise ValueError(f"modulating.window = {self.window} must be even and at least 16")
+        if not (self.orders == int(self.orders) and 1 <= self.orders <= self.window // 8):
+            raise ValueError(
+                f"modulating.orders = {self.orders} must be whole and lie in 1 to window / 8 = "
+                f"{self.window // 8}"
+            )
+
+
+class Windows:
+    """Windows of a record; those with a sample that is not finite are left out.
+
+    Parameters
+    ----------
+    signals : dict of str to array_like, shape (T,)
+        The record, sampled at the same times.
+    period : float
+        Between samples [s].
+    settings : ModulatingSettings
+        Window length and number of functions.
+
+    Raises
+    ------
+    ValueError
+        When the signals differ in length, the period is not positive, or no window is whole.
+    """
+
+    def __init__(
+        self, signals: dict[str, ArrayLike], period: float, settings: ModulatingSettings
+    ) -> None:
+        arrays = {name: np.asarray(one, dtype=np.float64) for name, one in signals.items()}
+        shapes = {name: one.shape for name, one in arrays.items()}
+        if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
+            given = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+            raise ValueError(f"signals of shapes {given} are no record: give series of one length")
+        if not (np.isfinite(period) and period > 0):
+            raise ValueError(f"period = {period} s must be finite and positive")
+        many, size = len(next(iter(arrays.values()))), settings.window
+        starts = np.arange(0, max(many - size, 0), size)
+        samples = starts[:, None] + np.arange(size + 1)
+        whole = np.ones(len(starts), bool)
+        for one in arrays.values():
+            whole &= np.isfinite(one[samples]).all(axis=1)
+        if not whole.any():
+            raise ValueError(
+                f"record of {many} samples has no window of {size + 1} finite ones: "
+                "record longer, or make modulating.window smaller"
+            )
+        self.signals = {name: one[samples[whole]] for name, one in arrays.items()}
+        self.left_out = int((~whole).sum())
+        self.period, self.settings = period, settings
+
+    def __len__(self) -> int:
+        """Windows B."""
+        return len(next(iter(self.signals.values())))
+
+    def driven(self, name: str) -> Floats:
+        """Integrals of g times the driving signal, shape (B, orders)."""
+        size = self.settings.window
+        if not self.settings.held:
+            return self._summed(self.signals[name], self._function(np.arange(size + 1)))
+        # Gauss and Legendre's three points within each period that the signal is held over
+        points, weights = np.polynomial.legendre.leggauss(3)
+        within = np.arange(size)[:, None] + 0.5 * (1.0 + points)
+        mean = np.einsum("p,npk->nk", 0.5 * weights, self._function(within))
+        return self._summed(self.signals[name][:, :size], mean)
+
+    def halves(self, signal: Floats) -> Floats:
+        """Integrals of g times a signal, shape (B, W + 1), from every other sample.
+
+        Shape (2, B, orders): from the even samples, and from the odd.
+        """
+        return self._split(signal, self._function(np.arange(self.settings.window + 1)))
+
+    def rates(self, signal: Floats) -> Floats:
+        """Integrals of g times the signal's derivative, as :meth:`halves`."""
+        return -self._split(signal, self._slope(np.arange(self.settings.window + 1)))
+
+    def _split(self, signal: Floats, weights: Floats) -> Floats:
+        both = [self._summed(signal[:, i::2], 2.0 * weights[i::2]) for i in (0, 1)]
+        return np.stack(both)
+
+    def _summed(self, signal: Floats, weights: Floats) -> Floats:
+        summed: Floats = signal @ weights * self.period
+        return summed
+
+    def _function(self, sample: ArrayLike) -> Floats:
+        """The functions g at samples of a window, shape (..., orders)."""
+        s = pi * np.asarray(sample, dtype=np.float64)[..., None] / self.settings.window
+        return np.sin(s) ** 3 * np.cos(np.arange(self.settings.orders) * s)
+
+    def _slope(self, sample: ArrayLike) -> Floats:
+        """Their slopes g' [1/s], shape (..., orders)."""
+        s = pi * np.asarray(sample, dtype=np.float64)[..., None] / self.settings.window
+        k = np.arange(self.settings.orders)
+        by_s = 3 * np.sin(s) ** 2 * np.cos(s) * np.cos(k * s) - np.sin(s) ** 3 * k * np.sin(k * s)
+        return np.asarray(by_s * (pi / (self.settings.window * self.period)), dtype=np.float64)
+
+
+_ROUNDING = 1e-9  # of the greatest singular value
+AGREEMENT = 0.5
+"""Correlation of the halves below which noise exceeds signal [1]."""
+_TAKES_PART = 0.01  # in a combination, of its greatest member
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitFit:
+    """Fit of linear parameters by two halves of the samples.
+
+    Parameters
+    ----------
+    values : ndarray, shape (D,)
+        0 where the regressor is not excited.
+    half_width : ndarray, shape (D,)
+        Of the 95 % interval; infinite for what is not excited, or interchangeable.
+    excited : ndarray of bool, shape (D,)
+        Whether the halves agree on the regressor.
+    interchangeable : ndarray of bool, shape (D,)
+        Whether it takes part in a combination of excited regressors that they do not agree on.
+    condition : float
+        Of the excited regressors, each scaled to length one.
+    correlation : ndarray, shape (D, D)
+        Of the parameters; 0 beside the diagonal for those that are not excited.
+    rms : float
+        Of the residuals, in the unit of what is fitted.
+    """
+
+    values: Floats
+    half_width: Floats
+    excited: Bools
+    interchangeable: Bools
+    condition: float
+    correlation: Floats
+    rms: float
+
+
+def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
+    """Fit y = regressors @ values by two-stage least squares, each half the other's instrument.
+
+    Parameters
+    ----------
+    regressors : ndarray, shape (2, N, D)
+        From either half of the samples.
+    y : ndarray, shape (N,)
+        Signal to be explained.
+    blocks : ndarray of int, shape (N,)
+        Blocks within which residuals are correlated.
+    """
+    # by chance the halves of pure noise agree by about 1 / sqrt(blocks)
+    least = min(max(AGREEMENT, 4.0 / np.sqrt(len(np.unique(blocks)))), 0.99)
+    lengths = np.sqrt((regressors**2).sum(axis=1))
+    products = (regressors[0] * regressors[1]).sum(axis=0)
+    excited = (products > least * lengths[0] * lengths[1]) & (products > 0)
+    many = len(excited)
+    values, half_width = np.zeros(many), np.full(many, np.inf)
+    interchangeable, correlation = np.zeros(many, bool), np.eye(many)
+    if not excited.any():
+        rms = float(np.sqrt(np.mean(y**2)))
+        return SplitFit(
+            values=values, half_width=half_width, excited=excited,
+            interchangeable=interchangeable, condition=np.inf, correlation=correlation, rms=rms,
+        )  # fmt: skip
+    scale = np.sqrt(products[excited])
+    halves = regressors[:, :, excited] / scale
+    found, sure, rms = _two_stage(halves, y, blocks)
+    free = _free(halves, least)
+    values[excited] = found / scale
+    half_width[excited] = np.where(free, np.inf, sure.half_width / scale)
+    interchangeable[excited] = free
+    correlation[np.ix_(excited, excited)] = sure.correlation
+    return SplitFit(
+        values=values, half_width=half_width, excited=excited, interchangeable=interchangeable,
+        condition=sure.condition, correlation=correlation, rms=rms,
+    )  # fmt: skip
+
+
+def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Certainty, float]:
+    both = np.concatenate([halves[0], halves[1]])
+    swapped = np.concatenate([halves[1], halves[0]])
+    twice = np.concatenate([y, y])
+    # each regressor as the other half predicts it
+    stage = swapped @ np.linalg.lstsq(swapped, both, rcond=_ROUNDING)[0]
+    found = np.linalg.lstsq(stage, twice, rcond=_ROUNDING)[0]
+    residuals = twice - both @ found
+    sure = certainty(stage, residuals, np.concatenate([blocks, blocks]))
+    return found, sure, float(np.sqrt(np.mean(residuals**2)))
+
+
+def _free(halves: Floats, least: float) -> Bools:
+    """Regressors in a combination that the halves do not agree on; shape (D,).
+
+    Combinations are those of canonical correlation: with both halves' regressors made orthonormal
+    together, the eigenvectors of what the one half shares with the other.
+    """
+    both = np.concatenate([halves[0], halves[1]])
+    _, singular, right = np.linalg.svd(np.linalg.qr(both, mode="r"), full_matrices=True)
+    singular = np.concatenate([singular, np.zeros(len(right) - len(singular))])
+    seen = singular > _ROUNDING * singular[0]
+    orthonormal = right[seen].T / singular[seen]
+    first, second = halves[0] @ orthonormal, halves[1] @ orthonormal
+    shared = first.T @ second
+    agreement, vectors = np.linalg.eigh(shared + shared.T)
+    open_combinations = [right[~seen].T, orthonormal @ vectors[:, agreement < least]]
+    combinations = np.abs(np.concatenate(open_combinations, axis=1))
+    takes_part: Bools = (combinations > _TAKES_PART * combinations.max(axis=0)).any(1)
+    return takes_part
+
+
+ELECTRICAL = {"resistance": "ohm", "inductance_d": "H", "inductance_q": "H", "flux": "Wb"}
+DEAD_VOLTAGE = {"dead_voltage": "V"}
+SHOWN = 2.0
+"""Least dead voltage over the half width of its interval [1]: chance exceeds it once in 10^4."""
+MECHANICAL = {"inertia": "kg m^2", "damping": "N m s/rad", "coulomb": "N m", "load": "N m"}
+SMALL_TORQUE = 0.05
+"""Uncertainty of a part of the torque over the record's torque [1] up to which it is determined."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorFitSettings(Ranged, section="motor_fit"):
+    """Settings of the identification of a motor.
+
+    Parameters
+    ----------
+    modulating : ModulatingSettings
+        Windows over which the equations are integrated.
+    widest : float
+        Half width of the 95 % interval beyond which a parameter is not determined, as a share of
+        its value [1].
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    modulating: ModulatingSettings = field(default_factory=ModulatingSettings)
+    widest: Annotated[float, Range(above=0.0, most=1.0)] = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorFit:
+    """Parameters of a motor, in the order of ``names``.
+
+    Parameters
+    ----------
+    names, units : tuple of str, length D
+        The parameters.
+    values : ndarray, shape (D,)
+        nan where the record does not determine them.
+    low, high : ndarray, shape (D,)
+        95 % interval; infinite where nothing bounds it.
+    determined : ndarray of bool, shape (D,)
+        Whether the record determines them.
+    reasons : dict of str to str
+        Why the others are not determined.
+    condition : float
+        Condition number of the regressors that are excited, each scaled to length one [1].
+    correlation : ndarray, shape (D, D)
+        Of the parameters.
+    windows, left_out : int
+        Windows fitted, and left out because a sample in them is not finite.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Floats
+    low: Floats
+    high: Floats
+    determined: Bools
+    reasons: dict[str, str]
+    condition: float
+    correlation: Floats
+    windows: int
+    left_out: int
+
+
+def identify_motor(
+    u_d: ArrayLike,
+    u_q: ArrayLike,
+    i_d: ArrayLike,
+    i_q: ArrayLike,
+    w_e: ArrayLike,
+    *,
+    period: float,
+    settings: MotorFitSettings,
+) -> MotorFit:
+    """Resistance, both inductances, the magnets' flux linkage, and the inverter's dead voltage.
+
+    The last is left out where the record does not clearly show it: measured voltages have none.
+
+    Parameters
+    ----------
+    u_d, u_q : array_like, shape (T,)
+        Voltages [V], amplitude-invariant; ``settings.modulating.held`` says whether they are held.
+    i_d, i_q : array_like, shape (T,)
+        Currents [A].
+    w_e : array_like, shape (T,)
+        Electrical speed [rad/s], pole pairs times the shaft's.
+    period : float
+        Between samples [s].
+    settings : MotorFitSettings
+        Of the identification.
+
+    Raises
+    ------
+    ValueError
+        When the series are no record or too short for a window.
+    """
+    cut = Windows(
+        {"u_d": u_d, "u_q": u_q, "i_d": i_d, "i_q": i_q, "w_e": w_e}, period, settings.modulating
+    )
+    d, q, w = (cut.signals[name] for name in ("i_d", "i_q", "w_e"))
+    none = np.zeros((2, len(cut), settings.modulating.orders))
+    along_d = [cut.halves(d), cut.rates(d), -cut.halves(w * q), none]
+    along_q = [cut.halves(q), cut.halves(w * d), cut.rates(q), cut.halves(w)]
+    driven = [cut.driven("u_d"), cut.driven("u_q")]
+    size = np.maximum(np.hypot(d, q), np.finfo(float).tiny)
+    fit = _fit([[*along_d, cut.halves(d / size)], [*along_q, cut.halves(q / size)]], driven)
+    units = ELECTRICAL | DEAD_VOLTAGE
+    if not fit.values[-1] > SHOWN * fit.half_width[-1]:
+        fit, units = _fit([along_d, along_q], driven), ELECTRICAL
+    return _verified(units, fit, cut, settings.widest * np.abs(fit.values), positive=4)
+
+
+def identify_shaft(
+    torque: ArrayLike, speed: ArrayLike, period: float, settings: MotorFitSettings
+) -> MotorFit:
+    """Inertia, damping, Coulomb friction and a constant load.
+
+    Damping, friction and load may be zero: they are determined too when they are known within
+    :data:`SMALL_TORQUE` of the record's torque (root mean square).
+
+    Parameters
+    ----------
+    torque : array_like, shape (T,)
+        T_e [N m]; ``settings.modulating.held`` says whether it is held.
+    speed : array_like, shape (T,)
+        w of the shaft [rad/s].
+    period : float
+        Between samples [s].
+    settings : MotorFitSettings
+        Of the identification.
+
+    Raises
+    ------
+    ValueError
+        When the series are no record or too short for a window.
+    """
+    cut = Windows({"torque": torque, "speed": speed}, period, settings.modulating)
+    w = cut.signals["speed"]
+    terms = [cut.rates(w), cut.halves(w), cut.halves(np.sign(w)), cut.halves(np.ones_like(w))]
+    fit = _fit([terms], [cut.driven("torque")])
+    greatest = SMALL_TORQUE * float(np.sqrt(np.mean(cut.signals["torque"] ** 2)))
+    fast = float(np.sqrt(np.mean(w**2)))
+    small = np.array([0.0, greatest / fast if fast > 0 else 0.0, greatest, greatest])
+    widest = np.maximum(settings.widest * np.abs(fit.values), small)
+    return _verified(MECHANICAL, fit, cut, widest, positive=1)
+
+
+def _fit(equations: Sequence[Sequence[Floats]], driven: Sequence[Floats]) -> SplitFit:
+    """Fit equations, each of D regressors of shape (2, B, orders), to what drives them."""
+    regressors = np.concatenate(
+        [np.stack(one, axis=-1).reshape(2, -1, len(one)) for one in equations], axis=1
+    )
+    blocks = np.concatenate([np.repeat(np.arange(len(y)), y.shape[1]) for y in driven])
+    return split_fit(regressors, np.concatenate([y.ravel() for y in driven]), blocks)
+
+
+def _verified(
+    units: dict[str, str], fit: SplitFit, cut: Windows, widest: Floats, *, positive: int
+) -> MotorFit:
+    """Parameters with their reasons; the first ``positive`` of them must be above 0."""
+    reasons = {}
+    for k, (name, unit) in enumerate(units.items()):
+        value, half = float(fit.values[k]), float(fit.half_width[k])
+        interval = f"its 95 % interval {value:.3g} ± {half:.2g} {unit}"
+        if not fit.excited[k]:
+            reasons[name] = "the record does not excite it beyond its noise"
+        elif fit.interchangeable[k]:
+            reasons[name] = "others can take its place: the record does not tell them apart"
+        elif not np.isfinite(half):
+            reasons[name] = f"{len(cut)} windows are too few for an interval"
+        elif half > widest[k]:
+            reasons[name] = f"{interval} is wider than {widest[k]:.2g} {unit} either way"
+        elif k < positive and value <= 0:
+            reasons[name] = f"{interval} is not above 0: check the signs of the recorded axes"
+    determined = np.array([name not in reasons for name in units])
+    return MotorFit(
+        names=tuple(units),
+        units=tuple(units.values()),
+        values=np.where(determined, fit.values, np.nan),
+        low=fit.values - fit.half_width,
+        high=fit.values + fit.half_width,
+        determined=determined,
+        reasons=reasons,
+        condition=fit.condition,
+        correlation=fit.correlation,
+        windows=len(cut),
+        left_out=cut.left_out,
+    )

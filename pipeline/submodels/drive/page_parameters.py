@@ -1,0 +1,248 @@
+"""Parameters of the feed drives on their page: shop units, meanings, truth of simulated machines.
+
+Files are in SI, people speak of mm/s and micrometres: parameters are converted here.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from pipeline.charts.default_section import parameters_table
+from pipeline.charts.numbers import (
+    between,
+    number,
+    powers,
+    real,
+    resolved,
+    signed,
+)
+from pipeline.charts.sources import Source, dig
+from pipeline.charts.tables import (
+    MOST_ROWS,
+    Cell,
+    Table,
+    cells,
+    left_out,
+    names,
+    numbers,
+    sources,
+)
+from pipeline.schema.drive import MOTOR, DriveAxis, DriveModel
+from pipeline.schema.model import Parameter
+from pipeline.submodels.contract import Shown
+
+SHOP = {
+    "m/s": ("mm/s", 1e3), "m": ("µm", 1e6), "mm": ("µm", 1e3), "um": ("µm", 1.0),
+    "H": ("mH", 1e3), "s": ("ms", 1e3), "ohm": ("Ω", 1.0), "Ohm": ("Ω", 1.0), "1": ("", 1.0),
+}  # fmt: skip
+"""Unit in a file -> unit as shown, factor."""
+FROM_SI = {"mm/s": 1e3, "mm": 1e3, "um": 1e6, "µm": 1e6, "mH": 1e3, "ms": 1e3, "N s/mm": 1e-3}
+"""Unit in a file -> how many of it make one of the SI unit; 1 for SI units themselves."""
+MEANINGS = {
+    "mass": "all that moves, the screw’s and the motor’s inertia as mass",
+    "force_constant": "force for one unit of the command",
+    "coulomb": "friction that speed does not change",
+    "static": "friction at the start of motion",
+    "stribeck_velocity": "speed over which starting friction gives way",
+    "viscous": "friction that grows with speed",
+    "load_factor": "what the recorded load is multiplied by",
+    "offset": "force that is always there, such as gravity less counterbalance",
+    "position_scale": "gain of the position loop over its nominal one",
+    "velocity_scale": "gain of the velocity loop over its nominal one",
+    "integral_scale": "gain of the velocity loop’s integral over its nominal one",
+    "velocity_feedforward": "share of the commanded speed that is fed forward",
+    "acceleration_feedforward": "command for the commanded acceleration",
+    "position_lag": "time by which the position loop acts late",
+    "velocity_lag": "time by which the velocity loop acts late",
+    "backlash": "play between the screw and the carriage",
+    "R": "resistance of a winding",
+    "L_d": "inductance along the magnets’ flux",
+    "L_q": "inductance across the magnets’ flux",
+    "flux": "flux of the magnets through a winding",
+    "dead_voltage": "voltage that the inverter keeps along the current",
+}
+"""Parameters of a drive and its motor as people call them."""
+MOST_OPEN = 20
+"""Greatest number of rows of a table that is not folded [1]."""
+TRUTH_NOTE = (
+    "Motion shows only sums of friction and of the force that is always there: where the fit takes "
+    "friction as alike both ways, or that force as none, the truth is parted the same way."
+)
+
+
+def made_from(shown: Shown[DriveModel], *files: str) -> list[Source]:
+    """Files of the sub-model that a part of the page stands on."""
+    if shown.shelf is None:
+        return []
+    return sources(shown.shelf, *(shown.folder / file for file in files))
+
+
+def identified_axes(shown: Shown[DriveModel]) -> dict[str, DriveAxis]:
+    """Identified axes by letter."""
+    return {} if shown.model is None else dict(sorted(shown.model.axes.items()))
+
+
+def parameters_of(shown: Shown[DriveModel], group: str) -> Mapping[str, Parameter]:
+    """Parameters of an axis or the motor."""
+    return {} if shown.model is None else shown.model.parameters.get(group, {})
+
+
+def axis_parameters_table(
+    shown: Shown[DriveModel], group: str, whose: str, axis: str = ""
+) -> Table | None:
+    """Parameters of an axis or the motor with their intervals, or what to record to have them."""
+    return parameters_table(
+        f"Parameters of {whose}",
+        {name: in_shop_units(p) for name, p in parameters_of(shown, group).items()},
+        made_from(shown, "model.json"),
+        lambda name: meaning(name, axis),
+    )
+
+
+def meaning(name: str, axis: str = "") -> str:
+    """What a parameter means, with the direction behind its name.
+
+    >>> meaning("coulomb_negative", "X"), meaning("L_d"), meaning("other")
+    ('friction that speed does not change, towards −X', 'inductance along the magnets’ flux', '–')
+    """
+    for ending, sign in (("_positive", "+"), ("_negative", "−")):
+        if name.endswith(ending):
+            words = MEANINGS.get(name.removesuffix(ending))
+            return f"{words}, towards {sign}{axis}" if words else "–"
+    return MEANINGS.get(name, "–")
+
+
+def in_shop_units(p: Parameter) -> Parameter:
+    """A parameter with value, interval and unit as a shop speaks them.
+
+    >>> p = Parameter(value=0.004, unit="m/s", interval_95=(0.003, 0.005), determined=True,
+    ...               method="a fit")
+    >>> in_shop_units(p).value, in_shop_units(p).interval_95, in_shop_units(p).unit
+    (4.0, (3.0, 5.0), 'mm/s')
+    """
+    unit, factor = SHOP.get(p.unit, (p.unit, 1.0))
+    ends = p.interval_95
+    return replace(
+        p, unit=unit, value=None if p.value is None else p.value * factor,
+        interval_95=None if ends is None else (ends[0] * factor, ends[1] * factor),
+    )  # fmt: skip
+
+
+def si_in_shop_units(value: float, unit: str) -> float:
+    """An SI value as shown beside a parameter whose unit in its file is ``unit``.
+
+    >>> si_in_shop_units(0.004, "mm/s"), si_in_shop_units(0.004, "m/s")
+    (4.0, 4.0)
+    """
+    return value * FROM_SI.get(unit, 1.0) * SHOP.get(unit, (unit, 1.0))[1]
+
+
+def truth_table(shown: Shown[DriveModel]) -> Table | None:
+    """True value, value found, and whether its 95 % interval holds the truth, by axis."""
+    truth = dig(shown.truth, "drives")
+    parts = [
+        (axis, _values(dig(truth, "axes", axis)), parameters_of(shown, axis))
+        for axis in identified_axes(shown)
+    ]
+    parts.append((MOTOR, _values(dig(truth, MOTOR)), parameters_of(shown, MOTOR)))
+    split = [(part, truth_as_fitted(true, found), found) for part, true, found in parts]
+    parted = any(a != b for (_, a, _), (_, b, _) in zip(parts, split, strict=True))
+    rows = [
+        (_inside(value, p), _truth_row(part, name, value, p))
+        for part, true, parameters in split
+        for name, value in true.items()
+        if (p := parameters.get(name)) is not None
+    ]
+    if not rows:
+        return None
+    known = [inside for inside, _ in rows if inside is not None]
+    return Table(
+        caption=f"Drives: what was simulated against what was found; {sum(known)} of "
+        f"{number(len(known))} intervals hold the truth{left_out(len(rows), MOST_ROWS)}",
+        note=TRUTH_NOTE if parted else "",
+        heads=[*names("Parameter"),
+               *numbers(("true", ""), ("found", ""), ("off by", "%"), ("95 % interval", "")),
+               *names("unit", "interval")],
+        rows=[row for _, row in rows[:MOST_ROWS]],
+        sources=made_from(shown, "model.json"),
+        folded=len(rows) > MOST_OPEN,
+    )  # fmt: skip
+
+
+def _values(truth: Any) -> dict[str, float]:
+    """True values by name, as numbers or as objects with a ``value``."""
+    found = truth if isinstance(truth, dict) else {}
+    plain = {name: dig(v, "value") if isinstance(v, dict) else v for name, v in found.items()}
+    return {str(name): x for name, v in plain.items() if (x := real(v)) is not None}
+
+
+def truth_as_fitted(
+    truth: dict[str, float], parameters: Mapping[str, Parameter]
+) -> dict[str, float]:
+    """The truth, with friction and constant force split as the fit splits them.
+
+    Motion shows the sums F_c+ + F_0 and F_c- - F_0 alone.  A fit that takes friction as equal in
+    both directions, or F_0 as none, moves a part of F_0 into friction, and so must the truth.
+
+    Parameters
+    ----------
+    truth : dict of str to float
+        True values by name, in SI.
+    parameters : mapping of str to Parameter
+        As identified, by name.
+    """
+    both = [truth.get(f"coulomb_{sign}") for sign in ("positive", "negative")]
+    if both[0] is None or both[1] is None:
+        return truth
+    seen = [
+        None if (p := parameters.get(f"coulomb_{sign}")) is None else p.value
+        for sign in ("positive", "negative")
+    ]
+    force = truth.get("offset", 0.0)
+    offset = parameters.get("offset")
+    if seen[0] is not None and seen[0] == seen[1]:
+        moved = (both[0] - both[1]) / 2
+    elif offset is None or not offset.determined:
+        moved = -force
+    else:
+        return truth
+    changed = {"offset": force + moved}
+    for way, sign in (("positive", -1.0), ("negative", 1.0)):
+        changed |= {f"{kind}_{way}": truth[f"{kind}_{way}"] + sign * moved
+                    for kind in ("coulomb", "static") if f"{kind}_{way}" in truth}  # fmt: skip
+    return {**truth, **changed}
+
+
+def _inside(true: float, p: Parameter) -> bool | None:
+    """Whether the interval holds the truth; None where nothing was found."""
+    ends = in_shop_units(p).interval_95
+    if not p.determined or ends is None:
+        return None
+    return ends[0] <= si_in_shop_units(true, p.unit) <= ends[1]
+
+
+def _truth_row(part: str, name: str, true: float, p: Parameter) -> list[Cell]:
+    shown, inside = in_shop_units(p), _inside(true, p)
+    true_shown = si_in_shop_units(true, p.unit)
+    low, high = shown.interval_95 or (None, None)
+    digits = resolved(low, high)
+    value = shown.value if p.determined else None
+    verdict = {
+        True: Cell(text="holds the truth", status="passed"),
+        False: Cell(text="misses the truth", status="failed"),
+        None: Cell(text="–"),
+    }[inside]
+    return cells(
+        Cell(text=f"{part} {name}", code=True),
+        number(true_shown, digits),
+        "not determined" if value is None else number(value, digits),
+        signed(100 * (value / true_shown - 1), 2) if value is not None and true_shown else "–",
+        "–" if inside is None else between(low, high),
+        powers(shown.unit) or "–",
+        verdict,
+    )
+
+
+def joined(words: Sequence[str]) -> str:
+    """Words as a list that is read aloud: ``X, Y and Z``."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

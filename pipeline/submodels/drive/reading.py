@@ -1,0 +1,345 @@
+"""Recordings of feed drives from Parquet: axes on a uniform grid in SI, or why one is not shown.
+
+Rows that lack a value of a channel that is used count as missing.  Each axis that a recording does
+not show has its reason, in one sentence.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.signals import recordings
+from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.signals.units import conversion
+from pipeline.submodels.drive.prior import (
+    DrivePrior,
+    check_axes,
+    check_constants,
+    constants_of,
+    names_of,
+)
+from pipeline.submodels.drive.records import (
+    AirRows,
+    AxisChannels,
+    AxisConstants,
+    AxisRecord,
+    DriveRecords,
+    MotorRecords,
+    Recording,
+    check_channels,
+)
+
+SI = {
+    "position": "m", "reference": "m", "velocity": "m/s", "velocity_reference": "m/s",
+    "acceleration": "m/s^2", "acceleration_reference": "m/s^2", "load": "N",
+}  # fmt: skip
+MOTOR_SI = {"u_d": "V", "u_q": "V", "i_d": "A", "i_q": "A", "speed": "rad/s", "torque": "N m"}
+COMMAND_UNITS = {"AMPERE": "A", "VOLT": "V", "NEWTON": "N", "PERCENT": "%", "": "1"}
+
+
+class Unusable(ValueError):  # noqa: N818 - a state of a channel, not a fault
+    """Channel or axis that a recording does not show; the message is the reason."""
+
+
+def read_recordings(
+    signals: Path, records: DriveRecords, prior: DrivePrior, is_training: Callable[[str], bool]
+) -> list[Recording]:
+    """Recordings that ``records`` names, in the order of their names.
+
+    Parameters
+    ----------
+    signals : Path
+        As ``ingest`` wrote it.
+    records : DriveRecords
+        Which recordings, and their channels.
+    prior : DrivePrior
+        Prior knowledge of the axes.
+    is_training : callable
+        Whether the drives are fitted on the raw file of a name.
+
+    Returns
+    -------
+    list of Recording
+        A recording that shows no axis is there with the reasons.
+
+    Raises
+    ------
+    ValueError
+        When ``signals`` has no manifest, none of its files fits ``records.recordings``, or
+        ``records`` or ``prior`` names what none of them holds.
+    """
+    check_axes(records, prior)
+    files = recordings.read_recordings(
+        signals, {}, preferred=is_training, section="drive_records.recordings",
+        patterns=[records.recordings, *([records.motor.recordings] if records.motor else [])],
+    )  # fmt: skip
+    check_constants(prior, {name for one in files for name in one.constants})
+    shared = constants_of({one.name: one.constants for one in files})
+    found = [
+        part
+        for one in files
+        for part in read_file(one, records, prior, shared, trained=is_training(one.name))
+    ]
+    check_channels(records, found)
+    return found
+
+
+def read_file(
+    file: recordings.Recording,
+    records: DriveRecords,
+    prior: DrivePrior,
+    shared: Mapping[str, float],
+    *,
+    trained: bool,
+) -> list[Recording]:
+    """Recordings in one file: one for each stretch without a gap in time.
+
+    Parameters
+    ----------
+    file : Recording
+        As the ingest wrote it.
+    records, prior
+        As in :func:`read_recordings`.
+    shared : mapping of str to float
+        Constants of the other recordings, for those that the file lacks.
+    trained : bool
+        Whether the drives are fitted on it.
+    """
+    name = file.name
+    blank = Recording(name=name, trained=trained, sha256=file.sha256)
+    if file.file is None:
+        return [_nothing(blank, records, file.reason)]
+    try:
+        table = pq.read_table(file.file)
+    except (OSError, pa.ArrowException):
+        place = f"{file.file.parent.name}/{file.file.name}"
+        return [_nothing(blank, records, f"{place} cannot be read: run `dvc repro`")]
+    try:
+        if records.motor is not None and fnmatchcase(name, records.motor.recordings):
+            return _motor(table, blank, records.motor)
+        own = constants_of({name: file.constants})
+        used = {one for letter in records.axes for one in names_of(prior.axis(letter))}
+        if lent := sorted(used & set(shared) - set(own)):
+            said = f"{', '.join(lent)} taken from the other recordings: this one does not hold it"
+            blank = replace(blank, notes=(said,))
+        return _drives(table, blank, records, prior, {**shared, **own})
+    except Unusable as error:
+        return [_nothing(blank, records, str(error))]
+
+
+def _drives(
+    table: pa.Table,
+    blank: Recording,
+    records: DriveRecords,
+    prior: DrivePrior,
+    constants: Mapping[str, float],
+) -> list[Recording]:
+    """Recordings of the axes in one table."""
+    axes: dict[str, dict[str, Floats]] = {}
+    lacking: dict[str, str] = {}
+    constants_of_axis: dict[str, AxisConstants] = {}
+    for letter, channels in records.axes.items():
+        try:
+            constants_of_axis[letter] = prior.axis(letter).resolved(constants)
+            found = _axis(table, channels)
+            check_command(channels.command, _unit(table.schema.field(channels.command)))
+            axes[letter] = found
+        except ValueError as error:  # what is wrong with a constant or a channel of this file
+            lacking[letter] = str(error)
+    if not axes:
+        return [replace(blank, lacking=lacking)]
+    air = _air(table, records.air)
+    rows, pieces = _pieces(table, [v for axis in axes.values() for v in axis.values()])
+    units = {letter: _command_unit(table, records.axes[letter]) for letter in axes}
+
+    def record(letter: str, piece: UniformSegment) -> AxisRecord:
+        on_grid = {key: piece.on_grid(values[rows]) for key, values in axes[letter].items()}
+        return AxisRecord(
+            command=on_grid.pop("command"),
+            constants=constants_of_axis[letter],
+            command_unit=units[letter],
+            **{key: on_grid.get(key) for key in SI},
+        )
+
+    return [
+        replace(
+            one,
+            axes={letter: record(letter, piece) for letter in axes},
+            lacking=lacking,
+            air=_near(piece, air[rows]) & ~piece.filled,
+        )
+        for piece, one in _parts(pieces, table.num_rows, blank)
+    ]
+
+
+def _motor(table: pa.Table, blank: Recording, records: MotorRecords) -> list[Recording]:
+    """Recordings of the motor in one table."""
+    found = {}
+    for key, name in records.channels.items():
+        if key not in MOTOR_SI:
+            raise Unusable(f"drive_records.motor.channels names {key!r}: {', '.join(MOTOR_SI)}")
+        values = _channel(table, name, MOTOR_SI[key])
+        if values is None:
+            raise Unusable(f"it has no channel {name!r}: record it or correct its name")
+        found[key] = values
+    rows, pieces = _pieces(table, list(found.values()))
+    return [
+        replace(
+            one,
+            motor={key: piece.on_grid(values[rows]) for key, values in found.items()},
+            air=~piece.filled,
+        )
+        for piece, one in _parts(pieces, table.num_rows, blank)
+    ]
+
+
+def _pieces(table: pa.Table, channels: Sequence[Floats]) -> tuple[Ints, list[UniformSegment]]:
+    """Rows that have a value in all channels, and their stretches on a uniform grid."""
+    time = _time(table)
+    whole = np.isfinite(time) & np.all([np.isfinite(values) for values in channels], axis=0)
+    rows = np.flatnonzero(whole)
+    try:
+        pieces = uniform_segments(time[rows])
+    except ValueError as error:
+        raise Unusable(str(error)) from error
+    if not pieces:
+        raise Unusable("it has more gaps than rows")
+    return rows, pieces
+
+
+def _parts(
+    pieces: Sequence[UniformSegment], rows: int, blank: Recording
+) -> list[tuple[UniformSegment, Recording]]:
+    """A recording for each stretch, named where there are several."""
+    lost = rows - sum(len(one.rows) for one in pieces)
+    left = (f"{lost} of {rows} rows left out: no value, a copy, or between gaps",) if lost else ()
+    parts = []
+    for number, piece in enumerate(pieces, start=1):
+        name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
+        filled = int(piece.filled.sum())
+        said = (f"{filled} missing rows filled in and not learnt from",) if filled else ()
+        one = replace(blank, name=name, period=piece.period, notes=blank.notes + said + left)
+        parts.append((piece, one))
+    return parts
+
+
+def _nothing(blank: Recording, records: DriveRecords, reason: str) -> Recording:
+    return replace(blank, lacking=dict.fromkeys(records.axes, reason))
+
+
+def _axis(table: pa.Table, channels: AxisChannels) -> dict[str, Floats]:
+    """Channels of an axis in SI, all rows, without those that the recording lacks."""
+    found = {
+        key: values
+        for key in (*SI, "command")
+        if (values := _channel(table, _named(table, getattr(channels, key)), SI.get(key)))
+        is not None
+    }
+    if "command" not in found:
+        raise Unusable(f"it has no channel {channels.command!r}: record the torque command")
+    if channels.reversed:
+        found["command"] = -found["command"]
+    if "position" not in found and "velocity" not in found:
+        name = channels.position or channels.velocity
+        raise Unusable(f"it has no channel {name!r}: record the position")
+    command = found["command"][np.isfinite(found["command"])]
+    if not len(command) or np.ptp(command) == 0:
+        raise Unusable(
+            f"{channels.command!r} is {command[:1].sum():g} throughout: record the drive's current"
+        )
+    motion = found.get("position", found.get("velocity"))
+    if motion is not None and np.nanmax(motion) == np.nanmin(motion):
+        raise Unusable("the axis does not move in it")
+    return found
+
+
+def _named(table: pa.Table, pattern: str | None) -> str | None:
+    """The channel called so, or the first that fits the pattern."""
+    if pattern is None or pattern in table.column_names:
+        return pattern
+    return next((name for name in table.column_names if fnmatchcase(name, pattern)), pattern)
+
+
+def _channel(table: pa.Table, name: str | None, unit: str | None) -> Floats | None:
+    """A channel in ``unit``, NaN where it has no value; None when there is no such channel."""
+    if name is None or name not in table.column_names:
+        return None
+    field = table.schema.field(name)
+    if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
+        raise Unusable(f"its channel {name!r} holds words: name a channel of numbers")
+    values: Floats = table[name].cast(pa.float64()).to_numpy(zero_copy_only=False).copy()
+    values[~np.isfinite(values)] = np.nan
+    if np.isnan(values).all():
+        return None
+    found = _unit(field)
+    if unit is None or (unit == "N" and not found):  # a load's factor is fitted anyhow
+        return values
+    factor, offset = _to_si(name, found, unit)
+    return values * factor + offset
+
+
+def _to_si(name: str, unit: str, wanted: str) -> tuple[float, float]:
+    try:
+        return conversion(unit, wanted)
+    except ValueError as error:
+        raise Unusable(f"its channel {name!r} is in {unit or 'no unit'}: {error}") from error
+
+
+def _unit(field: pa.Field) -> str:
+    return (field.metadata or {}).get(b"unit", b"").decode()
+
+
+def _command_unit(table: pa.Table, channels: AxisChannels) -> str:
+    unit = _unit(table.schema.field(channels.command))
+    return COMMAND_UNITS.get(unit, unit)
+
+
+def _air(table: pa.Table, rows: AirRows | None) -> Bools:
+    if rows is None:
+        return np.ones(table.num_rows, bool)
+    if rows.channel not in table.column_names:
+        raise Unusable(
+            f"it has no channel {rows.channel!r} that tells rows free of cutting: record it or "
+            "leave drive_records.air out"
+        )
+    words = table[rows.channel].cast(pa.string()).to_pylist()
+    return np.isin(np.array([word or "" for word in words]), rows.values)
+
+
+def _time(table: pa.Table) -> Floats:
+    if "t" in table.column_names:
+        return np.array(table["t"].to_numpy(zero_copy_only=False), np.float64)
+    if "time" not in table.column_names:
+        raise Unusable("it has no time: name its time column or its rate in the table's layout")
+    ns = table["time"].cast(pa.int64()).to_numpy()
+    return np.asarray((ns - ns[0]) * 1e-9, np.float64)
+
+
+def _near(piece: UniformSegment, flags: Bools) -> Bools:
+    """Flags of the rows on the grid: true where the rows on both sides are."""
+    return np.asarray(piece.on_grid(flags.astype(np.float64)) > 1 - 1e-9)
+
+
+def check_command(name: str, unit: str) -> None:
+    """Check that the channel ``name`` of a torque command is not in a unit of motion.
+
+    Raises
+    ------
+    ValueError
+        When it is: a command may be in amperes, volts, percent or counts.
+    """
+    for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
+        try:
+            conversion(unit, motion)
+        except ValueError:
+            continue
+        raise ValueError(
+            f"its channel {name!r} is in {unit}, no unit of a torque command: name the channel of "
+            "the drive's current, voltage or torque"
+        )

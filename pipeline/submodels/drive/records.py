@@ -1,0 +1,268 @@
+"""Recordings of feed drives in SI: selection, channels, and their content on a uniform grid."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisChannels:
+    """Channels of one axis, by their names in the recordings.
+
+    Parameters
+    ----------
+    command : str
+        Torque command: current or voltage.
+    reference, position, velocity_reference, velocity, acceleration_reference, acceleration : \
+str, optional
+        Commanded and measured motion; velocity and acceleration that are not recorded are derived
+        from the position.
+    load : str, optional
+        Force against positive motion, or a pattern of its name; used where a recording has it.
+    reversed : bool
+        Whether a positive command pushes in the negative direction.
+    """
+
+    command: str
+    reference: str | None = None
+    position: str | None = None
+    velocity_reference: str | None = None
+    velocity: str | None = None
+    acceleration_reference: str | None = None
+    acceleration: str | None = None
+    load: str | None = None
+    reversed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.position is None and self.velocity is None:
+            raise ValueError(
+                f"drive_records: the axis of {self.command!r} has neither position nor velocity: "
+                "name one of their channels"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class AirRows:
+    """Rows free of cutting load.
+
+    Parameters
+    ----------
+    channel : str
+        Channel of words.
+    values : tuple of str
+        Its words in those rows.
+    """
+
+    channel: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorRecords:
+    """Recordings of a motor's voltages and currents.
+
+    Parameters
+    ----------
+    recordings : str
+        Pattern of their names below the machine's folder.
+    axis : str
+        Letter of the axis that it drives.
+    channels : mapping of str to str
+        ``u_d``, ``u_q``, ``i_d``, ``i_q``, ``speed`` and, where recorded, ``torque`` -> channel.
+    pole_pairs : int
+        p of the motor.
+    held : bool
+        Whether the voltages are the inverter's commands, each held until the next sample, as drives
+        record them; else they are sampled like the currents.
+    """
+
+    recordings: str
+    axis: str
+    channels: Mapping[str, str]
+    pole_pairs: int
+    held: bool = True
+
+    def __post_init__(self) -> None:
+        missing = {"u_d", "u_q", "i_d", "i_q", "speed"} - set(self.channels)
+        if missing:
+            raise ValueError(
+                f"drive_records.motor.channels lacks {', '.join(sorted(missing))}: name them"
+            )
+        if self.pole_pairs < 1:
+            raise ValueError(
+                f"drive_records.motor.pole_pairs = {self.pole_pairs} must be at least 1"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveRecords:
+    """Recordings of a machine's drives and their use.
+
+    Parameters
+    ----------
+    recordings : str
+        Pattern of their names below the machine's folder.
+    axes : mapping of str to AxisChannels
+        By the axis' letter.
+    air : AirRows, optional
+        Rows to fit; all when absent.
+    motor : MotorRecords, optional
+        Recordings of a motor's voltages and currents.
+    """
+
+    recordings: str
+    axes: Mapping[str, AxisChannels]
+    air: AirRows | None = None
+    motor: MotorRecords | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisConstants:
+    """Prior knowledge of an axis in SI; None of what is not listed.
+
+    Parameters
+    ----------
+    force_constant : float or None
+        Force on the carriage for one unit of the command [N/A].
+    position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
+current_limit : float or None
+        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
+    servo_period : float or None
+        Of the velocity loop [s].
+    """
+
+    force_constant: float | None = None
+    position_gain: float | None = None
+    velocity_gain: float | None = None
+    integral_gain: float | None = None
+    velocity_feedforward: float | None = None
+    acceleration_feedforward: float | None = None
+    current_limit: float | None = None
+    servo_period: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisRecord:
+    """One axis in one recording, T samples; None where a channel is not recorded.
+
+    Parameters
+    ----------
+    command : ndarray, shape (T,)
+        Torque command, in ``command_unit``.
+    position, reference : ndarray, shape (T,), optional
+        [m].
+    velocity, velocity_reference : ndarray, shape (T,), optional
+        [m/s].
+    acceleration, acceleration_reference : ndarray, shape (T,), optional
+        [m/s^2].
+    load : ndarray, shape (T,), optional
+        Against positive motion [N].
+    command_unit : str
+        "A", "V", or as the recording has it.
+    constants : AxisConstants
+        Prior knowledge of the axis, with this recording's constants.
+    """
+
+    command: Floats
+    position: Floats | None = None
+    reference: Floats | None = None
+    velocity: Floats | None = None
+    velocity_reference: Floats | None = None
+    acceleration: Floats | None = None
+    acceleration_reference: Floats | None = None
+    load: Floats | None = None
+    command_unit: str = "A"
+    constants: AxisConstants = field(default_factory=AxisConstants)
+
+    @property
+    def force_constant(self) -> float:
+        """Force for one unit of the command [N/A]; 1 where it is not listed."""
+        return self.constants.force_constant or 1.0
+
+    @property
+    def force_unit(self) -> str:
+        """Newton, or the command's unit where the force constant is not listed."""
+        return self.command_unit if self.constants.force_constant is None else "N"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """One stretch of a recording on a uniform grid of T samples.
+
+    Parameters
+    ----------
+    name : str
+        Of the raw file; " (part 2)" is added where a gap in time cuts it into parts.
+    trained : bool
+        Whether the drives are fitted on it.
+    period : float
+        Sampling period [s].
+    air : ndarray of bool, shape (T,)
+        Recorded samples, not interpolated ones, that are free of cutting load.
+    axes : mapping of str to AxisRecord
+        Axes that it shows, by letter.
+    lacking : mapping of str to str
+        Axes that it does not show, with reason and remedy.
+    motor : mapping of str to ndarray, shape (T,)
+        Of a motor's recording: ``u_d``, ``u_q`` [V], ``i_d``, ``i_q`` [A], ``speed`` [rad/s] and,
+        where recorded, ``torque`` [N m].
+    notes : tuple of str
+        Changes to its rows.
+    sha256 : str
+        Of the raw file.
+    """
+
+    name: str
+    trained: bool
+    period: float = inf
+    air: Bools = field(default_factory=lambda: np.zeros(0, bool))
+    axes: Mapping[str, AxisRecord] = field(default_factory=dict)
+    lacking: Mapping[str, str] = field(default_factory=dict)
+    motor: Mapping[str, Floats] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    sha256: str = ""
+
+    @property
+    def file(self) -> str:
+        """Name of the raw file below the machine's folder."""
+        return self.name.partition(" (part ")[0]
+
+    @property
+    def samples(self) -> int:
+        """T."""
+        return len(self.air)
+
+    @property
+    def seconds(self) -> float:
+        """Duration [s]."""
+        return self.period * self.samples if self.samples else 0.0
+
+
+MOTION = (
+    "reference", "position", "velocity_reference", "velocity", "acceleration_reference",
+    "acceleration",
+)  # fmt: skip
+"""Channels that some recording must hold where they are named; a load may be missing."""
+
+
+def check_channels(records: DriveRecords, recordings: Sequence[Recording]) -> None:
+    """Check that some recording of an axis holds each channel that ``records`` names for it.
+
+    Raises
+    ------
+    ValueError
+        When none does: a misspelt name would be a channel that is derived, or a missing servo.
+    """
+    for letter, channels in records.axes.items():
+        shown = [one.axes[letter] for one in recordings if letter in one.axes]
+        for key in MOTION:
+            name = getattr(channels, key)
+            if name and shown and all(getattr(one, key) is None for one in shown):
+                raise ValueError(
+                    f"drive_records.axes.{letter}.{key} names the channel {name!r}, of which no "
+                    "recording holds a value: correct the name or leave it out"
+                )

@@ -1,0 +1,347 @@
+"""Feed drives as a sub-model: cases are recordings of the servo, judged by force and position."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.schema.drive import (
+    COMMAND,
+    FOLLOWING,
+    FORCE,
+    LAG,
+    LEVEL,
+    MOTOR,
+    SPEED,
+    DriveModel,
+    TrainingRecording,
+)
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.model import LeftOut, SourceFile
+from pipeline.schema.ranges import Positive, Ranged
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
+from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.drive.comparison import (
+    LEAST,
+    AxisComparison,
+    axis_comparison,
+)
+from pipeline.submodels.drive.model import (
+    axis_parameters,
+    identify_drives,
+    left_out,
+    motor_parameters,
+    stored_axis,
+    stored_motor,
+)
+from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
+from pipeline.submodels.drive.reading import read_recordings
+from pipeline.submodels.drive.records import AxisRecord, DriveRecords, Recording
+from pipeline.twin.drive import IdentifiedDrive, identified_drives
+from pipeline.twin.drive_population import simulate_traces
+from pipeline.twin.program_axes import between
+
+SHOWN = 4000
+"""Greatest number of rows of a quantity that is only shown [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveLimits(Ranged, section="drive_limits"):
+    """Limits on every recording that the drives were not identified from.
+
+    Parameters
+    ----------
+    force_percent : float
+        On the error of the force over the measured force [%].
+    following_percent : float
+        On the error of the following error, RMS over its RMS and maximum over its maximum [%].
+    """
+
+    force_percent: Positive = 15.0
+    following_percent: Positive = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """Sections of params.yaml that the identification reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    drive: DrivePrior
+    drive_records: DriveRecords
+    drive_fit: DriveFitSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judging:
+    """Sections of params.yaml that the judgement reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    drive: DrivePrior
+    drive_records: DriveRecords
+    drive_limits: DriveLimits
+
+
+class Drive(SubModel[Fitting, Judging, DriveModel]):
+    """Force and following error of each feed axis."""
+
+    name: ClassVar[str] = "drive"
+    title: ClassVar[str] = "feed drives"
+    needs: ClassVar[str] = (
+        "commanded position, measured position and current of each axis at 1 kHz while it goes "
+        "back and forth in air at several speeds"
+    )
+    reads: ClassVar[tuple[str, ...]] = ("signals",)
+    model: ClassVar[type] = DriveModel
+    fitting: ClassVar[type] = Fitting
+    judging: ClassVar[type] = Judging
+    inputs: ClassVar[tuple[Input, ...]] = (
+        Input(name="reference", unit="m"),
+        Input(name="position", unit="m", older_than_s=0.0),
+        Input(name="load", unit="N", older_than_s=0.0),
+    )
+
+    def targets(self, settings: Judging, model: DriveModel) -> tuple[Target, ...]:
+        """Force and following error of each axis."""
+        limits = settings.drive_limits
+        share = limits.following_percent
+        return tuple(
+            target
+            for letter, axis in model.axes.items()
+            for target in (
+                Target(
+                    quantity=f"{FORCE} {letter}", unit=axis.force_unit, baselines=(LEVEL,),
+                    limits={"relative_percent": limits.force_percent},
+                ),
+                Target(
+                    quantity=f"{FOLLOWING} {letter}", unit="um", baselines=(LAG,),
+                    limits={"relative_percent": share, "max_percent": share},
+                ),
+            )
+        )  # fmt: skip
+
+    def cases(
+        self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
+    ) -> Cases:
+        """Recordings of the servo and of a motor; one for each stretch without a gap in time."""
+        if records.signals is None:
+            raise ValueError("recordings of the servo stand in the signals: name them in reads")
+
+        def role(file: str) -> Role:
+            return role_of([file], settings.roles, sets)
+
+        cases, others = [], []
+        for one in read_recordings(
+            records.signals, settings.drive_records, settings.drive, lambda f: role(f) == "training"
+        ):
+            if not (one.axes or one.motor or one.trained):
+                reasons = "; ".join(sorted(set(one.lacking.values())))
+                others.append(LeftOut(case=one.name, reason=reasons))
+                continue
+            of_file = role(one.file)
+            # nothing is predicted of a motor: unless it is frozen, its recording serves the fit
+            if one.motor and of_file == "held_out":
+                of_file = "training"
+            cases.append(drive_case(one, of_file))
+        return Cases(cases=tuple(cases), left_out=tuple(others))
+
+    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> DriveModel:
+        """Mechanics, servo and mass over time of each axis, and the motor."""
+        training = cases.of("training")
+        recordings: list[Recording] = [case.load() for case in training]
+        found = identify_drives(
+            recordings, settings.drive_records, settings.drive, settings.drive_fit
+        )
+        axes = {letter: stored_axis(letter, found, recordings) for letter in found.feed_drives}
+        parameters = {letter: axis_parameters(letter, found) for letter in axes}
+        if found.motor is not None:
+            parameters[MOTOR] = motor_parameters(found.motor)
+        used = [c for c, one in zip(training, recordings, strict=True) if one.axes or one.motor]
+        return DriveModel(
+            submodel=self.name,
+            machine=settings.identity.name,
+            origin=settings.identity.origin,
+            parameters=parameters,
+            trained_on=tuple(case.training for case in used),
+            left_out=(*left_out(found, recordings), *cases.left_out),
+            # on its way to its highest speed an axis passes all below
+            conditions={name: replace(c, low=0.0) for name, c in conditions_of(used).items()},
+            axes=axes,
+            motor=None if found.motor is None else stored_motor(found.motor, found.motor_axis),
+            recordings=tuple(
+                TrainingRecording(
+                    recording=one.name, seconds=round(one.seconds, 3), notes=one.notes
+                )
+                for one in recordings
+                if one.axes
+            ),
+            substeps=settings.drive_fit.substeps,
+        )
+
+    def load(self, folder: Path, settings: Judging) -> Predictor:
+        """Predictor of recordings."""
+        model = read_json(folder / "model.json", DriveModel)
+        drives = identified_drives(model)
+        return lambda case: _predicted(case.load(), model, drives)
+
+    def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
+        """Following error [um], command and force of each axis from its commanded position.
+
+        The table has ``t`` [s], evenly spaced, and ``<axis>_reference`` [m] for each axis of
+        interest, which is at rest in the first row.
+        """
+        model = read_json(folder / "model.json", DriveModel)
+        drives = identified_drives(model)
+
+        def predict(table: pd.DataFrame) -> pd.DataFrame:
+            if "t" not in table.columns or len(table) < 2:
+                raise ValueError(
+                    "the input has no column t of two rows or more: give it in seconds"
+                )
+            period = float(np.diff(table["t"].to_numpy(float)).mean())
+            found = {"t": table["t"].to_numpy(float)}
+            for letter, drive in drives.items():
+                name = f"{letter}_reference"
+                if name not in table.columns or drive.servo is None:
+                    continue
+                reference = table[name].to_numpy(float)
+                trace = simulate_traces(
+                    between(reference, model.substeps), period / model.substeps,
+                    drive_row(drive.servo, drive.feed_drive)[np.newaxis],
+                )  # fmt: skip
+                position = trace.position[0, :: model.substeps]
+                found[f"{letter}_following_error"] = 1e6 * (reference - position)
+                command = trace.command[0, :: model.substeps]
+                found[f"{letter}_command"] = command
+                found[f"{letter}_force"] = drive.feed_drive.force_constant * command
+            return pd.DataFrame(found)
+
+        return predict
+
+    def example(self, folder: Path) -> pd.DataFrame:
+        """A tenth of a second of slow feed of each axis."""
+        model = read_json(folder / "model.json", DriveModel)
+        t = 1e-3 * np.arange(100)
+        return pd.DataFrame({"t": t, **{f"{letter}_reference": 0.01 * t for letter in model.axes}})
+
+    def page(self, shown: Shown[DriveModel]) -> Any:
+        """Friction, mass and parameters of each axis; recordings against the twin."""
+        from pipeline.submodels.drive.page import drive_page
+
+        return drive_page(shown)
+
+
+def drive_case(recording: Recording, role: Role) -> Case:
+    """A recording as a case; of a sealed one nothing is said but its name and hash."""
+    return Case(
+        name=recording.name, group=recording.name, role=role, load=lambda: recording,
+        files=(SourceFile(file=recording.file, sha256=recording.sha256),),
+        conditions={} if role == "sealed" else _conditions(recording),
+    )  # fmt: skip
+
+
+def _conditions(recording: Recording) -> dict[str, Fact]:
+    """Highest speed of each axis, to three significant digits."""
+    return {
+        f"highest speed {letter}": Fact(
+            value=float(f"{1e3 * float(np.abs(speed).max()):.3g}"), unit="mm/s"
+        )
+        for letter, axis in recording.axes.items()
+        if (speed := _speed(axis, recording.period)) is not None
+    }
+
+
+def _speed(axis: AxisRecord, period: float) -> Any:
+    """Recorded speed [m/s], else the derivative of the position; shape (T,)."""
+    if axis.velocity is None and axis.position is not None:
+        return np.gradient(axis.position, period)
+    return axis.velocity
+
+
+def _predicted(
+    recording: Recording, model: DriveModel, drives: dict[str, IdentifiedDrive]
+) -> Prediction:
+    """Force and following error of every axis that a recording shows."""
+    frames: list[pd.DataFrame] = []
+    facts: dict[str, Fact] = {"length": Fact(value=round(recording.seconds, 3), unit="s")}
+    notes: dict[str, list[str]] = {}
+    for letter, drive in drives.items():
+        if letter not in recording.axes:
+            continue
+        found = axis_comparison(recording, letter, drive, model.substeps)
+        frames += _frames(recording, letter, found, model)
+        facts |= _facts(letter, found, model)
+        for why in _reasons(found):
+            notes.setdefault(why, []).append(letter)
+    if not frames:
+        why = "it shows a motor, no axis" if recording.motor else "it shows no identified axis"
+        return Prediction(frame=pd.DataFrame(), facts=facts, note=why)
+    note = "; ".join(f"{' and '.join(letters)}: {why}" for why, letters in notes.items())
+    return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts, note=note)
+
+
+def _reasons(found: AxisComparison) -> Iterator[str]:
+    if found.force.seconds < LEAST:
+        yield f"the axis moves in air for less than {LEAST:g} s"
+    if isinstance(found.following, str):
+        yield found.following
+
+
+def _frames(
+    recording: Recording, letter: str, found: AxisComparison, model: DriveModel
+) -> Iterator[pd.DataFrame]:
+    """Rows of one axis: force and following error are scored, command and speed shown."""
+    axis, force, following = model.axes[letter], found.force, found.following
+    record = recording.axes[letter]
+    enough = force.seconds >= LEAST
+    yield pd.DataFrame({
+        "quantity": f"{FORCE} {letter}", "unit": axis.force_unit, "t": force.time,
+        "measured": force.measured, "predicted": force.modelled, "scored": enough,
+        f"baseline_{LEVEL}": axis.constant_level * force.direction,
+    })  # fmt: skip
+    if isinstance(following, str):
+        return
+    t = np.arange(recording.samples) * recording.period
+    yield pd.DataFrame({
+        "quantity": f"{FOLLOWING} {letter}", "unit": "um", "t": t,
+        "measured": 1e6 * following.measured, "predicted": 1e6 * following.modelled,
+        "scored": enough, f"baseline_{LAG}": 1e6 * following.guessed,
+    })  # fmt: skip
+    rows = np.unique(np.linspace(0, recording.samples - 1, SHOWN).astype(int))
+    yield pd.DataFrame({
+        "quantity": f"{COMMAND} {letter}", "unit": axis.command_unit, "t": t[rows],
+        "measured": record.command[rows], "predicted": following.command[rows], "scored": False,
+    })  # fmt: skip
+    speed = _speed(record, recording.period)
+    if speed is not None:
+        yield pd.DataFrame({
+            "quantity": f"{SPEED} {letter}", "unit": "mm/s", "t": t[rows],
+            "measured": 1e3 * speed[rows], "predicted": np.nan, "scored": False,
+        })  # fmt: skip
+
+
+def _facts(letter: str, found: AxisComparison, model: DriveModel) -> dict[str, Fact]:
+    """Mean forces against motion, by which friction is judged, and the factor of a load."""
+    force, unit = found.force, model.axes[letter].force_unit
+    facts = {}
+    if force.seconds >= LEAST:
+        for name, values in (("measured", force.measured), ("modelled", force.modelled)):
+            mean = float(f"{float(np.mean(values * force.direction)):.4g}")
+            facts[f"mean force {letter} {name}"] = Fact(value=mean, unit=unit)
+    if found.factor is not None:
+        facts[f"load factor {letter}"] = Fact(value=float(f"{found.factor.value:.4g}"), unit="1")
+        if np.isfinite(found.factor.half_width):
+            half = float(f"{found.factor.half_width:.4g}")
+            facts[f"load factor {letter}, half width"] = Fact(value=half, unit="1")
+    return facts
+
+
+SUBMODEL = Drive()
