@@ -17,7 +17,7 @@ from pipeline.charts.numbers import between, number, powers, resolved, unit_word
 from pipeline.charts.sections import Block, Figure, Figures, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Head, Table, cells, left_out, names, numbers
-from pipeline.schema.model import Correlation, Model, Parameter
+from pipeline.schema.model import Correlation, Model, Parameter, Training
 from pipeline.schema.verdict import Role, Score, Verdict
 
 if TYPE_CHECKING:
@@ -205,6 +205,24 @@ def training_table(model: Model, made: Sequence[Source]) -> Table | None:
         caption=f"Files that it was fitted on ({number(used)}), and records left out "
         f"({number(len(rows) - used)}){left_out(len(rows), MOST_ROWS)}",
         heads=names("Case", "use", "file, or why not", "sha256"),
+        rows=rows[:MOST_ROWS],
+        sources=list(made),
+        folded=True,
+    )
+
+
+def files_table(trained_on: Sequence[Training], what: str, made: Sequence[Source]) -> Table | None:
+    """Raw files by hash that a model was fitted on; ``what`` is the model with its verb."""
+    files = {one.file: one.sha256 for case in trained_on for one in case.files}
+    if not files:
+        return None
+    rows = [
+        cells(Cell(text=file, code=True), Cell(text=sha256, code=True))
+        for file, sha256 in sorted(files.items())
+    ]
+    return Table(
+        caption=f"Files that {what} fitted on{left_out(len(rows), MOST_ROWS)}",
+        heads=names("File", "sha256"),
         rows=rows[:MOST_ROWS],
         sources=list(made),
         folded=True,

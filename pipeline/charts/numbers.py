@@ -1,6 +1,7 @@
 """Numbers, times and units as a person reads them: sensible digits, always a unit, UTC."""
 
 import math
+from collections.abc import Sequence
 from datetime import UTC, date, datetime
 from typing import Any
 
@@ -196,3 +197,8 @@ def day_list(days: list[str], most: int = 4) -> str:
 def counted(count: int, one: str, many: str | None = None) -> str:
     """A count with its noun: ``1 file``, ``2 files``."""
     return f"{number(count)} {one if count == 1 else many or one + 's'}"
+
+
+def joined(words: Sequence[str]) -> str:
+    """Words as a list that is read aloud: ``X, Y and Z``."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -11,6 +11,7 @@ import typer
 from pipeline.cli.kerf import app
 from pipeline.cli.options import (
     Material,
+    Model,
     Program,
     Resolution,
     Responses,
@@ -79,6 +80,7 @@ def optimise(
     resolution: Resolution = None,
     work_offset: WorkOffset = None,
     frf: Responses = None,
+    model: Model = "champion",
     limits: dict[str, Any],
     epsilon: Annotated[
         float | None, _limit("P(load > limit) at most; 0.01 by default, 0.5 takes nominal values.")
@@ -122,6 +124,7 @@ def optimise(
                 resolution=resolution, work_offset=work_offset, frf=frf,
             ),
             limits=limits_given(limits),
+            model=model,
             search=SearchOptions(
                 epsilon=epsilon, seed=seed, split=split, speeds=speeds,
                 proof_comment=proof_comment,

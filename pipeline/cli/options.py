@@ -32,3 +32,6 @@ Responses = Annotated[
     list[str] | None,
     typer.Option(help="Frequency response at the tools' tips: x=TIP.csv, y=TIP.csv or a UFF."),
 ]
+Model = Annotated[
+    str, typer.Option(help="Whose sub-models: champion, or latest, which is the exception.")
+]

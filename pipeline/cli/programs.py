@@ -9,6 +9,7 @@ from pipeline.cli.kerf import app
 from pipeline.cli.options import (
     Load,
     Material,
+    Model,
     Program,
     Resolution,
     Responses,
@@ -60,6 +61,7 @@ def simulate(
     work_offset: WorkOffset = None,
     frf: Responses = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
+    model: Model = "champion",
 ) -> None:
     """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
 
@@ -83,7 +85,7 @@ def simulate(
         )  # fmt: skip
         check_outputs(program, json, out, page, inputs=options.files if options else ())
         with share_bar("planning") as share:
-            simulated = simulate_program(program, machine, unit, share)
+            simulated = simulate_program(program, machine, unit, share, model)
         document = simulated_document(simulated, program.stem, machine)
         if options is not None:
             document["cut"] = cut_document(simulated, machine, options)

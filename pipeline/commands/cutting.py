@@ -1,6 +1,5 @@
 """What a program's cut takes, by hand: blank, tools and material in; loads, stability, cost out."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,14 +7,14 @@ from typing import Any, TypeVar
 
 import yaml
 
-from pipeline.commands.fleet import CONF, DATA
+from pipeline.commands.fleet import CONF
 from pipeline.commands.programs import Controlled, Simulated
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import TipDynamics, TipModes, rigid_directions
 from pipeline.cutting.tool import ToolTable
-from pipeline.optimisation.job import Workshop, cut_of
+from pipeline.optimisation.job import Workshop, cut_of, machine_models
 from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit
@@ -137,7 +136,7 @@ def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, 
         When blank, tools or material are not known.
     """
     part = part_of(options, CutLimit(load_N=options.limit_load), "time")
-    known = model_document(machine, "cutting.json") or {}
+    known = machine_models(on.models, on.control).cutting
     return cut_of(part, workshop_of(on, machine, options), known, on.setup)
 
 
@@ -271,26 +270,6 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
         return TipDynamics(source=f"measured, {names}, taken for every tool", every=whole)
     modes = section(sections, "dynamics", TipModes)
     return None if modes is None else TipDynamics.of_modes(modes)
-
-
-def model_document(machine: str, name: str) -> dict[str, Any] | None:
-    """The JSON ``name`` that was identified of a machine; None where there is none.
-
-    Raises
-    ------
-    ValueError
-        When it is broken.
-    """
-    path = DATA / "models" / machine / name
-    if not path.exists():
-        return None
-    try:
-        found = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no JSON: run `dvc repro` to identify it again") from error
-    if not isinstance(found, dict):
-        raise ValueError(f"{path} holds no identified forces: run `dvc repro` to write it again")
-    return found
 
 
 def write_page(document: dict[str, Any], page: Path, source: Path | None) -> None:

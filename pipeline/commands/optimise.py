@@ -13,13 +13,12 @@ from pipeline.commands.cutting import (
     REMEDY,
     CutOptions,
     cut_options,
-    model_document,
     part_of,
     section,
     workshop_of,
 )
-from pipeline.commands.fleet import DATA
 from pipeline.commands.programs import (
+    CHAMPION,
     Controlled,
     machine_control,
     program_at,
@@ -28,13 +27,12 @@ from pipeline.commands.programs import (
 )
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import Job, MachineModels, Progress, part_job
+from pipeline.optimisation.job import Job, Progress, machine_models, part_job
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective, OptimisedPart, part_values
-from pipeline.twin.drive import read_drives
 
 OPTION = {
     "certainty.epsilon": "--epsilon",
@@ -186,6 +184,7 @@ class PartRequest:
     objective: Objective
     limits: CutLimit
     search: SearchOptions
+    model: str = CHAMPION
 
 
 def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, OptimisedPart]:
@@ -199,7 +198,7 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
     KeyboardInterrupt
         When it was ended before anything kept the limits.
     """
-    on = machine_control(request.machine, request.unit)
+    on = machine_control(request.machine, request.unit, request.model)
     job = _job(request, on, request.search.settings(on.parameters))
     with _named_as_options():
         result = optimise(job, progress)
@@ -209,13 +208,7 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
 
 def _job(request: PartRequest, on: Controlled, settings: OptimisationSettings) -> Job:
     program = program_at(request.program)
-    drives = DATA / "models" / request.machine / "drive" / "model.json"
-    models = MachineModels(
-        control=on.control,
-        drives=read_drives(drives) if drives.exists() else {},
-        cutting=model_document(request.machine, "cutting.json"),
-        judged=model_document(request.machine, "cutting_validation.json"),
-    )
+    models = machine_models(on.models, on.control)
     return part_job(
         program,
         part_of(request.cut, request.limits, request.objective),

@@ -17,6 +17,8 @@ from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.drive import read_drives
 from pipeline.twin.program import planned_program
@@ -36,11 +38,30 @@ __all__ = [
 Share = Callable[[float], None]
 
 
+CHAMPION, LATEST = "champion", "latest"
+"""Whose sub-models a command uses."""
+USED = ("control", "drive", "cutting")
+"""Sub-models that programs are simulated and optimised with."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Controlled:
     """A machine with its control: identified, or as in conf/machine/.
 
-    ``parameters`` are all that conf/ composes to with this machine.
+    Parameters
+    ----------
+    control : ControlParameters
+        Of the unit.
+    identified : bool
+        Whether it was identified.
+    origin : str
+        Of the machine's records.
+    setup : Setup
+        Of the machine.
+    parameters : dict
+        All that conf/ composes to with this machine.
+    models : Path
+        Folder of the sub-models that are used: the champion's, or the latest ones.
     """
 
     control: ControlParameters
@@ -48,11 +69,22 @@ class Controlled:
     origin: str
     setup: Setup
     parameters: dict[str, Any]
+    models: Path
 
     @property
     def source(self) -> str:
         """Where the control is from, as documents say it."""
         return "identified" if self.identified else "conf/machine"
+
+    @property
+    def unproven(self) -> dict[str, str]:
+        """Sub-models that are used and did not pass their judgement, with their status."""
+        found: dict[str, str] = {}
+        for name in USED:
+            path = self.models / name / "verdict.json"
+            if path.exists() and (status := read_json(path, Verdict).status) != "passed":
+                found[name] = status
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,10 +171,29 @@ def moves_table(moves: Moves) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def simulate_program(path: Path, machine: str, unit: str | None, share: Share) -> Simulated:
+def model_folder(machine: str, model: str = CHAMPION) -> Path:
+    """Folder of the sub-models of a machine that a command uses.
+
+    Raises
+    ------
+    ValueError
+        When ``model`` is neither ``champion`` nor ``latest``, or the latest ones are not there.
+    """
+    if model == CHAMPION:
+        return DATA / "champion" / machine
+    if model != LATEST:
+        raise ValueError(f"--model {model} is neither champion nor latest: name one of them")
+    if not (DATA / "models" / machine).is_dir():
+        raise ValueError(f"data/models/{machine} does not exist: run `dvc repro` to identify it")
+    return DATA / "models" / machine
+
+
+def simulate_program(
+    path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION
+) -> Simulated:
     """What the control of ``machine`` makes of the program at ``path``.
 
-    An identified control (``data/models/<machine>/control.json``) goes before conf/machine/.
+    The champion's control (``data/champion/<machine>/control/``) goes before conf/machine/.
 
     Parameters
     ----------
@@ -154,18 +205,20 @@ def simulate_program(path: Path, machine: str, unit: str | None, share: Share) -
         Which of several machines of a kind; its default one when None.
     share : callable
         Told how much is done.
+    model : {"champion", "latest"}
+        Whose sub-models are used.
 
     Raises
     ------
     ValueError
         When machine, control or unit is not known, or the program cannot be followed.
     """
-    on = machine_control(machine, unit)
+    on = machine_control(machine, unit, model)
     plan = planned_program(read_moves(path, on.setup, share), on.control)
-    return Simulated(plan=plan, axes=axes_table(plan, machine), on=on)
+    return Simulated(plan=plan, axes=axes_table(plan, on.models), on=on)
 
 
-def machine_control(machine: str, unit: str | None) -> Controlled:
+def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
     """The machine with its control, as :func:`simulate_program` takes it.
 
     Raises
@@ -175,14 +228,15 @@ def machine_control(machine: str, unit: str | None) -> Controlled:
     """
     parameters = machine_parameters(machine)
     sections = parameters["machine"][machine]
-    control, identified = _control(machine, sections, unit)
+    folder = model_folder(machine, model)
+    control, identified = _control(machine, sections, unit, folder)
     return Controlled(
         control=control, identified=identified, setup=_setup(sections), parameters=parameters,
-        origin=str(sections["identity"].get("origin", "recorded")),
+        origin=str(sections["identity"].get("origin", "recorded")), models=folder,
     )  # fmt: skip
 
 
-def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
+def axes_table(plan: Plan, models: Path) -> list[dict[str, Any]]:
     """Following error [um] and command of each axis whose drive was identified, in air.
 
     Raises
@@ -192,7 +246,7 @@ def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
     """
     from pipeline.twin.program_axes import follow_program
 
-    found = DATA / "models" / machine / "drive" / "model.json"
+    found = models / "drive/model.json"
     if not found.exists():
         return []
     drives, lines = read_drives(found), plan.path.moves.line
@@ -216,9 +270,9 @@ def axes_table(plan: Plan, machine: str) -> list[dict[str, Any]]:
 
 
 def _control(
-    machine: str, sections: dict[str, Any], unit: str | None
+    machine: str, sections: dict[str, Any], unit: str | None, models: Path
 ) -> tuple[ControlParameters, bool]:
-    found = DATA / "models" / machine / "control" / "model.json"
+    found = models / "control/model.json"
     records = sections.get("control_records", {})
     units = records.get("units", {})
     if unit is not None and not units:
@@ -242,6 +296,8 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
         "machine": machine,
         "origin": simulated.on.origin,
         "control": simulated.on.source,
+        "models": simulated.on.models.as_posix(),
+        "unproven": simulated.on.unproven,
         "axes": simulated.axes,
         "blocks": blocks(simulated.plan),
     }
@@ -254,6 +310,10 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     source = "identified" if document["control"] == "identified" else told
     label = f" ({document['origin']})" if document["origin"] == "simulated" else ""
     yield f"{program.name} on {machine}{label}, control {source}"
+    if "/champion/" not in document["models"]:
+        yield f"with {document['models']}, not with the champion"
+    for name, status in document["unproven"].items():
+        yield f"{name} {status}: what rests on it is not proven"
     yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
     for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
         for name, seconds in table.items():

@@ -1,10 +1,9 @@
 """Job of an optimisation: a part program, its cut, and the models of its machine."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
@@ -16,9 +15,11 @@ from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
+from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
-from pipeline.twin.control import control_of_unit, read_controls
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_coefficients import (
     identified_coefficients,
@@ -57,8 +58,8 @@ class Job:
         Reliability, grouping, search.
     drives : mapping of str to IdentifiedDrive
         By axis; empty where none were identified.
-    identified, judged : dict or None
-        ``cutting.json`` and ``cutting_validation.json`` of the machine, where there are any.
+    identified, judged : CuttingModel or None, Verdict or None
+        Of the machine's cut, where there are any.
     """
 
     program: Program = field(repr=False)
@@ -70,8 +71,8 @@ class Job:
     objective: Objective
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
-    identified: Mapping[str, Any] | None = field(default=None, repr=False)
-    judged: Mapping[str, Any] | None = field(default=None, repr=False)
+    identified: CuttingModel | None = field(default=None, repr=False)
+    judged: Verdict | None = field(default=None, repr=False)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -88,14 +89,14 @@ class MachineModels:
         Whose time counts.
     drives : mapping of str to IdentifiedDrive
         By axis.
-    cutting, judged : dict or None
-        ``cutting.json`` and ``cutting_validation.json``.
+    cutting, judged : CuttingModel or None, Verdict or None
+        The cut, and the verdict on it.
     """
 
     control: ControlParameters
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
-    cutting: dict[str, Any] | None = None
-    judged: dict[str, Any] | None = None
+    cutting: CuttingModel | None = None
+    judged: Verdict | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,33 +158,22 @@ class Catalogue:
         )
 
 
-def machine_models(folder: Path, unit: str) -> MachineModels:
-    """The models in ``data/models/<machine>``, with the control of ``unit``.
+def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
+    """Drives and cut in ``data/champion/<machine>``, as far as there are, with a control.
 
     Raises
     ------
-    ValueError
-        When there is no control, or a file is of another form.
+    StoreError
+        When a file is broken or of another form.
     """
-    drives = folder / "drive" / "model.json"
+    drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
+    verdict = cutting.with_name("verdict.json")
     return MachineModels(
-        control=control_of_unit(read_controls(folder / "control" / "model.json"), unit),
+        control=control,
         drives=read_drives(drives) if drives.exists() else {},
-        cutting=_document(folder / "cutting.json"),
-        judged=_document(folder / "cutting_validation.json"),
+        cutting=read_json(cutting, CuttingModel) if cutting.exists() else None,
+        judged=read_json(verdict, Verdict) if verdict.exists() else None,
     )
-
-
-def _document(path: Path) -> dict[str, Any] | None:
-    if not path.exists():
-        return None
-    try:
-        document = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no JSON: run `dvc repro` to write it again") from error
-    if not isinstance(document, dict):
-        raise ValueError(f"{path} holds no object: run `dvc repro` to write it again")
-    return document
 
 
 def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
@@ -225,7 +215,7 @@ def part_job(
     ValueError
         When the blank is none.
     """
-    cut, basis = cut_of(part, workshop, models.cutting or {}, setup)
+    cut, basis = cut_of(part, workshop, models.cutting, setup)
     return Job(
         program=program, setup=setup, control=models.control, cut=cut, basis=basis,
         limits=part.limits, objective=part.objective, settings=settings, drives=models.drives,
@@ -234,7 +224,7 @@ def part_job(
 
 
 def cut_of(
-    part: Part, workshop: Workshop, cutting: Mapping[str, Any], setup: Setup
+    part: Part, workshop: Workshop, cutting: CuttingModel | None, setup: Setup
 ) -> tuple[CutJob, CutBasis]:
     """Cut of a part, and the prices, laws and limits that it is evaluated by.
 
@@ -244,8 +234,8 @@ def cut_of(
         Blank, resolution, load limit.
     workshop : Workshop
         Tools, material, prices, spindle.
-    cutting : mapping
-        The ``cutting.json`` of the machine; empty without one.
+    cutting : CuttingModel or None
+        Identified of the machine.
     setup : Setup
         Of the machine.
 
@@ -273,9 +263,9 @@ def cut_of(
 
 
 def spindle_drive(
-    drive: SpindleDrive | None, source: str, cutting: Mapping[str, Any]
+    drive: SpindleDrive | None, source: str, cutting: CuttingModel | None
 ) -> tuple[SpindleDrive | None, str]:
-    """The drive, with the no-load power of a ``cutting.json`` where one was identified.
+    """The drive, with the no-load power that was identified of the machine, if any.
 
     Returns
     -------

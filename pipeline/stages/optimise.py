@@ -17,7 +17,7 @@ from pipeline.optimisation.job import Catalogue, machine_models, part_job, part_
 from pipeline.optimisation.optimise import optimise as optimised
 from pipeline.optimisation.settings import OptimisationSettings, Parts
 from pipeline.signals.ingest import MachineIdentity
-from pipeline.twin.control import ControlRecords
+from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
 
 
 def optimise(
@@ -36,7 +36,8 @@ def optimise(
     optimisation: OptimisationSettings,
 ) -> None:
     """Optimise the parts of a machine with its ``models``; programs and documents, and metrics."""
-    known = machine_models(models, control_records.default_unit)
+    controls = read_controls(models / "control/model.json")
+    known = machine_models(models, control_of_unit(controls, control_records.default_unit))
     catalogue = Catalogue(tools=tool, materials=material, rates=cost)
     written_parts = {}
     for part in parts.programs:

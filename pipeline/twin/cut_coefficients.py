@@ -7,8 +7,10 @@ from typing import Any
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
+from pipeline.schema.cutting import CuttingModel
 
 CATALOGUE = "catalogue values of k_c1.1 scatter by 20 to 30 %"
+NO_LOAD = ("p0", "p1", "p2")
 COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
 ALIKE = 0.01
 """Relative difference of diameters up to which tools count as alike [1]."""
@@ -29,55 +31,41 @@ class ToolCoefficients:
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedCoefficients:
-    """Force law of a cutting.json, with material and tool (keys of :class:`Tool`) of its fit."""
+    """Force law of an identified cut, with material and tool (keys of :class:`Tool`) of its fit."""
 
     law: ForceLaw
     material: str
     tool: Mapping[str, Any]
 
 
-def identified_coefficients(document: Mapping[str, Any]) -> IdentifiedCoefficients | None:
-    """The law of a cutting.json; None where the tangential coefficient was not determined.
+def identified_coefficients(model: CuttingModel | None) -> IdentifiedCoefficients | None:
+    """The law of an identified cut; None where the tangential coefficient was not determined.
 
     A coefficient that the records do not determine counts as none.
     """
-    section = document.get("parameters")
-    parameters = section if isinstance(section, dict) else {}
-    values = {name: _value(parameters.get(name)) for name in COEFFICIENTS}
-    tool = document.get("tool")
-    if values["K_tc"] is None:
+    found = {} if model is None else model.coefficients
+    values = {
+        name: p.value if (p := found.get(name)) is not None and p.determined else None
+        for name in COEFFICIENTS
+    }
+    if model is None or values["K_tc"] is None:
         return None
     return IdentifiedCoefficients(
         law=ForceLaw.linear(**{name: value or 0.0 for name, value in values.items()}),
-        material=str(document.get("material", "")),
-        tool=tool if isinstance(tool, dict) else {},
+        material=model.material,
+        tool=model.tool,
     )
 
 
-def _value(parameter: Any) -> float | None:
-    value = parameter.get("value") if isinstance(parameter, dict) else None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if parameter.get("determined", True) else None
-
-
-def identified_no_load(document: Mapping[str, Any]) -> tuple[float, ...] | None:
-    """Coefficients of the spindle's no-load power P_0(n) in a cutting.json [W, W s, W s^2].
+def identified_no_load(model: CuttingModel | None) -> tuple[float, ...] | None:
+    """Coefficients of the spindle's no-load power P_0(n) of an identified cut [W, W s, W s^2].
 
     None where one has no value.
     """
-    spindle = document.get("spindle")
-    idle = spindle.get("no_load") if isinstance(spindle, dict) else None
-    listed = idle.get("coefficients") if isinstance(idle, dict) else None
-    if not isinstance(listed, dict) or not listed:
-        return None
-    values = []
-    for name in sorted(listed):
-        value = listed[name].get("value") if isinstance(listed[name], dict) else None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            return None
-        values.append(float(value))
-    return tuple(values)
+    found = {} if model is None else model.spindle_parameters
+    values = [found[name].value if name in found else None for name in NO_LOAD]
+    known = [value for value in values if value is not None]
+    return tuple(known) if len(known) == len(NO_LOAD) else None
 
 
 def tool_coefficients(

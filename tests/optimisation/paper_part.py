@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pipeline.identification.cutting.document import cutting_document
 from threadpoolctl import threadpool_limits
 
 from pipeline.cutting.economics.cost import CostRates
@@ -21,11 +22,6 @@ from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
-from pipeline.identification.cutting.document import cutting_document
-from pipeline.identification.cutting.identify import identify_cut
-from pipeline.identification.cutting.known import CuttingKnown
-from pipeline.identification.cutting.records import CuttingRecords, read_recordings
-from pipeline.identification.cutting.settings import CuttingFitSettings
 from pipeline.machine.control.parameters import (
     AuxiliaryParameters,
     AxisParameters,
@@ -52,6 +48,9 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.submodels.cutting.identify import identify_cutting_force
+from pipeline.submodels.cutting.recordings import read_recordings
+from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
 from pipeline.twin.cut_document import CutBasis
@@ -173,7 +172,7 @@ def paper_knowledge(folder: Path) -> dict[str, Any]:
         "machine", MachineIdentity,
     )  # fmt: skip
     ingest(raw, signals, list(structure({"s": sources}, "s", tuple[RecordSource, ...])), identity)
-    known = CuttingKnown(tool=_table().tools[1], material=MATERIAL)
+    known = CuttingSetup(tool=_table().tools[1], material=MATERIAL)
     records = CuttingRecords(
         recordings="dynamometer/*.csv", name=conf["cutting_records"]["name"],
         training=("dynamometer/slot-n5000f150ap1.csv", "dynamometer/slot-n5000f400ap1.csv",
@@ -182,7 +181,7 @@ def paper_knowledge(folder: Path) -> dict[str, Any]:
     settings = CuttingFitSettings(compare=False)
     with threadpool_limits(1):  # small matrices: threads cost more than they save
         recordings = read_recordings(signals, records, known, settings)
-        found = identify_cut(recordings, known, settings)
+        found = identify_cutting_force(recordings, known, settings)
     return cutting_document(identity, known, found, settings, {})
 
 

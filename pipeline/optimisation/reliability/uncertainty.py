@@ -16,15 +16,10 @@ Runout belongs to a mounting.  A tool table speaks of the mounting that is to cu
 stands; which tooth stands out nobody knows.  What was identified is of the mounting that was
 recorded: the next one has its size, within its interval, at any angle, and an offset of its own of
 ``certainty.runout_um`` on top.  Without either there is that offset alone; its size is Rayleigh's.
-
-Documents of a fit come from files, so that nothing of their form is taken for granted: a key that
-is missing or of another form counts as not known.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
-from typing import Any
 
 import numpy as np
 
@@ -32,6 +27,8 @@ from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
 from pipeline.cutting.tool import UM, Tool
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import MAGNITUDE, CuttingModel
+from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
 
 NORMAL = 1.959963984540054
@@ -130,8 +127,8 @@ class Uncertainty:
 def uncertainty(
     laws: Mapping[int, ToolCoefficients],
     tools: Mapping[int, Tool],
-    cutting_document: Mapping[str, Any] | None,
-    validation_document: Mapping[str, Any] | None,
+    model: CuttingModel | None,
+    verdict: Verdict | None,
     settings: ReliabilitySettings,
 ) -> Uncertainty:
     """Distribution of the uncertain quantities of a part.
@@ -142,8 +139,10 @@ def uncertainty(
         Force law of each tool that cuts, by number, and where it is from.
     tools : mapping of int to Tool
         The tools.
-    cutting_document, validation_document : mapping, optional
-        Contents of cutting.json and cutting_validation.json of the machine.
+    model : CuttingModel or None
+        Identified of the machine.
+    verdict : Verdict or None
+        On it.
     settings : ReliabilitySettings
         Spread of what the documents do not hold.
 
@@ -152,27 +151,26 @@ def uncertainty(
     ValueError
         When a law has no tool.
     """
-    document = cutting_document or {}
     sources = tuple(sorted({one.source for one in laws.values() if one.kind != "identified"}))
     drawn_tools = {}
     for number, law in laws.items():
         if number not in tools:
             raise ValueError(f"uncertainty: T{number} has a force law and is no tool: add it")
         if law.kind == "identified":
-            drawn = _identified(law, document)
+            drawn = _identified(law, model)
         else:
             drawn = _taken_over(law, sources.index(law.source), settings)
-        drawn_tools[number] = _with_runout(drawn, tools[number], law.kind, document, settings)
-    model, model_source = model_spread(validation_document or {}, settings.model)
+        drawn_tools[number] = _with_runout(drawn, tools[number], law.kind, model, settings)
+    spread, spread_source = model_spread(verdict, settings.model)
     depth = Uncertain(
         what="axial depth", value="as in the blank", spread=f"{settings.depth_um:g} um",
         source="certainty.depth_um: tool length and blank, of each tool",
     )  # fmt: skip
     return Uncertainty(
-        tools=drawn_tools, sources=sources, depth=settings.depth_um * UM, model=model,
+        tools=drawn_tools, sources=sources, depth=settings.depth_um * UM, model=spread,
         described=(depth, Uncertain(
-            what="model's peak loads", value="1", spread=f"{100 * model:.2g} %",
-            source=model_source,
+            what="model's peak loads", value="1", spread=f"{100 * spread:.2g} %",
+            source=spread_source,
         )),
     )  # fmt: skip
 
@@ -199,13 +197,13 @@ def _taken_over(
     )  # fmt: skip
 
 
-def _identified(law: ToolCoefficients, document: Mapping[str, Any]) -> ToolUncertainty:
+def _identified(law: ToolCoefficients, model: CuttingModel | None) -> ToolUncertainty:
     """Coefficients that this machine's recordings say, with the covariance of the fit."""
     mean, spread = _values(law.law), np.zeros(6)
-    fitted = fitted_coefficients(document)
+    fitted = fitted_coefficients(model)
     described = []
     for k, name in enumerate(COEFFICIENTS):
-        value, half = interval(document, name)
+        value, half = interval(model, name)
         if value is not None and half is not None:
             spread[k], how = half / NORMAL * SCALES[k], law.source
         else:
@@ -218,12 +216,12 @@ def _identified(law: ToolCoefficients, document: Mapping[str, Any]) -> ToolUncer
             spread=f"{spread[k] / SCALES[k]:.3g} {unit}", source=how,
         ))  # fmt: skip
     determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(law.law)[k]]
-    own = spread[:, None] * root(correlation(document, determined))
+    own = spread[:, None] * root(correlation(model, determined))
     return ToolUncertainty(mean=mean, own=own, described=tuple(described))
 
 
 def _with_runout(
-    drawn: ToolUncertainty, tool: Tool, kind: str, document: Mapping[str, Any],
+    drawn: ToolUncertainty, tool: Tool, kind: str, model: CuttingModel | None,
     settings: ReliabilitySettings,
 ) -> ToolUncertainty:  # fmt: skip
     """The same with the runout of the tool."""
@@ -231,7 +229,7 @@ def _with_runout(
         return drawn
     value, half = None, None
     if kind == "identified":
-        value, half = interval(document, "runout", upper=True)
+        value, half = interval(model, "runout", upper=True)
     if tool.runout > 0:
         described = Uncertain(
             what="runout", value=f"{tool.runout_um:g} um", spread="at any angle",
@@ -258,45 +256,37 @@ def _with_runout(
 
 
 def interval(
-    document: Mapping[str, Any], name: str, *, upper: bool = False
+    model: CuttingModel | None, name: str, *, upper: bool = False
 ) -> tuple[float, float] | tuple[None, None]:
-    """Value and half of the 95 % interval of a parameter of cutting.json, in its unit.
+    """Value and half of the 95 % interval of a parameter of the cut's model, in its unit.
 
     None where it was not determined; ``upper`` takes the part of the interval above the value.
     """
-    parameter = _under(document, "parameters", name)
-    if not isinstance(parameter, dict) or not parameter.get("determined", True):
+    parameter = None if model is None else model.coefficients.get(name)
+    if parameter is None or not parameter.determined or parameter.interval_95 is None:
         return None, None
-    value, ends = _number(parameter.get("value")), parameter.get("interval_95")
-    if value is None or not isinstance(ends, list) or len(ends) != 2:
+    if parameter.value is None:
         return None, None
-    low, high = _number(ends[0]), _number(ends[1])
-    if low is None or high is None:
-        return None, None
-    return value, high - value if upper else (high - low) / 2
+    low, high = parameter.interval_95
+    return parameter.value, high - parameter.value if upper else (high - low) / 2
 
 
-def fitted_coefficients(document: Mapping[str, Any]) -> Floats:
+def fitted_coefficients(model: CuttingModel | None) -> Floats:
     """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
-    values = _under(document, "prediction", "values")
-    if not isinstance(values, list) or len(values) < len(COEFFICIENTS):
+    if model is None or model.prediction is None:
         return np.zeros(len(COEFFICIENTS))
-    numbers = [_number(value) for value in values[: len(COEFFICIENTS)]]
-    return np.array([0.0 if value is None else value for value in numbers])
+    return np.array(model.prediction.values[: len(COEFFICIENTS)])
 
 
-def correlation(document: Mapping[str, Any], determined: Sequence[str]) -> Floats:
-    """Of the six coefficients; only those of ``known`` are correlated.  Shape (6, 6)."""
+def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats:
+    """Of the six coefficients; only those of ``determined`` are correlated.  Shape (6, 6)."""
     correlations = np.eye(len(COEFFICIENTS))
-    names, matrix = (_under(document, "correlation", key) for key in ("names", "matrix"))
-    if not isinstance(names, list) or not isinstance(matrix, list):
+    if model is None:
         return correlations
-    try:
-        table = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
+    names, values = model.correlation.names, model.correlation.values
+    if any(one is None for row in values for one in row):
         return correlations
-    if table.shape != (len(names), len(names)) or not np.isfinite(table).all():
-        return correlations
+    table = np.array(values, dtype=np.float64).reshape(len(names), -1)
     rows = [k for k, name in enumerate(COEFFICIENTS) if name in names and name in determined]
     place = [names.index(COEFFICIENTS[k]) for k in rows]
     correlations[np.ix_(rows, rows)] = table[np.ix_(place, place)]
@@ -312,33 +302,19 @@ def root(matrix: Floats) -> Floats:
     return factor / np.where(length > 0, length, 1.0)
 
 
-def model_spread(document: Mapping[str, Any], least: float) -> tuple[float, str]:
-    """Standard deviation of the model's peak loads [1], at least ``least``, and where it is from.
+def model_spread(verdict: Verdict | None, least: float) -> tuple[float, str]:
+    """Standard deviation of the model's peak loads [1], at least ``least``, and its source.
 
     It is the root mean square of the errors of the peaks of recordings that the coefficients were
-    not found from, in cutting_validation.json.
+    not fitted on, to two digits of a percent, as they are shown.
     """
-    rows = document.get("recordings")
+    scores = () if verdict is None else verdict.of(MAGNITUDE)
     errors = [
-        error for row in (rows if isinstance(rows, list) else [])
-        if _under(row, "role") == "judged"
-        and (error := _number(_under(row, "components", "resultant", "peak_error_percent")))
-        is not None
+        round(s.peak_percent, 2) for s in scores
+        if s.regime == "" and s.group != "all" and s.role != "training"
+        and s.peak_percent is not None
     ]  # fmt: skip
     rms = float(np.sqrt(np.mean(np.square(errors)))) / 100 if errors else 0.0
     if rms > least:
         return rms, f"{len(errors)} recordings that the coefficients were not found from"
     return least, "certainty.model"
-
-
-def _under(document: Any, *keys: str) -> Any:
-    """The value under keys; None where one of them is missing."""
-    for key in keys:
-        document = document.get(key) if isinstance(document, dict) else None
-    return document
-
-
-def _number(value: Any) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        return None
-    return float(value)

@@ -11,6 +11,7 @@ from pipeline.charts.numbers import (
     TOGETHER,
     counted,
     fixed,
+    joined,
     number,
     real,
 )
@@ -55,7 +56,6 @@ from pipeline.submodels.drive.figures import (
 from pipeline.submodels.drive.page_axes import drives_section, undetermined_words
 from pipeline.submodels.drive.page_parameters import (
     identified_axes,
-    joined,
     made_from,
     truth_table,
 )

@@ -4,6 +4,7 @@ from pipeline.charts.default_section import strongest_correlation, training_tabl
 from pipeline.charts.numbers import (
     counted,
     fixed,
+    joined,
     number,
     powers,
     quantity,
@@ -37,7 +38,6 @@ from pipeline.submodels.drive.figures import (
 from pipeline.submodels.drive.page_parameters import (
     axis_parameters_table,
     identified_axes,
-    joined,
     made_from,
     parameters_of,
 )

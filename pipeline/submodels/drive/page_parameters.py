@@ -3,7 +3,7 @@
 Files are in SI, people speak of mm/s and micrometres: parameters are converted here.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -241,8 +241,3 @@ def _truth_row(part: str, name: str, true: float, p: Parameter) -> list[Cell]:
         powers(shown.unit) or "–",
         verdict,
     )
-
-
-def joined(words: Sequence[str]) -> str:
-    """Words as a list that is read aloud: ``X, Y and Z``."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

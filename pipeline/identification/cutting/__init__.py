@@ -1,1 +1,0 @@
-"""Cutting: force coefficients, runout and spindle power from records of cuts."""

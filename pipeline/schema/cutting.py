@@ -1,0 +1,352 @@
+"""Cutting-force models as they are stored, and the names of the quantities that they predict.
+
+Forces act on the tool along feed, normal and axis; harmonics are those of the spindle's revolution.
+Numbers are SI where their names carry no unit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.schema.model import Correlation, LeftOut, Model, Parameter
+
+COEFFICIENTS = ""
+"""Group of the parameters of the waveform: coefficients, runout, helix, Kienzle's constants."""
+MEAN_FORCE = "mean force"
+"""Group of the coefficients that the mean forces give."""
+SPINDLE = "spindle"
+"""Group of what the spindle's load gives: no-load power p0, p1, p2, specific_force, K_tc, K_te."""
+CHANNEL = "channel "
+"""Before the letter of a dynamometer's channel: group of its natural frequency and damping."""
+
+CHANNELS = ("x", "y", "z")
+"""Channels of a dynamometer."""
+PLANE = "force in the plane of the feed"
+"""Quantity: components along and across the feed, one after the other, over the angle [deg]."""
+MAGNITUDE = "magnitude of the force in the plane"
+"""Quantity: its magnitude over the angle of the spindle [deg]."""
+CHANNEL_FORCE = "force "
+"""Before the letter of a channel: quantity of the force that it measures."""
+OTHERS = "fitted on other recordings"
+"""Regime of a training recording as a fit without it predicts it."""
+LOWEST, HIGHEST = "2.5 % of the revolutions", "97.5 % of the revolutions"
+"""Regimes that hold, as measured, the ends of what 95 % of the revolutions show."""
+MECHANICS, PLAIN = "mechanics", "plain"
+"""Baselines: the model without the waveform residual; coefficients of the mean forces alone."""
+
+Harmonics = tuple[tuple[tuple[float, float], ...], ...]
+"""Real and imaginary part by harmonic and direction; shape (H + 1, 3, 2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutConditions:
+    """Conditions of a cut.
+
+    Parameters
+    ----------
+    speed : float
+        Spindle speed n [rev/s].
+    f_z : float
+        Feed per tooth [m].
+    a_p : float
+        Axial depth of cut [m].
+    phi_st, phi_ex : float
+        Entry and exit angle of the teeth [rad].
+    flutes : int
+        Number of teeth.
+    """
+
+    speed: float
+    f_z: float
+    a_p: float
+    phi_st: float
+    phi_ex: float
+    flutes: int
+
+    @property
+    def feed(self) -> float:
+        """Feed rate [m/s]."""
+        return self.f_z * self.flutes * self.speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolGeometry:
+    """Runout and helix of a tool, the part of its shape that may be identified.
+
+    Parameters
+    ----------
+    along, across : float
+        Runout: offset of the tool's axis towards the first tooth, and a quarter turn after it [m].
+    helix : float
+        Helix angle [rad].
+    """
+
+    along: float = 0.0
+    across: float = 0.0
+    helix: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredResidual:
+    """Residual of the mechanics under one set of conditions, affine in the feed per tooth.
+
+    Parameters
+    ----------
+    conditions : CutConditions
+        Of the first of its recordings.
+    feeds_m : tuple of float
+        Feeds per tooth of its recordings [m].
+    constant_N, slope_N_m : Harmonics
+        At no feed [N], and over the feed per tooth [N/m].
+    """
+
+    conditions: CutConditions
+    feeds_m: tuple[float, ...]
+    constant_N: Harmonics
+    slope_N_m: Harmonics
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredCutModel:
+    """Everything that a prediction of forces needs, in full precision.
+
+    Parameters
+    ----------
+    tool : mapping
+        Fields of :class:`pipeline.cutting.tool.Tool`.
+    geometry : ToolGeometry
+        Its runout and helix.
+    values : tuple of float
+        Six coefficients [N/m^2], [N/m], determined or not; then edge forces of single teeth.
+    natural_Hz, damping : tuple of float or None
+        Modes of the channels that measure feed, normal and axis [Hz], [1].
+    left_out_N2 : tuple of float
+        Variance of the model error of each direction's harmonics [N^2].
+    residuals : tuple of StoredResidual
+        Residuals under trained conditions.
+    """
+
+    tool: Mapping[str, Any]
+    geometry: ToolGeometry
+    values: tuple[float, ...]
+    natural_Hz: tuple[float, ...] | None
+    damping: tuple[float, ...] | None
+    left_out_N2: tuple[float, ...]
+    residuals: tuple[StoredResidual, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoldModel:
+    """A fit without some of the training recordings; both are named."""
+
+    left_out: tuple[str, ...]
+    fitted_on: tuple[str, ...]
+    prediction: StoredCutModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingFitFacts:
+    """Quality of the waveform's fit.
+
+    Parameters
+    ----------
+    rms_error_percent : float
+        RMS residual over the RMS force [%].
+    samples, revolutions : int
+        Real numbers that were fitted; revolutions of the training recordings.
+    condition : float
+        Condition number of the scaled Jacobian [1].
+    left_out_N : tuple of float
+        Standard deviation of the model error of each direction's harmonics [N].
+    zero_N : float
+        Standard deviation of the zeros beyond that stated with the recordings [N].
+    """
+
+    rms_error_percent: float
+    samples: int
+    revolutions: int
+    condition: float
+    left_out_N: tuple[float, ...]
+    zero_N: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermsTried:
+    """Terms of a model, their error on recordings left out [1] or criterion, and whether kept."""
+
+    terms: tuple[str, ...]
+    value: float
+    kept: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodTried:
+    """Error [%] and evaluations of a method of optimisation on the same waveforms."""
+
+    method: str
+    rms_error_percent: float
+    evaluations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualConditions:
+    """Conditions under which the waveform residual was learnt, and the feeds it is used for."""
+
+    speed_rpm: float
+    axial_depth_mm: float
+    entry_deg: float
+    exit_deg: float
+    feeds_per_tooth_mm: tuple[float, ...]
+    holds_for_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutRecording:
+    """One recording of a dynamometer; numbers are None where they are not known.
+
+    ``role`` is ``"training"``, ``"judged"`` or ``"left out"``, the last with the reason.
+    """
+
+    recording: str
+    role: str
+    reason: str = ""
+    notes: tuple[str, ...] = ()
+    speed_rpm: float | None = None
+    feed_mm_min: float | None = None
+    feed_per_tooth_mm: float | None = None
+    axial_depth_mm: float | None = None
+    entry_deg: float | None = None
+    exit_deg: float | None = None
+    revolutions: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoLoadPoint:
+    """No-load power of the spindle at one speed: fitted, half of its 95 % interval, measured."""
+
+    speed_rpm: float
+    power_W: float
+    half_width_95_W: float
+    measured_W: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutLevel:
+    """One level of cutting power above the no-load power, with what it removed meanwhile."""
+
+    speed_rpm: float
+    removal_rate_cm3_min: float
+    power_W: float
+    deviation_W: float
+    specific_force_N_mm2: float
+    samples: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleLoad:
+    """Identification from logs of the spindle's load; its parameters are those of ``SPINDLE``.
+
+    Parameters
+    ----------
+    recordings : tuple of str
+        Logs that were used.
+    reason : str
+        Why a result is missing.
+    assumed : str
+        Premises: meaning of the load, rated power and efficiency.
+    range_rpm : (float, float) or None
+        Speeds between which the no-load power holds [rev/min].
+    curve : tuple of NoLoadPoint
+        The levels without a cut.
+    cuts : tuple of CutLevel
+        The levels of cutting.
+    left_out : tuple of LeftOut
+        Logs that were not used, with the reason.
+    notes : tuple of str
+        On the part of a log that was not used.
+    """
+
+    recordings: tuple[str, ...]
+    reason: str
+    assumed: str
+    range_rpm: tuple[float, float] | None = None
+    curve: tuple[NoLoadPoint, ...] = ()
+    cuts: tuple[CutLevel, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingModel(Model):
+    """The content of cutting's ``model.json``.
+
+    Parameters
+    ----------
+    method : str
+        Whose optimum was taken: ``"least_squares"`` or ``"genetic"``.
+    reason : str
+        Why there are no coefficients, or why they cannot be right.
+    material : str
+        Of the workpiece.
+    tool : mapping
+        Fields of :class:`pipeline.cutting.tool.Tool`.
+    remarks : mapping of str to str
+        On the meaning of a determined parameter, by its name.
+    correlation : Correlation
+        Of the waveform's unknowns.
+    fit : CuttingFitFacts or None
+        None without a fit.
+    terms, methods : tuple
+        Models and methods that were compared.
+    residual_conditions : tuple of ResidualConditions
+        Where the waveform residual is part of the model.
+    recordings : tuple of CutRecording
+        All recordings of the dynamometer.
+    prediction, plain : StoredCutModel or None
+        The model; and the plain guess beside it, coefficients of the mean forces without helix,
+        runout and modes.
+    folds : tuple of FoldModel
+        Fits without some of the training recordings.
+    spindle : SpindleLoad or None
+        None without logs of the spindle's load.
+    """
+
+    method: str
+    reason: str
+    material: str
+    tool: Mapping[str, Any]
+    remarks: Mapping[str, str]
+    correlation: Correlation
+    fit: CuttingFitFacts | None
+    terms: tuple[TermsTried, ...]
+    methods: tuple[MethodTried, ...]
+    residual_conditions: tuple[ResidualConditions, ...]
+    recordings: tuple[CutRecording, ...]
+    prediction: StoredCutModel | None
+    plain: StoredCutModel | None
+    folds: tuple[FoldModel, ...]
+    spindle: SpindleLoad | None
+
+    @property
+    def coefficients(self) -> Mapping[str, Parameter]:
+        """Coefficients, runout, helix and Kienzle's constants by name; empty without a fit."""
+        return self.parameters.get(COEFFICIENTS, {})
+
+    @property
+    def mean_force(self) -> Mapping[str, Parameter]:
+        """Coefficients of the mean forces."""
+        return self.parameters.get(MEAN_FORCE, {})
+
+    @property
+    def spindle_parameters(self) -> Mapping[str, Parameter]:
+        """No-load power and specific force of the spindle's load."""
+        return self.parameters.get(SPINDLE, {})
+
+    @property
+    def channels(self) -> Mapping[str, Mapping[str, Parameter]]:
+        """Natural frequency and damping by the letter of the dynamometer's channel."""
+        return {
+            group.removeprefix(CHANNEL): rows
+            for group, rows in self.parameters.items()
+            if group.startswith(CHANNEL)
+        }

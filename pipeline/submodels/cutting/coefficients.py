@@ -1,0 +1,329 @@
+"""Cutting coefficients of a waveform fit and of mean forces, with intervals.
+
+Mean forces over a revolution are linear in the six coefficients (Altintas, *Manufacturing
+Automation*, 2nd ed. 2012, section 2.8.1), and neither helix nor modes change them; nor does runout
+as long as every tooth has a chip.  Each mean is weighted by its scatter over the revolutions and by
+the zero of its recording.
+
+A slice of a tooth gives F_x = -F_t cos(phi) - F_r sin(phi) and F_y = F_t sin(phi) - F_r cos(phi).
+The mean tangential force is thus not in the means alone: it depends on the distribution of the
+force over the arc.  That is taken from the linear-edge model of the mean forces, and scaled so that
+the modelled mean of F_y, which F_t carries, is the measured one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.cutting.force.force_law import N_MM, N_MM2
+from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
+from pipeline.cutting.tool import DEGREE, UM
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
+from pipeline.submodels.cutting.fit import Fit
+from pipeline.submodels.cutting.selection import FitUncertainty
+from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
+
+UNITS = ("N/mm^2", "N/mm^2", "N/mm^2", "N/mm", "N/mm", "N/mm")
+"""Units of the six coefficients as they are stored."""
+SCALES = (N_MM2, N_MM2, N_MM2, N_MM, N_MM, N_MM)
+"""SI value of one such unit."""
+BESIDE = 0.1
+"""Least size of a coefficient in the test of its interval, over the tangential one [1]."""
+ANGLE_DEG = 45.0
+"""Half interval of a determined runout angle, at most [deg]."""
+HELIX_DEG = 10.0
+"""Half interval of a determined helix angle, at most [deg]."""
+RUNOUT = 0.1
+"""Least size of a runout in the test of its interval, over the feed per tooth [1]."""
+NORMAL = 1.96
+"""Half of a 95 % interval over the standard deviation [1]."""
+WAVEFORM = "weighted least squares on the harmonics of the revolution"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Estimate of one parameter, determined or not.
+
+    Parameters
+    ----------
+    name, unit, method : str
+        Its name, its unit, the method that identified it.
+    value, half_width : float
+        In the unit; half of the 95 % interval.
+    lowest : float
+        Physical lower bound of its interval.
+    determined : bool
+        Whether the recordings determine it.
+    reason, remedy : str
+        Why they do not, and what to record.
+    remark : str
+        On the meaning of a determined one.
+    """
+
+    name: str
+    unit: str
+    value: float
+    half_width: float
+    determined: bool
+    method: str
+    reason: str = ""
+    remedy: str = ""
+    remark: str = ""
+    lowest: float = -np.inf
+
+    @property
+    def parameter(self) -> Parameter:
+        """The estimate as it is stored, to five significant digits."""
+        if not (self.determined and np.isfinite(self.value) and np.isfinite(self.half_width)):
+            return Parameter(
+                value=None, unit=self.unit, interval_95=None, determined=False,
+                method=self.reason or self.method, remedy=self.remedy,
+            )  # fmt: skip
+        low = max(self.value - self.half_width, self.lowest)
+        return Parameter(
+            value=digits(self.value), unit=self.unit, determined=True, method=self.method,
+            interval_95=(digits(low), digits(self.value + self.half_width)),
+        )  # fmt: skip
+
+
+def digits(value: float) -> float:
+    """A number to five significant digits."""
+    return float(f"{value:.5g}")
+
+
+def parameters(
+    fit: Fit, uncertainty: FitUncertainty, widest: float, means: Sequence[Estimate]
+) -> list[Estimate]:
+    """Coefficients, runout and helix of a fit.
+
+    The mean forces of the same recordings should give the same coefficient as their waveform.  The
+    difference is a sample of the difference of two model errors: its standard deviation over the
+    root of two widens the interval of the waveform's coefficient.  A coefficient that only the mean
+    forces determine is taken from them.
+    """
+    half = np.array([uncertainty.half_width(_unit(uncertainty, name)) for name in COEFFICIENTS])
+    difference = np.abs(np.array([one.value for one in means]) * SCALES - fit.values[:6])
+    unexplained = NORMAL * np.where(np.isfinite(difference), difference, 0.0) / np.sqrt(2.0)
+    rows = coefficients(
+        fit.values[:6], np.hypot(half, unexplained),
+        float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts])), widest, WAVEFORM,
+    )  # fmt: skip
+    better = [
+        mean if mean.determined and not one.determined else one
+        for one, mean in zip(rows, means, strict=True)
+    ]
+    return [*better, *_runout(fit, uncertainty, widest), _helix(fit, uncertainty)]
+
+
+def coefficients(
+    values: Floats, half: Floats, f_z: float, widest: float, method: str
+) -> list[Estimate]:
+    """The six coefficients of the linear-edge model.
+
+    Parameters
+    ----------
+    values, half : ndarray, shape (6,)
+        Coefficients and halves of their 95 % intervals [N/m^2], [N/m].
+    f_z : float
+        Mean feed per tooth [m].
+    widest : float
+        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
+    method : str
+        Method that identified them.
+    """
+    edge = max(abs(values[3]), abs(values[0]) * f_z)
+    least = BESIDE * np.array([abs(values[0])] * 3 + [edge] * 3)
+    rows = []
+    for k, name in enumerate(COEFFICIENTS):
+        determined = bool(half[k] <= widest * max(abs(values[k]), least[k]))
+        reason = f"its 95 % interval is {half[k] / SCALES[k]:.3g} {UNITS[k]} to both sides"
+        remedy = "record cuts of the same tool at three feeds or more"
+        one = Estimate(
+            name=name, unit=UNITS[k], value=values[k] / SCALES[k], determined=determined,
+            half_width=half[k] / SCALES[k], method=method, reason="" if determined else reason,
+            remedy="" if determined else remedy,
+        )  # fmt: skip
+        rows.append(one)
+    return rows
+
+
+def _unit(uncertainty: FitUncertainty, name: str, size: float = 1.0) -> Floats:
+    slope = np.zeros(len(uncertainty.names))
+    if name in uncertainty.names:
+        slope[uncertainty.names.index(name)] = size
+    return slope
+
+
+def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estimate]:
+    """Runout, and its angle from the tooth that protrudes most."""
+    flutes = fit.problem.tool.flutes
+    geometry = fit.problem.geometry(fit.x)
+    offset = complex(geometry.along, geometry.across)
+    size, angle = abs(offset), float(np.angle(offset))
+    outward = offset / size if size > 0 else 1.0
+    radial = _unit(uncertainty, "along", outward.real) + _unit(uncertainty, "across", outward.imag)
+    half = uncertainty.half_width(radial)
+    f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
+    determined = flutes > 1 and half <= widest * max(size, RUNOUT * f_z)
+    reason = remedy = remark = ""
+    if flutes == 1:
+        reason = "a single tooth has no other beside which it could stand out"
+    elif not determined:
+        reason = (
+            f"its 95 % interval is {half / UM:.2g} um to both sides, in slots edges of different "
+            "teeth look the same"
+        )
+        remedy = "record partial immersions, or several feeds"
+    elif flutes == 2:
+        remark = "of two teeth: half the difference of their radii, the part along them"
+    runout = Estimate(
+        name="runout", unit="um", value=size / UM, half_width=half / UM, determined=determined,
+        method=WAVEFORM, reason=reason, remedy=remedy, remark=remark, lowest=0.0,
+    )  # fmt: skip
+    across = _unit(uncertainty, "along", -outward.imag) + _unit(uncertainty, "across", outward.real)
+    half_angle = uncertainty.half_width(across) / max(size, 1e-12)
+    pitch = 2 * np.pi / flutes
+    angle_determined = flutes > 2 and half_angle <= ANGLE_DEG * DEGREE
+    no_angle = "two teeth do not tell it" if flutes == 2 else "the runout is too small to have one"
+    return [
+        runout,
+        Estimate(
+            name="runout_angle", unit="deg", determined=angle_determined,
+            value=(angle - pitch * round(angle / pitch)) / DEGREE, half_width=half_angle / DEGREE,
+            method=WAVEFORM, reason="" if angle_determined else no_angle,
+            remark="from the tooth that stands out most, within half a pitch"
+            if angle_determined else "",
+        ),
+    ]  # fmt: skip
+
+
+def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
+    helix = fit.problem.geometry(fit.x).helix
+    if not fit.problem.terms.helix:
+        reason = f"{helix / DEGREE:g} deg was taken: the records do not tell another"
+        return Estimate(
+            name="helix", unit="deg", value=helix / DEGREE, half_width=0.0, determined=False,
+            method="given", reason=reason,
+        )  # fmt: skip
+    half = uncertainty.half_width(_unit(uncertainty, "tan_helix")) * np.cos(helix) ** 2 / DEGREE
+    determined = bool(half <= HELIX_DEG)
+    return Estimate(
+        name="helix", unit="deg", value=helix / DEGREE, half_width=half, determined=determined,
+        method=WAVEFORM, reason="" if determined else "its 95 % interval is wider than 10 deg",
+        remedy="" if determined else "record a deeper cut, in which the edge lags further",
+    )  # fmt: skip
+
+
+def modes(fit: Fit, uncertainty: FitUncertainty, widest: float) -> dict[int, list[Estimate]]:
+    """Natural frequency and damping of the channels that show feed (0), normal (1), axis (2)."""
+    channel_modes = fit.problem.modes(fit.x)
+    if channel_modes is None:
+        return {}
+    natural, damping = channel_modes
+    highest = max(cut.conditions.speed * cut.harmonics for cut in fit.problem.cuts)
+    by_direction = {}
+    for k in range(3):
+        rows = []
+        for what, values, unit in (("natural", natural, "Hz"), ("damping", damping, "1")):
+            half = uncertainty.half_width(_unit(uncertainty, f"log_{what}{k}"))
+            seen = natural[k] <= highest
+            name = "natural_frequency_Hz" if what == "natural" else "damping"
+            rows.append(
+                Estimate(
+                    name=name, unit=unit, value=float(values[k]), lowest=0.0,
+                    half_width=half * float(values[k]), determined=bool(half <= widest and seen),
+                    method=WAVEFORM,
+                    reason="" if half <= widest and seen else
+                    f"the channel shows no mode of its own below {highest:.0f} Hz",
+                )
+            )  # fmt: skip
+        by_direction[k] = rows
+    return by_direction
+
+
+HOW = "linear regression of the mean forces"
+
+
+def mean_regression(
+    cuts: Sequence[CutHarmonics], widest: float, fit: Fit | None = None
+) -> tuple[Floats, list[Estimate]]:
+    """Coefficients from the mean forces of recordings [N/m^2], [N/m], and each as a parameter.
+
+    Parameters
+    ----------
+    cuts : sequence of CutHarmonics
+        The recordings.
+    widest : float
+        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
+    fit : Fit, optional
+        Of the waveforms of ``cuts``; its effect of teeth without a chip on the means widens the
+        intervals.
+    """
+    from scipy.stats import t as student
+
+    table, measured, deviation = _means(cuts)
+    values, covariance = _solved(table, measured, deviation)
+    freedom = len(measured) - 6
+    quantile, spread = 1.96, 1.0
+    if freedom > 0:  # zeros may scatter more than stated
+        square = float((((measured - table @ values) / deviation) ** 2).sum()) / freedom
+        if square > 1:
+            quantile, spread = float(student.ppf(0.975, freedom)), square
+    half = quantile * np.sqrt(spread * np.diag(covariance))
+    if fit is not None:
+        modelled = np.concatenate([one[0].real for one in fit.modelled])
+        half = np.hypot(half, _solved(table, modelled, deviation)[0] - fit.values[:6])
+    f_z = float(np.mean([one.conditions.f_z for one in cuts]))
+    return values, coefficients(values, half, f_z, widest, HOW)
+
+
+def linear_means(cuts: Sequence[CutHarmonics]) -> Floats:
+    """The six coefficients by the mean forces [N/m^2], [N/m]; shape (6,)."""
+    return _solved(*_means(cuts))[0]
+
+
+def _means(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats, Floats]:
+    """Design matrix, means of the forces [N] and their standard deviations; 3 R rows."""
+    each = [one.conditions for one in cuts]
+    table = regressors(
+        flutes=[c.flutes for c in each], f_z=[c.f_z for c in each], a_p=[c.a_p for c in each],
+        phi_st=[c.phi_st for c in each], phi_ex=[c.phi_ex for c in each],
+    ).reshape(-1, 6)  # fmt: skip
+    measured = np.concatenate([one.lines[0].real for one in cuts])
+    return table, measured, np.sqrt(np.concatenate([one.variance[0] for one in cuts]))
+
+
+def _solved(table: Floats, measured: Floats, deviation: Floats) -> tuple[Floats, Floats]:
+    """Weighted least squares with the prior, and its covariance."""
+    scaled = np.concatenate([table / deviation[:, None], np.diag(1 / np.array(PRIOR))])
+    length = np.linalg.norm(scaled, axis=0)
+    right = np.concatenate([measured / deviation, np.zeros(6)])
+    values = np.linalg.lstsq(scaled / length, right, rcond=1e-14)[0] / length
+    inverse = np.linalg.inv((scaled / length).T @ (scaled / length))
+    return values, inverse / np.outer(length, length)
+
+
+def mean_tangential(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats]:
+    """Mean tangential force of all teeth [N], and its relative standard deviation; (R,) each.
+
+    Parameters
+    ----------
+    cuts : sequence of CutHarmonics
+        The recordings.
+    """
+    values = linear_means(cuts)
+    force, share = [], []
+    for one in cuts:
+        c = one.conditions
+        table = regressors(flutes=c.flutes, f_z=c.f_z, a_p=c.a_p, phi_st=c.phi_st, phi_ex=c.phi_ex)
+        carried = float(table[1, [0, 3]] @ values[[0, 3]])
+        other = float(table[1, [1, 4]] @ values[[1, 4]])
+        width = c.flutes * c.a_p / (2 * np.pi)
+        chip = c.f_z * (np.cos(c.phi_st) - np.cos(c.phi_ex))
+        tangential = width * (values[0] * chip + values[3] * (c.phi_ex - c.phi_st))
+        measured = float(one.lines[0, 1].real) - other
+        force.append(tangential * measured / carried if carried > 0 else np.nan)
+        share.append(float(np.sqrt(one.variance[0, 1])) / max(abs(measured), 1e-9))
+    return np.array(force), np.array(share)

@@ -1,0 +1,150 @@
+"""Head of the page for cutting: verdict, key figures and notes, in the shop floor's words."""
+
+from pipeline.charts.numbers import TOGETHER, counted, fixed, number
+from pipeline.charts.sections import (
+    PartVerdict,
+)
+from pipeline.submodels.cutting.judged_tables import PLAIN_WHAT
+from pipeline.submodels.cutting.runs import (
+    ERRORS,
+    CutRun,
+    CuttingFacts,
+    worst_run,
+)
+
+MOST_NAMED = 5
+"""Parameters that are named in the head of the page."""
+ERROR_WORDS = {"rms": "RMS force", "peak": "peak force", "mean": "mean force"}
+REFRAIN = (
+    "Do not plan cuts with these forces yet: see How well forces are predicted on the machine’s "
+    "page, and "
+)
+KEEP = "Keep a recording at another feed or depth out of roles.training, to judge by."
+
+
+def cutting_verdict(facts: CuttingFacts) -> PartVerdict | None:
+    """Whether predicted forces may be trusted; None when no force of the cut is known."""
+    if facts.verdict is None:
+        return _without_judgement() if facts.has_coefficients else None
+    failed = [run for run in facts.telling if run.status == "failed"]
+    if facts.verdict.status == "failed" or (failed and facts.verdict.status != "not judged"):
+        return _failed(facts, failed)
+    if facts.verdict.status != "passed" or not facts.telling:
+        return _unjudged(facts)
+    return PartVerdict(
+        status="passed",
+        sentence=f"Cutting forces are predicted within their limits: on "
+        f"{recordings_words(facts)} {errors_words(facts, facts.telling)}.",
+        todo="Nothing to repair: plan cuts with these forces, with this tool and material.",
+    )
+
+
+def _without_judgement() -> PartVerdict:
+    return PartVerdict(
+        status="unknown",
+        sentence="A model of the cutting forces was found and not held against any recording: "
+        "there is no verdict.json.",
+        todo="Run dvc repro to its end, so that the forces are judged before anybody plans with "
+        "them.",
+    )
+
+
+def _failed(facts: CuttingFacts, failed: list[CutRun]) -> PartVerdict:
+    where = f"{len(failed)} of {recordings_words(facts)}" if failed else recordings_words(facts)
+    errors = errors_words(facts, failed or facts.telling)
+    why = "" if failed or facts.verdict is None else "; ".join(facts.verdict.reasons)
+    return PartVerdict(
+        status="failed",
+        sentence="Cutting forces are not predicted within their limits: on "
+        f"{where} {errors}{bracketed(why)}.",
+        todo=f"{REFRAIN}record the failed conditions again with a new edge and the tool clamped "
+        "anew.",
+    )
+
+
+def _unjudged(facts: CuttingFacts) -> PartVerdict:
+    reasons = () if facts.verdict is None else facts.verdict.reasons
+    why = "; ".join(reasons) or "no recording was left to judge by"
+    if facts.model is not None and facts.model.prediction is None and facts.model.reason:
+        why = facts.model.reason
+    part = ""
+    if facts.telling:
+        part = f" On {recordings_words(facts)} {errors_words(facts, facts.telling)}."
+    beyond = any(run.beyond(kind) for run in facts.telling for kind in ERRORS)
+    return PartVerdict(
+        status="unknown",
+        sentence=f"The cutting forces were not judged: {why.rstrip('.')}.{part}",
+        todo=f"{REFRAIN}{KEEP[0].lower()}{KEEP[1:]}" if beyond else KEEP,
+        reserved=beyond,
+    )
+
+
+def recordings_words(facts: CuttingFacts) -> str:
+    """How many recordings tell, and how they were predicted."""
+    if facts.judged:
+        return counted(len(facts.judged), "judged recording")
+    count = len(facts.telling)
+    return f"{counted(count, 'recording')} predicted from the other{'s' if count > 2 else ''}"
+
+
+def errors_words(facts: CuttingFacts, runs: list[CutRun]) -> str:
+    """The worst errors of ``runs`` against their limits; where some are beyond, only those."""
+    known = [
+        (kind, error, facts.limit(kind))
+        for kind in ERRORS
+        if (run := worst_run(runs, kind)) is not None
+        if (error := run.size(kind)) is not None
+    ]
+    beyond = [one for one in known if one[2] is not None and one[1] > one[2]]
+    words = [
+        f"the {ERROR_WORDS[kind]} {'' if place else 'is wrong '}by up to "
+        f"{number(error, 2)}{TOGETHER}%"
+        + (f" (limit {limit:g}{TOGETHER}%)" if limit is not None else "")
+        for place, (kind, error, limit) in enumerate(beyond or known)
+    ]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words) or (
+        "no error is known"
+    )
+
+
+def bracketed(words: str) -> str:
+    """Words behind a space and in brackets, without their full stop; nothing for none."""
+    return f" ({words.rstrip('.')})" if words else ""
+
+
+def plain_better_words(facts: CuttingFacts) -> str:
+    """On which judged recordings the plain guess comes closer; empty without one."""
+    beaten = [run for run in facts.telling if run.plain_better()]
+    if not beaten:
+        return ""
+    return (
+        f"On {len(beaten)} of {recordings_words(facts)} the plain guess ({PLAIN_WHAT}) comes "
+        "closer to the forces than the model."
+    )
+
+
+def undetermined_words(facts: CuttingFacts) -> str:
+    """Parameters of the cut that the records do not determine, the first of them by name."""
+    lost = facts.undetermined
+    more = f" and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
+    return (
+        f"Of the cut the records do not determine {', '.join(lost[:MOST_NAMED])}{more}; the table "
+        "of coefficients says why, and what to record."
+    )
+
+
+def key_figures(facts: CuttingFacts) -> list[tuple[str, str, str]]:
+    """The worst errors of predicted forces, and of how many recordings."""
+    runs = facts.telling
+    worst, peak = worst_run(runs), worst_run(runs, "peak")
+    every = [
+        ("Forces of the cut", worst.size("rms") if worst else None, "rms"),
+        ("Peak forces", peak.size("peak") if peak else None, "peak"),
+    ]
+    which = "judged recording" if facts.judged else "cross prediction"
+    return [
+        (words, f"{fixed(error, 1)} %", f"worst of {counted(len(runs), which)}"
+         + (f", limit{TOGETHER}{limit:g}{TOGETHER}%"
+            if (limit := facts.limit(kind)) is not None else ""))
+        for words, error, kind in every if error is not None
+    ]  # fmt: skip

@@ -1,0 +1,339 @@
+"""Identification of cutting forces from dynamometer recordings, and the document of the result."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import (
+    CHANNEL,
+    COEFFICIENTS,
+    MEAN_FORCE,
+    SPINDLE,
+    CutRecording,
+    CuttingFitFacts,
+    CuttingModel,
+    FoldModel,
+    MethodTried,
+    ResidualConditions,
+    TermsTried,
+)
+from pipeline.schema.model import Correlation, Model, Parameter
+from pipeline.submodels.cutting.coefficients import (
+    Estimate,
+    digits,
+    mean_regression,
+    mean_tangential,
+    modes,
+    parameters,
+)
+from pipeline.submodels.cutting.conditions import MM
+from pipeline.submodels.cutting.fit import Fit, genetic_fit
+from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
+from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
+from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
+from pipeline.submodels.cutting.selection import (
+    FitUncertainty,
+    Fold,
+    Selection,
+    fit_uncertainty,
+    model_of,
+    select_model,
+)
+from pipeline.submodels.cutting.settings import DIRECTIONS, CuttingFitSettings, CuttingSetup
+from pipeline.submodels.cutting.spindle_load.identify import SpindleLoadResult
+from pipeline.submodels.cutting.waveform import CutHarmonics
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CuttingIdentification:
+    """Result of the identification.
+
+    Parameters
+    ----------
+    recordings : sequence of CuttingRecording
+        All of the machine.
+    cuts : sequence of CutHarmonics
+        The training recordings, in their order.
+    selection : Selection, optional
+        Selected terms; None without a training recording.
+    fit : Fit, optional
+        Optimum by the chosen method.
+    uncertainty : FitUncertainty, optional
+        Of its unknowns.
+    mean_force : sequence of Estimate
+        Coefficients by regression of the mean forces.
+    mean_values : ndarray, shape (6,), optional
+        The same in SI.
+    methods : sequence of MethodTried
+        Error and evaluations of each method tried.
+    reason : str
+        Why there is no fit.
+    """
+
+    recordings: Sequence[CuttingRecording]
+    cuts: Sequence[CutHarmonics] = ()
+    selection: Selection | None = None
+    fit: Fit | None = None
+    uncertainty: FitUncertainty | None = None
+    mean_force: Sequence[Estimate] = ()
+    mean_values: Floats | None = None
+    methods: Sequence[MethodTried] = ()
+    reason: str = ""
+
+    @property
+    def model(self) -> CutModel | None:
+        """The model that predicts."""
+        if self.fit is None or self.selection is None:
+            return None
+        return model_of(self.fit, with_residual=self.selection.with_residual)
+
+    @property
+    def training(self) -> list[CuttingRecording]:
+        """The training recordings, in the order of ``cuts``."""
+        return [one for one in self.recordings if one.is_training]
+
+
+def identify_cutting_force(
+    recordings: Sequence[CuttingRecording], setup: CuttingSetup, settings: CuttingFitSettings
+) -> CuttingIdentification:
+    """Coefficients, runout and modes from the training recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of CuttingRecording
+        All of the machine; the training ones are used.
+    setup : CuttingSetup
+        Tool and setup of the dynamometer.
+    settings : CuttingFitSettings
+        Settings of the fit.
+    """
+    cuts = [cut_harmonics(one, settings) for one in recordings if one.is_training]
+    if not cuts:
+        return CuttingIdentification(recordings=recordings, reason=_why_none(recordings))
+    selection = select_model(setup.tool, cuts, "helix" in setup.sought, settings.gain)
+    fit, methods = selection.fit, [_method("least_squares", selection.fit)]
+    if settings.compare or settings.method == "genetic":
+        other = genetic_fit(selection.fit, settings.genetic)
+        methods.append(_method("genetic", other))
+        fit = other if settings.method == "genetic" else fit
+    mean_values, means = mean_regression(cuts, settings.widest, fit)
+    return CuttingIdentification(
+        recordings=recordings, cuts=cuts, selection=selection, fit=fit,
+        uncertainty=fit_uncertainty(fit, selection.folds, selection.rivals),
+        mean_force=means, mean_values=mean_values, methods=methods, reason=_upside_down(fit),
+    )  # fmt: skip
+
+
+def _why_none(recordings: Sequence[CuttingRecording]) -> str:
+    if not recordings:
+        return "no dynamometer: coefficients of the cut are found from its forces, record them"
+    left = [one for one in recordings if one.role == "training"]
+    if not left:
+        return "no recording is named in roles.training: name those to learn from"
+    reasons = "; ".join(f"{one.name}: {one.reason}" for one in left)
+    return f"none of the training recordings can be used ({reasons})"
+
+
+def _upside_down(fit: Fit) -> str:
+    if fit.values[0] > 0:
+        return ""
+    return (
+        f"K_tc is {fit.values[0] / 1e6:.4g} N/mm^2, and no tool cuts with that: correct the "
+        "directions and signs in cutting.dynamometer, or the immersion"
+    )
+
+
+def _method(name: str, fit: Fit) -> MethodTried:
+    return MethodTried(
+        method=name, rms_error_percent=rms_error_percent(fit), evaluations=fit.evaluations
+    )
+
+
+def rms_error_percent(fit: Fit) -> float:
+    """RMS residual of a fit over the RMS force, all recordings and directions [%]."""
+    error = power = 0.0
+    for cut, model in zip(fit.problem.cuts, fit.modelled, strict=True):
+        for lines, sign in ((cut.lines - model, 0), (cut.lines, 1)):
+            square = np.abs(lines) ** 2
+            square[1:] /= 2
+            error, power = (error, power + square.sum()) if sign else (error + square.sum(), power)
+    return 100 * float(np.sqrt(error / power))
+
+
+def cutting_model(
+    head: Model,
+    identified: CuttingIdentification,
+    setup: CuttingSetup,
+    settings: CuttingFitSettings,
+    spindle: SpindleLoadResult | None,
+) -> CuttingModel:
+    """The model as it is stored.
+
+    Parameters
+    ----------
+    head : Model
+        What every model holds; its parameters are filled in.
+    identified : CuttingIdentification
+        Result of the identification.
+    setup : CuttingSetup
+        Tool and setup of the dynamometer.
+    settings : CuttingFitSettings
+        Settings of the fit.
+    spindle : SpindleLoadResult, optional
+        Result of the logs of the spindle's load.
+    """
+    fit, selection, model = identified.fit, identified.selection, identified.model
+    uncertainty, widest = identified.uncertainty, settings.widest
+    groups: dict[str, Mapping[str, Parameter]] = {}
+    remarks: dict[str, str] = {}
+    facts, correlation = None, Correlation()
+    terms: tuple[TermsTried, ...] = ()
+    folds: tuple[FoldModel, ...] = ()
+    if fit is not None and uncertainty is not None and selection is not None and model is not None:
+        estimates = parameters(fit, uncertainty, widest, identified.mean_force)
+        remarks = {one.name: one.remark for one in estimates if one.determined and one.remark}
+        groups[COEFFICIENTS] = _parameters(estimates) | kienzle(identified.cuts, widest)
+        groups[MEAN_FORCE] = _parameters(identified.mean_force)
+        for direction, rows in modes(fit, uncertainty, widest).items():
+            groups[CHANNEL + _channel(setup, direction)] = _parameters(rows)
+        facts = _facts(identified, fit, uncertainty)
+        correlation = _correlation(uncertainty.names, uncertainty.covariance)
+        terms = tuple(selection.tried)
+        folds = tuple(
+            _fold(one, [r.name for r in identified.training], selection.with_residual)
+            for one in selection.folds
+        )
+    if spindle is not None:
+        groups[SPINDLE] = spindle.parameters
+    plain = identified.mean_values
+    return CuttingModel(
+        submodel=head.submodel,
+        machine=head.machine,
+        origin=head.origin,
+        parameters=groups,
+        trained_on=head.trained_on,
+        left_out=head.left_out,
+        conditions=head.conditions,
+        method=settings.method,
+        reason=identified.reason,
+        material=setup.material,
+        tool=asdict(setup.tool),
+        remarks=remarks,
+        correlation=correlation,
+        fit=facts,
+        terms=terms,
+        methods=tuple(identified.methods),
+        residual_conditions=() if model is None else _residual_conditions(model),
+        recordings=tuple(recording_row(one) for one in identified.recordings),
+        prediction=None if model is None else stored(model),
+        plain=None if plain is None else stored(plain_model(setup.tool, np.array(plain))),
+        folds=folds,
+        spindle=None if spindle is None else spindle.facts,
+    )
+
+
+def _facts(
+    identified: CuttingIdentification, fit: Fit, uncertainty: FitUncertainty
+) -> CuttingFitFacts:
+    return CuttingFitFacts(
+        rms_error_percent=digits(rms_error_percent(fit)),
+        samples=len(fit.solved.residuals) - fit.problem.linear,
+        revolutions=sum(one.cut[1].count for one in identified.training),
+        condition=digits(uncertainty.condition),
+        left_out_N=tuple(digits(v) for v in np.sqrt(fit.problem.left_out)),
+        zero_N=digits(float(np.sqrt(fit.problem.zero))),
+    )
+
+
+def _fold(fold: Fold, names: Sequence[str], with_residual: bool) -> FoldModel:
+    return FoldModel(
+        left_out=tuple(names[k] for k in fold.left_out),
+        fitted_on=tuple(name for k, name in enumerate(names) if k not in fold.left_out),
+        prediction=stored(model_of(fold.fit, with_residual=with_residual)),
+    )
+
+
+def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
+    """Conditions of the waveform residual; empty where it is not part of the model."""
+    return tuple(
+        ResidualConditions(
+            speed_rpm=digits(60 * one.conditions.speed),
+            axial_depth_mm=digits(one.conditions.a_p / MM),
+            entry_deg=digits(float(np.degrees(one.conditions.phi_st))),
+            exit_deg=digits(float(np.degrees(one.conditions.phi_ex))),
+            feeds_per_tooth_mm=tuple(digits(f / MM) for f in one.feeds),
+            holds_for_mm=(
+                digits(min(one.feeds) / BEYOND / MM),
+                digits(max(one.feeds) * BEYOND / MM),
+            ),
+        )
+        for one in model.residuals
+    )
+
+
+def kienzle(cuts: Sequence[CutHarmonics], widest: float) -> dict[str, Parameter]:
+    """Kienzle's constants from the mean tangential forces of three feeds or more."""
+    each = [one.conditions for one in cuts]
+    force, share = mean_tangential(cuts)
+    try:
+        constants = kienzle_by_force(
+            force, flutes=[c.flutes for c in each], f_z=[c.f_z for c in each],
+            a_p=[c.a_p for c in each], phi_st=[c.phi_st for c in each],
+            phi_ex=[c.phi_ex for c in each], deviation=share,
+        )  # fmt: skip
+    except ValueError as error:
+        why, _, remedy = str(error).partition(": ")
+        return {
+            name: Parameter(
+                value=None, unit=unit, interval_95=None, determined=False, method=why,
+                remedy=remedy,
+            )
+            for name, unit in zip(NAMES, UNITS, strict=True)
+        }  # fmt: skip
+    return kienzle_parameters(constants, widest)
+
+
+def recording_row(one: CuttingRecording) -> CutRecording:
+    """Role and conditions of a recording in the units of their names, or why it is left out."""
+    c, revolution = one.conditions, one.revolution
+    used = "training" if one.role == "training" else "judged"
+    row = CutRecording(
+        recording=one.name, role="left out" if revolution is None else used, reason=one.reason,
+        notes=one.notes, revolutions=0 if revolution is None else revolution.count,
+    )  # fmt: skip
+    if c is None:
+        return row
+    speed = c.speed if revolution is None else revolution.speed
+    return replace(
+        row,
+        speed_rpm=round(60 * speed, 2),
+        feed_mm_min=digits(c.feed / MM * 60),
+        feed_per_tooth_mm=digits(c.f_z / MM),
+        axial_depth_mm=digits(c.a_p / MM),
+        entry_deg=digits(float(np.degrees(c.phi_st))),
+        exit_deg=digits(float(np.degrees(c.phi_ex))),
+    )
+
+
+def _channel(setup: CuttingSetup, direction: int) -> str:
+    """Letter of the channel that measures a direction."""
+    name: str = getattr(setup.dynamometer, DIRECTIONS[direction])
+    return name.removeprefix("-")
+
+
+def _parameters(rows: Sequence[Estimate]) -> dict[str, Parameter]:
+    return {one.name: one.parameter for one in rows}
+
+
+def _correlation(names: Sequence[str], covariance: Floats) -> Correlation:
+    """Correlation of the unknowns but the phases."""
+    shown = [k for k, name in enumerate(names) if not name.startswith("phase")]
+    deviation = np.sqrt(np.diag(covariance))
+    share = covariance / np.outer(deviation, deviation)
+    values = np.round(share[np.ix_(shown, shown)], 3)
+    return Correlation(
+        names=tuple(names[k] for k in shown),
+        values=tuple(tuple(v if np.isfinite(v) else None for v in row) for row in values.tolist()),
+    )

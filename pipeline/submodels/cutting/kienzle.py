@@ -1,0 +1,212 @@
+"""Kienzle's k_c1.1 and m_c from cuts at several feeds.
+
+F_t = k_c1.1 b h^(1 - m_c), h in mm.  Over an arc the chip thickness is f_z sin(phi), so that the
+mean tangential force of all teeth over a revolution is
+(N a_p / 2 pi) k_c1.1 integral of (f_z sin phi)^(1 - m_c) dphi, not the force at the mean thickness.
+The two constants are strongly correlated: k_c1.1 is the specific force at 1 mm, far from the chip
+thickness of milling.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
+from pipeline.submodels.cutting.regression import Regression, regression
+
+NAMES = ("kienzle.k_c11", "kienzle.m_c")
+"""Names of the two constants."""
+UNITS = ("N/mm^2", "1")
+"""Their units."""
+MM = 1e-3
+N_MM2 = 1e6
+NODES = 48
+"""Gauss nodes over an arc."""
+TYPICAL = 0.25
+"""Exponent m_c of most metals [1], to which its widest interval is relative."""
+LEAST_RATIO = 1.5
+"""Ratio of the thickest to the thinnest chip below which the exponent is undetermined [1]."""
+ITERATIONS = 30
+"""Linearisations of the exponent, at most."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kienzle:
+    """Kienzle's constants of a set of cuts.
+
+    Parameters
+    ----------
+    k_c11 : float
+        [N/mm^2].
+    m_c : float
+        [1].
+    k_c11_interval, m_c_interval : tuple of float
+        95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm.
+    correlation : float
+        Of ln k_c1.1 and m_c.
+    scatter : float
+        Scatter of the forces about Kienzle's equation, as a share [1].
+    cuts : int
+        Number of cuts.
+    """
+
+    k_c11: float
+    m_c: float
+    k_c11_interval: tuple[float, float]
+    m_c_interval: tuple[float, float]
+    correlation: float
+    scatter: float
+    cuts: int
+
+
+def kienzle_by_thickness(h: ArrayLike, k_c: ArrayLike, deviation: ArrayLike = 0.0) -> Kienzle:
+    """Constants from specific forces, one a cut: ln k_c = ln k_c1.1 - m_c ln h.
+
+    Parameters
+    ----------
+    h : array_like, shape (L,)
+        Chip thickness [m].
+    k_c : array_like, shape (L,)
+        Tangential force over the chip's section [N/m^2].
+    deviation : array_like, shape (L,) or ()
+        Standard deviation of each, as a share [1].
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than three cuts, a value is not positive, or chips are too alike.
+    """
+    thickness, specific = _cuts(h, k_c, deviation, "specific force")
+    design = np.stack([np.ones_like(thickness), -np.log(thickness / MM)], axis=1)
+    return _kienzle(_fit(design, np.log(specific / N_MM2), deviation))
+
+
+def kienzle_by_force(
+    force: ArrayLike, *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike,
+    phi_ex: ArrayLike, deviation: ArrayLike = 0.0,
+) -> Kienzle:  # fmt: skip
+    """Constants from the mean tangential force of all teeth over a revolution, one a cut.
+
+    Parameters
+    ----------
+    force : array_like, shape (L,)
+        [N]; the mean torque over R, or the mean cutting power over v_c.
+    flutes : array_like
+        Number of teeth.
+    f_z, a_p : array_like
+        Feed per tooth, axial depth of cut [m].
+    phi_st, phi_ex : array_like
+        Entry and exit angle of the teeth [rad].
+    deviation : array_like, shape (L,) or ()
+        Standard deviation of each, as a share [1].
+
+    Raises
+    ------
+    ValueError
+        As :func:`kienzle_by_thickness`.
+    """
+    feed, mean = _cuts(f_z, force, deviation, "mean tangential force")
+    arc = [np.broadcast_to(np.asarray(v, dtype=np.float64), feed.shape) for v in (phi_st, phi_ex)]
+    if np.any(arc[1] <= arc[0]):
+        raise ValueError("phi_ex must be greater than phi_st: teeth leave after they enter")
+    width = np.broadcast_to(np.asarray(flutes) * np.asarray(a_p), feed.shape) / MM
+    readings = np.log(mean * 2 * np.pi / width)  # in N/mm^2 times mm
+    m_c = 0.25
+    for _ in range(ITERATIONS):
+        level, slope = _log_integral(feed / MM, arc[0], arc[1], m_c)
+        design = np.stack([np.ones_like(feed), slope], axis=1)
+        fit = _fit(design, readings - level + slope * m_c, deviation)
+        step = float(fit.values[1]) - m_c
+        m_c = float(np.clip(m_c + step, -0.5, 0.95))
+        if abs(step) < 1e-10:
+            break
+    return _kienzle(fit)
+
+
+def kienzle_parameters(constants: Kienzle, widest: float) -> dict[str, Parameter]:
+    """Both constants as they are stored: value and interval, or why they are undetermined.
+
+    Parameters
+    ----------
+    constants : Kienzle
+        Constants of the cuts.
+    widest : float
+        Half of a 95 % interval beyond this share of k_c1.1, or of a typical exponent, leaves it
+        undetermined [1].
+    """
+    method = f"nonlinear least squares in ln k_c1.1 and m_c on {constants.cuts} cuts"
+    low, high = constants.k_c11_interval
+    narrow = (
+        np.sqrt(high / low) - 1 <= widest,
+        np.diff(constants.m_c_interval)[0] / 2 <= widest * TYPICAL,
+    )
+    values = (constants.k_c11, constants.m_c)
+    intervals = (constants.k_c11_interval, constants.m_c_interval)
+    rows = {}
+    for k, name in enumerate(NAMES):
+        ends = (float(f"{intervals[k][0]:.5g}"), float(f"{intervals[k][1]:.5g}"))
+        wide = f"the 95 % interval, {ends[0]:g} to {ends[1]:g}, is wider than asked"
+        rows[name] = Parameter(
+            value=float(f"{values[k]:.5g}") if narrow[k] else None,
+            unit=UNITS[k],
+            interval_95=ends if narrow[k] else None,
+            determined=bool(narrow[k]),
+            method=method if narrow[k] else wide,
+        )
+    return rows
+
+
+def _log_integral(f_z: Floats, entry: Floats, leave: Floats, m_c: float) -> tuple[Floats, Floats]:
+    """Log of the integral of h^(1 - m_c) over the arc, h in mm, and its slope over m_c.
+
+    Substituting phi = (1 - cos t) / 2 of the arc removes the root singularity at a slot's ends, so
+    that few Gauss nodes suffice.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    t = (nodes + 1) * np.pi / 2
+    span = (leave - entry)[:, None]
+    h = f_z[:, None] * np.sin(entry[:, None] + span * (1 - np.cos(t)) / 2)
+    h = np.maximum(h, 1e-300)
+    share = weights * np.sin(t) * h ** (1 - m_c) * span
+    total = share.sum(axis=1)
+    return np.log(total * np.pi / 4), -(share * np.log(h)).sum(axis=1) / total
+
+
+def _cuts(
+    thickness: ArrayLike, force: ArrayLike, deviation: ArrayLike, quantity: str
+) -> tuple[Floats, Floats]:
+    h, F = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (thickness, force))
+    for name, values in (("thickness of the chip", h), (quantity, F)):
+        bad = ~(np.isfinite(values) & (values > 0.0))
+        if bad.any():
+            raise ValueError(f"{name} = {values[bad][0]} of a cut must be positive")
+    if np.any(~(np.asarray(deviation) >= 0.0)):
+        raise ValueError(f"deviation = {np.min(np.asarray(deviation))} of a cut must be 0 or more")
+    if len(h) != len(F):
+        raise ValueError(f"{len(h)} feeds and {len(F)} forces: each cut has one of both")
+    if len(h) < 3 or h.max() < LEAST_RATIO * h.min():
+        raise ValueError(
+            f"{len(h)} cuts with chips of {h.min() / MM:.3g} to {h.max() / MM:.3g} mm do not tell "
+            f"Kienzle's exponent: record 3 or more, the thickest {LEAST_RATIO:g} times the thinnest"
+        )
+    return h, F
+
+
+def _fit(design: Floats, readings: Floats, shares: ArrayLike) -> Regression:
+    shares = np.broadcast_to(np.asarray(shares, dtype=np.float64), readings.shape)
+    return regression(design, readings, np.diag(shares**2), np.ones_like(readings))
+
+
+def _kienzle(fit: Regression) -> Kienzle:
+    value, half = fit.values, fit.half_width
+    return Kienzle(
+        k_c11=float(np.exp(value[0])),
+        m_c=float(value[1]),
+        k_c11_interval=(float(np.exp(value[0] - half[0])), float(np.exp(value[0] + half[0]))),
+        m_c_interval=(float(value[1] - half[1]), float(value[1] + half[1])),
+        correlation=float(fit.correlation[0, 1]),
+        scatter=fit.share,
+        cuts=fit.freedom + len(value),
+    )

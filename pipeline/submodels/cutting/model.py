@@ -1,0 +1,293 @@
+"""Identified cutting-force model: mechanics plus a waveform residual learnt over spindle angle.
+
+Under the same tool, speed, depth and immersion the mechanics leave the same residual, whatever its
+cause: a mode that the channels do not have, an edge force that is not linear, a chip that is no
+sine.  It is affine in the feed per tooth, R(theta) = A(theta) f_z + B(theta), where the training
+recordings have two feeds or more under such conditions, and B(theta) where they have one.  For
+other conditions there is none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.tool import Tool
+from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import (
+    CutConditions,
+    Harmonics,
+    StoredCutModel,
+    StoredResidual,
+    ToolGeometry,
+)
+from pipeline.schema.structure import structured
+from pipeline.submodels.cutting.waveform import (
+    CutHarmonics,
+    columns,
+    orders,
+    phase_shift,
+    rotated,
+    tooth_columns,
+    transfer,
+)
+
+Complexes = NDArray[np.complex128]
+
+
+SPEED = 0.01
+"""Share by which equal speeds differ at most [1]: their harmonics meet the same modes."""
+ALIKE = 0.01
+"""Difference of equal depths of cut, as a share [1], and of equal angles [rad], at most."""
+FEEDS = 1.1
+"""Ratio from which two feeds count as different [1]."""
+BEYOND = 2.0
+"""Factor beyond the trained feeds, up and down, up to which the residual applies [1]."""
+FURTHER = 0.5
+"""Extrapolation of the straight line over the feed, as a share of the trained range [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WaveformResidual:
+    """Residual of the mechanics under one set of conditions.
+
+    Parameters
+    ----------
+    conditions : CutConditions
+        Of the first of its recordings.
+    feeds : tuple of float
+        Feeds per tooth f_z of its recordings [m].
+    constant, slope : ndarray of complex, shape (H + 1, 3)
+        Harmonics B [N] and A [N/m], the first tooth at the angle 0.
+    """
+
+    conditions: CutConditions
+    feeds: tuple[float, ...]
+    constant: Complexes
+    slope: Complexes
+
+    def covers(self, other: CutConditions) -> bool:
+        """Whether it holds for ``other`` conditions."""
+        near = min(self.feeds) / BEYOND <= other.f_z <= max(self.feeds) * BEYOND
+        return near and same_but_feed(self.conditions, other)
+
+    def at(self, f_z: float, harmonics: int) -> Complexes:
+        """Harmonics of the residual at a feed per tooth [m]; shape (H + 1, 3) [N]."""
+        residual = np.zeros((harmonics + 1, 3), dtype=np.complex128)
+        least, most = min(self.feeds), max(self.feeds)
+        margin = FURTHER * (most - least)
+        feed = min(max(f_z, least - margin), most + margin)
+        here = (self.constant + self.slope * feed)[: harmonics + 1]
+        residual[: len(here)] = here
+        return residual
+
+
+def same_but_feed(one: CutConditions, other: CutConditions) -> bool:
+    """Whether conditions differ in the feed alone."""
+    return (
+        one.flutes == other.flutes
+        and abs(one.speed / other.speed - 1) < SPEED
+        and abs(one.a_p / other.a_p - 1) < ALIKE
+        and abs(one.phi_st - other.phi_st) < ALIKE
+        and abs(one.phi_ex - other.phi_ex) < ALIKE
+    )
+
+
+def waveform_residuals(
+    cuts: Sequence[CutHarmonics],
+    modelled: Sequence[Complexes],
+    phases: Sequence[float],
+    zero: float,
+) -> list[WaveformResidual]:
+    """Residuals of a model on recordings, one for each set of conditions.
+
+    Parameters
+    ----------
+    cuts : sequence of CutHarmonics
+        The recordings.
+    modelled : sequence of ndarray, shape (H + 1, 3)
+        Modelled harmonics of each, at its phase [N].
+    phases : sequence of float
+        Angle of the first tooth in each [rad].
+    zero : float
+        Variance of the zeros beyond that stated with the recordings [N^2].
+    """
+    groups: list[list[int]] = []
+    for k, cut in enumerate(cuts):
+        home = next(
+            (g for g in groups if same_but_feed(cuts[g[0]].conditions, cut.conditions)), None
+        )
+        if home is None:
+            groups.append([k])
+        else:
+            home.append(k)
+    residuals = [
+        rotated(_clear(cut, cut.lines - model, zero), -phase)
+        for cut, model, phase in zip(cuts, modelled, phases, strict=True)
+    ]
+    return [_residual_of([cuts[k] for k in g], [residuals[k] for k in g]) for g in groups]
+
+
+def _clear(cut: CutHarmonics, residual: Complexes, zero: float) -> Complexes:
+    """``residual`` shrunk towards 0 by the share of scatter in it (James and Stein 1961)."""
+    square, variance = np.abs(residual) ** 2, cut.variance.copy()
+    variance[0] += zero
+    variance[1:] *= 2  # of real and imaginary part together
+    share = 1 - variance / np.maximum(square, 1e-300)
+    return np.asarray(residual * np.maximum(share, 0.0))
+
+
+def _residual_of(cuts: Sequence[CutHarmonics], residuals: Sequence[Complexes]) -> WaveformResidual:
+    """Affine regression of residuals under the same conditions over their feeds."""
+    size = min(len(one) for one in residuals)
+    feeds = np.array([cut.conditions.f_z for cut in cuts])
+    table = np.stack([one[:size] for one in residuals]).reshape(len(residuals), -1)
+    if feeds.max() < FEEDS * feeds.min():
+        constant, slope = table.mean(axis=0), np.zeros(table.shape[1], dtype=np.complex128)
+    else:
+        design = np.stack([np.ones_like(feeds), feeds], axis=1)
+        constant, slope = np.linalg.pinv(design) @ table
+    return WaveformResidual(
+        conditions=cuts[0].conditions, feeds=tuple(feeds.tolist()),
+        constant=constant.reshape(size, 3), slope=slope.reshape(size, 3),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CutModel:
+    """Cutting-force model of a tool in a material.
+
+    Parameters
+    ----------
+    tool : Tool
+        Shape of the tool.
+    geometry : ToolGeometry
+        Its runout and helix.
+    values : ndarray, shape (D,)
+        Six coefficients [N/m^2], [N/m], and edge forces of single teeth, as
+        :func:`pipeline.submodels.cutting.waveform.columns` has them.
+    natural, damping : ndarray, shape (3,), optional
+        Of the modes of the channels that show feed, normal and axis [Hz], [1].
+    left_out : ndarray, shape (3,)
+        Variance of the model error of each direction's harmonics [N^2].
+    residuals : sequence of WaveformResidual
+        Residuals under trained conditions; none where they were not kept.
+    """
+
+    tool: Tool
+    geometry: ToolGeometry
+    values: Floats
+    natural: Floats | None
+    damping: Floats | None
+    left_out: Floats
+    residuals: Sequence[WaveformResidual] = ()
+
+    @property
+    def teeth(self) -> bool:
+        """Whether single teeth have edge forces of their own."""
+        return len(self.values) > 6
+
+    def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
+        """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
+        forces = columns(self.tool, self.geometry, conditions, harmonics) @ self.values[:6]
+        if self.teeth:
+            teeth = tooth_columns(self.tool, self.geometry, conditions, harmonics)
+            forces = forces + teeth @ self.values[6:]
+        if self.natural is None or self.damping is None:
+            return forces
+        frequencies = orders(harmonics) * conditions.speed
+        return forces * transfer(frequencies, self.natural, self.damping)
+
+    def residual(self, conditions: CutConditions) -> WaveformResidual | None:
+        """Waveform residual that applies under these conditions, if any."""
+        return next((one for one in self.residuals if one.covers(conditions)), None)
+
+    def predicted(
+        self, conditions: CutConditions, harmonics: int, *, mechanics_only: bool = False
+    ) -> Complexes:
+        """Harmonics of the forces on the tool; shape (H + 1, 3) [N]."""
+        forces = self.mechanics(conditions, harmonics)
+        residual = None if mechanics_only else self.residual(conditions)
+        return forces if residual is None else forces + residual.at(conditions.f_z, harmonics)
+
+    def beside(self, cut: CutHarmonics, *, mechanics_only: bool = False) -> Complexes:
+        """Predicted harmonics of a recording, rotated to its phase; shape (H + 1, 3) [N]."""
+        model = self.predicted(cut.conditions, cut.harmonics, mechanics_only=mechanics_only)
+        return rotated(model, phase_shift(model, cut.lines, self.weight(cut)))
+
+    def weight(self, cut: CutHarmonics) -> Floats:
+        """One over the standard deviation of a recording's harmonics about the model [1/N]."""
+        variance = cut.variance.copy()
+        variance[1:] += self.left_out
+        return np.asarray(1 / np.sqrt(variance))
+
+
+def plain_model(tool: Tool, coefficients: Floats) -> CutModel:
+    """Mechanics of a sharp, round, straight-edged tool: no helix, runout or mode of a channel.
+
+    Parameters
+    ----------
+    tool : Tool
+        Its form.
+    coefficients : ndarray, shape (6,)
+        Of the linear-edge model [N/m^2], [N/m].
+    """
+    return CutModel(
+        tool=replace(tool, helix_deg=0.0), geometry=ToolGeometry(), values=coefficients,
+        natural=None, damping=None, left_out=np.zeros(3),
+    )  # fmt: skip
+
+
+def stored(model: CutModel) -> StoredCutModel:
+    """The model as it is stored, in full precision."""
+    return StoredCutModel(
+        tool=asdict(model.tool),
+        geometry=model.geometry,
+        values=tuple(model.values.tolist()),
+        natural_Hz=None if model.natural is None else tuple(model.natural.tolist()),
+        damping=None if model.damping is None else tuple(model.damping.tolist()),
+        left_out_N2=tuple(model.left_out.tolist()),
+        residuals=tuple(
+            StoredResidual(
+                conditions=one.conditions, feeds_m=one.feeds,
+                constant_N=_pairs(one.constant), slope_N_m=_pairs(one.slope),
+            )
+            for one in model.residuals
+        ),
+    )  # fmt: skip
+
+
+def restored(document: StoredCutModel) -> CutModel:
+    """The model that :func:`stored` wrote.
+
+    Raises
+    ------
+    ValueError
+        When its tool is none.
+    """
+    natural, damping = document.natural_Hz, document.damping
+    return CutModel(
+        tool=structured(document.tool, Tool, "prediction.tool"),
+        geometry=document.geometry,
+        values=np.array(document.values),
+        natural=None if natural is None else np.array(natural),
+        damping=None if damping is None else np.array(damping),
+        left_out=np.array(document.left_out_N2),
+        residuals=[
+            WaveformResidual(
+                conditions=one.conditions, feeds=one.feeds_m,
+                constant=_complex(one.constant_N), slope=_complex(one.slope_N_m),
+            )
+            for one in document.residuals
+        ],
+    )  # fmt: skip
+
+
+def _pairs(values: Complexes) -> Harmonics:
+    return tuple(tuple((one.real, one.imag) for one in row) for row in values.tolist())
+
+
+def _complex(pairs: Harmonics) -> Complexes:
+    values = np.array(pairs)
+    return np.asarray(values[..., 0] + 1j * values[..., 1])

@@ -1,0 +1,150 @@
+"""Predicted forces beside measured ones over the mean revolution, as rows of the shared judge.
+
+The force in the plane of the feed is judged: its waveform as both of its components one after the
+other, whose RMSE is that of the vector; its peak and mean as the magnitude.  The channels of the
+dynamometer, a fit on the other recordings and the scatter of the revolutions are shown.  Beside the
+model stand mechanics alone, without the waveform residual, and the plain guess.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import (
+    CHANNEL_FORCE,
+    CHANNELS,
+    HIGHEST,
+    LOWEST,
+    MAGNITUDE,
+    MECHANICS,
+    OTHERS,
+    PLAIN,
+    PLANE,
+    CuttingModel,
+)
+from pipeline.schema.verdict import Fact
+from pipeline.submodels.contract import Prediction, Target
+from pipeline.submodels.cutting.model import CutModel, restored
+from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
+from pipeline.submodels.cutting.revolution import GRID, wave
+from pipeline.submodels.cutting.settings import (
+    CuttingFitSettings,
+    CuttingLimits,
+    CuttingSetup,
+)
+
+Complexes = NDArray[np.complex128]
+
+ANGLES = 720
+"""Angles of a revolution at which waveforms are compared."""
+NORMAL_90 = 1.645
+"""Half of a 90 % interval over the standard deviation [1]."""
+
+
+def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
+    """Quantities of the judgement: the force in the plane has limits, its channels are shown."""
+    beside = (MECHANICS, PLAIN)
+    waveform = {"relative_percent": limits.rms_percent}
+    magnitude = {"peak_percent": limits.peak_percent, "mean_percent": limits.mean_percent}
+    judged = [
+        Target(quantity=quantity, unit="N", regime=regime, limits=kept, baselines=beside)
+        for regime in ("", OTHERS)
+        for quantity, kept in ((PLANE, waveform), (MAGNITUDE, magnitude))
+    ]
+    channels = [
+        Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside) for name in CHANNELS
+    ]
+    return (*judged, *channels)
+
+
+class ForcePredictor:
+    """Predictor of the forces of recordings by a stored model.
+
+    Parameters
+    ----------
+    stored : CuttingModel
+        The model; without a prediction every recording is left without one.
+    setup : CuttingSetup
+        Setup of the dynamometer.
+    settings : CuttingFitSettings
+        Settings of the fit, for the zero's variance.
+    """
+
+    def __init__(
+        self, stored: CuttingModel, setup: CuttingSetup, settings: CuttingFitSettings
+    ) -> None:
+        self.reason, self.setup, self.settings = stored.reason, setup, settings
+        self.model = None if stored.prediction is None else restored(stored.prediction)
+        self.plain = None if stored.plain is None else restored(stored.plain)
+        self.without: Mapping[str, CutModel] = {
+            name: restored(fold.prediction) for fold in stored.folds for name in fold.left_out
+        }
+
+    def prediction(self, recording: CuttingRecording) -> Prediction:
+        """Rows of one recording; without rows where nothing predicts it or it was left out."""
+        if self.model is None or self.plain is None or recording.revolution is None:
+            return Prediction(frame=pd.DataFrame(), note=self.reason or recording.reason)
+        parts = [*self._rows(recording, self.model, self.plain, "")]
+        if recording.name in self.without and recording.role == "training":
+            other = self.without[recording.name]
+            parts += self._rows(recording, other, self.plain, OTHERS)
+        parts += self._scatter(recording)
+        residual = self.model.residual(cut_harmonics(recording, self.settings).conditions)
+        how = "mechanics" if residual is None else "mechanics and what they leave over"
+        return Prediction(
+            frame=pd.concat(parts, ignore_index=True), facts={"predicted by": Fact(value=how)}
+        )
+
+    def _rows(
+        self, recording: CuttingRecording, model: CutModel, plain: CutModel, regime: str
+    ) -> Iterable[pd.DataFrame]:
+        """Rows of the judged quantities and the channels under one model."""
+        _, revolution = recording.cut
+        cut = cut_harmonics(recording, self.settings)
+        angles = np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)
+        forces = {
+            "measured": wave(revolution.lines, angles),
+            "predicted": wave(model.beside(cut), angles),
+            f"baseline_{MECHANICS}": wave(model.beside(cut, mechanics_only=True), angles),
+            f"baseline_{PLAIN}": wave(plain.beside(cut), angles),
+        }
+        degrees = np.degrees(angles)
+        half = NORMAL_90 * np.sqrt(model.left_out * cut.harmonics)
+        # rows of a force on the tool: feed, normal, axis; the first two span the plane
+        plane = {name: force[:, :2].ravel(order="F") for name, force in forces.items()}
+        yield _table(PLANE, regime, np.tile(degrees, 2), plane, np.repeat(half[:2], ANGLES))
+        magnitude = {name: np.linalg.norm(f[:, :2], axis=1) for name, f in forces.items()}
+        yield _table(MAGNITUDE, regime, degrees, magnitude)
+        rotation = self.setup.dynamometer.rotation
+        for k, name in enumerate(CHANNELS):
+            channel = {key: force @ rotation[:, k] for key, force in forces.items()}
+            width = np.full(ANGLES, float(half @ np.abs(rotation[:, k])))
+            yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
+
+    def _scatter(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
+        """Ends of what 95 % of the revolutions show in each channel; they are not scored."""
+        _, revolution = recording.cut
+        rotation = self.setup.dynamometer.rotation
+        degrees = np.degrees(np.linspace(0.0, 2 * np.pi, GRID, endpoint=False))
+        ends = np.stack([revolution.low @ rotation, revolution.high @ rotation])
+        for regime, force in ((LOWEST, ends.min(axis=0)), (HIGHEST, ends.max(axis=0))):
+            for k, name in enumerate(CHANNELS):
+                measured = {"measured": force[:, k], "predicted": np.full(GRID, np.nan)}
+                rows = _table(CHANNEL_FORCE + name, regime, degrees, measured)
+                yield rows.assign(scored=False)
+
+
+def _table(
+    quantity: str, regime: str, degrees: Floats, values: Mapping[str, Floats],
+    half: Floats | None = None,
+) -> pd.DataFrame:  # fmt: skip
+    """Rows of one quantity over the angle; ``half`` is half of the 90 % prediction interval."""
+    frame = pd.DataFrame({"t": degrees, **values})
+    width = np.nan if half is None else half
+    return frame.assign(
+        quantity=quantity, unit="N", regime=regime, scored=True,
+        low=frame["predicted"] - width, high=frame["predicted"] + width,
+    )  # fmt: skip

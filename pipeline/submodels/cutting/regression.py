@@ -1,0 +1,141 @@
+"""Linear regression on few readings, each with its own measurement uncertainty.
+
+Noise and rounding of a reading are the least that its residual can be; where residuals are greater,
+the model misses something in proportion to the reading (a cut that took another force).  That share
+tau is estimated from the residuals (Paule and Mandel 1982).  Intervals are Student's with the few
+degrees of freedom there are, and never narrower than those of the measurement uncertainties.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+
+COLLINEAR = 1e8
+"""Condition number of scaled columns from which the parameters are not separable."""
+TINY = 1e-9
+"""Least standard deviation of a reading, over the greatest reading [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Regression:
+    """D parameters of a linear model.
+
+    Parameters
+    ----------
+    values : ndarray, shape (D,)
+        Estimates.
+    covariance : ndarray, shape (D, D)
+        Of them.
+    half_width : ndarray, shape (D,)
+        Half of the 95 % interval; infinite without more readings than parameters.
+    quantile : float
+        Half widths over standard deviations [1].
+    freedom : int
+        Readings less parameters.
+    share : float
+        tau, scatter of the readings beyond their uncertainty, as a share of them [1].
+    """
+
+    values: Floats
+    covariance: Floats
+    half_width: Floats
+    quantile: float
+    freedom: int
+    share: float
+
+    @property
+    def correlation(self) -> Floats:
+        """Of the parameters; shape (D, D)."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        safe = np.where(deviation > 0.0, deviation, 1.0)
+        correlation: Floats = self.covariance / np.outer(safe, safe)
+        return correlation
+
+
+def regression(design: Floats, readings: Floats, covariance: Floats, size: Floats) -> Regression:
+    """Generalised least squares.
+
+    Parameters
+    ----------
+    design : ndarray, shape (L, D)
+        Of the readings.
+    readings : ndarray, shape (L,)
+        Measured values.
+    covariance : ndarray, shape (L, L)
+        Of the readings by their measurement uncertainty.
+    size : ndarray, shape (L,)
+        Magnitudes that the share tau refers to.
+
+    Returns
+    -------
+    Regression
+        All half widths are infinite when the columns are not separable.
+    """
+    from scipy.stats import t as student
+
+    count, parameters = design.shape
+    freedom = count - parameters
+    scale = np.linalg.norm(design, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    singular = np.linalg.svd(design / scale, compute_uv=False) if count else np.zeros(1)
+    apart = freedom >= 0 and singular[0] < COLLINEAR * singular[-1]
+    if freedom < 1 or not apart:
+        return _nothing(parameters, freedom)
+    least = TINY * np.abs(readings).max(initial=TINY)
+    covariance = covariance + least**2 * np.eye(count)  # readings without noise have no inverse
+    share = _share(design / scale, readings, covariance, size, freedom)
+    values, spread, misfit = _solve(design / scale, readings, covariance, size, share)
+    student_quantile = float(student.ppf(0.975, freedom))
+    normal = float(student.ppf(0.975, np.inf))
+    quantile = max(normal, student_quantile * np.sqrt(misfit / freedom))
+    spread = spread / np.outer(scale, scale)
+    return Regression(
+        values=values / scale,
+        covariance=spread,
+        half_width=quantile * np.sqrt(np.diag(spread)),
+        quantile=quantile,
+        freedom=freedom,
+        share=share,
+    )
+
+
+def _nothing(parameters: int, freedom: int) -> Regression:
+    return Regression(
+        values=np.full(parameters, np.nan),
+        covariance=np.full((parameters, parameters), np.inf),
+        half_width=np.full(parameters, np.inf),
+        quantile=np.inf,
+        freedom=freedom,
+        share=np.nan,
+    )
+
+
+def _solve(
+    design: Floats, readings: Floats, covariance: Floats, size: Floats, share: float
+) -> tuple[Floats, Floats, float]:
+    """Estimates, their covariance, and the sum of the squared whitened residuals."""
+    lower = np.linalg.cholesky(covariance + np.diag((share * size) ** 2))
+    whitened = np.linalg.solve(lower, np.column_stack([design, readings]))
+    inverse = np.linalg.pinv(whitened[:, :-1])
+    values = inverse @ whitened[:, -1]
+    residuals = whitened[:, -1] - whitened[:, :-1] @ values
+    return values, inverse @ inverse.T, float(residuals @ residuals)
+
+
+def _share(
+    design: Floats, readings: Floats, covariance: Floats, size: Floats, freedom: int
+) -> float:
+    """Share tau at which the weighted residuals match their degrees of freedom; 0 at least."""
+    from scipy.optimize import brentq
+
+    def excess(share: float) -> float:
+        return _solve(design, readings, covariance, size, share)[2] - freedom
+
+    if excess(0.0) <= 0.0 or not size.any():
+        return 0.0
+    high = 0.01
+    while excess(high) > 0.0 and high < 1e3:
+        high *= 2.0
+    return float(brentq(excess, 0.0, high, xtol=1e-6)) if excess(high) <= 0.0 else high

@@ -1,0 +1,335 @@
+"""Model selection by cross-validation, and uncertainty of the fit that was selected.
+
+Runout is always part of the model.  Modes of the channels, edge forces of single teeth, an unknown
+helix and the waveform residual enter where they predict recordings better that were left out of the
+fit; with a single recording, where the Bayesian information criterion favours them, and without the
+residual.
+
+The covariance is that of the weighted problem, whose weights hold the scatter of the harmonics, the
+zeros and the model error; with four fits or more to a part of the recordings their spread
+(jackknife) counts where it is wider.  The differences to fits of other terms that are not much
+worse are added: an interval is no narrower than the choice of terms allows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from pipeline.cutting.force.mean_force import COEFFICIENTS
+from pipeline.cutting.tool import Tool
+from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import TermsTried
+from pipeline.submodels.cutting.fit import Fit, fit_waveform
+from pipeline.submodels.cutting.model import CutModel, WaveformResidual, waveform_residuals
+from pipeline.submodels.cutting.waveform import (
+    CutHarmonics,
+    Terms,
+)
+
+FOLDS = 6
+"""Folds of the cross-validation, at most; one or more recordings are left out at a time."""
+RIVAL = 2.0
+"""Error of rival terms over the least error, at most [1]; rivals widen the intervals."""
+RIVAL_CRITERION = 10.0
+"""Criterion of rival terms above the least, at most (Kass and Raftery 1995: beyond it evidence is
+very strong)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fold:
+    """A fit without some of the recordings.
+
+    Parameters
+    ----------
+    left_out : tuple of int
+        Positions of the recordings left out.
+    fit : Fit
+        To the others.
+    """
+
+    left_out: tuple[int, ...]
+    fit: Fit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Selection:
+    """Fit to all recordings with the selected terms, and the comparison behind it.
+
+    Parameters
+    ----------
+    fit : Fit
+        With the terms that were selected.
+    with_residual : bool
+        Whether the waveform residual is part of the model.
+    folds : sequence of Fold
+        Fits of these terms to a part of the recordings.
+    rivals : sequence of Fit
+        Fits of other terms that are not much worse.
+    tried : sequence of TermsTried
+        Terms, error on recordings left out [1] or criterion, and which were kept.
+    """
+
+    fit: Fit
+    with_residual: bool
+    folds: Sequence[Fold]
+    rivals: Sequence[Fit]
+    tried: Sequence[TermsTried]
+
+
+def select_model(tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: float) -> Selection:
+    """The fit with the terms that predict best by cross-validation.
+
+    Parameters
+    ----------
+    tool : Tool
+        Tool that cut.
+    cuts : sequence of CutHarmonics
+        The recordings.
+    helix : bool
+        Whether the helix angle is unknown.
+    gain : float
+        Share of the error that a term must save.
+    """
+    whole = fit_waveform(tool, cuts, Terms(modes=True, teeth=tool.flutes > 1, helix=helix))
+    fits = {whole.problem.terms: whole}
+    for modes, teeth in product((False, True), repeat=2):
+        terms = Terms(modes=modes, teeth=teeth and tool.flutes > 1, helix=helix)
+        if terms not in fits:
+            start = whole if modes or teeth else None
+            fits[terms] = fit_waveform(tool, cuts, terms, start=start)
+    comparison = _Comparison(tool=tool, cuts=cuts, gain=gain)
+    best = comparison.least(list(fits.values()))
+    if helix:
+        fewer = fit_waveform(tool, cuts, replace(best.problem.terms, helix=False))
+        fits[fewer.problem.terms] = fewer
+        best = comparison.least([best, fewer])
+    folds = comparison.folds(best)
+    with_residual = bool(folds) and (
+        _error(cuts, folds, True) < (1 - gain) * _error(cuts, folds, False)
+    )
+    kept = best.problem.terms
+    tried = [
+        TermsTried(terms=_names(terms), value=value, kept=terms == kept)
+        for terms, value in comparison.errors.items()
+    ]
+    rivals = [fits[terms] for terms in comparison.rivals(kept)]
+    return Selection(fit=best, with_residual=with_residual, folds=folds, rivals=rivals, tried=tried)
+
+
+def _names(terms: Terms) -> tuple[str, ...]:
+    return tuple(one for one in ("runout", "helix", "modes", "teeth") if getattr(terms, one))
+
+
+class _Comparison:
+    """Compares fits by recordings left out, or by the information criterion."""
+
+    def __init__(self, tool: Tool, cuts: Sequence[CutHarmonics], gain: float) -> None:
+        self.tool, self.cuts, self.gain = tool, cuts, gain
+        self.errors: dict[Terms, float] = {}
+        self._folds: dict[Terms, list[Fold]] = {}
+
+    def least(self, fits: Sequence[Fit]) -> Fit:
+        """The fit of the fewest unknowns whose error is within ``gain`` of the least."""
+        values = [self._value(one) for one in fits]
+        margin = 1 + self.gain if len(self.cuts) > 1 else 1.0
+        bound = min(values) * margin if min(values) > 0 else min(values)
+        near = [fit for fit, value in zip(fits, values, strict=True) if value <= bound]
+        return min(near, key=lambda one: len(one.x) + one.problem.linear)
+
+    def rivals(self, kept: Terms) -> list[Terms]:
+        """Terms whose error is not much above that of the selected ones."""
+        least = self.errors[kept]
+        bound = RIVAL * least if len(self.cuts) > 1 else least + RIVAL_CRITERION
+        return [terms for terms, value in self.errors.items() if terms != kept and value <= bound]
+
+    def folds(self, fit: Fit) -> list[Fold]:
+        """Fits of the same terms to a part of the recordings."""
+        terms = fit.problem.terms
+        if terms not in self._folds:
+            self._folds[terms] = [
+                Fold(left_out=tuple(out), fit=self._without(out, fit))
+                for out in _left_out_in_turn(len(self.cuts))
+            ]
+        return self._folds[terms]
+
+    def _without(self, out: Sequence[int], fit: Fit) -> Fit:
+        rest = [cut for k, cut in enumerate(self.cuts) if k not in out]
+        return fit_waveform(self.tool, rest, fit.problem.terms, start=fit)
+
+    def _value(self, fit: Fit) -> float:
+        if len(self.cuts) > 1:
+            value = _error(self.cuts, self.folds(fit), False)
+        else:
+            unknowns = len(fit.x) + fit.problem.linear
+            value = 2 * fit.unlikely + unknowns * float(np.log(len(fit.solved.residuals)))
+        self.errors[fit.problem.terms] = value
+        return value
+
+
+def _left_out_in_turn(count: int) -> list[list[int]]:
+    """Positions of the recordings that each fold leaves out."""
+    if count < 2:
+        return []
+    folds = min(count, FOLDS)
+    return [list(range(k, count, folds)) for k in range(folds)]
+
+
+def _error(cuts: Sequence[CutHarmonics], folds: Sequence[Fold], with_residual: bool) -> float:
+    """RMS error on the recordings left out, as a share of their RMS force."""
+    error = power = 0.0
+    for fold in folds:
+        model = model_of(fold.fit, with_residual=with_residual)
+        for k in fold.left_out:
+            missing, whole = mean_squares(model, cuts[k])
+            error += float(missing.sum() / whole.sum())
+            power += 1.0
+    return float(np.sqrt(error / power))
+
+
+def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
+    """Mean squares of a model's error and of the force, by direction [N^2]; shape (3,) each."""
+    squares = []
+    for lines in (cut.lines - model.beside(cut), cut.lines):
+        power = np.abs(lines) ** 2
+        power[1:] /= 2
+        squares.append(power.sum(axis=0))
+    return squares[0], squares[1]
+
+
+def model_of(fit: Fit, *, with_residual: bool) -> CutModel:
+    """The model of a fit; with ``with_residual`` its waveform residual is part of it."""
+    problem, x = fit.problem, fit.x
+    modes = problem.modes(x)
+    phases = x[: len(problem.cuts)].tolist()
+    residuals: Sequence[WaveformResidual] = ()
+    if with_residual:
+        residuals = waveform_residuals(problem.cuts, fit.modelled, phases, problem.zero)
+    return CutModel(
+        tool=problem.tool, geometry=problem.geometry(x), values=fit.values,
+        natural=None if modes is None else modes[0], damping=None if modes is None else modes[1],
+        left_out=problem.left_out, residuals=residuals,
+    )  # fmt: skip
+
+
+FEWEST = 4
+"""Fits to a part of the recordings from which a spread is taken, at least."""
+LOOSE = 10.0
+"""Prior standard deviation of a nonlinear unknown, over its scale [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FitUncertainty:
+    """Covariance of a fit's unknowns.
+
+    Parameters
+    ----------
+    names : list of str
+        Nonlinear unknowns, then the six coefficients, then edge forces of single teeth.
+    covariance : ndarray, shape (P + D, P + D)
+        Of the unknowns in SI.
+    quantile : float
+        Half of a 95 % interval over the standard deviation [1].
+    condition : float
+        Condition number of the Jacobian with columns scaled to length one [1].
+    """
+
+    names: list[str]
+    covariance: Floats
+    quantile: float
+    condition: float
+
+    def half_width(self, slope: Floats) -> float:
+        """Half of the 95 % interval of a quantity with this gradient by the unknowns."""
+        return self.quantile * float(np.sqrt(max(float(slope @ self.covariance @ slope), 0.0)))
+
+
+def fit_uncertainty(fit: Fit, folds: Sequence[Fold], rivals: Sequence[Fit]) -> FitUncertainty:
+    """Uncertainty of a fit's unknowns.
+
+    Parameters
+    ----------
+    fit : Fit
+        To all recordings.
+    folds : sequence of Fold
+        Fits of the same terms to a part of them.
+    rivals : sequence of Fit
+        Fits of other terms that are not much worse.
+    """
+    from scipy.stats import t as student
+
+    problem = fit.problem
+    slopes = np.concatenate([problem.slopes(fit.x, fit.values), fit.solved.table], axis=1)
+    loose = LOOSE * np.concatenate([problem.scale, np.full(problem.linear, np.inf)])
+    length = np.sqrt((slopes**2).sum(axis=0) + loose**-2.0)
+    scaled = slopes / length
+    normal = scaled.T @ scaled + np.diag((loose * length) ** -2.0)
+    singular: Floats = np.linalg.eigvalsh(normal)
+    covariance = np.linalg.pinv(normal, rcond=1e-14, hermitian=True) / np.outer(length, length)
+    freedom = max(len(slopes) - slopes.shape[1] - problem.linear, 1)
+    names = [*problem.names, *COEFFICIENTS, *_edges(fit)]
+    quantile = float(student.ppf(0.975, freedom))
+    own = np.sqrt(np.diag(covariance))
+    spread, differences = _jackknife(fit, folds), _rival_differences(fit, rivals)
+    wider = np.maximum(own, [spread.get(name, 0.0) for name in names])
+    wider = np.hypot(wider, np.array([differences.get(name, 0.0) for name in names]) / quantile)
+    factor = wider / np.where(own > 0, own, 1.0)
+    covariance = covariance * np.outer(factor, factor)
+    return FitUncertainty(
+        names=names, covariance=covariance, quantile=quantile,
+        condition=float(np.sqrt(singular[-1] / max(float(singular[0]), 1e-300))),
+    )  # fmt: skip
+
+
+def _edges(fit: Fit) -> list[str]:
+    count = (fit.problem.linear - 6) // 3
+    return [f"{name}_tooth{k + 1}" for k in range(count) for name in COEFFICIENTS[3:]]
+
+
+def _rival_differences(fit: Fit, rivals: Sequence[Fit]) -> dict[str, float]:
+    """Greatest change of each unknown with other terms."""
+    here = _values(fit, fit)
+    differences: dict[str, float] = {}
+    for rival in rivals:
+        for name, value in _values(rival, fit).items():
+            if name in here and not name.startswith("log_"):
+                differences[name] = max(differences.get(name, 0.0), abs(value - here[name]))
+    return differences
+
+
+def _values(part: Fit, whole: Fit) -> dict[str, float]:
+    """Coefficients and nonlinear unknowns without phases, teeth numbered as in the whole fit."""
+    names = [name for name in part.problem.names if not name.startswith("phase")]
+    shape = zip(names, _shape(part, whole).tolist(), strict=True)
+    return dict(zip(COEFFICIENTS, part.values[:6].tolist(), strict=True)) | dict(shape)
+
+
+def _jackknife(fit: Fit, folds: Sequence[Fold]) -> dict[str, float]:
+    """Standard deviations from fits to a part of the recordings; empty for too few."""
+    from scipy.stats import norm
+    from scipy.stats import t as student
+
+    count = len(folds)
+    if count < FEWEST:
+        return {}
+    values = [_values(one.fit, fit) for one in folds]
+    parts = np.array([list(one.values()) for one in values])
+    spread = np.sqrt((count - 1) / count * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+    spread *= student.ppf(0.975, count - 1) / norm.ppf(0.975)
+    return dict(zip(values[0], spread.tolist(), strict=True))
+
+
+def _shape(part: Fit, whole: Fit) -> Floats:
+    """Nonlinear unknowns without phases of a partial fit, teeth numbered as in the whole fit."""
+    values = part.x[len(part.problem.cuts) :].copy()
+    names = [name for name in part.problem.names if not name.startswith("phase")]
+    here, there = whole.problem.geometry(whole.x), part.problem.geometry(part.x)
+    flutes = whole.problem.tool.flutes
+    rotations = np.exp(2j * np.pi * np.arange(flutes) / flutes)
+    offsets = complex(there.along, there.across) * rotations
+    best = offsets[int(np.argmin(np.abs(offsets - complex(here.along, here.across))))]
+    for name, value in (("along", best.real), ("across", best.imag)):
+        if name in names:
+            values[names.index(name)] = value
+    return values

@@ -1,0 +1,218 @@
+"""Settings of the cutting sub-model: tool and dynamometer setup, recordings, and the fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import numpy as np
+
+from pipeline.cutting.tool import Tool
+from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import CHANNELS
+from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.search.genetic import GeneticSettings
+from pipeline.submodels.cutting.conditions import StatedConditions
+from pipeline.submodels.cutting.spindle_load.records import SpindleLoadRecords
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingFitSettings(Ranged, section="cutting_fit"):
+    """Settings of the identification of cutting coefficients from forces.
+
+    Parameters
+    ----------
+    method : {"least_squares", "genetic"}
+        Which optimum of the waveform's terms is taken.
+    compare : bool
+        Whether the other method is run too, for the report.
+    harmonics : int
+        Highest harmonic of the spindle's revolution that is used; those above 0.45 of the sampling
+        rate are not.
+    zero_N : float
+        Standard deviation of a recording's zero [N] where the recording shows no air cutting.
+    widest : float
+        Half of a 95 % interval, as a share of the value, beyond which it is undetermined [1].
+    gain : float
+        Share of the cross-validation error that a term must save to be kept [1].
+    genetic : GeneticSettings
+        Of the genetic algorithm.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    method: Literal["least_squares", "genetic"] = "least_squares"
+    compare: bool = True
+    harmonics: Annotated[int, Range(least=1, most=64)] = 48
+    zero_N: Annotated[float, Range(above=0.0, unit="N")] = 1.0
+    widest: Positive = 0.5
+    gain: Positive = 0.02
+    genetic: GeneticSettings = field(
+        default_factory=lambda: GeneticSettings(population=24, generations=30, stall=10)
+    )
+
+
+DIRECTIONS = ("feed", "normal", "axial")
+"""Components of the force on the tool: along the feed, to the left of it, along the axis as F_z of
+`cutting.waveform`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dynamometer:
+    """Channel of each component of the force on the tool; a minus before the name reverses it.
+
+    Parameters
+    ----------
+    feed : str
+        Channel of the force on the tool along the feed, F_x of :mod:`pipeline.cutting.force.waveform`.
+        A dynamometer under the workpiece shows the opposite force: ``-x`` when its x points along
+        the feed.
+    normal : str
+        Of the force on the tool to the left of the feed, F_y; with M4, to the right of it.
+    axial : str
+        Of the force with which the edge lifts the workpiece, F_z: ``z`` of a dynamometer under
+        the workpiece that points upwards.
+
+    Raises
+    ------
+    ValueError
+        When they are not the channels x, y and z, each once.
+    """
+
+    feed: str = "-x"
+    normal: str = "-y"
+    axial: str = "z"
+
+    def __post_init__(self) -> None:
+        channels = [getattr(self, one) for one in DIRECTIONS]
+        if sorted(one.removeprefix("-") for one in channels) != list(CHANNELS):
+            raise ValueError(
+                "cutting.dynamometer: feed, normal and axial are "
+                f"{', '.join(map(repr, channels))}: name x, y and z, each once, a minus before "
+                "those that are turned"
+            )
+
+    @property
+    def rotation(self) -> Floats:
+        """Forces on the tool (rows) from channels (columns); shape (3, 3), orthogonal."""
+        matrix = np.zeros((3, 3))
+        for row, name in enumerate(DIRECTIONS):
+            channel = getattr(self, name)
+            sign = -1.0 if channel.startswith("-") else 1.0
+            matrix[row, CHANNELS.index(channel.removeprefix("-"))] = sign
+        return matrix
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingSetup:
+    """Tool, workpiece and dynamometer of a machine's cutting recordings.
+
+    Parameters
+    ----------
+    tool : Tool
+        That cut; what ``sought`` names of it is identified.
+    material : str
+        Of the workpiece.
+    dynamometer : Dynamometer
+        Orientation of its channels.
+    sought : tuple of {"runout", "helix"}
+        Unknowns of the tool that are identified; a helix angle that is given is the start of the
+        search.
+
+    Raises
+    ------
+    ValueError
+        When the tool is no end mill.
+    """
+
+    tool: Tool
+    material: str = ""
+    dynamometer: Dynamometer = field(default_factory=Dynamometer)
+    sought: tuple[Literal["runout", "helix"], ...] = ("runout",)
+
+    def __post_init__(self) -> None:
+        if self.tool.kind == "drill":
+            raise ValueError(
+                "cutting.tool is a drill: coefficients are identified from the forces of end "
+                "mills (flat, bull_nose or ball)"
+            )
+
+
+def named_channels(channels: Mapping[str, str]) -> list[str]:
+    """Names of the channels x, y, z in the recordings.
+
+    Raises
+    ------
+    ValueError
+        When one is missing, or there is another.
+    """
+    if sorted(channels) != list(CHANNELS):
+        raise ValueError(
+            f"cutting_records.channels has {', '.join(sorted(channels)) or 'none'}: name x, y and z"
+        )
+    return [channels[one] for one in CHANNELS]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingLimits(Ranged, section="cutting_limits"):
+    """Limits on the error of predicted cutting forces.
+
+    Parameters
+    ----------
+    peak_percent, mean_percent : float
+        Of the peak and the mean of the force in the plane over a mean revolution [%].
+    rms_percent : float
+        Of the RMS error of the waveform in the plane, over the RMS force [%].
+    """
+
+    peak_percent: Positive = 10.0
+    mean_percent: Positive = 10.0
+    rms_percent: Positive = 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingRecords:
+    """Recordings of a machine's cutting forces and of its spindle's load.
+
+    Parameters
+    ----------
+    recordings : str
+        Pattern of their names below the machine's folder; "" where there is no dynamometer.
+    channels : mapping of str to str
+        x, y and z of the dynamometer by their names in the recordings.
+    name : str, optional
+        Regular expression whose named groups are conditions in a recording's name.
+    conditions : StatedConditions
+        Common to all recordings.
+    by_pattern : mapping of str to StatedConditions
+        Of the recordings whose names match a pattern.
+    left_out : mapping of str to str
+        Patterns of recordings that are not used, with the reason.
+    spindle : SpindleLoadRecords, optional
+        Logs of the spindle's load.
+
+    Raises
+    ------
+    ValueError
+        When it names no recording at all, or not the channels x, y and z.
+    """
+
+    recordings: str = ""
+    channels: Mapping[str, str] = field(
+        default_factory=lambda: {"x": "force_x", "y": "force_y", "z": "force_z"}
+    )
+    name: str | None = None
+    conditions: StatedConditions = field(default_factory=StatedConditions)
+    by_pattern: Mapping[str, StatedConditions] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    spindle: SpindleLoadRecords | None = None
+
+    def __post_init__(self) -> None:
+        named_channels(self.channels)
+        if not self.recordings and self.spindle is None:
+            raise ValueError(
+                "cutting_records names neither recordings of a dynamometer nor logs of the "
+                "spindle's load: write recordings or spindle"
+            )

@@ -1,0 +1,360 @@
+"""Identification of no-load power and specific cutting force from logs of a spindle's load."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.schema.cutting import CutLevel, NoLoadPoint, SpindleLoad
+from pipeline.schema.model import LeftOut, Parameter
+from pipeline.submodels.cutting.regression import Regression
+from pipeline.submodels.cutting.spindle_load.levels import Levels, LoadLog, load_levels
+from pipeline.submodels.cutting.spindle_load.power import (
+    NoLoad,
+    SpecificForce,
+    no_load,
+    specific_force,
+)
+from pipeline.submodels.cutting.spindle_load.program import Lines, program_lines
+from pipeline.submodels.cutting.spindle_load.readings import (
+    Readings,
+    cut_log,
+    no_load_log,
+    read_log,
+    unused_lines,
+)
+from pipeline.submodels.cutting.spindle_load.records import LoadCut, SpindleLoadRecords
+
+FEWEST = 5
+"""Readings of a level, at least, for its noise."""
+LISTED = 5
+"""Lines that a note lists, at most."""
+
+
+RPM = 60.0
+N_MM2 = 1e6
+N_MM = 1e3
+UNITS = ("WATT", "W s", "W s^2")
+"""Units of the terms of the no-load power, over the speed in rev/s."""
+NAMES = ("p0", "p1", "p2")
+"""Names of these terms."""
+METHOD = "least squares on levels of constant speed; noise and rounding of the display counted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadLogFile:
+    """Log to be read: its name, its entry in the manifest, the program that cut meanwhile."""
+
+    name: str
+    entry: Mapping[str, Any]
+    cut: LoadCut | None
+
+    @property
+    def sha256(self) -> str:
+        """Of the raw file."""
+        return str(self.entry.get("sha256") or "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleLoadResult:
+    """Identified parameters by name, the facts beside them, and the logs that were used."""
+
+    parameters: Mapping[str, Parameter]
+    facts: SpindleLoad
+    used: tuple[str, ...]
+
+
+def identify_spindle_load(
+    logs: Sequence[LoadLogFile], signals: Path, raw: Path, records: SpindleLoadRecords,
+    widest: float,
+) -> SpindleLoadResult:  # fmt: skip
+    """No-load power and specific cutting force from logs.
+
+    Parameters
+    ----------
+    logs : sequence of LoadLogFile
+        To be read.
+    signals : Path
+        As ``ingest`` wrote it.
+    raw : Path
+        The machine's folder with the programs.
+    records : SpindleLoadRecords
+        How logs are read, and what their loads mean.
+    widest : float
+        Half of a 95 % interval beyond this share of its value leaves it undetermined [1].
+    """
+    used: list[str] = []
+    parts: list[Levels] = []
+    left_out: dict[str, str] = {}
+    notes: list[str] = []
+    reader = _Reader(signals=signals, raw=raw, records=records)
+    for log in logs:
+        try:
+            levels, note = reader.levels(log)
+        except ValueError as error:
+            left_out[log.name] = str(error)
+            continue
+        parts.append(levels)
+        used.append(log.name)
+        notes += [note] if note else []
+    reasons = [*left_out.values()]
+    if not records.cuts:
+        reasons.append("cutting_records.spindle.cuts names no program that cuts: log some that do")
+    idle, force = _identified(parts, reasons)
+    facts = SpindleLoad(
+        recordings=tuple(used),
+        reason="; ".join(reasons),
+        assumed=records.scale.words,
+        range_rpm=None if idle is None else _range(idle),
+        curve=() if idle is None else _curve(idle, records.scale_error),
+        cuts=() if idle is None else _cuts(_joined(parts), idle),
+        left_out=tuple(LeftOut(case=name, reason=why) for name, why in left_out.items()),
+        notes=tuple(notes),
+    )
+    parameters = power_parameters(idle, force, widest, records.scale_error)
+    return SpindleLoadResult(parameters=parameters, facts=facts, used=tuple(used))
+
+
+def load_logs(
+    files: Mapping[str, Mapping[str, Any]], records: SpindleLoadRecords
+) -> list[LoadLogFile]:
+    """Logs that the records name: no-load logs, then those of cuts.
+
+    Parameters
+    ----------
+    files : mapping of str to mapping
+        Entries of the manifest by raw file.
+    records : SpindleLoadRecords
+        Patterns of the logs.
+
+    Raises
+    ------
+    ValueError
+        When a pattern fits none of the files, or a log fits two patterns.
+    """
+    patterns: list[tuple[str, str, LoadCut | None]] = [
+        ("no_load", pattern, None) for pattern in records.no_load
+    ]
+    patterns += [("cuts", cut.log, cut) for cut in records.cuts]
+    by_name: dict[str, LoadLogFile] = {}
+    for section, pattern, cut in patterns:
+        named = [name for name in sorted(files) if fnmatchcase(name, pattern)]
+        if not named:
+            raise ValueError(
+                f"no log fits cutting_records.spindle.{section}, {pattern!r}: put the log into the "
+                "machine's folder or correct the pattern"
+            )
+        for name in named:
+            if name in by_name:
+                raise ValueError(
+                    f"log {name} fits two patterns of cutting_records.spindle, {pattern!r} is one: "
+                    "let it fit one of them"
+                )
+            by_name[name] = LoadLogFile(name=name, entry=files[name], cut=cut)
+    return list(by_name.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reader:
+    """Reader of logs; keeps the programs it has followed, and the first log of each content."""
+
+    signals: Path
+    raw: Path
+    records: SpindleLoadRecords
+    programs: dict[str, Lines] = field(default_factory=dict)
+    first: dict[str, str] = field(default_factory=dict)
+
+    def levels(self, file: LoadLogFile) -> tuple[Levels, str]:
+        """Levels of a log, and a note on the part of it that is not used.
+
+        Raises
+        ------
+        ValueError
+            When nothing of it can be used.
+        """
+        output, records = file.entry.get("output"), self.records
+        first = self.first.setdefault(file.sha256 or file.name, file.name)
+        if first != file.name:
+            raise ValueError(f"{file.name} is a copy of {first}: record another")
+        if output is None:
+            raise ValueError(f"{file.name} could not be read: {file.entry.get('reason')}")
+        cuts = file.cut is not None
+        log = read_log(self.signals / output, records.items, file.name, cuts=cuts)
+        labelled, note = self._labelled(file, log)
+        levels = load_levels(labelled, records.scale, settle_s=records.settle_s)
+        kept = levels.where(
+            (levels.samples >= FEWEST) & (levels.speed >= records.drive.minimum_speed)
+        )
+        if not len(kept):
+            raise ValueError(
+                f"{file.name} keeps no speed and cut for {records.settle_s:g} s and {FEWEST} "
+                "readings more: hold them longer, or lower cutting_records.spindle.settle_s to "
+                "five times the meter's lag"
+            )
+        return kept, note
+
+    def _labelled(self, file: LoadLogFile, log: Readings) -> tuple[LoadLog, str]:
+        settle = self.records.settle_s
+        if file.cut is None:
+            return no_load_log(log, settle), ""
+        program = file.cut.program
+        if program not in self.programs:
+            self.programs[program] = program_lines(self.raw, file.cut, self.records.setup)
+        lines = self.programs[program]
+        labelled = cut_log(log, lines, settle_s=settle, name=file.name, program=program)
+        shortest = settle + FEWEST * log.period
+        unused = unused_lines(log, lines, labelled, shortest)
+        if not unused:
+            return labelled, ""
+        first = ", ".join(map(str, unused[:LISTED])) + (", …" if len(unused) > LISTED else "")
+        return labelled, (
+            f"{file.name}: {len(unused)} of {len(lines.stretches)} lines that cut are not used "
+            f"(line {first}): one engagement and feed in them lasts less than {shortest:.2g} s, or "
+            "they went otherwise than the program"
+        )
+
+
+def _joined(parts: Sequence[Levels]) -> Levels:
+    return Levels(
+        **{
+            item.name: np.concatenate([np.zeros(0), *(getattr(one, item.name) for one in parts)])
+            for item in fields(Levels)
+        }
+    )
+
+
+def _identified(
+    parts: Sequence[Levels], reasons: list[str]
+) -> tuple[NoLoad | None, SpecificForce | None]:
+    """Results of the levels; adds to ``reasons`` why one is missing."""
+    together = _joined(parts)
+    idle = None
+    try:
+        idle = no_load(together)
+        if (together.removal > 0.0).any() or not reasons:
+            return idle, specific_force(together, idle)
+    except ValueError as error:
+        reasons.append(str(error))
+    return idle, None
+
+
+def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
+    """Each level of cutting, for the report."""
+    cuts = levels.where(levels.removal > 0.0)
+    power = cuts.power - idle.power(cuts.speed)
+    rows = zip(cuts.speed, cuts.removal, power, cuts.deviation, cuts.samples, strict=True)
+    return tuple(
+        CutLevel(
+            speed_rpm=_digits(60 * n),
+            removal_rate_cm3_min=_digits(60e6 * Q),
+            power_W=_digits(P),
+            deviation_W=_digits(s),
+            specific_force_N_mm2=_digits(P / Q * 1e-6),
+            samples=int(samples),
+        )
+        for n, Q, P, s, samples in rows
+    )
+
+
+def _range(idle: NoLoad) -> tuple[float, float]:
+    """Speeds between which the no-load power holds [rev/min]."""
+    return round(idle.lowest * RPM, 1), round(idle.highest * RPM, 1)
+
+
+def _curve(idle: NoLoad, scale_error: float) -> tuple[NoLoadPoint, ...]:
+    """Levels of the no-load power; those without an interval are left out."""
+    return tuple(
+        NoLoadPoint(
+            speed_rpm=round(float(n) * RPM, 1),
+            power_W=round(float(idle.power(n)), 2),
+            half_width_95_W=round(
+                float(np.hypot(idle.half_width(n), scale_error * idle.power(n))), 2
+            ),
+            measured_W=round(float(measured), 2),
+        )
+        for n, measured in zip(idle.levels.speed, idle.levels.power, strict=True)
+        if np.isfinite(idle.half_width(n))
+    )
+
+
+def power_parameters(
+    idle: NoLoad | None, force: SpecificForce | None, widest: float, scale_error: float = 0.0
+) -> dict[str, Parameter]:
+    """No-load power and specific force as they are stored.
+
+    Parameters
+    ----------
+    idle, force : NoLoad, SpecificForce, optional
+        Results.
+    widest : float
+        Half of a 95 % interval beyond this share of its value leaves it undetermined [1].
+    scale_error : float
+        Half of the 95 % interval of the power that a load stands for, as a share [1]; all results
+        scale with it, and their intervals hold it.
+    """
+    rows: dict[str, Parameter] = {}
+    if idle is not None:
+        for k in range(len(idle.fit.values)):
+            rows[NAMES[k]] = fitted_parameter(
+                idle.fit, k, unit=UNITS[k], widest=widest, method=METHOD, scale_error=scale_error
+            )
+    if force is None:
+        return rows
+    method = (
+        f"power of {force.cuts} levels of cutting over what they remove, each for the same time, "
+        "edge force included"
+    )
+    half = float(np.hypot(force.half_width, scale_error * force.value))
+    rows["specific_force"] = _stored(
+        force.value / N_MM2, half / N_MM2, unit="N/mm^2", widest=widest, method=method
+    )
+    method = f"least squares on {force.cuts} levels of cutting, no-load power taken off"
+    if force.edge is not None:
+        method += f", edge force of {force.edge[0] / N_MM:.3g} N/mm known"
+    terms = (("K_tc", N_MM2, "N/mm^2"), ("K_te", N_MM, "N/mm"))
+    for k, (name, scale, unit) in enumerate(terms[: len(force.fit.values)]):
+        rows[name] = fitted_parameter(
+            force.fit, k, unit=unit, widest=widest, method=method, scale=scale,
+            scale_error=scale_error,
+        )  # fmt: skip
+    return rows
+
+
+def fitted_parameter(
+    fit: Regression, index: int, *, unit: str, widest: float, method: str, scale: float = 1.0,
+    scale_error: float = 0.0,
+) -> Parameter:  # fmt: skip
+    """One parameter of a regression: value and interval, or why it is undetermined."""
+    value, half = float(fit.values[index]), float(fit.half_width[index])
+    what = "too few levels" if fit.freedom < 1 else "levels that do not tell it from the others"
+    return _stored(
+        value / scale, float(np.hypot(half, scale_error * value)) / scale, unit=unit,
+        widest=widest, method=method, missing=what,
+    )  # fmt: skip
+
+
+def _stored(
+    value: float, half: float, *, unit: str, widest: float, method: str, missing: str = ""
+) -> Parameter:
+    def undetermined(why: str, remedy: str = "") -> Parameter:
+        return Parameter(
+            value=None, unit=unit, interval_95=None, determined=False, method=why, remedy=remedy
+        )
+
+    if not (np.isfinite(half) and np.isfinite(value)):
+        return undetermined(missing, "record more different ones")
+    interval = (_digits(value - half), _digits(value + half))
+    if half > widest * abs(value):
+        return undetermined(
+            f"the 95 % interval, {interval[0]:g} to {interval[1]:g}, is wider than asked"
+        )
+    return Parameter(
+        value=_digits(value), unit=unit, interval_95=interval, determined=True, method=method
+    )
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.5g}")

@@ -1,0 +1,369 @@
+"""Levels of a spindle's power: stretches of constant speed and cut, with their uncertainty.
+
+A control shows its spindle's load in whole percents, a few times a second.  A thousand samples of
+one level are then no thousand readings: while the load lies between two whole numbers, all of them
+are off by the same part of a percent.  The uncertainty of a level's mean follows from how far noise
+carries the load over the steps of the display, and from how long the noise is correlated.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.cutting.economics.spindle_power import power_curve
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.ranges import Range, Ranged
+
+ALIKE = 0.02
+"""Share by which speed, removal and edge rate of equal levels differ at most [1]; equal levels have
+the same rounding error."""
+MANY = 8
+"""Different readings from which the step of a display follows by their differences."""
+REACH = 4.0
+"""Standard deviations that noise reaches in a level, at most [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Levels:
+    """L levels of constant speed and cut.
+
+    Parameters
+    ----------
+    speed : ndarray, shape (L,)
+        n [rev/s].
+    power : ndarray, shape (L,)
+        Mean at the spindle's nose, no-load losses included [W].
+    deviation : ndarray, shape (L,)
+        Standard deviation of ``power`` from noise and rounding [W].
+    removal : ndarray, shape (L,)
+        Material removed [m^3/s]; 0 where the spindle turns free.
+    edge : ndarray, shape (L,)
+        Width of chip times cutting speed, over all teeth in cut [m^2/s]; an edge force K_te takes
+        the power K_te times this.
+    samples : ndarray of int, shape (L,)
+        How many readings each holds.
+    """
+
+    speed: Floats
+    power: Floats
+    deviation: Floats
+    removal: Floats
+    edge: Floats
+    samples: Ints
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    def where(self, mask: Bools) -> "Levels":
+        """The levels that a mask selects."""
+        return Levels(
+            speed=self.speed[mask], power=self.power[mask], deviation=self.deviation[mask],
+            removal=self.removal[mask], edge=self.edge[mask], samples=self.samples[mask],
+        )  # fmt: skip
+
+
+def settled(
+    times: ArrayLike, speed: ArrayLike, *, settle_s: float = 1.0, tolerance: float = 0.01
+) -> Bools:
+    """Samples at which the spindle has held its speed, and holds it for half as long after.
+
+    A change of speed takes power before it shows in a speed in whole rpm.
+
+    Parameters
+    ----------
+    times : array_like, shape (T,)
+        Rising [s].
+    speed : array_like, shape (T,)
+        n [rev/s], in any sense.
+    settle_s : float
+        How long the speed must have been held before a sample counts [s]; half of it after, and
+        until the next sample at least.
+    tolerance : float
+        Greatest change that is none, as a share of the speed.
+
+    Returns
+    -------
+    ndarray of bool, shape (T,)
+        False where the spindle stands still, or where its speed is missing.
+    """
+    t, n = np.asarray(times, dtype=np.float64), np.abs(np.asarray(speed, dtype=np.float64))
+    if not len(t):
+        return np.zeros(0, dtype=np.bool_)
+    finite = np.isfinite(n)
+    n = np.where(finite, n, 0.0)
+    first = np.searchsorted(t, t - settle_s)
+    after = np.searchsorted(t, t + settle_s / 2, "right")
+    last = np.minimum(np.maximum(np.arange(len(t)) + 2, after), len(t))
+    bounds = np.stack([first, last], axis=1).ravel()
+    padded = np.append(n, n[-1])
+    highest = np.maximum.reduceat(padded, bounds)[::2]
+    lowest = np.minimum.reduceat(padded, bounds)[::2]
+    kept: Bools = finite & (lowest > 0.0) & (highest - lowest <= tolerance * highest)
+    return kept & (t - settle_s >= t[0])
+
+
+def shown_power(
+    load_percent: ArrayLike, speed: ArrayLike, *, rated_W: float, base_speed: float,
+    of: Literal["available", "rated"] = "available",
+) -> Floats:  # fmt: skip
+    """Power of the spindle's motor from the load that a control shows [W].
+
+    ``available``: percent of what the motor can give at that speed, P_rated min(1, n / n_base);
+    percent of the torque available there is the same number.  ``rated``: percent of the rated power
+    at any speed.  Which one a control shows, and whether it is power or current, its manual says; a
+    current that magnetises without load makes the no-load power look greater.
+
+    Parameters
+    ----------
+    load_percent : array_like
+        [%].
+    speed : array_like
+        n [rev/s].
+    rated_W : float
+        Rated power [W].
+    base_speed : float
+        Speed from which the motor gives it [rev/s].
+    of : {"available", "rated"}
+        Meaning of 100 % load.
+
+    Examples
+    --------
+    >>> float(shown_power(10.0, 25.0, rated_W=15e3, base_speed=50.0))
+    750.0
+    """
+    full = power_curve(speed, rated=rated_W, base_speed=base_speed)
+    power: Floats = np.asarray(load_percent) / 100 * (full if of == "available" else rated_W)
+    return power
+
+
+def runs(chosen: ArrayLike) -> Ints:
+    """Number of the run of chosen samples that each is in, -1 for the others; shape (T,)."""
+    flags = np.asarray(chosen, dtype=np.bool_)
+    begins = flags & ~np.concatenate([[False], flags[:-1]])
+    return np.where(flags, np.cumsum(begins) - 1, -1)
+
+
+def resolution(load: ArrayLike) -> float:
+    """Step of a display in percent, from what it showed.
+
+    The coarsest of 1, 0.1, 0.01 and 0.001 that all readings are multiples of; where it showed many
+    different ones, all of them further apart than that, their smallest difference.  Readings that
+    are no decimals: their smallest difference, at most 1.
+
+    Examples
+    --------
+    >>> resolution([12.0, 30.0]), resolution([12.0, 30.5]), resolution([0.390625, 0.78125])
+    (1.0, 0.1, 0.390625)
+    """
+    shown = np.unique(np.asarray(load, dtype=np.float64))
+    gap = float(np.diff(shown).min()) if len(shown) > 1 else 1.0
+    for step in (1.0, 0.1, 0.01, 0.001):
+        if np.allclose(shown, np.round(shown / step) * step, rtol=0.0, atol=1e-6 * step):
+            return max(step, gap) if len(shown) >= MANY else step
+    return min(gap, 1.0)
+
+
+def levels(
+    label: ArrayLike, speed: ArrayLike, power: ArrayLike, step: ArrayLike,
+    removal: ArrayLike = 0.0, edge: ArrayLike = 0.0,
+) -> Levels:  # fmt: skip
+    """Levels of labelled samples; equal ones are merged.
+
+    Parameters
+    ----------
+    label : array_like of int, shape (T,)
+        Cut or line of the program, or run of constant speed; negative for what does not count.
+    speed, power, removal, edge : array_like, shape (T,) or ()
+        As of :class:`Levels`, of each sample.
+    step : array_like, shape (T,) or ()
+        What one step of the display is there [W].
+
+    Returns
+    -------
+    Levels
+        Ordered by speed, then by removal rate.
+    """
+    labels = np.asarray(label, dtype=np.int64)
+    columns = [np.broadcast_to(np.asarray(c, dtype=np.float64), labels.shape)
+               for c in (speed, power, step, removal, edge)]  # fmt: skip
+    n, P, q, Q, b = columns
+    valid = (labels >= 0) & np.all(np.isfinite(columns), axis=0)
+    _, member = np.unique(labels[valid], return_inverse=True)
+    means = [_means(c[valid], member) for c in (np.abs(n), Q, b)]
+    kind = _alike(means)
+    rows = [
+        _level(P[valid], q[valid], member, kind[member] == k)
+        for k in range(kind.max(initial=-1) + 1)
+    ]
+    power_, deviation, samples = (np.array([r[i] for r in rows]) for i in range(3))
+    count = np.bincount(member)
+    each = [np.bincount(kind, m * count) / np.bincount(kind, count) for m in means]
+    result = Levels(
+        speed=each[0], power=power_, deviation=deviation, removal=each[1], edge=each[2],
+        samples=samples.astype(np.int64),
+    )  # fmt: skip
+    return result.where(np.lexsort((result.removal, result.speed)))  # type: ignore[arg-type]
+
+
+def _means(values: Floats, member: Ints) -> Floats:
+    mean: Floats = np.bincount(member, values) / np.bincount(member)
+    return mean
+
+
+def _alike(means: list[Floats]) -> Ints:
+    """Group of equal levels that each label is in, by speed, removal and edge rate."""
+    kinds: list[tuple[float, ...]] = []
+    kind = np.zeros(len(means[0]), dtype=np.int64)
+    for i, values in enumerate(zip(*means, strict=True)):
+        for k, other in enumerate(kinds):
+            if all(abs(v - o) <= ALIKE * max(v, o) for v, o in zip(values, other, strict=True)):
+                kind[i] = k
+                break
+        else:
+            kind[i] = len(kinds)
+            kinds.append(values)
+    return kind
+
+
+def _level(power: Floats, step: Floats, member: Ints, chosen: Bools) -> tuple[float, float, int]:
+    """Mean, its standard deviation, and the samples of one level."""
+    values, labels, q = power[chosen], member[chosen], float(step[chosen].mean())
+    mean = float(values.mean())
+    spread = values - mean
+    variance = float(spread @ spread) / max(len(values) - 1, 1)
+    rounding = q / np.sqrt(12) * _carried(values, variance, q)
+    neighbours = labels[1:] == labels[:-1]
+    total = float(spread @ spread)
+    lag = float(spread[1:][neighbours] @ spread[:-1][neighbours]) / total if total > 0.0 else 0.0
+    lag = float(np.clip(lag, 0.0, 0.999))
+    effective = max(len(values) * (1 - lag) / (1 + lag), 1.0)
+    averages = np.array([values[labels == w].mean() for w in np.unique(labels)])
+    between = float(averages.var(ddof=1)) / len(averages) if len(averages) > 1 else 0.0
+    return mean, float(np.sqrt(max(variance / effective, between) + rounding**2)), len(values)
+
+
+def _carried(values: Floats, variance: float, step: float) -> float:
+    """Share of the rounding error that remains when noise carries readings over the steps [1].
+
+    exp(-2 pi^2 sigma^2 / q^2) (Widrow, Kollar and Liu 1996).  Of readings on two neighbouring steps
+    noise cannot be separated from a load that lies between them, so that sigma is taken no greater
+    than their range requires.
+    """
+    if step <= 0.0:
+        return 0.0
+    reach = max(float(np.ptp(values)) - step, 0.0) / (2 * REACH)
+    sigma = min(reach, float(np.sqrt(max(variance - step**2 / 12, 0.0))))
+    return float(np.exp(-2 * (np.pi * sigma / step) ** 2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadScale(Ranged, section="load_scale"):
+    """Conversion from load in percent to power; a premise that all results scale with.
+
+    Parameters
+    ----------
+    rated_power_kW : float
+        At the motor's shaft [kW].
+    base_speed_rpm : float
+        From which it gives that power [rpm].
+    efficiency : float
+        Mechanical, from the motor's shaft to the tool [1].
+    of : {"available", "rated"}
+        Meaning of 100 % load, see :func:`shown_power`.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    rated_power_kW: Annotated[float, Range(above=0.0, most=1e4, unit="kW")]
+    base_speed_rpm: Annotated[float, Range(above=0.0, most=1e6, unit="rpm")]
+    efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
+    of: Literal["available", "rated"] = "available"
+
+    def power(self, load_percent: Floats | float, speed: Floats) -> Floats:
+        """Power at the tool [W], of loads [%] at speeds [rev/s]."""
+        return self.efficiency * shown_power(
+            load_percent, speed, rated_W=self.rated_power_kW * 1e3,
+            base_speed=self.base_speed_rpm / 60, of=self.of,
+        )  # fmt: skip
+
+    @property
+    def words(self) -> str:
+        """The premise in words, for documents."""
+        of = "the power available at its speed" if self.of == "available" else "the rated power"
+        return (
+            f"load is a percentage of {of}; {self.rated_power_kW:g} kW from "
+            f"{self.base_speed_rpm:g} rpm, efficiency {self.efficiency:g}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadLog:
+    """Log of a spindle's speed and load, with the cut of each of its T rows.
+
+    Parameters
+    ----------
+    times : ndarray, shape (T,)
+        Rising [s].
+    speed : ndarray, shape (T,)
+        Of the spindle [rev/s].
+    load : ndarray, shape (T,)
+        [%]; NaN where it is missing.
+    cut : ndarray of int, shape (T,), optional
+        Number of the cut of each row, negative for none; without it the spindle ran without load.
+    removal, edge : ndarray, shape (T,), optional
+        Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air.
+
+    Raises
+    ------
+    ValueError
+        When columns do not match.
+    """
+
+    times: Floats
+    speed: Floats
+    load: Floats
+    cut: NDArray[np.int64] | None = None
+    removal: Floats | None = None
+    edge: Floats | None = None
+
+    def __post_init__(self) -> None:
+        columns = (self.speed, self.load, self.cut, self.removal, self.edge)
+        if any(c is not None and len(c) != len(self.times) for c in columns):
+            raise ValueError(f"a column of the log has not the {len(self.times)} rows of its times")
+        if np.any(~(np.diff(self.times) >= 0.0)):
+            raise ValueError("the times of the log do not rise: sort its rows")
+        if self.cut is not None and (self.removal is None or self.edge is None):
+            raise ValueError("a log of cuts needs the removal rate and the edge rate of its rows")
+
+
+def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
+    """Levels of a log: rows at which speed and cut have been the same for ``settle_s``.
+
+    Parameters
+    ----------
+    log : LoadLog
+        Of one run.
+    scale : LoadScale
+        Conversion of its loads to power.
+    settle_s : float
+        Longer than the control averages its load [s].
+    """
+    steady = settled(log.times, log.speed, settle_s=settle_s)
+    if log.cut is None:
+        label, removal, edge = runs(steady), np.zeros(1), np.zeros(1)
+    else:
+        cut = np.asarray(log.cut, dtype=np.int64)
+        begins = np.flatnonzero(np.diff(cut, prepend=cut[:1] - 1) != 0)
+        since = (
+            log.times - log.times[begins][np.searchsorted(begins, np.arange(len(cut)), "right") - 1]
+        )
+        label = np.where(steady & (since >= settle_s), cut, -1)
+        removal, edge = np.asarray(log.removal), np.asarray(log.edge)
+    shown = log.load[np.isfinite(log.load)]
+    step = scale.power(resolution(shown), log.speed)
+    return levels(label, log.speed, scale.power(log.load, log.speed), step, removal, edge)

@@ -1,0 +1,314 @@
+"""Log of a spindle's load, and the cut of the program in which each reading was taken.
+
+A log is resampled at even times: line, speed, load and feed hold until their next reading, because
+logs that write changes only are silent meanwhile; an unavailable reading holds too.
+
+A log names the executed line up to one poll late, and the position of the tool within it only by
+the sum of its speeds.  The difference between that sum and the line's path length is the
+uncertainty of positions, and shows whether the program is the one that ran.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from pipeline.gcode.moves import METRE
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.submodels.cutting.spindle_load.levels import LoadLog, runs, settled
+from pipeline.submodels.cutting.spindle_load.program import Lines, Stretch
+from pipeline.submodels.cutting.spindle_load.records import LoadItems
+
+FASTEST, SLOWEST = 0.02, 2.0
+"""Bounds of the period of a log [s]."""
+QUICK = 0.5
+"""Share of an item's changes that follow the one before within a period [1]."""
+MOST = 2_000_000
+"""Samples of a log, at most."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """Log at even times, T samples.
+
+    Parameters
+    ----------
+    period : float
+        Sampling interval, about that of the log's polls [s].
+    times : ndarray, shape (T,)
+        Since the log's start [s].
+    line : ndarray of int, shape (T,)
+        Of the program, -1 where missing.
+    speed : ndarray, shape (T,)
+        Of the spindle [rev/s]; NaN where missing, as the others.
+    load : ndarray, shape (T,)
+        [%].
+    feed : ndarray, shape (T,)
+        Speed along the path [m/s].
+    """
+
+    period: float
+    times: Floats
+    line: Ints
+    speed: Floats
+    load: Floats
+    feed: Floats
+
+
+def read_log(path: Path, items: LoadItems, name: str, *, cuts: bool) -> Readings:
+    """Readings of a log.
+
+    Parameters
+    ----------
+    path : Path
+        Its observations, as ``ingest`` wrote them.
+    items : LoadItems
+        Names of the data items.
+    name : str
+        Of the log, for messages.
+    cuts : bool
+        Whether line and feed are needed.
+
+    Raises
+    ------
+    ValueError
+        When the log lacks an item that is needed, or holds too little.
+    """
+    table = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
+    if not len(table):
+        raise ValueError(f"{name} holds nothing that could be read: log the spindle while it turns")
+    table = table.sort_values("time", kind="stable")
+    needed = ("line", "speed", "load", "feed") if cuts else ("speed", "load")
+    items_there = set(table["data_item"].unique())
+    for part in needed:
+        if getattr(items, part) not in items_there:
+            listed = ", ".join(sorted(map(str, items_there))) or "nothing"
+            raise ValueError(
+                f"{name} has no data item {getattr(items, part)!r}, which "
+                f"cutting_records.spindle.items.{part} names (it has {listed}): correct the name, "
+                "or let the adapter log it"
+            )
+    seconds = (table["time"] - table["time"].iloc[0]).dt.total_seconds().to_numpy()
+    period = _period(table, seconds, [getattr(items, part) for part in needed], name)
+    times = np.arange(0.0, seconds[-1] + period / 2, period)
+    line = _held(table, seconds, items.line, times)
+    return Readings(
+        period=period,
+        times=times,
+        line=np.where(np.isfinite(line), line, -1).astype(np.int64),
+        speed=_held(table, seconds, items.speed, times) / 60,
+        load=_held(table, seconds, items.load, times),
+        feed=np.abs(_held(table, seconds, items.feed, times)) * METRE,
+    )
+
+
+def _period(table: pd.DataFrame, seconds: Floats, items: list[str], name: str) -> float:
+    """Period of the polls [s]: the quick changes of the item that changes most often."""
+    each = [np.diff(np.unique(seconds[(table["data_item"] == item).to_numpy()])) for item in items]
+    quick = [float(np.quantile(steps, QUICK)) for steps in each if len(steps)]
+    if not quick:
+        raise ValueError(f"{name} holds one moment only: log the spindle while it turns")
+    period = float(np.clip(min(quick), FASTEST, SLOWEST))
+    if seconds[-1] / period > MOST:
+        raise ValueError(
+            f"{name} lasts {seconds[-1] / 3600:.0f} h, more than {MOST} samples of {period:g} s: "
+            "cut the part out of it in which the test ran"
+        )
+    return period
+
+
+def _held(table: pd.DataFrame, seconds: Floats, item: str, times: Floats) -> Floats:
+    """Last value of an item at ``times``, NaN before the first."""
+    rows = (table["data_item"] == item).to_numpy()
+    values = np.append(table["number"].to_numpy(dtype=np.float64)[rows], np.nan)
+    last = np.searchsorted(seconds[rows], times, side="right") - 1
+    held: Floats = values[last]
+    return held
+
+
+SLACK = 3.0
+"""Periods of the log by which the sum of speeds may differ from a line's path length: both ends are
+logged late."""
+SHARE = 0.02
+"""Share of the path length by which it may differ besides [1]."""
+CONCLUSIVE = 8.0
+"""Periods that a line must last for its path length to be conclusive."""
+AGREE = 0.75
+"""Share of the conclusive lines whose path length must match the program [1]."""
+STEADY = 0.02
+"""Share by which the feed may differ from the median of its cut [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Visits:
+    """V stays in one line each, of T readings.
+
+    Parameters
+    ----------
+    first : ndarray of int, shape (V + 1,)
+        First reading of each stay, and T.
+    line : ndarray of int, shape (V,)
+        Line; 0 outside of the program.
+    programmed, travelled : ndarray, shape (V,)
+        Path length of the line by the program and by the log [m].
+    per_period : ndarray, shape (V,)
+        Path length of one period at the highest speed [m].
+    fed : ndarray of bool, shape (V,)
+        Whether it is a line of the program without rapids.
+    """
+
+    first: Ints
+    line: Ints
+    programmed: Floats
+    travelled: Floats
+    per_period: Floats
+    fed: Bools
+
+    @property
+    def matching(self) -> Bools:
+        """Whether the log's path length matches the program's; shape (V,)."""
+        allowed = SLACK * self.per_period + SHARE * self.programmed
+        matching: Bools = np.abs(self.programmed - self.travelled) <= allowed
+        return matching
+
+    @property
+    def conclusive(self) -> Bools:
+        """Whether the path length is conclusive; shape (V,)."""
+        long: Bools = np.maximum(self.programmed, self.travelled) > CONCLUSIVE * self.per_period
+        return long & self.fed & (self.per_period > 0)
+
+
+def no_load_log(log: Readings, settle_s: float) -> LoadLog:
+    """The log of a spindle without load, as one of cuts that remove nothing.
+
+    Acceleration takes the motor's full power, a hundred times what is read after it: the speed has
+    been held for ``settle_s`` [s] where a level begins, which settles once more by itself.
+    """
+    cut = runs(settled(log.times, log.speed, settle_s=settle_s))
+    none = np.zeros(len(cut))
+    return LoadLog(
+        times=log.times, speed=log.speed, load=log.load, cut=cut, removal=none, edge=none
+    )
+
+
+def cut_log(log: Readings, lines: Lines, *, settle_s: float, name: str, program: str) -> LoadLog:
+    """The log with the cut in which each reading was taken.
+
+    Cuts are stretches of one engagement and one feed; where the spindle turns in lines that are
+    wholly in air, the reading is one without load, as of :func:`free_log`.
+
+    Parameters
+    ----------
+    log : Readings
+        Of one log.
+    lines : Lines
+        Of the program that ran.
+    settle_s : float
+        How long speed and air must have been the same where a level without a cut begins [s].
+    name, program : str
+        Of the log and the program, for messages.
+
+    Raises
+    ------
+    ValueError
+        When the log is not of this program.
+    """
+    visits = _visits(log, lines)
+    _check_program(log, lines, visits, name, program)
+    cut = runs(_in_air(log, lines, visits, settle_s))
+    number = int(cut.max(initial=-1)) + 1
+    area, edge = np.zeros(len(cut)), np.zeros(len(cut))
+    step = np.nan_to_num(log.feed) * log.period
+    for visit in np.flatnonzero(visits.matching & visits.conclusive).tolist():
+        here = slice(int(visits.first[visit]), int(visits.first[visit + 1]))
+        difference = visits.programmed[visit] - visits.travelled[visit]
+        position = np.cumsum(step[here]) - step[here] + difference / 2
+        uncertainty = float(abs(difference) / 2 + visits.per_period[visit])
+        for one in lines.stretches.get(int(visits.line[visit]), ()):
+            run = runs(_steady_within(one, position, uncertainty, log.feed[here]))
+            rows = np.flatnonzero(run >= 0) + here.start
+            cut[rows] = number + run[run >= 0]
+            area[rows], edge[rows] = one.area, one.edge
+            number += int(run.max(initial=-1)) + 1
+    return LoadLog(
+        times=log.times, speed=log.speed, load=log.load, cut=cut,
+        removal=area * np.nan_to_num(log.feed), edge=edge * np.abs(np.nan_to_num(log.speed)),
+    )  # fmt: skip
+
+
+def unused_lines(
+    log: Readings, lines: Lines, labelled: LoadLog, shortest_s: float
+) -> list[int]:  # fmt: skip
+    """Lines of constant engagement in the log of which no reading is used.
+
+    They ran otherwise than programmed, or at one feed for less than ``shortest_s`` [s].
+    """
+    logged = [number for number in sorted(lines.stretches) if (log.line == number).any()]
+    if labelled.cut is None or labelled.removal is None:
+        return logged
+    cutting = (labelled.cut >= 0) & (labelled.removal > 0.0)
+    long_enough = np.bincount(labelled.cut[cutting], minlength=1) * log.period >= shortest_s
+    used = set(log.line[cutting][long_enough[labelled.cut[cutting]]].tolist())
+    return [number for number in logged if number not in used]
+
+
+def _visits(log: Readings, lines: Lines) -> _Visits:
+    line = np.where((log.line > 0) & (log.line < len(lines.length)), log.line, 0)
+    begins = np.diff(line, prepend=-1) != 0
+    first = np.flatnonzero(begins)
+    feed = np.nan_to_num(log.feed)
+    return _Visits(
+        first=np.append(first, len(line)),
+        line=line[first],
+        programmed=lines.length[line[first]],
+        travelled=np.add.reduceat(feed, first) * log.period,
+        per_period=np.maximum.reduceat(feed, first) * log.period,
+        fed=(line[first] > 0) & ~lines.rapid[line[first]],
+    )
+
+
+def _check_program(
+    log: Readings, lines: Lines, visits: _Visits, name: str, program: str
+) -> None:  # fmt: skip
+    highest = int(log.line.max())
+    if highest >= len(lines.length):
+        raise ValueError(
+            f"{name} is not of {program}: it was in line {highest}, the program's last is "
+            f"{len(lines.length) - 1}; name the program that ran"
+        )
+    conclusive = visits.conclusive
+    if not conclusive.any():
+        raise ValueError(
+            f"{name} stays in no line of {program} long enough to tell where the tool is: log the "
+            "line more often, or cut longer passes"
+        )
+    if visits.matching[conclusive].mean() < AGREE:
+        worst = int(np.argmax(np.abs(visits.programmed - visits.travelled) * conclusive))
+        raise ValueError(
+            f"{name} is not of {program}: in line {visits.line[worst]} it went "
+            f"{1e3 * visits.travelled[worst]:.0f} mm, the program "
+            f"{1e3 * visits.programmed[worst]:.0f} mm; name the program that ran"
+        )
+
+
+def _in_air(log: Readings, lines: Lines, visits: _Visits, settle_s: float) -> Bools:
+    """Readings of a spindle without load at one speed for ``settle_s``."""
+    free = (visits.line > 0) & ~lines.cuts[visits.line]
+    air = np.repeat(free, np.diff(visits.first))
+    last = np.maximum.accumulate(np.where(air, -np.inf, log.times))  # reading that was not in air
+    since: Bools = air & (log.times - last >= settle_s)
+    return since & settled(log.times, log.speed, settle_s=settle_s)
+
+
+def _steady_within(one: Stretch, position: Floats, uncertainty: float, feed: Floats) -> Bools:
+    """Readings of a line certainly within the stretch, at the median feed there."""
+    inside = (
+        (position - uncertainty >= one.begin) & (position + uncertainty <= one.end) & (feed > 0)
+    )
+    if not inside.any():
+        return np.zeros(len(position), dtype=np.bool_)
+    median = float(np.median(feed[inside]))
+    steady: Bools = inside & (np.abs(feed - median) <= STEADY * median)
+    return steady

@@ -1,0 +1,280 @@
+"""Cutting force as a sub-model: cases are recordings of a dynamometer, and logs of a load."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from pipeline.schema.cutting import CutConditions, CuttingModel
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.model import LeftOut, Model
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.ingest import MachineIdentity
+from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
+from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.cutting.conditions import MM
+from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
+from pipeline.submodels.cutting.model import restored
+from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
+from pipeline.submodels.cutting.recordings import (
+    CuttingRecording,
+    RecordingReader,
+    named_conditions,
+)
+from pipeline.submodels.cutting.revolution import wave
+from pipeline.submodels.cutting.settings import (
+    CuttingFitSettings,
+    CuttingLimits,
+    CuttingRecords,
+    CuttingSetup,
+)
+from pipeline.submodels.cutting.spindle_load.identify import (
+    LoadLogFile,
+    SpindleLoadResult,
+    identify_spindle_load,
+    load_logs,
+)
+
+LOG_NOTE = "a log of the spindle's load identifies the specific force and is not predicted"
+COLUMNS = {
+    "speed_rpm": "rev/min",
+    "feed_per_tooth_mm": "mm",
+    "axial_depth_mm": "mm",
+    "entry_deg": "deg",
+    "exit_deg": "deg",
+}
+"""Columns of a table of conditions, with their units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """Sections of params.yaml that the fit reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    cutting: CuttingSetup
+    cutting_records: CuttingRecords
+    cutting_fit: CuttingFitSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judging:
+    """Sections of params.yaml that the judgement reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    cutting: CuttingSetup
+    cutting_records: CuttingRecords
+    cutting_fit: CuttingFitSettings
+    cutting_limits: CuttingLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadLog:
+    """A log of the spindle's load, and the folders in which it and its programs stand."""
+
+    file: LoadLogFile
+    signals: Path
+    raw: Path
+
+
+class Cutting(SubModel[Fitting, Judging, CuttingModel]):
+    """Forces of a cut over the revolution of the spindle."""
+
+    name: ClassVar[str] = "cutting"
+    title: ClassVar[str] = "cutting force"
+    needs: ClassVar[str] = (
+        "forces of slots at three feeds or more on a dynamometer at 10 kHz, or the load of the "
+        "spindle with the executed line of a program of known cuts"
+    )
+    reads: ClassVar[tuple[str, ...]] = ("signals", "raw")
+    model: ClassVar[type] = CuttingModel
+    fitting: ClassVar[type] = Fitting
+    judging: ClassVar[type] = Judging
+    inputs: ClassVar[tuple[Input, ...]] = tuple(
+        Input(name=name, unit=unit) for name, unit in COLUMNS.items()
+    )
+
+    def targets(self, settings: Judging, model: CuttingModel) -> tuple[Target, ...]:
+        """Force in the plane of the feed, which is judged, and in the channels, which is shown."""
+        return force_targets(settings.cutting_limits)
+
+    def cases(
+        self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
+    ) -> Cases:
+        """Recordings of the dynamometer, then logs of the spindle's load.
+
+        Raises
+        ------
+        ValueError
+            When a pattern of the records fits no file.
+        """
+        files, signals, raw = records.files, records.signals, records.raw
+        if signals is None or raw is None:
+            raise ValueError("cutting needs the signals and the raw folder: name them in reads")
+        wanted = settings.cutting_records
+
+        def role(name: str) -> Role:
+            return role_of([name], settings.roles, sets)
+
+        reader = RecordingReader(
+            signals=signals, files=files, records=wanted, setup=settings.cutting,
+            settings=settings.cutting_fit, role=role,
+        )  # fmt: skip
+        cases: list[Case] = []
+        left_out: list[LeftOut] = []
+        for one in reader.recordings():
+            if one.reason:
+                left_out.append(LeftOut(case=one.name, reason=one.reason))
+                continue
+            cases.append(
+                Case(
+                    name=one.name, group=one.name, role=one.role, files=sources(files, [one.name]),
+                    load=_loader(reader, one), conditions=_facts(one.conditions),
+                )
+            )  # fmt: skip
+        for log in load_logs(files, wanted.spindle) if wanted.spindle is not None else []:
+            content = LoadLog(file=log, signals=signals, raw=raw)
+            cases.append(
+                Case(
+                    name=log.name, group=log.name, role=role(log.name),
+                    files=sources(files, [log.name]), load=_constant(content),
+                )
+            )  # fmt: skip
+        return Cases(cases=tuple(cases), left_out=tuple(left_out))
+
+    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> CuttingModel:
+        """Coefficients of the training recordings, and the specific force of the training logs."""
+        training = cases.of("training")
+        recordings = _recordings(cases, settings)
+        identified = identify_cutting_force(recordings, settings.cutting, settings.cutting_fit)
+        logs = [one for case in training if isinstance(one := case.load(), LoadLog)]
+        spindle = _spindle(logs, settings)
+        used = {one.name for one in identified.training}
+        used |= set(() if spindle is None else spindle.used)
+        lost = () if spindle is None else spindle.facts.left_out
+        head = Model(
+            submodel=self.name,
+            machine=settings.identity.name,
+            origin=settings.identity.origin,
+            parameters={},
+            trained_on=tuple(case.training for case in training if case.name in used),
+            left_out=(*cases.left_out, *lost),
+            conditions=conditions_of(case for case in training if case.name in used),
+        )
+        return cutting_model(head, identified, settings.cutting, settings.cutting_fit, spindle)
+
+    def load(self, folder: Path, settings: Judging) -> Predictor:
+        """Predictor of recordings; logs of the spindle's load are not predicted."""
+        model = read_json(folder / "model.json", CuttingModel)
+        predictor = ForcePredictor(model, settings.cutting, settings.cutting_fit)
+
+        def predict(case: Case) -> Prediction:
+            content = case.load()
+            if isinstance(content, LoadLog):
+                return Prediction(frame=pd.DataFrame(), note=LOG_NOTE)
+            return predictor.prediction(content)
+
+        return predict
+
+    def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
+        """Peak, mean and RMS force in the plane of the feed [N] from a table of conditions."""
+        stored = read_json(folder / "model.json", CuttingModel)
+        model = None if stored.prediction is None else restored(stored.prediction)
+        harmonics = CuttingFitSettings().harmonics
+        angles = np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)
+
+        def predict(table: pd.DataFrame) -> pd.DataFrame:
+            if model is None:
+                raise ValueError(f"no force can be predicted: {stored.reason}")
+            for name in COLUMNS:
+                if name not in table.columns:
+                    raise ValueError(f"the input has no column {name}: give {', '.join(COLUMNS)}")
+            rows = []
+            for speed, f_z, a_p, entry, leave in table[list(COLUMNS)].to_numpy(float).tolist():
+                conditions = CutConditions(
+                    speed=speed / 60, f_z=f_z * MM, a_p=a_p * MM, flutes=model.tool.flutes,
+                    phi_st=float(np.radians(entry)), phi_ex=float(np.radians(leave)),
+                )  # fmt: skip
+                force = wave(model.predicted(conditions, harmonics), angles)
+                size = np.linalg.norm(force[:, :2], axis=1)
+                rows.append((size.max(), size.mean(), float(np.sqrt(np.mean(size**2)))))
+            return pd.DataFrame(rows, columns=["peak_N", "mean_N", "rms_N"], index=table.index)
+
+        return predict
+
+    def example(self, folder: Path) -> pd.DataFrame:
+        """Conditions of one recording of the model, else of a slot."""
+        stored = read_json(folder / "model.json", CuttingModel)
+        rows = [{name: getattr(one, name) for name in COLUMNS} for one in stored.recordings]
+        slot = dict(zip(COLUMNS, (4000.0, 0.1, 1.0, 0.0, 180.0), strict=True))
+        whole = [row for row in rows if None not in row.values()]
+        return pd.DataFrame([whole[0] if whole else slot]).astype(float)
+
+    def page(self, shown: Shown[CuttingModel]) -> Any:
+        """Coefficients, predicted revolutions and the power of the spindle."""
+        from pipeline.submodels.cutting.page import cutting_page
+
+        return cutting_page(shown)
+
+
+def _loader(reader: RecordingReader, one: CuttingRecording) -> Callable[[], CuttingRecording]:
+    """Content of a recording; a sealed one is read when it is asked for."""
+    return lambda: reader.read(one) if one.revolution is None else one
+
+
+def _constant(content: LoadLog) -> Callable[[], LoadLog]:
+    return lambda: content
+
+
+def _facts(conditions: CutConditions | None) -> dict[str, Fact]:
+    """Conditions of a recording with their units."""
+    if conditions is None:
+        return {}
+    values = {
+        "spindle speed": (60 * conditions.speed, "rev/min"),
+        "feed per tooth": (conditions.f_z / MM, "mm"),
+        "axial depth of cut": (conditions.a_p / MM, "mm"),
+        "entry angle": (float(np.degrees(conditions.phi_st)), "deg"),
+        "exit angle": (float(np.degrees(conditions.phi_ex)), "deg"),
+    }
+    return {name: Fact(value=float(f"{v:.6g}"), unit=unit) for name, (v, unit) in values.items()}
+
+
+def _recordings(cases: Cases, settings: Fitting) -> list[CuttingRecording]:
+    """All recordings of the dynamometer, those left out with their reason, by name."""
+    recordings = [
+        one
+        for case in cases.of("training", "held_out", "golden")
+        if isinstance(one := case.load(), CuttingRecording)
+    ]
+    for lost in cases.left_out:
+        role: Role = "training" if settings.roles.is_training(lost.case) else "held_out"
+        one = CuttingRecording(name=lost.case, sha256="", role=role, reason=lost.reason)
+        try:
+            conditions = named_conditions(
+                lost.case, settings.cutting_records, settings.cutting.tool
+            )
+            one = replace(one, conditions=conditions)
+        except ValueError:  # the reason says so where it matters
+            pass
+        recordings.append(one)
+    return sorted(recordings, key=lambda one: one.name)
+
+
+def _spindle(logs: list[LoadLog], settings: Fitting) -> SpindleLoadResult | None:
+    """Result of the logs; None without any."""
+    records = settings.cutting_records.spindle
+    if records is None or not logs:
+        return None
+    return identify_spindle_load(
+        [one.file for one in logs], logs[0].signals, logs[0].raw, records,
+        settings.cutting_fit.widest,
+    )  # fmt: skip
+
+
+SUBMODEL = Cutting()

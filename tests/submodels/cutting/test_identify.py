@@ -1,0 +1,174 @@
+"""Identification of a cut recovers what an independent simulation was given."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipeline.cutting.tool import Tool
+from pipeline.search.genetic import GeneticSettings
+from pipeline.submodels.cutting.coefficients import mean_regression, modes, parameters
+from pipeline.submodels.cutting.identify import identify_cutting_force
+from pipeline.submodels.cutting.recordings import cut_harmonics
+from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup, Dynamometer
+from tests.submodels.cutting.milling import Truth
+from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+
+SLOT = Truth(flutes=2, runout=0.004, runout_angle=0.0, natural=(1900.0, 1500.0, 2600.0))
+SLOTS = [(6000.0, f, 2.0, 0.0, np.pi) for f in (0.05, 0.1, 0.15)]
+MIXED = Truth(natural=(2100.0, 1700.0, 2700.0), worn=(1.1, 0.95, 0.95))
+MIX = [
+    (4000.0, 0.04, 2.0, 0.0, np.pi), (4000.0, 0.1, 2.0, 0.0, np.pi),
+    (4800.0, 0.07, 3.0, np.pi / 2, np.pi), (4800.0, 0.12, 3.0, 0.0, np.pi / 2),
+]  # fmt: skip
+NAMES = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
+
+
+def told(truth, tests, seed=0):
+    return _told(truth, tuple(tests), seed)
+
+
+@cache
+def _told(truth, tests, seed):
+    found = identify_cutting_force(recordings(truth, tests, seed), known_of(truth), SETTINGS)
+    rows = parameters(found.fit, found.uncertainty, SETTINGS.widest, found.mean_force)
+    return {one.name: one for one in rows}, found
+
+
+def true_values(truth):
+    values = dict(zip(NAMES, (*truth.cutting, *truth.edge), strict=True))
+    return values | {"runout": 1e3 * truth.runout}
+
+
+@pytest.mark.parametrize(("truth", "tests"), [(SLOT, SLOTS), (MIXED, MIX)])
+def test_coefficients_runout_and_modes_come_back(truth, tests):
+    rows, found = told(truth, tests)
+    for name, value in true_values(truth).items():
+        assert rows[name].determined
+        # noise of 1 % and zeros of 1 N leave 1 %; half of a tenth of a micrometre of runout
+        assert rows[name].value == pytest.approx(value, rel=0.02), name
+    natural = [rows[0].value for rows in modes(found.fit, found.uncertainty, 0.5).values()]
+    assert natural == pytest.approx(truth.natural, rel=0.01)
+
+
+def test_means_alone_give_the_coefficients_of_cuts_without_runout():
+    truth = Truth(flutes=2, runout=0.0)
+    cuts = [cut_harmonics(one, SETTINGS) for one in recordings(truth, SLOTS)]
+    _, rows = mean_regression(cuts, SETTINGS.widest)
+    for one, value in zip(rows, (*truth.cutting, *truth.edge), strict=True):
+        assert abs(one.value - value) <= one.half_width, one.name
+
+
+def test_one_feed_does_not_tell_cutting_from_edge_by_means():
+    cuts = [cut_harmonics(one, SETTINGS) for one in recordings(SLOT, SLOTS[:1])]
+    _, rows = mean_regression(cuts, SETTINGS.widest)
+    assert not any(one.determined for one in rows)
+    assert "record cuts of the same tool at three feeds" in rows[0].remedy
+
+
+def test_one_feed_tells_them_by_its_waveform():
+    rows, _ = told(SLOT, SLOTS[1:2])
+    for name in ("K_tc", "K_te"):
+        assert abs(rows[name].value - true_values(SLOT)[name]) <= rows[name].half_width
+
+
+def test_two_teeth_do_not_tell_the_angle_of_a_runout():
+    rows, _ = told(SLOT, SLOTS)
+    assert not rows["runout_angle"].determined
+    assert "half the difference of their radii" in rows["runout"].remark
+
+
+def test_the_angle_of_a_runout_is_that_from_the_nearest_tooth():
+    rows, _ = told(MIXED, MIX)
+    assert rows["runout_angle"].value == pytest.approx(MIXED.runout_angle, abs=5.0)
+
+
+def test_a_helix_that_is_sought_is_found():
+    truth = Truth(flutes=2, runout=0.0, helix=38.0)
+    tool = Tool(kind="flat", diameter_mm=12.0, flutes=2)
+    known = CuttingSetup(
+        tool=tool, sought=("runout", "helix"),
+        dynamometer=Dynamometer(feed="x", normal="y", axial="z"),
+    )  # fmt: skip
+    found = identify_cutting_force(recordings(truth, SLOTS), known, SETTINGS)
+    rows = parameters(found.fit, found.uncertainty, SETTINGS.widest, found.mean_force)
+    helix = next(one for one in rows if one.name == "helix")
+    assert helix.determined
+    assert helix.value == pytest.approx(38.0, abs=1.5)
+
+
+def test_terms_that_recordings_do_not_ask_for_are_left_out():
+    truth = Truth(flutes=2, runout=0.0)
+    _, found = told(truth, SLOTS)
+    terms = found.fit.problem.terms
+    assert not terms.modes and not terms.teeth
+
+
+def test_worn_teeth_are_asked_for():
+    _, found = told(MIXED, MIX)
+    assert found.fit.problem.terms.teeth and found.fit.problem.terms.modes
+
+
+def test_a_dynamometer_with_a_wrong_sign_is_noticed():
+    wrong = CuttingSetup(tool=known_of(SLOT).tool, dynamometer=Dynamometer(
+        feed="x", normal="y", axial="z"))  # fmt: skip
+    turned = []
+    for one in recordings(SLOT, SLOTS):
+        one.cut[1].lines[:, 1] *= -1
+        turned.append(one)
+    assert (
+        "correct the directions and signs" in identify_cutting_force(turned, wrong, SETTINGS).reason
+    )
+
+
+def test_without_recordings_to_learn_from_there_is_a_reason():
+    others = [replace(one, role="held_out") for one in recordings(SLOT, SLOTS[:1])]
+    assert (
+        "cutting_records.training"
+        in identify_cutting_force(others, known_of(SLOT), SETTINGS).reason
+    )
+
+
+@pytest.mark.parametrize("kind", ["one tooth", "no axial force", "the same feed twice"])
+def test_odd_series_give_an_answer(kind):
+    """Columns that vanish or are the same make nothing fail, and no number out of nothing."""
+    flutes = 1 if kind == "one tooth" else 2
+    truth = Truth(flutes=flutes, runout=0.0)
+    tests = [SLOTS[0], SLOTS[0]] if kind == "the same feed twice" else SLOTS[:2]
+    series = recordings(truth, tests)
+    if kind == "no axial force":
+        for one in series:
+            one.cut[1].lines[:, 2] = 0.0
+            one.cut[1].scatter[:, 2] = 0.0
+    found = identify_cutting_force(series, known_of(truth), SETTINGS)
+    rows = parameters(found.fit, found.uncertainty, SETTINGS.widest, found.mean_force)
+    for one in rows[:2]:
+        assert abs(one.value - true_values(truth)[one.name]) <= one.half_width
+    if kind == "one tooth":
+        assert not any(one.determined for one in rows if one.name.startswith("runout"))
+
+
+def test_the_genetic_algorithm_finds_the_same_optimum():
+    settings = CuttingFitSettings(
+        method="genetic", genetic=GeneticSettings(population=30, generations=60, stall=20)
+    )
+    truth = Truth(flutes=3, runout=0.006)
+    found = identify_cutting_force(recordings(truth, SLOTS[:2]), known_of(truth), settings)
+    assert [one["method"] for one in found.methods] == ["least_squares", "genetic"]
+    best, other = (one["rms_error_percent"] for one in found.methods)
+    assert other < best + 2.0  # the same bowl: other valleys are at 10 % and above
+    assert found.fit.values[0] == pytest.approx(850e6, rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("truth", "tests"), [(SLOT, SLOTS)])
+def test_intervals_hold_the_truth(truth, tests):
+    """95 % intervals over 20 seeds: 17 hits or more of each have a chance of 98 %."""
+    hits = dict.fromkeys(NAMES, 0)
+    for seed in range(20):
+        rows, _ = told(truth, tests, seed)
+        for name in NAMES:
+            one = rows[name]
+            hits[name] += abs(one.value - true_values(truth)[name]) <= one.half_width
+    assert min(hits.values()) >= 17, hits

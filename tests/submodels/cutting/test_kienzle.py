@@ -1,0 +1,125 @@
+"""Kienzle's constants: exact without noise, within their intervals with it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from pipeline.cutting.force.force_law import ForceLaw, edge_forces
+from pipeline.submodels.cutting.kienzle import (
+    kienzle_by_force,
+    kienzle_by_thickness,
+    kienzle_parameters,
+)
+
+K, M = 1675.0, 0.24
+FEEDS = np.array([0.03, 0.05, 0.08, 0.12, 0.18]) * 1e-3
+SEEDS = 100
+
+
+def mean_force(
+    f_z: float, a_p: float, flutes: int, entry: float, leave: float, m_c: float = M
+) -> float:
+    """Mean tangential force over a revolution [N], by scipy's quadrature of the force law."""
+    law = ForceLaw.kienzle(k_c11=K, m_c=m_c, radial=0.3)
+    area = quad(
+        lambda phi: edge_forces(law, f_z * np.sin(phi))[0], entry, leave, epsabs=0, epsrel=1e-11
+    )
+    return float(flutes * a_p / (2 * np.pi) * area[0])
+
+
+def test_specific_forces_on_the_law_give_the_law() -> None:
+    """The straight line in logarithms, exact but for rounding."""
+    found = kienzle_by_thickness(FEEDS, K * 1e6 * (FEEDS / 1e-3) ** -M)
+    assert found.k_c11 == pytest.approx(K, rel=1e-9)
+    assert found.m_c == pytest.approx(M, abs=1e-9)
+    assert found.correlation < -0.9  # chips thinner than 1 mm know little but ln k_c1.1 + 2.5 m_c
+
+
+@pytest.mark.parametrize("arc", [(0.0, np.pi), (0.0, 1.1), (2.0, np.pi), (0.7, 2.1)])
+@pytest.mark.parametrize("m_c", [0.0, 0.24, 0.6])
+def test_mean_forces_over_an_arc_give_the_law(arc: tuple[float, float], m_c: float) -> None:
+    """Against an independent quadrature; 48 nodes are within 1e-8 of it."""
+    forces = [mean_force(f, 2e-3, 3, *arc, m_c) for f in FEEDS]
+    found = kienzle_by_force(forces, flutes=3, f_z=FEEDS, a_p=2e-3, phi_st=arc[0], phi_ex=arc[1])
+    assert found.k_c11 == pytest.approx(K, rel=1e-6)
+    assert found.m_c == pytest.approx(m_c, abs=1e-7)
+
+
+def test_cuts_of_different_arcs_and_depths_go_together() -> None:
+    arcs = np.array([(0.0, np.pi), (0.0, 1.0), (2.2, np.pi), (0.5, 2.0), (0.0, np.pi)])
+    depths = np.array([1.0, 2.0, 3.0, 1.5, 2.5]) * 1e-3
+    forces = [mean_force(f, a, 4, *arc) for f, a, arc in zip(FEEDS, depths, arcs, strict=True)]
+    found = kienzle_by_force(
+        forces, flutes=4, f_z=FEEDS, a_p=depths, phi_st=arcs[:, 0], phi_ex=arcs[:, 1]
+    )
+    assert (found.k_c11, found.m_c) == pytest.approx((K, M), rel=1e-6)
+
+
+@pytest.mark.parametrize("scatter", [0.01, 0.05])
+def test_the_truth_is_within_the_intervals(scatter: float) -> None:
+    """95 % intervals hold it in 90 of 100 seeds at least, both of them, with 3 % of luck."""
+    exact = np.array([mean_force(f, 2e-3, 3, 0.0, np.pi) for f in FEEDS])
+    hits = np.zeros(2)
+    for seed in range(SEEDS):
+        random = np.random.default_rng(seed)
+        found = kienzle_by_force(
+            exact * np.exp(scatter * random.standard_normal(len(FEEDS))),
+            flutes=3, f_z=FEEDS, a_p=2e-3, phi_st=0.0, phi_ex=np.pi,
+        )  # fmt: skip
+        hits += [
+            low <= true <= high
+            for true, (low, high) in ((K, found.k_c11_interval), (M, found.m_c_interval))
+        ]
+    assert hits.min() >= 90
+
+
+def test_intervals_are_never_narrower_than_what_is_known_of_the_forces() -> None:
+    """With forces that happen to lie on the law, but are only good to 10 %."""
+    exact = K * 1e6 * (FEEDS / 1e-3) ** -M
+    lucky = kienzle_by_thickness(FEEDS, exact)
+    honest = kienzle_by_thickness(FEEDS, exact, deviation=0.1)
+    design = np.stack([np.ones(5), -np.log(FEEDS / 1e-3)], axis=1)
+    expected = 1.96 * 0.1 * np.sqrt(np.linalg.inv(design.T @ design)[1, 1])
+    half = (honest.m_c_interval[1] - honest.m_c_interval[0]) / 2
+    assert half == pytest.approx(expected, rel=1e-3)
+    assert lucky.m_c_interval[1] - lucky.m_c_interval[0] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("feeds", "words"),
+    [
+        ([1e-4, 2e-4], "2 cuts with chips of 0.1 to 0.2 mm do not tell"),
+        ([1e-4, 1.1e-4, 1.2e-4], "the thickest 1.5 times the thinnest"),
+        ([1e-4, -1e-4, 2e-4], "thickness of the chip = -0.0001 of a cut must be positive"),
+        ([1e-4, float("nan"), 2e-4], "thickness of the chip = nan"),
+    ],
+)
+def test_cuts_that_do_not_tell_are_refused(feeds: list[float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        kienzle_by_thickness(feeds, np.full(len(feeds), 2e9))
+
+
+def test_forces_and_arcs_that_are_none_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"mean tangential force = 0\.0 of a cut must be positive"):
+        kienzle_by_force([1.0, 0.0, 2.0], flutes=2, f_z=FEEDS[:3], a_p=1e-3, phi_st=0, phi_ex=1)
+    with pytest.raises(ValueError, match="phi_ex must be greater than phi_st"):
+        kienzle_by_force([1.0, 1.5, 2.0], flutes=2, f_z=FEEDS[:3], a_p=1e-3, phi_st=1, phi_ex=1)
+    with pytest.raises(ValueError, match="3 feeds and 2 forces"):
+        kienzle_by_thickness(FEEDS[:3], [1e9, 2e9])
+
+
+def test_constants_have_intervals_or_the_reason_why_not() -> None:
+    """1 % of scatter over five feeds determines both; 30 % neither."""
+    exact = K * 1e6 * (FEEDS / 1e-3) ** -M
+    sign = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    sure = kienzle_parameters(kienzle_by_thickness(FEEDS, exact * (1 + 0.01 * sign)), 0.5)
+    loose = kienzle_parameters(kienzle_by_thickness(FEEDS, exact * (1 + 0.3 * sign)), 0.5)
+    for rows, determined in ((sure, True), (loose, False)):
+        assert set(rows) == {"kienzle.k_c11", "kienzle.m_c"}
+        for one in rows.values():
+            assert one.determined is determined
+            assert (one.value is None) is (one.interval_95 is None) is not determined
+            assert ("is wider than asked" in one.method) is not determined
+    assert sure["kienzle.k_c11"].interval_95 is not None
+    low, high = sure["kienzle.k_c11"].interval_95
+    assert low < K < high and sure["kienzle.k_c11"].unit == "N/mm^2"

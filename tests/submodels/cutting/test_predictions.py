@@ -1,0 +1,212 @@
+"""Judgement of a cut: errors by hand, who is judged, and what passes."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.schema.cutting import (
+    CHANNEL_FORCE,
+    HIGHEST,
+    LOWEST,
+    MAGNITUDE,
+    MECHANICS,
+    OTHERS,
+    PLAIN,
+    PLANE,
+    CuttingModel,
+)
+from pipeline.schema.model import Model, SourceFile
+from pipeline.schema.store import read_json, write_json
+from pipeline.submodels.cases import Case, Cases
+from pipeline.submodels.contract import Shown
+from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
+from pipeline.submodels.cutting.page import cutting_page
+from pipeline.submodels.cutting.predictions import ForcePredictor, force_targets
+from pipeline.submodels.cutting.recordings import CuttingRecording
+from pipeline.submodels.cutting.runs import components
+from pipeline.submodels.cutting.settings import CuttingLimits
+from pipeline.submodels.cutting.submodel import SUBMODEL
+from pipeline.submodels.judge import judge
+from tests.submodels.cutting.milling import Truth
+from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+
+TRUTH = Truth(flutes=2, runout=0.004, runout_angle=0.0, natural=(1900.0, 1500.0, 2600.0))
+SLOTS = [(6000.0, f, 2.0, 0.0, np.pi) for f in (0.05, 0.1, 0.15)]
+HEAD = Model(submodel="cutting", machine="m", origin="simulated", parameters={}, trained_on=())
+BETWEEN = ("training", "held_out", "training")
+
+
+@cache
+def fitted(roles: tuple[str, ...]) -> CuttingModel:
+    """The model of those slots that are learnt from, as it was stored and read again."""
+    known = known_of(TRUTH)
+    found = [
+        replace(one, role=role) for one, role in zip(recordings(TRUTH, SLOTS), roles, strict=True)
+    ]
+    identified = identify_cutting_force(found, known, SETTINGS)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "model.json"
+        write_json(cutting_model(HEAD, identified, known, SETTINGS, None), path)
+        return read_json(path, CuttingModel)
+
+
+def case_of(one: CuttingRecording) -> Case:
+    file = SourceFile(file=one.name, sha256=one.sha256)
+    return Case(name=one.name, group=one.name, role=one.role, files=(file,), load=lambda: one)
+
+
+@cache
+def judged(roles=BETWEEN, feed_error=1.0):
+    """Verdict and predictions; the feed of the second slot was another than it says."""
+    model = fitted(roles)
+    found = [
+        replace(one, role=role) for one, role in zip(recordings(TRUTH, SLOTS), roles, strict=True)
+    ]
+    conditions = found[1].cut[0]
+    found[1] = replace(found[1], conditions=replace(conditions, f_z=feed_error * conditions.f_z))
+    predictor = ForcePredictor(model, known_of(TRUTH), SETTINGS)
+    return judge(
+        model, lambda case: predictor.prediction(case.load()),
+        Cases(cases=tuple(map(case_of, found))), force_targets(CuttingLimits()), sets=None,
+        files={},
+    )  # fmt: skip
+
+
+def test_a_feed_between_is_predicted():
+    verdict = judged().verdict
+    assert verdict.status == "passed" and verdict.judged_role == "held_out"
+    (score,) = (s for s in verdict.of(PLANE, role="held_out") if s.group != "all")
+    assert (score.group, score.status) == ("1.csv", "passed")
+    assert score.relative_percent < 3  # noise of 1.5 N in 100 N, zeros of 1 N
+    assert score.baselines[PLAIN].relative_percent > 10
+    assert set(score.baselines) == {PLAIN, MECHANICS}
+
+
+def test_what_was_learnt_from_is_not_judged():
+    verdict = judged(("training",) * 3).verdict
+    assert verdict.status == "not judged"
+    assert {score.status for score in verdict.scores} == {"not judged"}
+
+
+def test_a_cut_that_was_not_what_it_says_fails():
+    verdict = judged(feed_error=1.3).verdict
+    assert verdict.status == "failed"
+    assert any("error of the mean" in reason for reason in verdict.reasons)
+
+
+def test_every_training_recording_is_predicted_from_the_others():
+    """Each is left out of one fit, and that fit's errors stand beside the model's own."""
+    model, verdict = fitted(("training",) * 3), judged(("training",) * 3).verdict
+    crossed = [s for s in verdict.of(PLANE) if s.regime == OTHERS and s.group != "all"]
+    assert sorted(s.group for s in crossed) == ["0.csv", "1.csv", "2.csv"]
+    assert all(s.relative_percent < 5 for s in crossed)
+    for fold in model.folds:
+        assert not set(fold.left_out) & set(fold.fitted_on)
+        assert sorted(fold.left_out + fold.fitted_on) == ["0.csv", "1.csv", "2.csv"]
+
+
+def test_without_a_recording_to_learn_from_nothing_is_judged():
+    verdict = judged(("held_out",) * 3).verdict
+    assert fitted(("held_out",) * 3).fit is None
+    assert verdict.status == "not judged" and verdict.scores == ()
+    assert all("roles.training" in case.note for case in verdict.cases)
+
+
+def test_errors_of_the_force_in_the_plane_are_those_of_the_vector():
+    """Both components one after the other: the RMSE of the vector over the RMS of its length."""
+    frame = judged().predictions
+    rows = frame[(frame["case"] == "1.csv") & (frame["regime"] == "")]
+    by = {name: part for name, part in rows.groupby("quantity")}
+    x, y = by[CHANNEL_FORCE + "x"], by[CHANNEL_FORCE + "y"]  # the channels are feed and normal
+    columns = [one[name].to_numpy() for one in (x, y) for name in ("measured", "predicted")]
+    error = np.hypot(columns[1] - columns[0], columns[3] - columns[2])
+    length = np.hypot(columns[0], columns[2])
+    found = judged().verdict.of(PLANE, group="1.csv")[0]
+    expected = 100 * np.sqrt((error**2).mean() / (length**2).mean())
+    assert found.relative_percent == pytest.approx(expected, rel=1e-5)  # six digits are stored
+    magnitude = judged().verdict.of(MAGNITUDE, group="1.csv")[0]
+    predicted = np.hypot(columns[1], columns[3])
+    peak = 100 * (predicted.max() / length.max() - 1)
+    assert magnitude.peak_percent == pytest.approx(peak, rel=1e-4, abs=1e-4)
+
+
+def test_the_scatter_of_the_revolutions_is_kept_and_not_scored():
+    frame = judged().predictions
+    rows = frame[(frame["quantity"] == CHANNEL_FORCE + "x") & (frame["case"] == "1.csv")]
+    low, high = (rows[rows["regime"] == regime] for regime in (LOWEST, HIGHEST))
+    assert len(low) == len(high) == 128 and not (low["scored"].any() or high["scored"].any())
+    mean = rows[rows["regime"] == ""].sort_values("t")
+    measured = np.interp(low["t"], mean["t"], mean["measured"])
+    ends = [one["measured"].to_numpy() for one in (low, high)]
+    inside = (ends[0] <= measured + 1) & (measured - 1 <= ends[1])
+    assert inside.mean() > 0.9
+
+
+def force_rows(scale: float) -> pd.DataFrame:
+    """10 N that turn once a revolution about a mean of (3, 4) N, predicted ``scale`` too large."""
+    t = np.linspace(0, 360, 720, endpoint=False)
+    angle = np.radians(t)
+    x, y = 3 + 10 * np.cos(angle), 4 + 10 * np.sin(angle)
+    parts = {
+        CHANNEL_FORCE + "x": x, CHANNEL_FORCE + "y": y, CHANNEL_FORCE + "z": 10 * np.cos(angle),
+        PLANE: np.concatenate([x, y]), MAGNITUDE: np.hypot(x, y),
+    }  # fmt: skip
+    frames = [
+        pd.DataFrame({"measured": f, "predicted": scale * f, "baseline_plain": f}).assign(
+            case="a", regime="", quantity=name
+        )
+        for name, f in parts.items()
+    ]
+    return pd.concat(frames, ignore_index=True)
+
+
+def test_figures_of_a_force_that_turns():
+    found = components(force_rows(1.1), "a", "")
+    assert found["x"].measured == pytest.approx(
+        {"peak": 13.0, "mean": 3.0, "rms": np.sqrt(9 + 50)}, rel=1e-4
+    )
+    for name in ("x", "y", "resultant"):
+        assert found[name].errors == pytest.approx({"rms": 10.0, "peak": 10.0, "mean": 10.0})
+        assert found[name].plain == pytest.approx({"rms": 0.0, "peak": 0.0, "mean": 0.0})
+    assert found["resultant"].measured["peak"] == pytest.approx(15.0, rel=1e-4)
+    assert found["resultant"].measured["rms"] == pytest.approx(np.sqrt(125), rel=1e-4)
+    assert found["z"].errors["mean"] is None  # a mean next to nothing is no measure
+
+
+def test_limits_have_to_be_positive():
+    with pytest.raises(ValueError, match=r"cutting_limits\.rms_percent = 0"):
+        CuttingLimits(rms_percent=0.0)
+
+
+def test_served_forces_are_those_of_the_model(tmp_path):
+    """A table of conditions: peak, mean and RMS of the force in the plane of a trained slot."""
+    model = fitted(BETWEEN)
+    write_json(model, tmp_path / "model.json")
+    table = SUBMODEL.example(tmp_path)
+    assert table["feed_per_tooth_mm"].iloc[0] == pytest.approx(0.05, rel=1e-3)
+    served = SUBMODEL.serve(tmp_path)(table).iloc[0]
+    frame = judged().predictions
+    rows = frame[(frame["case"] == "0.csv") & (frame["quantity"] == MAGNITUDE)]
+    predicted = rows[rows["regime"] == ""]["predicted"]
+    # the recording has fewer harmonics than are served
+    assert served["peak_N"] == pytest.approx(predicted.max(), rel=0.02)
+    assert served["mean_N"] == pytest.approx(predicted.mean(), rel=0.02)
+    with pytest.raises(ValueError, match="no column exit_deg"):
+        SUBMODEL.serve(tmp_path)(table.drop(columns="exit_deg"))
+
+
+def test_a_judged_cut_makes_a_page():
+    found = judged()
+    shown = Shown(
+        machine="m", origin="simulated", model=fitted(BETWEEN), verdict=found.verdict,
+        predictions=found.predictions,
+    )  # fmt: skip
+    page = cutting_page(shown)
+    assert page.verdict is not None and page.verdict.status == "passed"
+    assert [one.key for one in page.sections] == ["cutting", "forces"]
+    assert page.compared["cuts_judged"].value == 1

@@ -1,0 +1,251 @@
+"""Dynamometer recordings: conditions by name and list, forces, and why one is left out."""
+
+import json
+import re
+from math import acos, pi
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.cutting.tool import Tool
+from pipeline.submodels.cases import Records, Roles, role_of
+from pipeline.submodels.cutting.conditions import StatedConditions, conditions_of, stated_conditions
+from pipeline.submodels.cutting.recordings import RecordingReader
+from pipeline.submodels.cutting.settings import CuttingRecords, CuttingSetup, Dynamometer
+from tests.submodels.cutting.milling import Truth
+from tests.submodels.cutting.recorded import RATE, SETTINGS, clean, known_of
+
+TOOL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
+NAME = (
+    r"(?P<immersion>slot|up|down)-n(?P<speed_rpm>\d+)f(?P<feed_mm_min>\d+)"
+    r"ap(?P<axial_depth_mm>[\d.]+)(?:ae(?P<radial_depth_mm>[\d.]+))?"
+)
+
+
+def conditions_by(
+    name: str,
+    said: StatedConditions = StatedConditions(),  # noqa: B008 - it is frozen
+    **patterns: StatedConditions,
+):
+    return conditions_of(stated_conditions(name, NAME, patterns, said), TOOL)
+
+
+def test_a_name_tells_all():
+    found = conditions_by("down-n4000f600ap1.5ae6.csv")
+    assert found.speed == pytest.approx(4000 / 60)
+    assert found.f_z == pytest.approx(0.6 / (3 * 4000))  # 600 mm/min over teeth a minute
+    assert found.a_p == pytest.approx(1.5e-3)
+    assert (found.phi_st, found.phi_ex) == pytest.approx((pi - acos(0.0), pi))
+
+
+def test_up_and_down_milling_lie_mirrored():
+    up, down = conditions_by("up-n4000f600ap1ae3"), conditions_by("down-n4000f600ap1ae3")
+    assert up.phi_st == 0.0
+    assert up.phi_ex - up.phi_st == pytest.approx(down.phi_ex - down.phi_st)
+    assert down.phi_ex == pytest.approx(pi)
+
+
+def test_feed_by_tooth_and_by_minute_agree_or_are_refused():
+    same = conditions_by("slot-n4000f600ap1", StatedConditions(feed_per_tooth_mm=0.05))
+    assert same.f_z == pytest.approx(5e-5)
+    with pytest.raises(ValueError, match=r"0\.05 mm for each tooth, its feed_per_tooth_mm 0\.06"):
+        conditions_by("slot-n4000f600ap1", StatedConditions(feed_per_tooth_mm=0.06))
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "message"),
+    [
+        ("run7.csv", StatedConditions(), "speed_rpm is not known"),
+        ("slot-n0f600ap1", StatedConditions(), "speed_rpm = 0 must be finite and positive"),
+        ("up-n4000f600ap1", StatedConditions(), "radial_depth_mm is not known"),
+        (
+            "up-n4000f600ap1ae13",
+            StatedConditions(),
+            "radial_depth_mm = 13 is more than the diameter",
+        ),
+        ("slot-n4000f600ap1ae6", StatedConditions(), "radial_depth_mm = 6 is not the diameter"),
+        ("slot-n4000f600ap1", StatedConditions(speed_rpm=5000), "speed_rpm is 5000"),
+        ("slot-n4000f600ap1.2.3", StatedConditions(), r"axial_depth_mm = '1\.2\.3'"),
+        (
+            "run7",
+            StatedConditions(speed_rpm=100, axial_depth_mm=1, immersion="slot"),
+            "its feed is not known",
+        ),
+        (
+            "run7",
+            StatedConditions(speed_rpm=100, axial_depth_mm=1, feed_mm_min=9),
+            "immersion is not known",
+        ),
+        (
+            "r",
+            StatedConditions(speed_rpm=1, axial_depth_mm=1, entry_deg=90, exit_deg=20),
+            "entry_deg = 90",
+        ),
+    ],
+)
+def test_what_is_missing_or_contradicts_is_one_sentence(name, said, message):
+    with pytest.raises(ValueError, match=message):
+        conditions_by(name, said)
+
+
+def test_a_pattern_adds_to_a_name():
+    found = conditions_by(
+        "slot-n4000f600ap1",
+        StatedConditions(),
+        **{"slot-*": StatedConditions(radial_depth_mm=12.0)},
+    )
+    assert found.phi_ex == pytest.approx(pi)
+    with pytest.raises(ValueError, match="by_pattern, 'slot"):
+        conditions_by(
+            "slot-n4000f600ap1",
+            StatedConditions(),
+            **{"slot-*": StatedConditions(axial_depth_mm=2.0)},
+        )
+
+
+@pytest.mark.parametrize("pattern", ["(?P<speed>", "(?P<revs>x)"])
+def test_a_wrong_expression_is_named(pattern):
+    with pytest.raises(ValueError, match=r"cutting_records\.name"):
+        stated_conditions("x", pattern, {}, StatedConditions())
+
+
+TRUTH = Truth(flutes=2, runout=0.003, runout_angle=0.0)
+TEST = (6000.0, 0.08, 2.0, 0.0, np.pi)
+RECORDS = CuttingRecords(
+    recordings="*.csv",
+    conditions=StatedConditions(
+        speed_rpm=6000, feed_per_tooth_mm=0.08, axial_depth_mm=2, immersion="slot"
+    ),
+)  # fmt: skip
+
+
+def cut(seed=0):
+    force = clean(TRUTH, TEST, 0.3)
+    return force + np.random.default_rng(seed).normal(0, 1.5, force.shape)
+
+
+def write(folder, files, unit="NEWTON", names="xyz", time=None):
+    (folder / "traces").mkdir(exist_ok=True)
+    entries = {}
+    for name, values in files.items():
+        t = np.arange(len(values)) / RATE if time is None else time
+        fields = [pa.field("t", pa.float64(), metadata={"unit": "SECOND"})]
+        fields += [pa.field(f"force_{n}", pa.float64(), metadata={"unit": unit}) for n in names]
+        arrays = [t, *[values[:, k] for k in range(len(names))]]
+        pq.write_table(
+            pa.table(arrays, schema=pa.schema(fields)), folder / f"traces/{name}.parquet"
+        )
+        digest = str(hash(values.tobytes()))
+        entries[name] = {"output": f"traces/{name}.parquet", "sha256": digest, "reason": None}
+    (folder / "manifest.json").write_text(json.dumps({"files": entries}))
+
+
+def read(folder, records=RECORDS, known=None):
+    """All recordings of a folder; those named slot are learnt from."""
+    reader = RecordingReader(
+        signals=folder, files=Records(signals=folder).files, records=records,
+        setup=known or known_of(TRUTH), settings=SETTINGS,
+        role=lambda name: role_of([name], Roles(training=("slot*",))),
+    )  # fmt: skip
+    return reader.recordings()
+
+
+def test_roles_and_copies(tmp_path):
+    write(tmp_path, {"a.csv": cut(), "slot.csv": cut(1), "slot-copy.csv": cut(1), "z.csv": cut(1)})
+    found = {one.name: one for one in read(tmp_path)}
+    assert {name: one.role for name, one in found.items() if not one.reason} == {
+        "a.csv": "held_out", "slot-copy.csv": "training",
+    }  # fmt: skip
+    assert found["z.csv"].reason == "it is a copy of slot-copy.csv: record another"
+
+
+def test_directions_and_signs_are_those_of_the_file(tmp_path):
+    """The same cut on a dynamometer that is turned, and under the workpiece."""
+    write(tmp_path, {"slot.csv": cut()})
+    straight = read(tmp_path)[0].cut[1].lines
+    write(tmp_path, {"slot.csv": cut()[:, [1, 0, 2]] * [1, -1, -1]})
+    other = Dynamometer(feed="-y", normal="x", axial="-z")
+    turned = read(tmp_path, known=CuttingSetup(tool=known_of(TRUTH).tool, dynamometer=other))
+    assert turned[0].cut[1].lines == pytest.approx(straight)
+
+
+def test_kilonewtons_are_newtons(tmp_path):
+    write(tmp_path, {"slot.csv": cut()})
+    newton = read(tmp_path)[0].cut[1].lines
+    write(tmp_path, {"slot.csv": cut() / 1e3}, unit="KILONEWTON")
+    assert read(tmp_path)[0].cut[1].lines == pytest.approx(newton)
+
+
+def lost(force):
+    force[:, 1] *= 0.004
+    return force
+
+
+def clipped(force):
+    return np.clip(force, -120.0, 120.0)
+
+
+def holed(force):
+    force[1000:1010] = np.nan
+    return force
+
+
+def drifting(force):
+    return force + np.linspace(0, 60, len(force))[:, None]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lost, "channel y shows next to nothing"),
+        (clipped, r"channel [xy] stands at -?120 N for \d+ samples"),
+        (holed, "10 of its rows lack a force"),
+        (drifting, "drifts by"),
+        (lambda force: force[:300], "6 are the least"),
+        (lambda force: 0 * force, "there is no cut in it"),
+        (lambda force: force[:0], "no row with all three forces"),
+    ],
+)
+def test_what_cannot_be_used_is_left_out_with_its_reason(tmp_path, change, reason):
+    write(tmp_path, {"slot.csv": change(cut())})
+    found = read(tmp_path)[0]
+    assert found.revolution is None
+    assert re.search(reason, found.reason), found.reason
+
+
+def test_rows_without_a_value_at_the_end_are_cut_off(tmp_path):
+    force = cut()
+    force[-50:, 2] = np.nan
+    write(tmp_path, {"slot.csv": force})
+    found = read(tmp_path)[0]
+    assert found.is_training
+    assert found.notes == ("50 rows without a value at its ends left out",)
+
+
+def test_a_missing_channel_unit_or_time_is_said(tmp_path):
+    write(tmp_path, {"slot.csv": cut()}, names="xy")
+    assert "no channel 'force_z'" in read(tmp_path)[0].reason
+    write(tmp_path, {"slot.csv": cut()}, unit="AMPERE")
+    assert "is in AMPERE" in read(tmp_path)[0].reason
+    time = np.arange(4000) / RATE
+    time[2000:] += 0.1
+    write(tmp_path, {"slot.csv": cut()}, time=time)
+    assert "its time" in read(tmp_path)[0].reason
+
+
+def test_a_pattern_without_recordings_is_an_error(tmp_path):
+    write(tmp_path, {"slot.csv": cut()})
+    other = CuttingRecords(recordings="*.txt")
+    with pytest.raises(ValueError, match=r"cutting_records\.recordings = '\*\.txt'"):
+        read(tmp_path, other)
+    (tmp_path / "manifest.json").unlink()
+    with pytest.raises(ValueError, match="is no manifest: run `dvc repro ingest`"):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize("channels", [("x", "x", "z"), ("x", "y", "w"), ("--x", "y", "z")])
+def test_a_dynamometer_has_three_channels(channels):
+    with pytest.raises(ValueError, match="name x, y and z, each once"):
+        Dynamometer(feed=channels[0], normal=channels[1], axial=channels[2])
