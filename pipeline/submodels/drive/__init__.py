@@ -5,3 +5,5 @@ loop (Sim2023); positions in metres at the encoder, forces in newtons at the car
 command's unit where the force constant is not listed.  ``mechanics`` holds the inverse dynamics,
 ``servo`` the loops, ``motor`` resistance, inductances and flux of a synchronous motor.
 """
+
+__all__ = ["mechanics", "motor", "servo", "submodel"]

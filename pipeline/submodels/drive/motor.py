@@ -111,7 +111,7 @@ class Windows:
         self.period, self.settings = period, settings
 
     def __len__(self) -> int:
-        """Windows B."""
+        """Number of windows B [1]."""
         return len(next(iter(self.signals.values())))
 
     def driven(self, name: str) -> Floats:

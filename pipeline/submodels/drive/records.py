@@ -233,7 +233,7 @@ class Recording:
 
     @property
     def samples(self) -> int:
-        """T."""
+        """Number of samples T [1]."""
         return len(self.air)
 
     @property

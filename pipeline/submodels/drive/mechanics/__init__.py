@@ -2,3 +2,14 @@
 
 Regression on filtered motion and force (Gautier, Vandanjon and Presse 1994), in SI at the carriage.
 """
+
+__all__ = [
+    "estimates",
+    "feed_drive",
+    "friction",
+    "identifiability",
+    "inverse_dynamics",
+    "motion",
+    "recursive",
+    "uncertainty",
+]

@@ -133,7 +133,7 @@ REMEDY = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimates:
-    """D parameters.
+    """Named parameters of a feed drive, D of them.
 
     Parameters
     ----------

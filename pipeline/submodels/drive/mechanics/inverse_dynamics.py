@@ -31,7 +31,7 @@ STEPS_A_DECADE = 24
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regressors:
-    """N rows of filtered motion and force.
+    """Regression table: N rows of filtered motion and force.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ class Dynamics:
         return float(self.weights @ self.residuals**2)
 
     def value(self, name: str) -> float:
-        """Of the parameter called ``name``; 0 when the table has none such."""
+        """Value of the parameter ``name``; 0 when the table has none of that name."""
         return float(self.values[self.names.index(name)]) if name in self.names else 0.0
 
 

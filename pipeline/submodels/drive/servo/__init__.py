@@ -2,3 +2,5 @@
 
 The control law of a cascade (Sim2023) is fitted to the recorded command, in SI at the encoder.
 """
+
+__all__ = ["equation", "fit", "search"]

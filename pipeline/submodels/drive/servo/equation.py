@@ -85,7 +85,7 @@ class Nominal:
 
     @classmethod
     def of(cls, constants: AxisConstants) -> "Nominal":
-        """From the prior knowledge of the axis."""
+        """Nominal gains from the prior knowledge of the axis."""
         values: dict[str, Any] = {item.name: None for item in fields(cls)}
         values |= {name: getattr(constants, name, None) for name in values}
         unnamed = frozenset(n for n in values if values[n] is None and n != "unnamed")
@@ -138,7 +138,7 @@ class Nominal:
         )
 
     def unit(self, name: str, command_unit: str) -> str:
-        """Of the parameter ``name``: scales are gains in SI where the list names none."""
+        """Unit of the parameter ``name``: scales are gains in SI where the list names none."""
         units = {
             "position_scale": ("position_gain", "1/s"),
             "velocity_scale": ("velocity_gain", f"{command_unit} s/m"),
@@ -294,7 +294,7 @@ class ServoEquation:
 
     @property
     def rows(self) -> int:
-        """N."""
+        """Number of rows N [1]."""
         return len(self.columns)
 
     @property
@@ -315,7 +315,7 @@ class ServoEquation:
         return self.spread / ahead if ahead > 0 else 1.0
 
     def factors(self, values: Floats) -> Floats:
-        """Of the columns, -1 of the command; shape (..., M) of parameters (..., D)."""
+        """Factors of the columns, -1 of the command; shape (..., M) of parameters (..., D)."""
         p = np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0)
         late_x, late_v = self._late(p[TX], p[TS])[0], self._late(p[TV], p[TS])[0]
         return np.concatenate(self._groups(p, late_x, late_v), axis=-1)
@@ -326,12 +326,12 @@ class ServoEquation:
         return found
 
     def rmse(self, values: Floats) -> Floats:
-        """Of the command [A]; shape (...) of parameters (..., D)."""
+        """RMSE of the command [A]; shape (...) of parameters (..., D)."""
         found: Floats = np.sqrt(np.sum(self.residuals(values) ** 2, axis=-1) / self.rows)
         return found
 
     def slopes(self, values: Floats) -> Floats:
-        """Of the factors by the parameters, shape (M, D), of parameters (D,)."""
+        """Derivatives of the factors by the parameters, shape (M, D), of parameters (D,)."""
         late_x, slope_x, spread_x = self._late(values[TX], values[TS])
         late_v, slope_v, spread_v = self._late(values[TV], values[TS])
         none = np.zeros(NODES)
@@ -449,7 +449,7 @@ def _windows(columns: Floats, rows: int) -> list[Floats]:
 
 
 def _without_drift(columns: Floats) -> Floats:
-    """Less their straight lines of least squares."""
+    """Columns less their straight lines of least squares."""
     line = np.stack((np.ones(len(columns)), np.linspace(-1, 1, len(columns))), axis=1)
     return columns - line @ np.linalg.lstsq(line, columns, rcond=None)[0]
 
