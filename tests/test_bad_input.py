@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli import app
+from pipeline.app import app
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, source_of
 from pipeline.signals.ingest import MachineIdentity, ingest
 from tests.fuzz.seeds import DOCUMENTS, LOGS, TREES
@@ -241,7 +241,7 @@ def test_entities_are_neither_expanded_nor_fetched(
     path.write_text(document)
     # a quarter of the memory that ten to the twelfth power of laughs would need
     limited = (
-        f"ulimit -v 8000000; exec {sys.executable} -m pipeline.cli ingest {path} --machine bench01"
+        f"ulimit -v 8000000; exec {sys.executable} -m pipeline.app ingest {path} --machine bench01"
     )
     done = subprocess.run(
         ["bash", "-c", f"{limited} --out {out}"],

@@ -12,7 +12,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from pipeline.cli import app
+from pipeline.app import app
 from pipeline.registry import register
 from tests.fuzz.seeds import LOGS
 from tests.small_project import MACHINE, MONDAY, ROOT, build, change, inside, new_project
@@ -57,7 +57,7 @@ def test_help_names_every_command(project: Path) -> None:
 
 def test_the_command_starts_without_the_heavy_libraries() -> None:
     heavy = "{'mlflow', 'pandas', 'torch', 'sklearn', 'numba', 'hydra', 'matplotlib', 'pyarrow'}"
-    code = f"import sys, pipeline.cli; sys.exit(str({heavy} & set(sys.modules) or ''))"
+    code = f"import sys, pipeline.app; sys.exit(str({heavy} & set(sys.modules) or ''))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
 
@@ -150,7 +150,7 @@ def test_outside_a_project_it_says_where_to_run(tmp_path: Path) -> None:
 
 def ingest_command(tmp_path: Path) -> list[str]:
     (tmp_path / "log.txt").write_bytes(LOGS[6])
-    return [sys.executable, "-m", "pipeline.cli", "ingest", str(tmp_path / "log.txt"),
+    return [sys.executable, "-m", "pipeline.app", "ingest", str(tmp_path / "log.txt"),
             "--machine", MACHINE, "--out", str(tmp_path / "out")]  # fmt: skip
 
 

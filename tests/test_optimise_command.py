@@ -276,7 +276,7 @@ def test_nothing_that_limits_a_feed_is_refused(project: Path) -> None:
 
 
 def command(project: Path) -> list[str]:
-    return [sys.executable, "-m", "pipeline.cli", "optimise", "part.nc", *given(), "--feed", "50",
+    return [sys.executable, "-m", "pipeline.app", "optimise", "part.nc", *given(), "--feed", "50",
             "1000", *OUT]  # fmt: skip
 
 

@@ -110,7 +110,7 @@ def test_simulate_says_how_long_and_writes_what_is_asked(project: Path) -> None:
 
 
 def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> None:
-    from pipeline.commands.programs import simulate_program
+    from pipeline.app.programs import simulate_program
     from tests.small_project import inside
 
     with inside(project):

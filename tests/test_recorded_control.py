@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.commands.fleet import collect, use_fleet
+from pipeline.app.fleet import collect, use_fleet
 from pipeline.stages.__main__ import run
 from tests.small_project import ROOT, inside
 

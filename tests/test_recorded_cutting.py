@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.commands.fleet import collect, use_fleet
+from pipeline.app.fleet import collect, use_fleet
 from pipeline.schema.cutting import MAGNITUDE, OTHERS, PLAIN, PLANE, CuttingModel
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline.commands.fleet import collect, use_fleet
+from pipeline.app.fleet import collect, use_fleet
 from pipeline.schema.drive import DriveModel
 from pipeline.schema.store import read_json
 from pipeline.stages.__main__ import run

@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.commands.fleet import collect, use_fleet
+from pipeline.app.fleet import collect, use_fleet
 from pipeline.stages.__main__ import run
 from tests.browser import foreign, look, needs_browser, requests
 from tests.small_project import ROOT, inside

@@ -1,10 +1,51 @@
-"""What every command does around its work: one sentence for bad input, a bar while it waits."""
+"""The command kerf: its options, one sentence for bad input, a bar while it waits."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
 
 import typer
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="The digital twin of a machine tool that rebuilds itself from the machine's own records.",
+)
+
+
+Machine = Annotated[str, typer.Argument(help="As in conf/machine/.")]
+Program = Annotated[Path, typer.Argument(help="A part program.")]
+Pair = tuple[float, float]
+
+
+Whose = Annotated[str, typer.Option(help="Whose control, as in conf/machine/.")]
+Unit = Annotated[str | None, typer.Option(help="Which of several machines of a kind.")]
+Stock = Annotated[
+    str | None,
+    typer.Option(
+        help="Blank to cut, in work coordinates, mm: box:X0,X1,Y0,Y1,Z0,Z1, "
+        "cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl file."
+    ),
+]
+ToolTable = Annotated[
+    str | None, typer.Option(help="Tools by number: a table of conf/tool/, or a YAML file.")
+]
+Material = Annotated[str | None, typer.Option(help="Of the blank, as in conf/material/.")]
+Load = Annotated[float | None, typer.Option(help="Greatest load on a tool in the plane, N.")]
+Resolution = Annotated[float | None, typer.Option(help="Of the blank, mm; 0.2 by default.")]
+WorkOffset = Annotated[
+    str | None, typer.Option(help="That the blank is measured in; that of the first cut.")
+]
+Responses = Annotated[
+    list[str] | None,
+    typer.Option(help="Frequency response at the tools' tips: x=TIP.csv, y=TIP.csv or a UFF."),
+]
+Model = Annotated[
+    str, typer.Option(help="Whose sub-models: champion, or latest, which is the exception.")
+]
 
 
 @contextmanager

@@ -9,15 +9,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, get_args
 
-from pipeline.commands.cutting import (
-    REMEDY,
-    CutOptions,
-    cut_options,
-    part_of,
-    section,
-    workshop_of,
-)
-from pipeline.commands.programs import (
+from pipeline.app.cut import REMEDY, CutOptions, cut_options, part_of, section, workshop_of
+from pipeline.app.programs import (
     CHAMPION,
     Controlled,
     machine_control,

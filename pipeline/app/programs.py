@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.commands.fleet import DATA, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.gcode.program import Program, read_program

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.commands.fleet import CONF
+from pipeline.app.fleet import CONF
 
 
 def check_outputs(

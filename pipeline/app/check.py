@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.commands.programs import machine_setup
+from pipeline.app.programs import machine_setup
 from pipeline.optimisation.proof.prove import Proof, prove
 
 ADDED = "-"

@@ -1,0 +1,16 @@
+"""The command kerf: records, state and champions of a fleet, part programs, cuts, optimisation.
+
+``commands`` holds the options and is thin; the other modules do what stands behind them and say it
+in lines.  Units are those of the shop floor: mm, mm/min, rev/min, N.
+"""
+
+__all__ = ["check", "cut", "fleet", "main", "optimise", "outputs", "programs"]
+
+
+def main() -> None:
+    """Run ``kerf``."""
+    from pipeline.app import commands
+    from pipeline.app.kerf import app
+
+    del commands  # imported so that its commands are there
+    app()

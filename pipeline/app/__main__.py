@@ -1,0 +1,5 @@
+"""``python -m pipeline.app …`` is ``kerf …``."""
+
+from pipeline.app import main
+
+main()

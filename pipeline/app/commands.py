@@ -1,0 +1,366 @@
+"""The commands of kerf, thin: their options are fields of settings that the rooms already have.
+
+Each imports its work when it runs, so that `kerf --help` starts at once.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.app.kerf import (
+    Load,
+    Machine,
+    Material,
+    Model,
+    Program,
+    Resolution,
+    Responses,
+    Stock,
+    ToolTable,
+    Unit,
+    Whose,
+    WorkOffset,
+    app,
+    one_sentence,
+    share_bar,
+    stages_bar,
+    steps_bar,
+)
+from pipeline.schema.limits import limit_options
+
+
+@app.command()
+def ingest(
+    files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
+    machine: Annotated[str, typer.Option(help="Whose records these are, as in conf/machine/.")],
+    out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
+) -> None:
+    """Read FILES into Parquet; say how many records were read, kept and rejected."""
+    from pipeline.app.fleet import ingest_files
+
+    with one_sentence(), steps_bar("reading", len(files)) as advance:
+        results = ingest_files(files, machine, out, advance)
+    names = [typer.format_filename(r.path) for r in results]
+    width = max(map(len, names))
+    typer.echo(f"{'file':<{width}}  {'read':>10}  {'kept':>10}  {'rejected':>10}")
+    for name, r in zip(names, results, strict=True):
+        typer.echo(f"{name:<{width}}  {r.read:>10}  {r.kept:>10}  {r.rejected:>10}")
+    rejected = sum(r.rejected for r in results)
+    if rejected:
+        typer.echo(f"{rejected} rejected, each with its reason in {out / 'rejected.parquet'}")
+    for name, r in zip(names, results, strict=True):
+        for said in filter(None, (r.reason, r.note)):
+            typer.echo(f"kerf: {name}: {said}", err=True)
+    if any(r.reason for r in results):
+        raise typer.Exit(2)
+
+
+@app.command()
+def status() -> None:
+    """Show the machines of the fleet, their champions and what the golden week said."""
+    from pipeline.app.fleet import fleet_status
+
+    with one_sentence():
+        rows = fleet_status()
+    columns = list(rows[0]) if rows else []
+    widths = {c: max(len(c), *(len(r[c]) for r in rows)) for c in columns}
+    for row in [{c: c for c in columns}, *rows]:
+        typer.echo("  ".join(f"{row[c]:<{widths[c]}}" for c in columns).rstrip())
+
+
+@app.command()
+def report(
+    out: Annotated[Path, typer.Option(help="Folder to write the pages into.")] = Path("reports"),
+) -> None:
+    """Write the report of the fleet from what stands in data/."""
+    from pipeline.app.fleet import write_report
+
+    with one_sentence():
+        index = write_report(out)
+    typer.echo(f"wrote {index}")
+
+
+@app.command()
+def fleet(
+    name: Annotated[str, typer.Argument(help="As in conf/fleet/.")],
+    recordings: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder to collect the fleet's recordings from.", envvar="KERF_RECORDINGS"
+        ),
+    ] = None,
+) -> None:
+    """Make NAME the fleet that `dvc repro` builds, and collect its recordings."""
+    from pipeline.app.fleet import collect, use_fleet
+
+    with one_sentence():
+        chosen = use_fleet(name)
+        typer.echo(f"fleet {chosen.name}: {', '.join(chosen.machines)}")
+        if recordings is not None:
+            for machine, new, files in collect(chosen, recordings):
+                typer.echo(f"{machine}: {files} files, {new} new")
+
+
+@app.command()
+def golden(
+    machine: Machine,
+    first: Annotated[str | None, typer.Option(help="First UTC day of logs, YYYY-MM-DD.")] = None,
+    last: Annotated[str | None, typer.Option(help="Last UTC day of logs, YYYY-MM-DD.")] = None,
+    files: Annotated[
+        list[str] | None, typer.Option(help="Pattern of further raw files; may be repeated.")
+    ] = None,
+    sealed: Annotated[
+        bool, typer.Option(help="Freeze the sealed set, which promotion alone looks at.")
+    ] = False,
+) -> None:
+    """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
+    from pipeline.app.fleet import freeze_set
+
+    with one_sentence():
+        frozen = freeze_set(machine, first=first, last=last, files=files or (), sealed=sealed)
+    typer.echo(f"froze {len(frozen.files)} files, sha256 {frozen.sha256[:12]}")
+
+
+@app.command()
+def promote(machine: Machine) -> None:
+    """Make MACHINE's challenger its champion, if it passed the golden week."""
+    from pipeline.registry import promote as promote_challenger
+
+    with one_sentence():
+        version = promote_challenger(machine)
+    typer.echo(f"{machine}: version {version.version} is champion")
+
+
+@app.command()
+def interpret(
+    program: Program,
+    out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
+    machine: Annotated[
+        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
+    ] = None,
+    dialect: Annotated[
+        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
+    ] = None,
+) -> None:
+    """Follow PROGRAM block by block and write its moves."""
+    from pipeline.app.outputs import check_outputs
+    from pipeline.app.programs import machine_setup, moves_table, read_moves
+
+    with one_sentence(), share_bar("interpreting") as share:
+        check_outputs(program, out)
+        moves = read_moves(program, machine_setup(machine, dialect), share)
+        moves_table(moves).to_csv(out, index=False)
+    typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
+
+
+@app.command()
+def simulate(
+    program: Program,
+    machine: Whose,
+    unit: Unit = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
+    stock: Stock = None,
+    tool_table: ToolTable = None,
+    material: Material = None,
+    limit_load: Load = None,
+    resolution: Resolution = None,
+    work_offset: WorkOffset = None,
+    frf: Responses = None,
+    page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
+    model: Model = "champion",
+) -> None:
+    """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
+
+    With a blank, tools and its material also what the cut takes: load, power, stability, cost.
+    """
+    from pipeline.app.cut import cut_document, cut_lines, cut_options, write_page
+    from pipeline.app.outputs import check_outputs
+    from pipeline.app.programs import (
+        simulate_program,
+        simulated_document,
+        simulated_lines,
+        write_document,
+        write_trace,
+    )
+
+    with one_sentence():
+        options = cut_options(
+            stock=stock, tool_table=tool_table, material=material, limit_load=limit_load,
+            resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
+        )  # fmt: skip
+        check_outputs(program, json, out, page, inputs=options.files if options else ())
+        with share_bar("planning") as share:
+            simulated = simulate_program(program, machine, unit, share, model)
+        document = simulated_document(simulated, program.stem, machine)
+        if options is not None:
+            document["cut"] = cut_document(simulated, machine, options)
+        if json is not None:
+            write_document(document, json)
+        if out is not None:
+            with share_bar("writing positions") as share:
+                write_trace(simulated.plan, out, share)
+        if page is not None:
+            write_page(document, page, json)
+    for line in simulated_lines(document, program):
+        typer.echo(line)
+    if options is not None:
+        for line in cut_lines(document["cut"]):
+            typer.echo(line)
+
+
+@app.command()
+def check(
+    before: Annotated[Path, typer.Argument(help="A part program.")],
+    after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
+    machine: Annotated[
+        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
+    ] = None,
+    dialect: Annotated[
+        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
+    ] = None,
+    splits: Annotated[
+        bool, typer.Option(help="Let AFTER have more points on the way of straight cuts.")
+    ] = False,
+) -> None:
+    """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1."""
+    from pipeline.app.check import check_lines, check_programs
+
+    with one_sentence():
+        proof = check_programs(before, after, machine, dialect, splits=splits)
+    for line in check_lines(proof, before, after):
+        typer.echo(line)
+    if not proof.same:
+        raise typer.Exit(1)
+
+
+def _limit(words: str) -> Any:
+    return typer.Option(help=words, rich_help_panel="Limits")
+
+
+def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with an option for each field of ``CutLimit`` in place of its ``limits``.
+
+    The command gets a mapping of the fields' names to what was given, None where nothing was.
+    """
+    options, fields = [], {}
+    for name, kind, words in limit_options():
+        given = words.option.removeprefix("--").replace("-", "_")
+        default = typer.Option(
+            None, words.option, help=words.help, rich_help_panel="Limits",
+            metavar=None if kind is float else "LOW HIGH",
+        )  # fmt: skip
+        fields[given] = name
+        options.append(
+            Parameter(given, Parameter.KEYWORD_ONLY, default=default, annotation=kind | None)
+        )
+
+    @wraps(command)
+    def optimised(**given: Any) -> None:
+        limits = {name: given.pop(option) for option, name in fields.items()}
+        command(**given, limits=limits)
+
+    own = [one.replace(kind=Parameter.KEYWORD_ONLY)
+           for one in signature(command).parameters.values()]  # fmt: skip
+    place = [one.name for one in own].index("limits")
+    every = [*own[:place], *options, *own[place + 1 :]]
+    optimised.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    optimised.__annotations__ = {one.name: one.annotation for one in every}
+    del optimised.__wrapped__
+    return optimised
+
+
+@app.command()
+@_with_limits
+def optimise(
+    *,
+    program: Program,
+    machine: Whose,
+    objective: Annotated[
+        str, typer.Option(help="time, cost, energy, wear, or pareto: the knee of their front.")
+    ] = "time",
+    out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of what was found.")] = None,
+    page: Annotated[Path | None, typer.Option(help="HTML page of what was found.")] = None,
+    unit: Unit = None,
+    stock: Stock = None,
+    tool_table: ToolTable = None,
+    material: Material = None,
+    resolution: Resolution = None,
+    work_offset: WorkOffset = None,
+    frf: Responses = None,
+    model: Model = "champion",
+    limits: dict[str, Any],
+    epsilon: Annotated[
+        float | None, _limit("P(load > limit) at most; 0.01 by default, 0.5 takes nominal values.")
+    ] = None,
+    split: Annotated[
+        bool, typer.Option("--split", help="Split long blocks where the cut changes.")
+    ] = False,
+    speeds: Annotated[
+        str | None, typer.Option(help="blocks: S words at any block; own: only the program's.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of all chance.")] = None,
+    proof_comment: Annotated[
+        bool,
+        typer.Option("--proof-comment", help="The proof's hash in a comment at the program's end."),
+    ] = False,
+) -> None:
+    """Make PROGRAM faster or cheaper inside its limits; only F and S words change.
+
+    Ctrl-C ends the search and writes the best so far.
+    """
+    from pipeline.app.optimise import (
+        Outputs,
+        PartRequest,
+        SearchOptions,
+        interruptible,
+        limits_given,
+        objective_of,
+        optimise_part,
+        part_options,
+        write_optimised,
+    )
+    from pipeline.app.optimise_lines import optimise_lines
+    from pipeline.app.outputs import check_outputs
+
+    with one_sentence():
+        outputs = Outputs.of(out, json, page)
+        request = PartRequest(
+            program=program, machine=machine, unit=unit, objective=objective_of(objective),
+            cut=part_options(
+                stock=stock, tool_table=tool_table, material=material, load=limits["load_N"],
+                resolution=resolution, work_offset=work_offset, frf=frf,
+            ),
+            limits=limits_given(limits),
+            model=model,
+            search=SearchOptions(
+                epsilon=epsilon, seed=seed, split=split, speeds=speeds,
+                proof_comment=proof_comment,
+            ),
+        )  # fmt: skip
+        check_outputs(program, out, json, page, inputs=request.cut.files)
+        try:
+            with interruptible(_ending) as ending, stages_bar() as shown:
+                result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
+        except KeyboardInterrupt as error:
+            typer.echo(
+                "kerf: interrupted before anything kept the limits, nothing is written", err=True
+            )
+            raise typer.Exit(130) from error
+        written = write_optimised(result, part, outputs)
+    for line in optimise_lines(part):
+        typer.echo(line)
+    typer.echo(f"wrote {', '.join(str(path) for path in written)}")
+    if part.interrupted:
+        raise typer.Exit(130)
+
+
+def _ending() -> None:
+    typer.echo("kerf: ending with the best so far; Ctrl-C again to give up", err=True)
