@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.app import app
+from pipeline.app.commands import app
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, source_of
 from pipeline.signals.ingest import MachineIdentity, ingest
 from tests.fuzz.seeds import DOCUMENTS, LOGS, TREES

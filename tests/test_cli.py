@@ -12,7 +12,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from pipeline.app import app
+from pipeline.app.commands import app
 from pipeline.registry import register
 from tests.fuzz.seeds import LOGS
 from tests.small_project import MACHINE, MONDAY, ROOT, build, change, inside, new_project

@@ -1,1 +1,23 @@
-"""The twin: where what the machine said meets the physics of its parts."""
+"""The sub-models at work: a program on a control, drives on their axes, the cut of a program.
+
+Physics comes from the rooms below, parameters from what was identified of a machine; positions are in
+mm, times in s, forces in N, frames are the machine's.
+"""
+
+__all__ = [
+    "control",
+    "cut",
+    "cut_blocks",
+    "cut_coefficients",
+    "cut_document",
+    "cut_tables",
+    "drive",
+    "drive_population",
+    "program",
+    "program_axes",
+    "program_files",
+    "residual",
+    "simulation",
+    "spindle",
+    "spindle_model",
+]

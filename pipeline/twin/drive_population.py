@@ -113,7 +113,7 @@ def population_errors(
     start = _at_rest(rows, np.broadcast_to(motion[:, 0], (many, axes)))
     found = np.empty((many, axes, 4))
     inner, held = (substeps, 1) if servo_substeps else (1, substeps)
-    _fill(motion, push, rows, start, period, inner, held, threads, found)
+    _fill(motion, push, rows, start, period, inner=inner, held=held, threads=threads, found=found)
     lost = ~np.isfinite(found).all(axis=-1)
     if lost.any():
         # what is not finite comes through to the end: looking at all samples first takes longer
@@ -174,8 +174,8 @@ def simulate_traces(
 
 
 def _fill(
-    motion: Floats, push: Floats, rows: Floats, start: Floats, period: float, inner: int,
-    held: int, threads: int | None, found: Floats,
+    motion: Floats, push: Floats, rows: Floats, start: Floats, period: float, *,
+    inner: int, held: int, threads: int | None, found: Floats,
 ) -> None:  # fmt: skip
     """Share blocks of lanes among threads; the compiled loop lets go of the interpreter."""
     from pipeline.machine.axis.drive_step import LANES, ROWS

@@ -172,8 +172,9 @@ class _Build:
             chosen = (rows["data_item"] == item).to_numpy()
             rows.loc[chosen, "number"] = rows.loc[chosen, "number"] * factor + offset
         done = clean_day(
-            rows, start, start + DAY, carry, self.reporting, self.machine, self.settings
-        )
+            rows, start, start + DAY, carry, self.reporting, machine=self.machine,
+            settings=self.settings,
+        )  # fmt: skip
         tables.write_state(self.out, day, done.state, self.machine)
         return done
 

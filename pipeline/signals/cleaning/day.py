@@ -167,6 +167,7 @@ def clean_day(
     end: int,
     carry: Carry,
     reporting: Mapping[str, ReportingInterval],
+    *,
     machine: CleanMachine,
     settings: CleanSettings,
 ) -> Day:

@@ -237,7 +237,7 @@ def identify_control(
             "control: log more runs of programs"
         )
     control = {unit: control_of(start, free, found.values, unit) for unit in units}
-    return _fit(free, found, rates, active, sure, control, settings.scales_s[-1])
+    return _fit(free, found, rates, active, sure, control, scale_s=settings.scales_s[-1])
 
 
 def _determined(
@@ -323,7 +323,7 @@ def _loosest(
 
 def _fit(
     free: Sequence[FreeParameter], found: Optimum, rates: dict[int, Rate], active: Bools,
-    sure: Certainty, control: dict[str, ControlParameters], scale_s: float,
+    sure: Certainty, control: dict[str, ControlParameters], *, scale_s: float,
 ) -> ControlFit:  # fmt: skip
     low, high = np.full(len(free), np.nan), np.full(len(free), np.nan)
     for i, width in zip(np.flatnonzero(active).tolist(), sure.half_width.tolist(), strict=True):

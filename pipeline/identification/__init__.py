@@ -1,1 +1,0 @@
-"""Records -> parameters, each with how well the records determine it."""

@@ -1,1 +1,0 @@
-"""The golden week: what a model must show before it may serve."""
