@@ -1,44 +1,62 @@
-"""The only file that imports mlflow: one registered model a machine, champion and challenger.
+"""The registry of bundles: one registered model a machine, one version for each content.
 
-``data/models/<machine>`` holds the bytes, owned by DVC; here they are registered as one pyfunc
-bundle a machine, once for each content.  The default store is a sqlite file beside the project;
-``MLFLOW_TRACKING_URI`` names a server instead.
+``data/models/<machine>`` holds the newest bytes and ``data/champion/<machine>`` those that serve,
+both owned by DVC; ``champions.json``, which git holds, names the champions.  MLflow keeps every
+bundle that there ever was, with the code that reads it.  The default store is a sqlite file beside
+the project; ``MLFLOW_TRACKING_URI`` names a server instead.  MLflow is imported only where a
+version is written or loaded: importing it takes seconds, and what is there can be read without.
 """
 
 import hashlib
+import importlib.metadata
 import json
 import os
 import re
 import shutil
+import sqlite3
 import subprocess
+import sys
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from pipeline.schema.bundle import (
+    VERDICT,
+    Bundle,
+    copy_bundle,
+    stored_bundle,
+)
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
     from mlflow import MlflowClient
 
-Predict = Callable[["pd.DataFrame"], "pd.DataFrame"]
-
 DATABASE = "mlflow.db"
 ARTIFACTS = "mlartifacts"
 EXPERIMENT = "kerf"
-ALIASES = ("champion", "challenger", "previous")
-BUNDLE = ("spindle_thermal.json", "residual", "validation.json")
-"""What of ``data/models/<machine>`` makes up a bundle."""
+CHAMPIONS = Path("champions.json")
+LOCK = Path("requirements.lock")
+NEEDED = ("cattrs", "joblib", "numba", "numpy", "pandas", "pyarrow", "pyyaml", "scikit-learn",
+          "scipy", "skops", "threadpoolctl")  # fmt: skip
+"""Distributions that a prediction imports; a version pins them."""
+BATCH = 100
+"""Parameters that MLflow takes in one call."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Version:
-    """One registered version of a machine's model."""
+    """One registered version of a machine's bundle; ``status`` is the gravest of its sub-models."""
 
     machine: str
     version: int
     bundle: str
-    verdict: str
+    status: str
     aliases: tuple[str, ...]
 
 
@@ -47,20 +65,82 @@ def model_name(machine: str) -> str:
     return f"kerf-{machine}"
 
 
-def bundle_hash(folder: Path) -> str:
-    """One sha256 over the names and bytes of a bundle's files."""
-    digest = hashlib.sha256()
-    for part in BUNDLE:
-        path = folder / part
-        files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-        for file in files:
-            digest.update(file.relative_to(folder).as_posix().encode() + b"\0")
-            digest.update(hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()
+# What is registered, read without MLflow where the store is a file.
+
+
+def exists(root: Path) -> bool:
+    """Whether there is a registry to look into."""
+    return bool(os.environ.get("MLFLOW_TRACKING_URI")) or (root / DATABASE).exists()
+
+
+def versions(machine: str, root: Path = Path()) -> list[Version]:
+    """Registered versions of a machine's model, oldest first; none when there is no registry.
+
+    Raises
+    ------
+    ValueError
+        When the registry cannot be opened.
+    """
+    if not exists(root):
+        return []
+    server = bool(os.environ.get("MLFLOW_TRACKING_URI"))
+    tags, aliases = _asked(machine, root) if server else _read(machine, root / DATABASE)
+    return [
+        Version(
+            machine=machine,
+            version=number,
+            bundle=said.get("bundle_sha256", ""),
+            status=said.get("status", ""),
+            aliases=tuple(sorted(alias for alias, n in aliases.items() if n == number)),
+        )
+        for number, said in sorted(tags.items())
+    ]
+
+
+Tags = dict[int, dict[str, str]]
+
+
+def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
+    """Tags by version, and versions by alias, out of the sqlite file."""
+    name = (model_name(machine),)
+    uri = f"file:{quote(str(database.resolve()))}?mode=ro"
+    try:
+        with closing(sqlite3.connect(uri, uri=True)) as store:
+            tables = {row[0] for row in store.execute("SELECT name FROM sqlite_master")}
+            if "model_version_tags" not in tables:
+                return {}, {}
+            numbers = store.execute(
+                "SELECT version FROM model_versions"
+                " WHERE name = ? AND current_stage != 'Deleted_Internal'", name,
+            ).fetchall()  # fmt: skip
+            found: Tags = {number: {} for (number,) in numbers}
+            for number, key, value in store.execute(
+                "SELECT version, key, value FROM model_version_tags WHERE name = ?", name
+            ):
+                found.get(number, {})[key] = value
+            aliases = dict(store.execute(
+                "SELECT alias, version FROM registered_model_aliases WHERE name = ?", name
+            ).fetchall())  # fmt: skip
+    except sqlite3.Error as error:
+        raise ValueError(f"the registry sqlite:///{database} cannot be opened: {error}") from error
+    return found, aliases
+
+
+def _asked(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
+    """As :func:`_read`, of a server."""
+    client = _client(root)
+    found = client.search_model_versions(f"name='{model_name(machine)}'")
+    if not found:
+        return {}, {}
+    aliases = client.get_registered_model(model_name(machine)).aliases
+    return (
+        {int(v.version): dict(v.tags) for v in found},
+        {alias: int(number) for alias, number in aliases.items()},
+    )
 
 
 def _client(root: Path) -> "MlflowClient":
-    """A client of the project's store.
+    """A client of the project's store, which is made when it is missing.
 
     Raises
     ------
@@ -110,143 +190,216 @@ def _experiment(client: "MlflowClient", root: Path) -> str:
     return name
 
 
-def exists(root: Path) -> bool:
-    """Whether there is a registry to look into."""
-    return bool(os.environ.get("MLFLOW_TRACKING_URI")) or (root / DATABASE).exists()
+# Registering.
+
+MadeWith = Callable[[], Mapping[str, Any]]
+"""Settings that a bundle was made with, read only when it is logged."""
 
 
-def versions(machine: str, root: Path = Path()) -> list[Version]:
-    """Registered versions of a machine's model, oldest first; none when there is no registry."""
-    if not exists(root):
-        return []
-    client = _client(root)
-    found = client.search_model_versions(f"name='{model_name(machine)}'")
-    if not found:
-        return []
-    aliases: dict[int, list[str]] = {}
-    for alias, number in client.get_registered_model(model_name(machine)).aliases.items():
-        aliases.setdefault(int(number), []).append(alias)
-    return [
-        Version(
-            machine=machine,
-            version=int(v.version),
-            bundle=v.tags.get("bundle_sha256", ""),
-            verdict=v.tags.get("verdict", ""),
-            aliases=tuple(sorted(aliases.get(int(v.version), []))),
-        )
-        for v in sorted(found, key=lambda v: int(v.version))
-    ]
-
-
-def register(machine: str, folder: Path, params: dict[str, Any], root: Path = Path()) -> Version:
-    """Register the bundle of ``machine`` unless its content is registered already.
-
-    The first bundle that passes the golden week becomes champion, every later one challenger;
-    who replaces a champion is decided by :func:`promote`.
+def register(
+    bundle: Bundle, folder: Path, root: Path = Path(), *, made_with: MadeWith = dict
+) -> Version:
+    """The version of a bundle; it is logged and registered unless its content is there already.
 
     Parameters
     ----------
-    machine : str
-        Whose it is.
+    bundle : Bundle
+        As :func:`~pipeline.schema.bundle.bundle_of` found it in ``folder``.
     folder : Path
-        ``data/models/<machine>``.
-    params : dict
-        What it was made with; logged with the run.
+        ``data/models/<machine>`` or ``data/champion/<machine>``.
     root : Path
         The project.
+    made_with : callable
+        The settings that it was made with; logged with the run.
 
     Raises
     ------
     ValueError
-        When the registry cannot be opened.
-    OSError
-        When a part of the bundle is missing.
+        When the registry cannot be opened, or the bundle does not predict its own example.
     """
-    client, name, digest = _client(root), model_name(machine), bundle_hash(folder)
-    known = versions(machine, root)
-    same = [v for v in known if v.bundle == digest]
-    if same and any(v.aliases for v in same):
-        return next(v for v in same if v.aliases)
-    document = json.loads((folder / "validation.json").read_text())
-    if same:  # what stands in the folder is the candidate, be it one of long ago
-        number = str(same[0].version)
-    else:
-        tags = _provenance(machine, digest, document, params, root)
-        number = _log(folder, name, _experiment(client, root), params, document, tags)
-        for tag, value in tags.items():
-            client.set_model_version_tag(name, number, tag, value)
-    has_champion = any("champion" in v.aliases for v in known)
-    first_champion = document["verdict"] == "passed" and not has_champion
-    client.set_registered_model_alias(name, "champion" if first_champion else "challenger", number)
-    return next(v for v in versions(machine, root) if v.version == int(number))
+    there = [v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256]
+    if there:
+        return there[0]
+    client = _client(root)
+    number = _log(bundle, folder, root, _experiment(client, root), made_with())
+    return next(v for v in versions(bundle.machine, root) if v.version == number)
 
 
 def _log(
-    folder: Path,
-    name: str,
-    experiment: str,
-    params: dict[str, Any],
-    document: dict[str, Any],
-    tags: dict[str, str],
-) -> str:
+    bundle: Bundle, folder: Path, root: Path, experiment: str, made_with: Mapping[str, Any]
+) -> int:
     """Log a run with the bundle as a pyfunc; the number of the version that it becomes."""
     import mlflow
 
+    from pipeline.submodels.contract import submodel
+
+    described = _described(bundle, folder)
+    tags = _provenance(bundle, folder, root, made_with) | described.tags
     mlflow.set_experiment(experiment)
-    run = f"{tags['machine']}-{tags['bundle_sha256'][:8]}"
+    run = f"{bundle.machine}-{bundle.sha256[:8]}"
     with tempfile.TemporaryDirectory() as scratch, mlflow.start_run(run_name=run):
-        bundle = Path(scratch) / "bundle"
-        bundle.mkdir()
-        for part in BUNDLE:
-            copy = shutil.copytree if (folder / part).is_dir() else shutil.copy
-            copy(folder / part, bundle / part)
-        mlflow.log_params(_flat(params))
-        mlflow.log_metrics(_metrics(document))
+        copy_bundle(folder, bundle, Path(scratch) / "bundle")
+        package = Path(__file__).parent
+        code = Path(scratch) / package.name
+        shutil.copytree(package, code, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+        parameters = list(_flat(made_with).items())
+        for first in range(0, len(parameters), BATCH):
+            mlflow.log_params(dict(parameters[first : first + BATCH]))
+        mlflow.log_metrics(_metrics(bundle, folder))
         mlflow.set_tags(tags)
+        first_name = next(iter(bundle.submodels))
         logged = mlflow.pyfunc.log_model(
-            name="spindle",
+            name="bundle",
             python_model=str(Path(__file__).with_name("serving.py")),
-            artifacts={"bundle": str(bundle)},
-            pip_requirements=["kerf"],
-            registered_model_name=name,
+            artifacts={"bundle": str(Path(scratch) / "bundle")},
+            code_paths=[str(code)],
+            signature=described.signature,
+            input_example=_without_zone(submodel(first_name).example(folder / first_name)),
+            pip_requirements=requirements(root),
+            metadata={"units": described.units},
+            registered_model_name=model_name(bundle.machine),
         )
-    return str(logged.registered_model_version)
+    number = str(logged.registered_model_version)
+    client = _client(root)
+    for tag, value in tags.items():  # the hash comes last: a version that has it has all
+        client.set_model_version_tag(model_name(bundle.machine), number, tag, value)
+    return int(number)
 
 
-def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested parameters as ``a.b.c`` keys, of characters that MLflow takes."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Described:
+    """Signature of a bundle's pyfunc, and the unit of each column by sub-model."""
+
+    signature: Any
+    units: dict[str, dict[str, str]]
+    tags: dict[str, str] = field(default_factory=dict)
+
+
+def _described(bundle: Bundle, folder: Path) -> _Described:
+    """Columns that the sub-models take and give, each found by predicting its own example.
+
+    The sub-models read different tables, so that each column is optional: what a sub-model lacks
+    is said by itself.
+    """
+    from mlflow.models import ModelSignature
+    from mlflow.types import ParamSchema, ParamSpec
+
+    from pipeline.submodels.contract import submodel
+
+    taken: dict[str, Any] = {}
+    given: dict[str, Any] = {}
+    units: dict[str, dict[str, str]] = {}
+    for name in bundle.submodels:
+        one = submodel(name)
+        example = one.example(folder / name)
+        predicted = one.serve(folder / name)(example)
+        for columns, frame in ((taken, example), (given, predicted)):
+            for column in frame.columns:
+                columns.setdefault(str(column), frame[column])
+        verdict = read_json(folder / name / VERDICT, Verdict)
+        units[name] = {score.quantity: score.unit for score in verdict.scores}
+        units[name] |= {known.name: known.unit for known in one.inputs if known.unit}
+    first = next(iter(bundle.submodels))
+    return _Described(
+        signature=ModelSignature(
+            inputs=_schema(taken),
+            outputs=_schema(given),
+            params=ParamSchema([ParamSpec("submodel", "string", default=first)]),
+        ),
+        units=units,
+        tags={
+            f"unit.{name}.{_plain(column)}": unit
+            for name, columns in units.items() for column, unit in columns.items() if unit
+        },
+    )  # fmt: skip
+
+
+def _schema(columns: Mapping[str, "pd.Series[Any]"]) -> Any:
+    """Columns with their MLflow types, none of them required."""
+    from mlflow.types import ColSpec, Schema
+
+    kinds = {"M": "datetime", "f": "double", "i": "long", "u": "long", "b": "boolean"}
+    return Schema([
+        ColSpec(kinds.get(getattr(values.dtype, "kind", "O"), "string"), name, required=False)
+        for name, values in columns.items()
+    ])  # fmt: skip
+
+
+def _without_zone(table: "pd.DataFrame") -> "pd.DataFrame":
+    """A table whose times are UTC without saying so: MLflow takes no others."""
+    zoned = table.select_dtypes("datetimetz").columns
+    return table.assign(**{name: table[name].dt.tz_convert(None) for name in zoned})
+
+
+def requirements(root: Path = Path()) -> list[str]:
+    """Distributions that a prediction needs, pinned as in requirements.lock.
+
+    One that the lock does not name is pinned to what is installed.
+    """
+    lock = root / LOCK
+    lines = lock.read_text().splitlines() if lock.exists() else []
+    pinned = dict(line.split("==", 1) for line in lines if re.match(r"[\w.-]+==", line))
+    return [f"{name}=={pinned.get(name) or importlib.metadata.version(name)}" for name in NEEDED]
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested values as ``a.b.c`` keys, of characters that MLflow takes."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
-        name = prefix + re.sub(r"[^\w.: -]", "_", str(key))
-        flat |= _flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
+        name = prefix + _plain(key)
+        flat |= _flat(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
     return flat
 
 
-def _metrics(document: dict[str, Any]) -> dict[str, float]:
-    scores = document["windows"]["all"] or {}
-    return {
-        f"golden.{predictor}.{name}": value
-        for predictor in ("model", "physics", "persistence")
-        for name, value in scores.get(predictor, {}).items()
-        if value is not None
-    }
+def _plain(key: Any) -> str:
+    return re.sub(r"[^\w.: -]", "_", str(key))
+
+
+def _metrics(bundle: Bundle, folder: Path) -> dict[str, float]:
+    """Key figures of every sub-model's verdict, and its identified parameters, as numbers."""
+    from pipeline.submodels.contract import submodel
+    from pipeline.submodels.judge import metrics
+
+    found: dict[str, Any] = {}
+    for name in bundle.submodels:
+        found |= _flat(metrics(read_json(folder / name / VERDICT, Verdict)), f"{name}.")
+        model = read_json(folder / name / "model.json", submodel(name).model)
+        for group, parameters in model.parameters.items():
+            prefix = f"{name}.parameter.{group}." if group else f"{name}.parameter."
+            found |= _flat({key: one.value for key, one in parameters.items()}, prefix)
+    return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
 
 
 def _provenance(
-    machine: str, digest: str, document: dict[str, Any], params: dict[str, Any], root: Path
+    bundle: Bundle, folder: Path, root: Path, made_with: Mapping[str, Any]
 ) -> dict[str, str]:
-    """Tags that say what a version was made of."""
-    golden = document["golden"]
-    return {
-        "machine": machine,
-        "origin": document["origin"],
-        "verdict": document["verdict"],
-        "bundle_sha256": digest,
-        "golden_sha256": golden["sha256"] if golden else "",
-        "made_with_sha256": hashlib.sha256(json.dumps(params, sort_keys=True).encode()).hexdigest(),
+    """Tags that say what a version was made of; the bundle's own hash is the last."""
+    from pipeline.submodels.contract import submodel
+
+    raw: set[tuple[str, str]] = set()
+    golden: set[str] = set()
+    tags: dict[str, str] = {}
+    for name, one in bundle.submodels.items():
+        model = read_json(folder / name / "model.json", submodel(name).model)
+        verdict = read_json(folder / name / VERDICT, Verdict)
+        raw |= {(file, sha256) for sha256, file in model.training_files.items()}
+        golden |= {verdict.golden.sha256} if verdict.golden else set()
+        tags |= {f"{name}.sha256": one.sha256, f"{name}.status": one.status}
+    lines = "".join(f"{sha256}  {file}\n" for file, sha256 in sorted(raw))
+    return tags | {
+        "machine": bundle.machine,
+        "origin": bundle.origin,
+        "status": bundle.status,
+        "raw_sha256": hashlib.sha256(lines.encode()).hexdigest(),
+        "golden_sha256": " ".join(sorted(golden)),
+        "made_with_sha256": hashlib.sha256(
+            json.dumps(made_with, sort_keys=True, default=str).encode()
+        ).hexdigest(),
         "params_sha256": _file_hash(root / "params.yaml"),
         "dvc_lock_sha256": _file_hash(root / "dvc.lock"),
-        "git_commit": git_commit(root),
+        "git_commit": git("rev-parse", "HEAD", root=root) or "",
+        "dirty": dirty(root),
+        "bundle_sha256": bundle.sha256,
     }
 
 
@@ -255,43 +408,72 @@ def _file_hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
 
 
-def git_commit(root: Path = Path()) -> str:
-    """Commit that is checked out, ``""`` outside a repository or without git."""
+def git(*words: str, root: Path = Path()) -> str | None:
+    """What git says; None outside a repository or without git."""
     if shutil.which("git") is None:
-        return ""
+        return None
     answer = subprocess.run(
-        ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        ["git", "-C", str(root), *words], capture_output=True, text=True, check=False
     )
-    return answer.stdout.strip() if answer.returncode == 0 else ""
+    return answer.stdout.strip() if answer.returncode == 0 else None
 
 
-def promote(machine: str, root: Path = Path()) -> Version:
-    """Make the challenger champion; the champion becomes ``previous`` first.
+def dirty(root: Path) -> str:
+    """Whether the tree differs from the commit: ``"true"``, ``"false"``, ``""`` without git.
 
-    Raises
-    ------
-    ValueError
-        When there is no challenger or it did not pass the golden week.
+    What a run itself writes does not count: data, reports, params.yaml, dvc.lock, champions.json.
     """
-    known = {alias: v for v in versions(machine, root) for alias in v.aliases}
-    challenger = known.get("challenger")
-    if challenger is None:
-        raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
-    if challenger.verdict != "passed":
-        raise ValueError(
-            f"the challenger of {machine}, version {challenger.version}, has the verdict "
-            f"{challenger.verdict!r} on the golden week: only a model that passed may serve"
-        )
-    client, name = _client(root), model_name(machine)
-    if "champion" in known:
-        client.set_registered_model_alias(name, "previous", str(known["champion"].version))
-    client.set_registered_model_alias(name, "champion", str(challenger.version))
-    client.delete_registered_model_alias(name, "challenger")
-    return next(v for v in versions(machine, root) if v.version == challenger.version)
+    written = [f":(exclude){name}" for name in
+               ("data", "reports", "params.yaml", "dvc.lock", CHAMPIONS.name)]  # fmt: skip
+    said = git("status", "--porcelain", "--", ".", *written, root=root)
+    return "" if said is None else str(bool(said)).lower()
 
 
-def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predict:
-    """The predict function of a machine's model: clean state table in, temperatures out.
+# Aliases, and loading.
+
+
+def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
+    """Give each alias to the version with a bundle's hash; None takes the alias away.
+
+    MLflow is asked only where an alias differs.  A hash that the store does not have is left out.
+    """
+    known = versions(machine, root)
+    numbers = {v.bundle: v.version for v in reversed(known)}
+    now = {alias: v.version for v in known for alias in v.aliases}
+    goals = {alias: numbers.get(sha256) if sha256 else None for alias, sha256 in wanted.items()}
+    changed = {alias: number for alias, number in goals.items() if number != now.get(alias)}
+    if not changed:
+        return
+    client = _client(root)
+    for alias, number in changed.items():
+        if number is None:
+            client.delete_registered_model_alias(model_name(machine), alias)
+        else:
+            client.set_registered_model_alias(model_name(machine), alias, str(number))
+
+
+class Predictor:
+    """A registered bundle that predicts: a table of a sub-model's inputs in, a table out."""
+
+    def __init__(self, version: Version, model: Any) -> None:
+        self.version = version
+        self.submodels: tuple[str, ...] = model.submodels
+        self._model = model
+
+    def __call__(self, table: "pd.DataFrame", submodel: str = "") -> "pd.DataFrame":
+        """Prediction of one sub-model, of the first where none is named.
+
+        Raises
+        ------
+        ValueError
+            When the bundle has no such sub-model, or the table lacks what it needs.
+        """
+        found: pd.DataFrame = self._model.predict(None, table, {"submodel": submodel})
+        return found
+
+
+def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predictor:
+    """The predictor of a machine's registered bundle, with the code that it was registered with.
 
     MLflow stores absolute paths; a project that was moved finds its bundle where it is now.
 
@@ -303,25 +485,31 @@ def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predict:
     found = [v for v in versions(machine, root) if alias in v.aliases]
     if not found:
         raise ValueError(f"{machine} has no {alias}: `kerf status` shows what is registered")
-    version = found[0]
-    place = _place(version, root)
-    bundle = place / "artifacts" / "bundle"
-    try:
-        now = bundle_hash(bundle)
-    except OSError:  # a part of it is gone
-        now = ""
-    if now != version.bundle:
-        raise ValueError(
-            f"the bundle of {machine} version {version.version} in {bundle} is no longer the one "
-            f"that was registered ({version.bundle[:12]}): run `dvc repro` to register it anew"
-        )
+    place = checked_place(found[0], root)
     import mlflow
 
+    path = list(sys.path)
     try:
-        predict: Predict = mlflow.pyfunc.load_model(str(place)).predict
+        model = mlflow.pyfunc.load_model(str(place)).unwrap_python_model()
     except (OSError, mlflow.MlflowException) as error:
         raise ValueError(f"the bundle of {machine} in {place} cannot be read: {error}") from error
-    return predict
+    finally:  # MLflow leaves the version's code in front of ours
+        sys.path = path
+    return Predictor(found[0], model)
+
+
+def checked_place(version: Version, root: Path) -> Path:
+    """Folder of a version's model, whose bundle is the one that was registered."""
+    place = _place(version, root)
+    bundle = place / "artifacts" / "bundle"
+    there = stored_bundle(bundle, version.machine)
+    if there is None or there.sha256 != version.bundle:
+        raise ValueError(
+            f"the bundle of {version.machine} version {version.version} in {bundle} is no longer "
+            f"the one that was registered ({version.bundle[:12]}): delete {DATABASE} and "
+            f"{ARTIFACTS} and run `dvc repro` to register what there is anew"
+        )
+    return place
 
 
 def _place(version: Version, root: Path) -> Path:
@@ -332,9 +520,9 @@ def _place(version: Version, root: Path) -> Path:
     ValueError
         When it is nowhere.
     """
+    client = _client(root)
     import mlflow
 
-    client = _client(root)
     stored = client.get_model_version_download_uri(
         model_name(version.machine), str(version.version)
     )

@@ -1,39 +1,130 @@
-"""The model that MLflow serves: a spindle's temperature from its state table (models from code)."""
+"""The model that MLflow serves: a machine's bundle, dispatched by sub-model (models from code).
 
+MLflow runs this file by itself, beside the copy of the package that a version was registered with.
+It imports nothing of the package at its top: which package it is, the installed one or that copy,
+is decided when a bundle is loaded.
+"""
+
+import importlib
+import json
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.machinery import PathFinder
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import mlflow
 import pandas as pd
 
-from pipeline.twin.spindle import TARGET
-from pipeline.twin.spindle_model import load_spindle_model
+PACKAGE = "pipeline"
+CODE = Path(__file__).parent / "code"
+"""Folder of the copy of the package, beside this file in a registered version."""
+_SWAPPING = threading.RLock()
 
 
-class Spindle(mlflow.pyfunc.PythonModel):
-    """Predicts the spindle's temperature from a clean state table.
+class OwnPackage:
+    """A copy of the package that works apart from the installed package of the same name.
 
-    The input has a ``time`` column and the columns that the model needs; of
-    ``spindle_temperature`` only the first row is read, the measured temperature to start from.
+    A version of long ago keeps the modules and fields that it was written with, whatever they are
+    called today.  Where both are the same, the installed one is used, whose kernels are compiled.
+
+    Parameters
+    ----------
+    folder : Path
+        That holds the copy, ``<folder>/pipeline``.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.apart = folder.is_dir() and not same_code(folder / PACKAGE, installed())
+        self.modules: dict[str, ModuleType] = {}
+
+    @contextmanager
+    def active(self) -> Iterator[None]:
+        """Imports inside are of the copy; those of the installed package are as before after it."""
+        if not self.apart:
+            yield
+            return
+        with _SWAPPING:
+            others = _taken()
+            sys.modules.update(self.modules)
+            sys.path.insert(0, str(self.folder))
+            importlib.invalidate_caches()
+            try:
+                yield
+            finally:
+                sys.path.remove(str(self.folder))
+                self.modules = _taken()
+                sys.modules.update(others)
+
+
+def _taken() -> dict[str, ModuleType]:
+    """Modules of the package that are loaded, taken out of ``sys.modules``."""
+    names = [name for name in sys.modules if name.partition(".")[0] == PACKAGE]
+    return {name: sys.modules.pop(name) for name in names}
+
+
+def installed() -> Path | None:
+    """Folder of the package that this process imports, or would import."""
+    loaded = sys.modules.get(PACKAGE)
+    spec = loaded.__spec__ if loaded is not None else PathFinder.find_spec(PACKAGE)
+    places = spec.submodule_search_locations if spec is not None else None
+    return Path(next(iter(places))) if places else None
+
+
+def same_code(one: Path, other: Path | None) -> bool:
+    """Whether two folders hold the same Python files."""
+    if other is None:
+        return False
+    first, second = _sources(one), _sources(other)
+    return first.keys() == second.keys() and all(
+        first[name].read_bytes() == second[name].read_bytes() for name in first
+    )
+
+
+def _sources(folder: Path) -> dict[str, Path]:
+    return {path.relative_to(folder).as_posix(): path for path in folder.rglob("*.py")}
+
+
+class Bundle(mlflow.pyfunc.PythonModel):
+    """Predicts with one of the sub-models of a machine's bundle, named by ``params``.
+
+    The table and what is predicted are those of the sub-model: see the input example, and the
+    units in the metadata.  Times are UTC, without a time zone where MLflow checks them.
     """
 
     def load_context(self, context: Any) -> None:
-        """Load network and forest from the bundle."""
-        bundle = Path(context.artifacts["bundle"])
-        self.model = load_spindle_model(bundle / "spindle_thermal.json", bundle / "residual")
+        """Read which sub-models there are; each is loaded when it is first used."""
+        self.folder = Path(context.artifacts["bundle"])
+        said = json.loads((self.folder / "bundle.json").read_text(encoding="utf-8"))
+        self.machine, self.submodels = str(said["machine"]), tuple(said["submodels"])
+        self.package = OwnPackage(CODE)
+        self.loaded: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {}
 
     def predict(
         self, context: Any, model_input: pd.DataFrame, params: dict[str, Any] | None = None
     ) -> pd.DataFrame:
-        """Columns ``time``, ``spindle_temperature`` and ``physics`` [CELSIUS], one row a step."""
-        for name in ("time", TARGET):
-            if name not in model_input.columns:
-                raise ValueError(f"the input has no column {name}: give the clean state table")
-        start = float(model_input[TARGET].iloc[0]) if len(model_input) else float("nan")
-        if pd.isna(start):
-            raise ValueError(f"{TARGET} is not known in the first row: start where it was measured")
-        state = model_input.set_index("time")
-        return self.model.predict(state, start).reset_index(names="time")
+        """What ``params["submodel"]`` predicts from a table of its inputs.
+
+        Raises
+        ------
+        ValueError
+            When the bundle has no such sub-model, or the table lacks what it needs.
+        """
+        name = (params or {}).get("submodel") or self.submodels[0]
+        if name not in self.submodels:
+            raise ValueError(
+                f"the bundle of {self.machine} has no sub-model {name!r}; it has "
+                f"{', '.join(self.submodels)}"
+            )
+        with self.package.active():
+            if name not in self.loaded:
+                found = importlib.import_module(f"{PACKAGE}.submodels.{name}.submodel").SUBMODEL
+                self.loaded[name] = found.serve(self.folder / name)
+            return self.loaded[name](model_input)
 
 
-mlflow.models.set_model(Spindle())
+mlflow.models.set_model(Bundle())

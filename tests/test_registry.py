@@ -1,56 +1,30 @@
-"""The registry on real bundles: who becomes what, and what a moved or changed project loads."""
+"""The registry on real bundles: what is registered once, what serves, what a later version loads."""
 
 import json
+import os
 import shutil
-from collections.abc import Callable, Iterator
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from pipeline.registry import bundle_hash, load, promote, register, versions
-from pipeline.signals.windows import state_days
+from pipeline.champions import promote, status
+from pipeline.parameters import read_params
+from pipeline.registry import CHAMPIONS, git, load, model_name, requirements, versions
+from pipeline.schema.bundle import Bundle, Champions, bundle_of, read_champions, write_champions
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
+from pipeline.submodels.contract import submodel
 from pipeline.twin.spindle import TARGET
-from pipeline.twin.spindle_model import load_spindle_model
-from pipeline.validation.golden import Week, freeze, write_golden
-from tests.small_project import (
-    MACHINE,
-    THURSDAY,
-    build,
-    change,
-    files_of,
-    inside,
-    new_project,
-    params,
-)
+from tests.bundled_project import MACHINE, hour, project, registered, spindle
 
-Bundles = dict[str, Path]
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project that is built up to the verdict."""
-    folder = new_project(tmp_path_factory.mktemp("project"))
-    build(folder, "shop", "ingest", "clean", "identify_spindle")
-    frozen = freeze(
-        MACHINE, Week(first=THURSDAY, last=THURSDAY), files_of(folder / f"data/signals/{MACHINE}")
-    )
-    write_golden(frozen, folder / f"data/golden/{MACHINE}.json")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def bundles(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Bundles:
-    """Bundles of different forests; ``failed`` is one that its limits were too tight for."""
-    kept = tmp_path_factory.mktemp("bundles")
-    found = {}
-    for name, trees, limit in (("first", 5, 5.0), ("second", 4, 5.0), ("failed", 3, 1e-6)):
-        change(project, "residual_forest", trees=trees)
-        change(project, "spindle_limits", mae_K=limit, rmse_K=limit)
-        build(project, "train_residual", "validate")
-        found[name] = kept / name
-        shutil.copytree(project / f"data/models/{MACHINE}", found[name])
-    return found
+ROOT = Path(__file__).parents[1]
+CHAMPION = f"data/champion/{MACHINE}"
+MODELS = f"data/models/{MACHINE}"
 
 
 @pytest.fixture(autouse=True)
@@ -59,42 +33,32 @@ def own_store(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def empty_registry(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store without a model: MLflow takes seconds to make one."""
-    from pipeline.registry import _client
-
-    root = tmp_path_factory.mktemp("empty")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project whose first bundle, wrong by 2 K, serves, and whose second is the truth."""
+    root = project(tmp_path_factory.mktemp("made") / "project")
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        _client(root)
+        spindle(root, error_K=2.0)
+        shutil.copytree(root / MODELS, root.parent / "first")
+        registered(root)
+        spindle(root)
+        registered(root)
     return root
 
 
 @pytest.fixture
-def root(empty_registry: Path, tmp_path: Path) -> Path:
-    folder = tmp_path / "project"
-    shutil.copytree(empty_registry, folder)
-    return folder
-
-
-@pytest.fixture
-def register_in(root: Path, bundles: Bundles, project: Path) -> Callable[[str], int]:
-    """Register one of the bundles by name; the number of its version."""
-    made_with = params(project)["machine"][MACHINE]
-    return lambda name: register(MACHINE, bundles[name], made_with, root).version
+def root(made: Path, tmp_path: Path) -> Path:
+    """A copy of it: moved, like a project that was cloned with its store."""
+    return shutil.copytree(made, tmp_path / "project")
 
 
 def aliases(root: Path) -> dict[str, int]:
     return {alias: v.version for v in versions(MACHINE, root) for alias in v.aliases}
 
 
-def test_the_bundles_are_what_the_tests_need(bundles: Bundles) -> None:
-    verdicts = {
-        name: json.loads((folder / "validation.json").read_text())["verdict"]
-        for name, folder in bundles.items()
-    }
-    assert verdicts == {"first": "passed", "second": "passed", "failed": "failed"}
-    assert len({bundle_hash(folder) for folder in bundles.values()}) == 3
+def direct(folder: Path, table: pd.DataFrame) -> pd.DataFrame:
+    """What the sub-model in ``folder`` predicts without any registry."""
+    return submodel("spindle").serve(folder / "spindle")(table)
 
 
 def test_without_a_registry_there_are_no_versions_and_none_is_made(tmp_path: Path) -> None:
@@ -102,156 +66,189 @@ def test_without_a_registry_there_are_no_versions_and_none_is_made(tmp_path: Pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_content_is_registered_once(root: Path, register_in: Callable[[str], int]) -> None:
-    first = register_in("first")
-    assert [register_in("first"), register_in("second"), register_in("first")] == [first, 2, first]
-    assert [v.version for v in versions(MACHINE, root)] == [first, 2]
+def test_the_first_serves_and_a_later_one_challenges(root: Path) -> None:
+    entry = read_champions(root / CHAMPIONS).machines[MACHINE]
+    assert (entry.version, entry.since, entry.by, entry.why) == (1, "", "dvc repro", "first bundle")
+    newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
+    assert [v.version for v in versions(MACHINE, root)] == [1, 2]
+    assert versions(MACHINE, root)[1].bundle == newest.sha256 != entry.bundle
+    assert aliases(root) == {"champion": 1, "challenger": 2}
+    said = json.loads((root / "data/registered.json").read_text())
+    one = newest.submodels["spindle"]
+    assert said == {
+        MACHINE: {
+            "bundle_sha256": newest.sha256,
+            "submodels": {"spindle": {"sha256": one.sha256, "status": "passed"}},
+        }
+    }
+    (row,) = status(MACHINE, root)
+    assert (row["sub-model"], row["latest"], row["champion"]) == ("spindle", "passed", "passed")
+    assert (row["origin"], row["serving"], row["challenger"]) == (
+        "simulated", "version 1", "version 2"
+    )  # fmt: skip
 
 
-def test_a_run_says_what_the_version_was_made_of(
-    root: Path, register_in: Callable[[str], int], bundles: Bundles
-) -> None:
-    register_in("first")
-    from pipeline.registry import _client, model_name
+def test_nothing_new_is_registered_without_mlflow_and_changes_no_byte(root: Path) -> None:
+    """In a process of its own: this one has imported MLflow."""
+    before = files_of(root)
+    code = (
+        "import sys; from pathlib import Path; from tests.bundled_project import registered; "
+        f"registered(Path({str(root)!r})); assert 'mlflow' not in sys.modules"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert files_of(root) == before
+
+
+def files_of(root: Path) -> dict[str, bytes]:
+    """Bytes of what the stages write, the registry among it."""
+    paths = [*root.glob("data/**/*"), root / "champions.json", root / "mlflow.db"]
+    return {path.relative_to(root).as_posix(): path.read_bytes() for path in paths
+            if path.is_file()}  # fmt: skip
+
+
+def test_a_store_that_was_deleted_is_filled_again(root: Path) -> None:
+    serves = (root / "champions.json").read_bytes()
+    (root / "mlflow.db").unlink()
+    shutil.rmtree(root / "mlartifacts")
+    registered(root)
+    assert (root / "champions.json").read_bytes() == serves
+    assert aliases(root) == {"champion": 1, "challenger": 2}
+    expected = direct(root / CHAMPION, hour(root))
+    pd.testing.assert_frame_equal(load(MACHINE, root=root)(hour(root)), expected)
+
+
+def test_a_run_says_what_the_version_was_made_of(root: Path) -> None:
+    from pipeline.registry import _client
 
     client = _client(root)
-    found = client.get_model_version(model_name(MACHINE), "1")
-    run = client.get_run(found.run_id).data
-    document = json.loads((bundles["first"] / "validation.json").read_text())
-    assert run.metrics["golden.model.mae_K"] == document["windows"]["all"]["model"]["mae_K"]
-    assert run.params["shop.weeks"] == "1"
-    assert found.tags["golden_sha256"] == document["golden"]["sha256"]
-    assert found.tags["bundle_sha256"] == bundle_hash(bundles["first"])
-    assert not list(root.rglob("*.pkl"))  # nothing in it runs when it is loaded
+    version = client.get_model_version(model_name(MACHINE), "2")
+    run = client.get_run(version.run_id).data
+    verdict = read_json(root / MODELS / "spindle/verdict.json", Verdict)
+    total = next(s for s in verdict.scores if (s.group, s.role) == ("all", "golden"))
+    assert run.metrics["spindle.spindle_temperature_ windows.mae"] == total.mae
+    assert run.metrics["spindle.parameter.cooling_rate"] == pytest.approx(1 / 900)
+    assert run.params["roles.training_days.first"] == "2026-01-05"
+    assert version.tags["golden_sha256"] == verdict.golden.sha256
+    assert version.tags["bundle_sha256"] == bundle_of(root / MODELS, MACHINE, ["spindle"]).sha256
+    assert version.tags["unit.spindle.spindle_speed"] == "rev/min"
+    assert len(version.tags["raw_sha256"]) == 64 and version.tags["dirty"] == ""
+    assert not list(root.rglob("*.pkl"))  # nothing in it runs when it is read
+    info = client.get_logged_model(version.source.rpartition("/")[2])
+    assert info.name == "bundle"
 
 
-def test_the_first_that_passed_is_champion_and_later_ones_challenge(
-    root: Path, register_in: Callable[[str], int]
-) -> None:
-    assert aliases(root) == {}
-    register_in("failed")
-    assert aliases(root) == {"challenger": 1}
-    register_in("first")
-    assert aliases(root) == {"challenger": 1, "champion": 2}
-    register_in("second")
-    assert aliases(root) == {"challenger": 3, "champion": 2}
+def test_a_version_has_signature_example_units_and_pinned_requirements(root: Path) -> None:
+    import mlflow
+
+    from pipeline.registry import _place
+
+    place = _place(versions(MACHINE, root)[0], root)
+    model = mlflow.models.Model.load(str(place))
+    assert model.metadata["units"]["spindle"] == {
+        "spindle_speed": "rev/min", "spindle_load": "%", TARGET: "degC"
+    }  # fmt: skip
+    assert [p.name for p in model.signature.params] == ["submodel"]
+    path = list(sys.path)
+    served = mlflow.pyfunc.load_model(str(place))
+    sys.path = path
+    example = model.load_input_example(str(place))
+    found = served.predict(example, params={"submodel": "spindle"})
+    pd.testing.assert_frame_equal(found, direct(root / CHAMPION, example))
+    asked = (place / "requirements.txt").read_text().split()
+    lock = (ROOT / "requirements.lock").read_text().split()
+    assert all("==" in line and not line.startswith("kerf") for line in asked)
+    assert set(requirements(ROOT)) <= set(lock)
 
 
-def test_a_candidate_of_long_ago_that_comes_back_challenges_again(
-    root: Path, register_in: Callable[[str], int]
-) -> None:
-    for name in ("first", "second", "failed"):
-        register_in(name)
-    assert aliases(root) == {"champion": 1, "challenger": 3}
-    register_in("second")
-    assert aliases(root) == {"champion": 1, "challenger": 2}
-
-
-def test_promotion_keeps_the_champion_as_previous(
-    root: Path, register_in: Callable[[str], int]
-) -> None:
-    register_in("first")
-    register_in("second")
-    assert promote(MACHINE, root).aliases == ("champion",)
-    assert aliases(root) == {"previous": 1, "champion": 2}
-
-
-def test_a_promotion_that_breaks_off_has_kept_the_champion(
-    root: Path, register_in: Callable[[str], int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    register_in("first")
-    register_in("second")
-    from mlflow import MlflowClient
-
-    really = MlflowClient.set_registered_model_alias
-
-    def breaks_off(self: MlflowClient, name: str, alias: str, version: str) -> None:
-        if alias == "champion":
-            raise OSError("the disk is full")
-        really(self, name, alias, version)
-
-    monkeypatch.setattr(MlflowClient, "set_registered_model_alias", breaks_off)
-    with pytest.raises(OSError, match="disk"):
-        promote(MACHINE, root)
-    assert aliases(root) == {"previous": 1, "champion": 1, "challenger": 2}
-
-
-def test_what_did_not_pass_is_not_promoted(root: Path, register_in: Callable[[str], int]) -> None:
-    register_in("first")
-    with pytest.raises(ValueError, match=f"{MACHINE} has no challenger"):
-        promote(MACHINE, root)
-    register_in("failed")
-    with pytest.raises(ValueError, match=r"version 2, has the verdict 'failed'"):
-        promote(MACHINE, root)
-    assert aliases(root) == {"champion": 1, "challenger": 2}
-
-
-@pytest.fixture(scope="module")
-def day(project: Path) -> pd.DataFrame:
-    """The clean state of a day from its first measured temperature on, with ``time`` a column."""
-    (path,) = state_days(project / f"data/clean/{MACHINE}", THURSDAY, THURSDAY)
-    folder = project / f"data/clean/{MACHINE}/state"
-    state = pd.read_parquet(folder / f"{path}.parquet").reset_index()
-    state = state.drop(columns="index", errors="ignore")
-    return state.iloc[int(state[TARGET].notna().to_numpy().argmax()) :].head(4 * 3600)
-
-
-def from_bundle(folder: Path, state: pd.DataFrame) -> pd.DataFrame:
-    model = load_spindle_model(folder / "spindle_thermal.json", folder / "residual")
-    found = model.predict(state.set_index("time"), float(state[TARGET].iloc[0]))
-    return found.reset_index(names="time")
-
-
-def test_what_is_loaded_predicts_what_the_bundle_predicts(
-    root: Path, register_in: Callable[[str], int], bundles: Bundles, day: pd.DataFrame
-) -> None:
-    register_in("first")
-    expected = from_bundle(bundles["first"], day)
-    assert expected["spindle_temperature"].notna().all() and len(expected) > 100
-    pd.testing.assert_frame_equal(load(MACHINE, root=root)(day), expected)
-    with pytest.raises(ValueError, match=f"{MACHINE} has no previous"):
+def test_a_moved_project_predicts_what_the_bundle_predicts(root: Path, made: Path) -> None:
+    table = hour(root)
+    for alias, folder in (("champion", CHAMPION), ("challenger", MODELS)):
+        predict = load(MACHINE, alias, root)
+        assert predict.submodels == ("spindle",)
+        expected = direct(root / folder, table)
+        assert expected[TARGET].notna().all() and len(expected) > 50
+        pd.testing.assert_frame_equal(predict(table), expected)
+    assert root.resolve() != made.resolve()
+    with pytest.raises(ValueError, match=f"{MACHINE} has no previous: `kerf status`"):
         load(MACHINE, "previous", root)
-
-
-def test_the_model_says_what_its_input_lacks(
-    root: Path, register_in: Callable[[str], int], day: pd.DataFrame
-) -> None:
-    register_in("first")
-    predict = load(MACHINE, root=root)
     for wrong, said in (
-        (day.drop(columns="time"), "no column time"),
-        (day.drop(columns=TARGET), f"no column {TARGET}"),
-        (day.head(0), "not known in the first row"),
-        (day.assign(**{TARGET: float("nan")}), "not known in the first row"),
+        (table.drop(columns="time"), "no column time"),
+        (table.head(0), "not known in the first row"),
     ):
         with pytest.raises(ValueError, match=said):
             predict(wrong)
 
 
-def test_a_moved_project_loads_and_registers_where_it_is_now(
-    root: Path, register_in: Callable[[str], int], bundles: Bundles, day: pd.DataFrame
-) -> None:
-    register_in("first")
-    expected = load(MACHINE, root=root)(day)
-    moved = root.with_name("moved to elsewhere")
-    shutil.copytree(root, moved)
-    shutil.rmtree(root)
-    pd.testing.assert_frame_equal(load(MACHINE, root=moved)(day), expected)
-    assert register(MACHINE, bundles["second"], {}, moved).aliases == ("challenger",)
-    assert not root.exists()
-    promote(MACHINE, moved)
+def test_one_bundle_serves_each_of_its_sub_models(made: Path, tmp_path: Path) -> None:
+    """The pyfunc itself, on a folder: what it does with the name of a sub-model."""
+    from pipeline.serving import Bundle as Served
+
+    shutil.copytree(made / CHAMPION / "spindle", tmp_path / "spindle")
+    submodels = {"control": {}, "spindle": {}}
+    (tmp_path / "bundle.json").write_text(json.dumps({"machine": "m", "submodels": submodels}))
+    served = Served()
+    served.load_context(SimpleNamespace(artifacts={"bundle": str(tmp_path)}))
+    table = hour(made)
+    found = served.predict(None, table, {"submodel": "spindle"})
+    pd.testing.assert_frame_equal(found, direct(tmp_path, table))
+    with pytest.raises(ValueError, match=r"control.model\.json does not exist"):
+        served.predict(None, table)  # the first where none is named
+    with pytest.raises(ValueError, match="no sub-model 'drive'; it has control, spindle"):
+        served.predict(None, table, {"submodel": "drive"})
+
+
+RENAMED = (("cooling_rate", "rate_of_cooling"), ("spindle_model", "model_of_spindle"),
+           ("SpindleRecords", "RecordsOfSpindle"))  # fmt: skip
+"""A field, a module and a class that an earlier version of the code calls otherwise."""
+
+
+def test_a_version_of_long_ago_predicts_what_it_predicted(tmp_path: Path, made: Path) -> None:
+    """Registered by other code in another process, loaded beside today's code in this one."""
+    old = project(tmp_path / "old")
+    shutil.copytree(made.parent / "first", old / MODELS)
+    for package in ("pipeline", "tests"):
+        shutil.copytree(ROOT / package, old / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in [*old.rglob("*.py"), old / MODELS / "spindle/model.json"]:
+        text = path.read_text()
+        for now, before in RENAMED:
+            text = text.replace(now, before)
+        path.write_text(text)
+    old_module = old / "pipeline/twin/spindle_model.py"
+    old_module.rename(old_module.with_name("model_of_spindle.py"))
+    code = (
+        "from pathlib import Path; from tests.bundled_project import *; root = Path('.'); "
+        f"registered(root); submodel('spindle').serve(Path('{CHAMPION}/spindle'))(hour(root))"
+        ".to_parquet('predicted.parquet')"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], cwd=old, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(old)},
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
+    with pytest.raises(ValueError, match="rate_of_cooling"):  # today's code cannot read it
+        direct(old / CHAMPION, hour(old))
+    predict = load(MACHINE, root=old)
+    found = predict(hour(old))
+    expected = pd.read_parquet(old / "predicted.parquet")
+    pd.testing.assert_frame_equal(found, expected, check_dtype=False, check_exact=True)
+    assert not any("model_of_spindle" in name for name in sys.modules)
+    assert str(old) not in "".join(sys.path)
     pd.testing.assert_frame_equal(
-        load(MACHINE, root=moved)(day), from_bundle(bundles["second"], day)
+        direct(made / MODELS, hour(made)), direct(made / MODELS, hour(old))
     )
 
 
 def bundle_in(root: Path) -> Path:
-    (found,) = root.rglob("artifacts/bundle")
-    return found
+    from pipeline.registry import _place
+
+    return _place(versions(MACHINE, root)[0], root) / "artifacts/bundle"
 
 
 def spoil(bundle: Path) -> None:
-    path = bundle / "spindle_thermal.json"
+    path = bundle / "spindle/model.json"
     path.write_text(path.read_text().replace("0.", "1.", 1))
 
 
@@ -259,25 +256,33 @@ def spoil(bundle: Path) -> None:
     "tamper",
     [
         spoil,
-        lambda bundle: (bundle / "validation.json").unlink(),
-        lambda bundle: (bundle / "residual/more").write_text("x"),
+        lambda bundle: (bundle / "spindle/verdict.json").unlink(),
+        lambda bundle: (bundle / "spindle/residual/more").write_text("x"),
         lambda bundle: shutil.rmtree(bundle),
     ],
     ids=["changed", "without its verdict", "with another file", "gone"],
 )
 def test_a_bundle_that_is_not_the_registered_one_is_refused(
-    tamper: Callable[[Path], None], root: Path, register_in: Callable[[str], int]
+    tamper: Callable[[Path], None], root: Path
 ) -> None:
-    register_in("first")
-    load(MACHINE, root=root)
     tamper(bundle_in(root))
     with pytest.raises(ValueError, match=r"version 1 .* is no longer the one that was registered"):
         load(MACHINE, root=root)
 
 
-def test_artifacts_left_behind_are_named(root: Path, register_in: Callable[[str], int]) -> None:
-    register_in("first")
+def test_artifacts_left_behind_are_named(root: Path) -> None:
     shutil.rmtree(root / "mlartifacts")
+    for path in (root.parent, root):
+        assert not (path / "mlartifacts").exists()
+    from pipeline.registry import _client
+
+    _client(root)
+    import sqlite3
+
+    with sqlite3.connect(root / "mlflow.db") as store:  # where it was registered is gone too
+        for table, column in (("model_versions", "storage_location"), ("model_versions", "source"),
+                              ("logged_models", "artifact_location")):  # fmt: skip
+            store.execute(f"UPDATE {table} SET {column} = replace({column}, '/made', '/gone')")
     with pytest.raises(ValueError, match=r"bring mlartifacts along with mlflow\.db"):
         load(MACHINE, root=root)
 
@@ -288,20 +293,107 @@ def test_a_store_that_is_none_is_named(tmp_path: Path) -> None:
         versions(MACHINE, tmp_path)
 
 
-@pytest.fixture
-def registered(project: Path) -> Iterator[Path]:
-    yield project
-    for path in (project / "mlflow.db", project / "data/registered.json"):
-        path.unlink(missing_ok=True)
-    shutil.rmtree(project / "mlartifacts", ignore_errors=True)
+# Champions and promotion.
 
 
-def test_the_stage_registers_every_machine_with_a_spindle(
-    registered: Path, bundles: Bundles
+def test_a_better_challenger_is_promoted_and_the_champion_can_come_back(root: Path) -> None:
+    known = read_champions(root / CHAMPIONS)
+    first = known.machines[MACHINE]
+    others = known.promoted("mill09", first)
+    write_champions(others, root / CHAMPIONS)
+    now = promote(MACHINE, root, why="warmer oil", by="Kim")
+    newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
+    assert (now.version, now.bundle, now.by, now.why) == (2, newest.sha256, "Kim", "warmer oil")
+    assert now.since.startswith("20") and now.since.endswith("Z")
+    assert read_champions(root / CHAMPIONS) == Champions(machines={MACHINE: now, "mill09": first})
+    assert aliases(root) == {"previous": 1, "champion": 2}
+    assert read_json(root / CHAMPION / "bundle.json", Bundle) == newest
+    with pytest.raises(ValueError, match=f"{MACHINE} has no challenger: run `dvc repro`"):
+        promote(MACHINE, root, why="again")
+    back = promote(MACHINE, root, why="the oil was changed back", to=1)
+    assert (back.version, back.bundle) == (1, first.bundle)
+    assert aliases(root) == {"previous": 2, "champion": 1, "challenger": 2}
+    # its files came out of the registry: data/models holds the other bundle
+    assert bundle_of(root / CHAMPION, MACHINE, ["spindle"]).sha256 == first.bundle
+    before = files_of(root)
+    registered(root)
+    assert files_of(root) == before
+    with pytest.raises(ValueError, match="has no version 7; there are 1, 2"):
+        promote(MACHINE, root, why="x", to=7)
+    with pytest.raises(ValueError, match="needs a reason"):
+        promote(MACHINE, root, why=" ")
+
+
+def test_a_promotion_that_breaks_off_has_kept_the_champion(
+    root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    build(registered, "register")
-    said = json.loads((registered / "data/registered.json").read_text())
-    models = registered / f"data/models/{MACHINE}"
-    assert said == {MACHINE: {"bundle_sha256": bundle_hash(models), "verdict": "failed"}}
-    with inside(registered):
-        assert aliases(Path()) == {"challenger": 1}
+    from mlflow import MlflowClient
+
+    really = MlflowClient.set_registered_model_alias
+
+    def breaks_off(self: MlflowClient, name: str, alias: str, version: str) -> None:
+        if alias == "champion":
+            raise OSError("the disk is full")
+        really(self, name, alias, version)
+
+    before = (root / "champions.json").read_bytes()
+    monkeypatch.setattr(MlflowClient, "set_registered_model_alias", breaks_off)
+    with pytest.raises(OSError, match="disk"):
+        promote(MACHINE, root, why="better")
+    assert aliases(root) == {"previous": 1, "champion": 1, "challenger": 2}
+    assert (root / "champions.json").read_bytes() == before
+
+
+def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
+    spindle(root, mae_K=1e-6)
+    with pytest.raises(ValueError, match=r"may not serve: its spindle failed: see spindle/verdict"):
+        promote(MACHINE, root, why="try")
+    registered(root)
+    assert aliases(root) == {"champion": 1, "challenger": 3}
+    now = promote(MACHINE, root, why="no other", anyway=True)
+    assert now.why.startswith("no other (anyway: its spindle failed")
+    (row,) = status(MACHINE, root)
+    assert (row["champion"], row["challenger"]) == ("failed", "-")
+
+
+def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
+    sealed = project(root.parent / "sealed", sealed=True)
+    for name in ("data/clean", "data/signals", "data/golden"):
+        shutil.rmtree(root / name)
+        shutil.copytree(sealed / name, root / name)
+    promote(MACHINE, root, why="better")
+    (look,) = read_champions(root / CHAMPIONS).looks
+    assert look.machine == MACHINE and len(look.sealed) == 64
+    assert look.bundle == read_champions(root / CHAMPIONS).machines[MACHINE].bundle
+    assert "over 1 group" in look.outcome and "windows" in look.outcome
+
+
+def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
+    known = read_champions(root / CHAMPIONS)
+    lost = known.machines[MACHINE]
+    from dataclasses import replace
+
+    write_champions(known.promoted(MACHINE, replace(lost, bundle="0" * 64)), root / CHAMPIONS)
+    with pytest.raises(ValueError, match=r"000000000000 as the champion of mill01.*`dvc pull"):
+        registered(root)
+
+
+def test_the_first_champion_says_what_was_not_shown(root: Path) -> None:
+    """A bundle that failed serves where there is no other; one that passed goes before it."""
+    (root / "champions.json").unlink()
+    spindle(root, mae_K=1e-6)
+    registered(root)
+    assert read_champions(root / CHAMPIONS).machines[MACHINE].version == 2  # the newest that passed
+    for path in (root / "champions.json", root / "mlflow.db"):
+        path.unlink()
+    shutil.rmtree(root / "data/champion")
+    registered(root)
+    entry = read_champions(root / CHAMPIONS).machines[MACHINE]
+    assert (entry.version, entry.why) == (1, "first bundle: spindle failed")
+
+
+def test_params_of_the_project_are_those_of_its_sub_models(root: Path) -> None:
+    assert set(read_params(root / "params.yaml")) == {
+        "fleet", "machine", "spindle_fit", "residual_forest", "spindle_limits"
+    }  # fmt: skip
+    assert git("rev-parse", "HEAD", root=root) is None

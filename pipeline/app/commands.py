@@ -126,13 +126,38 @@ def golden(
 
 
 @app.command()
-def promote(machine: Machine) -> None:
-    """Make MACHINE's challenger its champion, if it passed the golden week."""
-    from pipeline.registry import promote as promote_challenger
+def promote(
+    machine: Machine,
+    why: Annotated[str, typer.Option(help="The reason, for champions.json.")],
+    to: Annotated[
+        int | None, typer.Option(help="Go back to this registered version, without a comparison.")
+    ] = None,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even when it is not shown to be better.")
+    ] = False,
+) -> None:
+    """Make MACHINE's newest bundle its champion, if it is better on the golden set."""
+    from pipeline.champions import promote as promote_bundle
 
     with one_sentence():
-        version = promote_challenger(machine)
-    typer.echo(f"{machine}: version {version.version} is champion")
+        champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
+    typer.echo(f"{machine}: version {champion.version} is champion; commit champions.json")
+
+
+@app.command()
+def predict(
+    machine: Machine,
+    submodel: Annotated[str, typer.Argument(help="spindle, control, drive or cutting.")],
+    table: Annotated[Path, typer.Argument(help="Its inputs, CSV or Parquet.")],
+    out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
+    model: Model = "champion",
+) -> None:
+    """Predict TABLE with a sub-model of MACHINE's champion."""
+    from pipeline.app.fleet import predict_table
+
+    with one_sentence():
+        rows = predict_table(machine, submodel, table, out, model)
+    typer.echo(f"wrote {rows} rows to {out}")
 
 
 @app.command()

@@ -302,33 +302,56 @@ def _day(text: str) -> str:
 
 
 def fleet_status() -> list[dict[str, str]]:
-    """One row a machine: origin, golden-week verdict, registered versions by alias."""
-    from pipeline.registry import versions
+    """Rows of every machine of the fleet: its sub-models, their verdicts, what serves."""
+    from pipeline.champions import status
 
-    values = read_params()
-    fleet = structure(values, "fleet", Fleet)
-    rows = []
-    for machine in fleet.machines:
-        identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
-        judged = DATA / "models" / machine / "validation.json"
-        document = _document(judged) if judged.exists() else None
-        scores = (document or {}).get("windows", {}).get("all")
-        known = {alias: v for v in versions(machine) for alias in v.aliases}
-        rows.append(
-            {
-                "machine": machine,
-                "origin": identity.origin,
-                "golden week": document["verdict"] if document else "not judged: run `dvc repro`",
-                "error over 1 h [K]": f"{scores['model']['mae_K']:.2f}" if scores else "-",
-                **{
-                    alias: f"version {known[alias].version}, {known[alias].verdict}"
-                    if alias in known
-                    else "-"
-                    for alias in ("champion", "challenger", "previous")
-                },
-            }
-        )
-    return rows
+    fleet = structure(read_params(), "fleet", Fleet)
+    return [row for machine in fleet.machines for row in status(machine)]
+
+
+def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -> int:
+    """Predict a table of a sub-model's inputs with a machine's champion; the number of rows.
+
+    Parameters
+    ----------
+    machine, name : str
+        As in conf/machine/; of the sub-model.
+    table, out : Path
+        CSV or Parquet, by the end of their names.
+    model : {"champion", "latest"}
+        Whose sub-model.
+
+    Raises
+    ------
+    ValueError
+        When something named is not known, the table cannot be read or lacks a column.
+    """
+    import pandas as pd
+
+    from pipeline.app.outputs import check_outputs
+    from pipeline.app.programs import model_folder
+    from pipeline.submodels.contract import submodel
+
+    machine_parameters(machine)  # refuses one that is not known
+    one, folder = submodel(name), model_folder(machine, model) / name
+    if not (folder / "model.json").exists():
+        raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
+    check_outputs(table, out)
+    try:
+        read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv
+        given = read(table)
+    except (OSError, ValueError) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ValueError(f"{table} is no table of CSV or Parquet: {said}") from error
+    try:
+        found = one.serve(folder)(given)
+    except KeyError as error:
+        raise ValueError(f"{table} has no column {error}: give the inputs of {name}") from error
+    if out.suffix == ".parquet":
+        found.to_parquet(out, compression="zstd")
+    else:
+        found.to_csv(out, index=False)
+    return len(found)
 
 
 def _document(path: Path) -> dict[str, Any]:
@@ -344,15 +367,12 @@ def write_report(out: Path) -> Path:
     from pipeline.stages.report import report
 
     values = read_params()
+    folders = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
+               "trials")  # fmt: skip
     report(
-        DATA / "signals",
-        DATA / "clean",
-        DATA / "models",
-        DATA / "golden",
-        DATA / "truth",
-        DATA / "parts",
-        DATA / "trials",
+        *(DATA / name for name in folders),
         out,
+        out / "metrics.json",
         fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str),
     )

@@ -1,14 +1,26 @@
-"""A machine's bundle (all its sub-models by hash) and the champions that serve."""
+"""A machine's bundle (all its sub-models by hash) and the champions that serve.
 
-from collections.abc import Mapping
+A bundle is identified by what predicts: ``model.json`` and the further files of each sub-model, and
+the status of its verdict.  Predictions and scores of the same model may be made anew beside it.
+"""
+
+import hashlib
+import shutil
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from pipeline.schema.verdict import Status
+from pipeline.schema.store import StoreError, content, json_text, parsed, read_json
+from pipeline.schema.verdict import Status, Verdict
+
+MODEL, VERDICT, PREDICTIONS, BUNDLE = (
+    "model.json", "verdict.json", "predictions.parquet", "bundle.json"
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class BundledModel:
-    """One sub-model of a bundle: hash over its files, and its verdict's status."""
+    """One sub-model of a bundle: hash over the files that predict, and its verdict's status."""
 
     sha256: str
     status: Status
@@ -25,13 +37,28 @@ class Bundle:
     submodels : mapping of str to BundledModel
         By the name of the sub-model.
     sha256 : str
-        Of the whole: over the names and hashes of its sub-models.
+        Of the whole: over the names, hashes and statuses of its sub-models.
     """
 
     machine: str
     origin: str
     submodels: Mapping[str, BundledModel]
     sha256: str
+
+    @property
+    def status(self) -> Status:
+        """The gravest status of its sub-models; of failed ones ``failed`` before all others."""
+        statuses = {one.status for one in self.submodels.values()}
+        if "failed" in statuses:
+            return "failed"
+        return "passed" if statuses == {"passed"} else "not judged"
+
+    def named(self, *statuses: Status) -> str:
+        """Sub-models with one of some statuses: ``"drive failed, cutting not judged"``."""
+        return ", ".join(
+            f"{name} {one.status}"
+            for name, one in self.submodels.items() if one.status in statuses
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,3 +89,116 @@ class Champions:
 
     machines: Mapping[str, Champion] = field(default_factory=dict)
     looks: tuple[SealedLook, ...] = ()
+
+    def promoted(self, machine: str, champion: Champion) -> "Champions":
+        """These champions with one machine's replaced, in the order of the machines' names."""
+        machines = dict(sorted({**self.machines, machine: champion}.items()))
+        return Champions(machines=machines, looks=self.looks)
+
+    def looked(self, look: SealedLook) -> "Champions":
+        """These champions with one look at a sealed set more."""
+        return Champions(machines=self.machines, looks=(*self.looks, look))
+
+
+def read_champions(path: Path) -> Champions:
+    """The champions in ``champions.json``; none where there is no such file.
+
+    Raises
+    ------
+    StoreError
+        When the file is not one.
+    """
+    if not path.exists():
+        return Champions()
+    return read_json(path, Champions, f"restore it with `git checkout {path.name}`")
+
+
+def write_champions(champions: Champions, path: Path) -> None:
+    """Store the champions, all at once: a write that breaks off leaves the file as it was."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.new")
+    beside.write_text(json_text(champions), encoding="utf-8")
+    beside.replace(path)
+
+
+def predicting_files(folder: Path) -> list[Path]:
+    """Files of a sub-model's folder that predict, in the order of their names below it."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    predicting = [p for p in files if p not in (folder / VERDICT, folder / PREDICTIONS)]
+    return sorted(predicting, key=lambda path: path.relative_to(folder).as_posix())
+
+
+def model_hash(folder: Path) -> str:
+    """One sha256 over the names and bytes of a sub-model's files that predict."""
+    digest = hashlib.sha256()
+    for path in predicting_files(folder):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
+    """The bundle of some sub-models that lie in ``folder``.
+
+    Parameters
+    ----------
+    folder : Path
+        ``data/models/<machine>`` or ``data/champion/<machine>``.
+    machine : str
+        Whose.
+    names : iterable of str
+        Its sub-models.
+
+    Raises
+    ------
+    StoreError
+        When a model or a verdict is missing or broken, or is one of another machine.
+    """
+    submodels, origins = {}, set()
+    digest = hashlib.sha256(machine.encode())
+    for name in sorted(names):
+        content(folder / name / MODEL)
+        verdict = read_json(folder / name / VERDICT, Verdict)
+        if (verdict.machine, verdict.submodel) != (machine, name):
+            raise StoreError(
+                f"{folder / name / VERDICT} is the verdict of {verdict.machine}'s "
+                f"{verdict.submodel}, not of {machine}'s {name}: run `dvc repro`"
+            )
+        one = BundledModel(sha256=model_hash(folder / name), status=verdict.status)
+        digest.update(f"\0{name}\0{one.sha256}\0{one.status}".encode())
+        submodels[name] = one
+        origins.add(verdict.origin)
+    origin = " and ".join(sorted(origins))
+    return Bundle(machine=machine, origin=origin, submodels=submodels, sha256=digest.hexdigest())
+
+
+def stored_bundle(folder: Path, machine: str) -> Bundle | None:
+    """The bundle that a folder with ``bundle.json`` really holds; None where it is none, or broken.
+
+    What ``bundle.json`` says of the hashes is not believed: they are taken anew.
+    """
+    try:
+        said = parsed(content(folder / BUNDLE), Bundle, str(folder / BUNDLE))
+        return bundle_of(folder, machine, said.submodels)
+    except StoreError:
+        return None
+
+
+def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
+    """Fill the folder ``target`` with a bundle: models, verdicts and ``bundle.json``, no more.
+
+    It is filled beside and put in its place at once.  Predictions are left behind: they can be
+    made anew, and many are large.
+    """
+    beside = target.with_name(f".{target.name}.new")
+    shutil.rmtree(beside, ignore_errors=True)
+    for name in bundle.submodels:
+        folder = source / name
+        for path in (*predicting_files(folder), folder / VERDICT):
+            copy = beside / path.relative_to(source)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, copy)
+    (beside / BUNDLE).write_text(json_text(bundle), encoding="utf-8")
+    if target.exists():
+        shutil.rmtree(target)
+    beside.replace(target)

@@ -1,18 +1,65 @@
-"""Stage: register every machine's bundle, once for each content."""
+"""Stage: register every machine's bundle, once for each content, and name first champions."""
 
-import json
+from functools import partial
 from pathlib import Path
 
+from pipeline import registry
+from pipeline.champions import DATA, first_champion, made_with
 from pipeline.fleet import Fleet
-from pipeline.registry import register as register_bundle
+from pipeline.schema.bundle import (
+    Bundle,
+    Champions,
+    bundle_of,
+    read_champions,
+    stored_bundle,
+    write_champions,
+)
+from pipeline.schema.store import write_json
 
 
-def register(models: Path, registered: Path, *, fleet: Fleet) -> None:
-    """Register ``models/<machine>`` of every machine with a spindle; write what is registered."""
-    found = {}
-    for name in fleet.spindles:
-        document = json.loads((models / name / "spindle_thermal.json").read_text())
-        made_with = {key: document[key] for key in ("records", "network", "training_days")}
-        version = register_bundle(name, models / name, made_with)
-        found[name] = {"bundle_sha256": version.bundle, "verdict": version.verdict}
-    registered.write_text(json.dumps(found, indent=2, sort_keys=True) + "\n")
+def register(models: Path, champions: Path, registered: Path, *, fleet: Fleet) -> None:
+    """Fill the registry with what it lacks; write what is registered, and who serves.
+
+    It runs at every ``dvc repro``, so that a store that was deleted, or another server, is filled
+    again; where nothing is new it only reads.
+
+    Parameters
+    ----------
+    models : Path
+        Folder of the machines' models.
+    champions : Path
+        ``champions.json``, at the project's root; entries of other fleets' machines stay.
+    registered : Path
+        JSON: bundle and sub-models of every machine.
+    fleet : Fleet
+        Whose machines.
+    """
+    root, before = champions.parent, read_champions(champions)
+    known, found = before, {}
+    for machine in fleet.machines:
+        names = fleet.submodels_of(machine)
+        if names:
+            bundle = bundle_of(models / machine, machine, names)
+            known = _registered(bundle, models / machine, known, root)
+            found[machine] = {"bundle_sha256": bundle.sha256, "submodels": bundle.submodels}
+    if known != before:
+        write_champions(known, champions)
+    write_json(found, registered)
+
+
+def _registered(bundle: Bundle, folder: Path, known: Champions, root: Path) -> Champions:
+    """The champions after one machine's bundle, and the one that serves it, were registered."""
+    machine = bundle.machine
+    serves = root / DATA / "champion" / machine
+    champion = known.machines.get(machine)
+    held = stored_bundle(serves, machine)
+    if champion is not None and held is not None and held.sha256 == champion.bundle:
+        registry.register(held, serves, root)
+    settings = partial(made_with, machine, tuple(bundle.submodels), root)
+    registry.register(bundle, folder, root, made_with=settings)
+    if champion is None:
+        champion = first_champion(bundle, registry.versions(machine, root))
+        known = known.promoted(machine, champion)
+    other = None if champion.bundle == bundle.sha256 else bundle.sha256
+    registry.name_versions(machine, root, champion=champion.bundle, challenger=other)
+    return known

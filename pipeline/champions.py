@@ -1,0 +1,351 @@
+"""Champions: which bundle of a machine serves, and how another takes its place.
+
+``champions.json`` names them, git holds it, so that a promotion is a commit; ``data/champion``
+holds their files, and the aliases in the registry follow.
+"""
+
+import getpass
+import os
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.registry import (
+    ARTIFACTS,
+    CHAMPIONS,
+    DATABASE,
+    Version,
+    checked_place,
+    git,
+    name_versions,
+    register,
+    versions,
+)
+from pipeline.schema.bundle import (
+    BUNDLE,
+    VERDICT,
+    Bundle,
+    Champion,
+    Champions,
+    SealedLook,
+    bundle_of,
+    copy_bundle,
+    read_champions,
+    stored_bundle,
+    write_champions,
+)
+from pipeline.schema.golden import GoldenSets, read_golden
+from pipeline.schema.store import StoreError, read_json
+from pipeline.schema.verdict import Role, Verdict
+
+if TYPE_CHECKING:
+    from pipeline.submodels.promotion import Contest
+
+DATA = Path("data")
+FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
+
+
+def first_champion(bundle: Bundle, registered: Sequence[Version]) -> Champion:
+    """The champion of a machine that has none: a bundle that passed, else the newest.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        The newest, registered already.
+    registered : sequence of Version
+        All of the machine.
+    """
+    passed = [v for v in registered if v.status == "passed"]
+    own = next(v for v in registered if v.bundle == bundle.sha256)
+    one = own if bundle.status == "passed" or not passed else passed[-1]
+    lacking = bundle.named("failed", "not judged") if one is own else ""
+    why = f"{FIRST_WHY}: {lacking}" if lacking else FIRST_WHY
+    return Champion(version=one.version, bundle=one.bundle, since="", by=FIRST_BY, why=why)
+
+
+def fill_champion(
+    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path()
+) -> Bundle:
+    """Fill ``target`` with the bundle of a hash, from wherever it is.
+
+    It lies in ``models``, or in ``target`` already, or in the registry.
+
+    Parameters
+    ----------
+    bundle : str
+        Hash of the champion.
+    names : sequence of str
+        Sub-models of the machine.
+    models, target : Path
+        ``data/models/<machine>`` and ``data/champion/<machine>``.
+    root : Path
+        The project.
+
+    Raises
+    ------
+    ValueError
+        When it lies nowhere.
+    """
+    machine = target.name
+    newest = newest_bundle(models, names)
+    if newest is not None and newest.sha256 == bundle:
+        copy_bundle(models, newest, target)
+        return newest
+    there = stored_bundle(target, machine)
+    if there is not None and there.sha256 == bundle:
+        return there
+    found = [v for v in versions(machine, root) if v.bundle == bundle]
+    if not found:
+        raise ValueError(
+            f"champions.json names bundle {bundle[:12]} as the champion of {machine}, which is "
+            f"neither in {models}, nor in {target}, nor in the registry: run `dvc pull {target}`, "
+            f"or bring {DATABASE} and {ARTIFACTS} along, or take {machine} out of champions.json "
+            "and run `dvc repro`, so that the newest bundle serves"
+        )
+    source = checked_place(found[0], root) / "artifacts" / "bundle"
+    held = read_json(source / BUNDLE, Bundle)
+    copy_bundle(source, held, target)
+    return held
+
+
+def newest_bundle(models: Path, names: Sequence[str]) -> Bundle | None:
+    """The bundle in ``data/models/<machine>``; None while it is half built."""
+    try:
+        return bundle_of(models, models.name, names)
+    except StoreError:
+        return None
+
+
+def promote(
+    machine: str,
+    root: Path = Path(),
+    *,
+    why: str,
+    by: str = "",
+    anyway: bool = False,
+    to: int | None = None,
+) -> Champion:
+    """Make the newest bundle of a machine its champion, or go back to a version.
+
+    Parameters
+    ----------
+    machine : str
+        Whose.
+    root : Path
+        The project.
+    why : str
+        The reason, for ``champions.json``.
+    by : str
+        Who promotes; git's user where it is empty.
+    anyway : bool
+        Whether a bundle that is not shown to be better serves all the same.
+    to : int or None
+        A registered version that serves from now on, without a comparison.
+
+    Raises
+    ------
+    ValueError
+        When there is no reason, no challenger or no such version, or something speaks against the
+        challenger.
+    """
+    if not why.strip():
+        raise ValueError(f"a champion of {machine} needs a reason: give it with --why")
+    champions = read_champions(root / CHAMPIONS)
+    now = champions.machines.get(machine)
+    if to is None:
+        champions, sha256, note = _challenge(machine, champions, root, anyway)
+        why = f"{why} ({note})" if note else why
+    else:
+        sha256 = _of_version(machine, to, root)
+    if now is not None and sha256 == now.bundle:
+        raise ValueError(f"version {now.version} of {machine} is its champion already")
+    number = next(v.version for v in versions(machine, root) if v.bundle == sha256)
+    name_versions(machine, root, previous=now.bundle if now else None)
+    name_versions(machine, root, champion=sha256)
+    champion = Champion(
+        version=number, bundle=sha256, since=_utc_now(), by=by or person(root), why=why
+    )
+    names, models = _names(machine, root), root / DATA / "models" / machine
+    fill_champion(sha256, names, models, root / DATA / "champion" / machine, root=root)
+    write_champions(champions.promoted(machine, champion), root / CHAMPIONS)
+    newest = newest_bundle(models, names)
+    other = newest.sha256 if newest is not None and newest.sha256 != sha256 else None
+    name_versions(machine, root, challenger=other)
+    return champion
+
+
+def _utc_now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def person(root: Path) -> str:
+    """Who works here: git's user, else that of the system."""
+    return git("config", "user.name", root=root) or os.environ.get("USER") or getpass.getuser()
+
+
+def _of_version(machine: str, number: int, root: Path) -> str:
+    known = versions(machine, root)
+    found = [v.bundle for v in known if v.version == number]
+    if not found:
+        there = ", ".join(str(v.version) for v in known) or "none"
+        raise ValueError(f"{machine} has no version {number}; there are {there}")
+    return found[0]
+
+
+def _params(root: Path) -> dict[str, Any]:
+    from pipeline.parameters import PARAMS, read_params
+
+    return read_params(root / PARAMS)
+
+
+def _names(machine: str, root: Path) -> tuple[str, ...]:
+    """Sub-models of a machine of the fleet that is built."""
+    from pipeline.fleet import Fleet
+    from pipeline.parameters import structure
+
+    return structure(_params(root), "fleet", Fleet).submodels_of(machine)
+
+
+def _challenge(
+    machine: str, champions: Champions, root: Path, anyway: bool
+) -> tuple[Champions, str, str]:
+    """Hold the newest bundle against the champion; champions with looks, its hash, and a note.
+
+    Raises
+    ------
+    ValueError
+        When something speaks against it and it is not promoted anyway.
+    """
+    from pipeline.submodels.promotion import objections, sealed_objections
+
+    names = _names(machine, root)
+    if not names:
+        raise ValueError(f"{machine} has no sub-model in this fleet: see fleet in params.yaml")
+    models = root / DATA / "models" / machine
+    challenger = bundle_of(models, machine, names)
+    now = champions.machines.get(machine)
+    if now is None:
+        raise ValueError(f"{machine} has no champion yet: run `dvc repro` to register the first")
+    if now.bundle == challenger.sha256:
+        raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
+    serves = root / DATA / "champion" / machine
+    champion = fill_champion(now.bundle, names, models, serves, root=root)
+    register(challenger, models, root, made_with=lambda: made_with(machine, names, root))
+    both = [n for n, one in challenger.submodels.items()
+            if n in champion.submodels and champion.submodels[n].sha256 != one.sha256]  # fmt: skip
+    against = objections(
+        _contests(machine, both, root, ("golden", "held_out")),
+        statuses={name: one.status for name, one in challenger.submodels.items()},
+        added=[n for n in challenger.submodels if n not in champion.submodels],
+        absent=[n for n in champion.submodels if n not in challenger.submodels],
+    )
+    sets = _sets(machine, root)
+    if sets is not None and sets.sealed is not None and (anyway or not against):
+        contests = _contests(machine, both, root, ("sealed",))
+        look = SealedLook(
+            machine=machine,
+            bundle=challenger.sha256,
+            sealed=sets.sealed.sha256,
+            at=_utc_now(),
+            outcome="; ".join(one.words for one in contests) or "no sub-model differs",
+        )
+        champions = champions.looked(look)
+        write_champions(champions, root / CHAMPIONS)  # a look counts, whatever comes of it
+        against += sealed_objections(contests)
+    if against and not anyway:
+        raise ValueError(f"the newest bundle of {machine} may not serve: {'; '.join(against)}")
+    return champions, challenger.sha256, f"anyway: {'; '.join(against)}" if against else ""
+
+
+def _sets(machine: str, root: Path) -> GoldenSets | None:
+    return read_golden(root / DATA / "golden" / f"{machine}.json")
+
+
+def _contests(
+    machine: str, names: Sequence[str], root: Path, roles: tuple[Role, ...]
+) -> "list[Contest]":
+    """Champion against challenger in some sub-models, with the settings of params.yaml."""
+    from pipeline.parameters import section_path, structure
+    from pipeline.submodels.cases import Records
+    from pipeline.submodels.contract import sections, submodel
+    from pipeline.submodels.promotion import PromotionSettings, contest
+
+    values, data = _params(root), root / DATA
+    own = "promotion" in values
+    settings = structure(values, "promotion", PromotionSettings) if own else PromotionSettings()
+    places = {
+        "raw": data / "raw" / machine,
+        "signals": data / "signals" / machine,
+        "clean": data / "clean" / machine,
+        "manifest": data / "signals" / machine / "manifest.json",
+    }
+    found = []
+    for name in names:
+        one = submodel(name)
+        judging = {
+            section: structure(values, section_path(values, section, machine), wanted)
+            for section, wanted in sections(one.judging).items()
+        }
+        found.append(
+            contest(
+                one, one.judging(**judging), Records(**{key: places[key] for key in one.reads}),
+                sets=_sets(machine, root), champion=data / "champion" / machine / name,
+                challenger=data / "models" / machine / name, tolerance=settings.tolerance,
+                roles=roles,
+            )
+        )  # fmt: skip
+    return found
+
+
+def made_with(machine: str, names: Sequence[str], root: Path) -> dict[str, Any]:
+    """Sections of params.yaml that the sub-models of a machine were made with, by sub-model."""
+    from pipeline.parameters import section_path
+    from pipeline.submodels.contract import sections, submodel
+
+    values = _params(root)
+    found: dict[str, Any] = {}
+    for name in names:
+        one = submodel(name)
+        for section in sections(one.fitting) | sections(one.judging):
+            part: Any = values
+            for key in section_path(values, section, machine).split("."):
+                part = part[key]
+            found[section] = part
+    return found
+
+
+def status(machine: str, root: Path = Path()) -> list[dict[str, str]]:
+    """Rows for ``kerf status``: one for each sub-model of a machine that the fleet builds.
+
+    Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` (verdict of the newest model),
+    ``champion`` (verdict of the one that serves), ``serving`` (version of the champion) and
+    ``challenger`` (version of the newest bundle where it is another).
+    """
+    champion = read_champions(root / CHAMPIONS).machines.get(machine)
+    known = versions(machine, root)
+    numbers = {v.bundle: v.version for v in reversed(known)}
+    names = _names(machine, root)
+    serves = stored_bundle(root / DATA / "champion" / machine, machine)
+    newest = newest_bundle(root / DATA / "models" / machine, names)
+    other = champion is not None and newest is not None and newest.sha256 != champion.bundle
+    since = f" since {champion.since[:10]}" if champion and champion.since else ""
+    rows = []
+    for name in names:
+        path = root / DATA / "models" / machine / name / VERDICT
+        verdict = read_json(path, Verdict) if path.exists() else None
+        held = serves.submodels.get(name) if serves else None
+        rows.append(
+            {
+                "machine": machine,
+                "origin": verdict.origin if verdict else "-",
+                "sub-model": name,
+                "latest": verdict.status if verdict else "not built: run `dvc repro`",
+                "champion": held.status if held else "-",
+                "serving": f"version {champion.version}{since}" if champion else "-",
+                "challenger": f"version {numbers.get(newest.sha256, '-')}"
+                if other and newest
+                else "-",
+            }
+        )
+    return rows
