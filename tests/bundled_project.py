@@ -16,9 +16,9 @@ from sklearn.ensemble import RandomForestRegressor
 
 from pipeline.fleet import Fleet
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.store import write_json
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.stages.champion import champion
 from pipeline.stages.identify import judge
 from pipeline.stages.register import register

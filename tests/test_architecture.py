@@ -36,8 +36,9 @@ ARROWS: dict[str, set[str]] = {
         "charts", "fleet", "signals.columns", "submodels.cases", "submodels.contract",
         "submodels.judge",
     },
-    "serving": {"submodels.contract"},
-    "registry": {"submodels", "fleet", "parameters", "parallel"},
+    "serving": set(),
+    "registry": {"submodels.contract", "submodels.judge"},
+    "champions": {"registry", "submodels", "fleet", "parameters"},
     "stages": {"*"},
     "app": {"*"},
 }  # fmt: skip

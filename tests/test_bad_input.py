@@ -18,8 +18,9 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.app.commands import app
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, source_of
-from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.ingest import ingest
 from tests.fuzz.seeds import DOCUMENTS, LOGS, TREES
 from tests.small_project import ROOT, inside
 

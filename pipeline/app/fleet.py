@@ -16,8 +16,9 @@ import yaml
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, source_of
-from pipeline.signals.ingest import MachineIdentity, display_name, ingest
+from pipeline.signals.ingest import display_name, ingest
 from pipeline.signals.store import sha256_of
 from pipeline.submodels.cases import sources
 

@@ -9,6 +9,7 @@ __all__ = [
     "arrays",
     "bundle",
     "golden",
+    "identity",
     "limits",
     "model",
     "part",

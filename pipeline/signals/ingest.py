@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, Rejection, Trace, UnreadableFile
 from pipeline.signals.store import (
     Entry,
@@ -144,35 +145,6 @@ observations."""
 OBSERVING = {"shdr", "mtconnect_xml", "mtconnect_json"}
 
 NOT_NAMED = "no source in the machine's file in conf/machine/ names it"
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineIdentity:
-    """Who a machine is.
-
-    Parameters
-    ----------
-    name : str
-        As in its file in ``conf/machine/``.
-    description : str
-        Make and kind, for people.
-    origin : str
-        ``"simulated"`` or ``"recorded"``; display_name wherever its results are.
-    credit : str
-        Who is to be credited wherever its results are display_name.
-    recordings : str
-        Folder under KERF_RECORDINGS that its files are collected from.
-    """
-
-    name: str
-    description: str = ""
-    origin: str = "recorded"
-    credit: str = ""
-    recordings: str = ""
-
-    def __post_init__(self) -> None:
-        if self.origin not in ("simulated", "recorded"):
-            raise ValueError(f"identity.origin = {self.origin!r} must be 'simulated' or 'recorded'")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.contracts import check_files
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.signals.ingest import ingest as read_records
 
 TABLES = {

@@ -16,7 +16,7 @@ from pipeline.optimisation.document import (
 from pipeline.optimisation.job import Catalogue, machine_models, part_job, part_program
 from pipeline.optimisation.optimise import optimise as optimised
 from pipeline.optimisation.settings import OptimisationSettings, Parts
-from pipeline.signals.ingest import MachineIdentity
+from pipeline.schema.identity import MachineIdentity
 from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
 
 

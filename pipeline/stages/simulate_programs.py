@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pipeline.gcode.setup import Setup
-from pipeline.signals.ingest import MachineIdentity
+from pipeline.schema.identity import MachineIdentity
 from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
 from pipeline.twin.program_files import simulate_files
 

@@ -30,6 +30,7 @@ from pipeline.machine.control.parameters import (
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
 from pipeline.shop.cutting.dynamometer import write_dynamometer
@@ -47,7 +48,7 @@ from pipeline.shop.parameters import ControlParameters as ShopControl
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.ingest import ingest
 from pipeline.submodels.cutting.identify import identify_cutting_force
 from pipeline.submodels.cutting.recordings import read_recordings
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup

@@ -17,9 +17,10 @@ import yaml
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
 from pipeline.machine.axis.servo import ServoParameters
+from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.drives.records import write_drives
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.ingest import ingest
 
 from .conftest import Simulated, run
 

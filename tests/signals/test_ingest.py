@@ -15,10 +15,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals import ingest as ingesting
 from pipeline.signals import store
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
-from pipeline.signals.ingest import NOT_NAMED, Ingested, MachineIdentity, ingest
+from pipeline.signals.ingest import NOT_NAMED, Ingested, ingest
 from pipeline.signals.shdr import log
 from pipeline.signals.store import parquet_name, read_observations
 from tests.signals.shdr_log import DEVICES

@@ -14,9 +14,10 @@ import pytest
 import yaml
 from cattrs import structure
 
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.conditions import Condition, ConditionSources
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import (
     QUANTITIES,
     Channel,

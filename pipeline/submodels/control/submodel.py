@@ -15,12 +15,12 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, LeftOut, Parameter
 from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.cleaning.settings import CleanMachine
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control

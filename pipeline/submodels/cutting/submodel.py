@@ -10,10 +10,10 @@ import pandas as pd
 
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.golden import GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.cutting.conditions import MM

@@ -21,11 +21,11 @@ from pipeline.schema.drive import (
     TrainingRecording,
 )
 from pipeline.schema.golden import GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive.comparison import (

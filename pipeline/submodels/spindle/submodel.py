@@ -10,10 +10,10 @@ import pandas as pd
 
 from pipeline.charts.sections import SubModelPage
 from pipeline.schema.golden import GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Ranged
 from pipeline.schema.verdict import Fact
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.signals.windows import StateSegment, read_state, state_days
 from pipeline.submodels.cases import (
     Case,

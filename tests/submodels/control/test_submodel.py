@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import StoreError, json_text, parsed, read_json, write_json
 from pipeline.signals.cleaning.settings import CleanMachine
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.control.fit import ControlFitSettings
 from pipeline.submodels.control.submodel import (

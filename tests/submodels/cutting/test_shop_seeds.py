@@ -17,11 +17,12 @@ import yaml
 from threadpoolctl import threadpool_limits
 
 from pipeline.parameters import structure
+from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.records import dynamometer_truth
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.ingest import ingest
 from pipeline.stages.compose import composed
 from pipeline.submodels.cases import Records, Roles, role_of
 from pipeline.submodels.cutting.coefficients import parameters

@@ -10,11 +10,12 @@ import yaml
 
 from pipeline.parameters import read_params, structure
 from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import MachineIdentity, ingest
+from pipeline.signals.ingest import ingest
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.cutting.settings import (

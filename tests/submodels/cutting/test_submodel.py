@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.schema.golden import FrozenSet, GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import SourceFile
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Records, Roles, conditions_of
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.cutting.conditions import StatedConditions

@@ -11,11 +11,11 @@ from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.drive import DriveAxis, DriveModel, FeedDrive, FitFacts, Servo
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, LeftOut
 from pipeline.schema.store import json_text, parsed, write_json
 from pipeline.schema.structure import structured
 from pipeline.schema.verdict import Verdict
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.drive.comparison import (
     compared_force,

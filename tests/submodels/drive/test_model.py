@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.schema.drive import DriveModel
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import json_text, parsed
 from pipeline.search.genetic import GeneticSettings
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.drive.model import identify_drives, left_out
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior

@@ -11,8 +11,8 @@ import pytest
 
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.golden import FrozenSet, GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import SourceFile
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings

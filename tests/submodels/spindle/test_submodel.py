@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
-from pipeline.signals.ingest import MachineIdentity
 from pipeline.submodels.cases import Records, Roles, sources
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.spindle.fit import SpindleFitSettings
