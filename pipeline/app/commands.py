@@ -153,7 +153,7 @@ def predict(
     model: Model = "champion",
 ) -> None:
     """Predict TABLE with a sub-model of MACHINE's champion."""
-    from pipeline.app.fleet import predict_table
+    from pipeline.app.programs import predict_table
 
     with one_sentence():
         rows = predict_table(machine, submodel, table, out, model)

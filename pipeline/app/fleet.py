@@ -310,51 +310,6 @@ def fleet_status() -> list[dict[str, str]]:
     return [row for machine in fleet.machines for row in status(machine)]
 
 
-def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -> int:
-    """Predict a table of a sub-model's inputs with a machine's champion; the number of rows.
-
-    Parameters
-    ----------
-    machine, name : str
-        As in conf/machine/; of the sub-model.
-    table, out : Path
-        CSV or Parquet, by the end of their names.
-    model : {"champion", "latest"}
-        Whose sub-model.
-
-    Raises
-    ------
-    ValueError
-        When something named is not known, the table cannot be read or lacks a column.
-    """
-    import pandas as pd
-
-    from pipeline.app.outputs import check_outputs
-    from pipeline.app.programs import model_folder
-    from pipeline.submodels.contract import submodel
-
-    machine_parameters(machine)  # refuses one that is not known
-    one, folder = submodel(name), model_folder(machine, model) / name
-    if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
-    check_outputs(table, out)
-    try:
-        read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv
-        given = read(table)
-    except (OSError, ValueError) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"{table} is no table of CSV or Parquet: {said}") from error
-    try:
-        found = one.serve(folder)(given)
-    except KeyError as error:
-        raise ValueError(f"{table} has no column {error}: give the inputs of {name}") from error
-    if out.suffix == ".parquet":
-        found.to_parquet(out, compression="zstd")
-    else:
-        found.to_csv(out, index=False)
-    return len(found)
-
-
 def _document(path: Path) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads(path.read_text())
