@@ -3,15 +3,20 @@
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.parameters import structure
+from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.store import write_json
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT
+from tests.submodels.cutting import cutting_files
 from tests.test_cli import kerf, refused
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
@@ -266,18 +271,28 @@ def test_tools_with_one_law_share_its_line(project: Path) -> None:
     assert "forces of T4, T5: " in kerf(project, "simulate", "part.nc", *CUT).stdout
 
 
+IDENTIFIED = {
+    "material": "A6061",
+    "tool": {"kind": "flat", "diameter_mm": 12, "flutes": 3},
+}
+
+
+def cutting_model(**groups: Any) -> CuttingModel:
+    """A cut of which ``groups`` of parameters alone are known."""
+    nothing: dict[str, Any] = {"mean force": None, "spindle": None, "channel x": None}
+    return cutting_files.model(nothing | groups, **IDENTIFIED)
+
+
 def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
-    folder = project / "data/models/mill01"
-    folder.mkdir(parents=True)
-    found = {"material": "A6061", "tool": {"kind": "flat", "diameter_mm": 12, "flutes": 3},
-             "parameters": {"K_tc": {"value": 900.0, "determined": True}}}  # fmt: skip
-    (folder / "cutting.json").write_text(json.dumps(found))
+    path = project / "data/champion/mill01/cutting/model.json"
+    law = {"": {"K_tc": cutting_files.parameter(900.0, "N/mm^2")}}
+    write_json(cutting_model(**law), path)
     done = kerf(project, "simulate", "part.nc", *CUT)
     assert "forces of T4: identified: K_tc 900" in done.stdout
-    idle = {name: {"value": v} for name, v in (("p0", 100.0), ("p1", 1.0), ("p2", 0.5))}
-    found["spindle"] = {"no_load": {"coefficients": idle}}
+    idle = {name: cutting_files.parameter(v, "W") for name, v in (("p0", 100.0), ("p1", 1.0),
+                                                                  ("p2", 0.5))}  # fmt: skip
     before = _energy(project)
-    (folder / "cutting.json").write_text(json.dumps(found))
+    write_json(cutting_model(**law, spindle=idle), path)
     # 100 rev/s: 100 + 100 + 5000 W instead of what the machine's file says
     conf = yaml.safe_load((project / "conf/machine/mill01.yaml").read_text())["spindle_drive"]
     told = sum(p * 100.0**k for k, p in enumerate(conf["no_load_W"]))
@@ -287,10 +302,41 @@ def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
     drive = structure({"drive": conf}, "drive", SpindleDrive)
     rise = (5200 - told) / (drive.efficiency * drive.motor_efficiency) * turning / 3.6e6
     assert _energy(project) - before == pytest.approx(rise, rel=1e-3)
-    (folder / "cutting.json").write_text("{")
-    assert "cutting.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)
-    (folder / "cutting.json").write_text("[]")
-    assert "holds no identified forces" in refused(project, "simulate", "part.nc", *CUT)
+
+
+def test_a_law_of_another_tool_or_material_or_of_the_latest_model_is_not_taken(
+    project: Path,
+) -> None:
+    path = project / "data/champion/mill01/cutting/model.json"
+    model = cutting_model(**{"": {"K_tc": cutting_files.parameter(900.0, "N/mm^2")}})
+    others = (
+        replace(model, material="A7075"),
+        replace(model, tool={"kind": "flat", "diameter_mm": 16, "flutes": 3}),
+        cutting_model(**{"": {"K_tc": cutting_files.parameter(None, "N/mm^2")}}),
+    )
+    for other in others:
+        write_json(other, path)
+        assert "identified" not in forces(kerf(project, "simulate", "part.nc", *CUT).stdout)
+    path.unlink()
+    write_json(model, project / "data/models/mill01/cutting/model.json")
+    assert "identified" not in forces(kerf(project, "simulate", "part.nc", *CUT).stdout)
+    done = kerf(project, "simulate", "part.nc", *CUT, "--model", "latest")
+    assert "identified: K_tc 900" in forces(done.stdout)
+
+
+def forces(said: str) -> str:
+    """The line that says which law the tool has."""
+    (line,) = [line for line in said.splitlines() if line.strip().startswith("forces of T4")]
+    return line
+
+
+def test_a_model_of_a_cut_that_is_broken_is_one_sentence(project: Path) -> None:
+    path = project / "data/champion/mill01/cutting/model.json"
+    path.parent.mkdir(parents=True)
+    for text, said in (("{", "is no JSON"), ("[]", "is not what this version stores")):
+        path.write_text(text)
+        whole = refused(project, "simulate", "part.nc", *CUT)
+        assert f"data/champion/mill01/cutting/model.json {said}" in whole and "dvc repro" in whole
 
 
 def _energy(project: Path) -> float:
