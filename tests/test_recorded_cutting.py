@@ -4,7 +4,6 @@ Recordings that J. Li offers with his worked example.
 """
 
 import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from pipeline.schema.cutting import MAGNITUDE, OTHERS, PLAIN, PLANE, CuttingMode
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.__main__ import run
-from tests.small_project import ROOT, inside
+from tests.small_project import inside, with_conf
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = [
@@ -30,21 +29,17 @@ MACHINE = "kistler_slot"
 @pytest.fixture(scope="module")
 def documents(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded-cutting")
-    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    with_conf(folder, "recorded")
     with inside(folder):
         fleet = replace(
             use_fleet("recorded"),
             machines=(MACHINE,),
-            spindles=(),
-            controls=(),
-            drives=(),
+            submodels={},
             optimised=(),
         )
         assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] >= [1]
         run("compose", "conf", "params.yaml")
         signals, models = f"data/signals/{MACHINE}", f"data/models/{MACHINE}"
-        for place in (signals, models, "data/metrics"):
-            Path(place).mkdir(parents=True)
         run(f"ingest@{MACHINE}", f"data/raw/{MACHINE}", signals)
         raw, folder = f"data/raw/{MACHINE}", f"{models}/cutting"
         run(f"identify_cutting@{MACHINE}", signals, raw, folder)

@@ -5,7 +5,6 @@ Michigan SMART lab.
 """
 
 import os
-import shutil
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -17,7 +16,7 @@ from pipeline.app.fleet import collect, use_fleet
 from pipeline.schema.drive import DriveModel
 from pipeline.schema.store import read_json
 from pipeline.stages.__main__ import run
-from tests.small_project import ROOT, inside
+from tests.small_project import ROOT, inside, with_conf
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = [
@@ -32,14 +31,12 @@ MACHINES = ("emps", "umich_mill")
 @pytest.fixture(scope="module")
 def documents(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded-drives")
-    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    with_conf(folder, "recorded")
     with inside(folder):
         fleet = replace(
             use_fleet("recorded"),
             machines=MACHINES,
-            spindles=(),
-            controls=(),
-            cuts=(),
+            submodels={},
             optimised=(),
         )
         assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] >= [1, 1]
@@ -47,7 +44,6 @@ def documents(tmp_path_factory):
         found = {}
         for machine in MACHINES:
             signals, model = f"data/signals/{machine}", f"data/models/{machine}/drive"
-            Path(signals).mkdir(parents=True)
             run(f"ingest@{machine}", f"data/raw/{machine}", signals)
             run(f"identify_drive@{machine}", signals, model)
             found[machine] = read_json(Path(model) / "model.json", DriveModel)

@@ -9,36 +9,37 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.app.fleet import collect, use_fleet
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.stages.__main__ import run
+from pipeline.submodels.spindle.submodel import WINDOWS
+from pipeline.twin.spindle import TARGET
+from pipeline.twin.spindle_model import SpindleModelFile
 from tests.browser import foreign, look, needs_browser, requests
-from tests.small_project import ROOT, inside
+from tests.small_project import ROOT, inside, with_conf
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(
     not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
 )
-MODEL = "data/models/mazak01"
+MODEL = "data/models/mazak01/spindle"
 
 
 def build(project: Path) -> None:
-    """Every stage of the recorded fleet, in the order of dvc.yaml."""
+    """Every stage of a spindle in the recorded fleet, and the report, in the order of dvc.yaml."""
+    reads = ("data/signals/mazak01/manifest.json", "data/clean/mazak01")
     with inside(project):
         run("ingest@mazak01", "data/raw/mazak01", "data/signals/mazak01")
         run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
-        found = (f"{MODEL}/spindle_thermal.json", f"{MODEL}/residual")
-        run("identify_spindle@mazak01", "data/clean/mazak01", found[0])
-        run("train_residual@mazak01", "data/clean/mazak01", *found)
-        run("validate@mazak01", "data/signals/mazak01/manifest.json", "data/clean/mazak01",
-            *found, "data/golden", f"{MODEL}/validation.json", f"{MODEL}/predictions.parquet",
-            "data/metrics/mazak01.json")  # fmt: skip
-        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth",
-                                               "parts", "trials")), "reports")  # fmt: skip
+        run("identify_spindle@mazak01", *reads, MODEL)
+        run("judge_spindle@mazak01", *reads, MODEL, "data/golden",
+            "data/metrics/mazak01_spindle.json")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
-    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    with_conf(folder, "recorded")
     shutil.copytree(ROOT / "data/golden", folder / "data/golden")
     with inside(folder):
         fleet = use_fleet("recorded")
@@ -64,24 +65,33 @@ def test_nothing_is_lost_or_rejected(project):
 
 
 def test_every_golden_day_is_within_the_limits_and_better_than_persistence(project):
-    verdict = json.loads((project / MODEL / "validation.json").read_text())
-    assert verdict["verdict"] == "passed", verdict["reasons"]
-    days = verdict["windows"]["days"]
-    assert [d["day"] for d in days] == ["2019-05-20", "2019-05-21", "2019-05-22", "2019-05-23"]
+    verdict = read_json(project / MODEL / "verdict.json", Verdict)
+    assert (verdict.status, verdict.judged_role) == ("passed", "golden"), verdict.reasons
+    scores = [s for s in verdict.of(TARGET, role="golden") if s.regime == WINDOWS]
+    days = [s for s in scores if s.group != "all"]
+    assert [s.group for s in days] == ["2019-05-20", "2019-05-21", "2019-05-22", "2019-05-23"]
     for day in days:
-        assert day["model"]["mae_K"] < 2.0
-        assert day["model"]["rmse_K"] < 3.0
-        assert day["model"]["rmse_K"] < day["persistence"]["rmse_K"]
+        assert day.mae < 2.0
+        assert day.rmse < 3.0
+        assert day.rmse < day.baselines["persistence"].rmse
+    metrics = json.loads((project / "data/metrics/mazak01_spindle.json").read_text())
+    assert metrics["status"] == "passed"
+    total = verdict.total(TARGET)
+    assert metrics[f"{TARGET}, {WINDOWS}"]["mae"] == total.mae
 
 
 def test_the_forest_that_does_not_help_is_not_used(project):
-    about = json.loads((project / MODEL / "residual/features.json").read_text())
-    helps = about["rmse_days_left_out_K"] < about["rmse_without_K"]
-    assert not about["used"] or helps
+    forest = read_json(project / MODEL / "model.json", SpindleModelFile).forest
+    helps = forest.rmse_days_left_out_K < forest.rmse_without_K
+    assert not forest.used or helps
 
 
 @needs_browser
 def test_the_report_opens_without_an_error_or_a_request(project, browser):
+    places = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
+              "trials")  # fmt: skip
+    with inside(project):
+        run("report", *(f"data/{p}" for p in places), "reports", "data/metrics/report.json")
     page = project / "reports/mazak01.html"
     look(browser, page, 1280, "light")
     assert foreign(requests(browser)) == []
