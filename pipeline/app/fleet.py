@@ -323,13 +323,11 @@ def write_report(out: Path) -> Path:
     from pipeline.stages.report import report
 
     values = read_params()
-    folders = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
-               "trials")  # fmt: skip
     report(
-        *(DATA / name for name in folders),
-        out,
-        out / "metrics.json",
-        fleet=structure(values, "fleet", Fleet),
+        signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
+        champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
+        programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials", reports=out,
+        metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str),
-    )
+    )  # fmt: skip
     return out / "index.html"

@@ -20,4 +20,6 @@ def simulate_programs(
     """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
     control = control_of_unit(read_controls(model), control_records.default_unit)
     files = control_records.shown(raw)
-    simulate_files(files, raw, control, setup, programs, identity.name, identity.origin)
+    simulate_files(
+        files, raw, control, setup, programs, machine=identity.name, origin=identity.origin
+    )

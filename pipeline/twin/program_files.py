@@ -1,14 +1,16 @@
-"""Simulated programs on disk: a JSON and a Parquet for each, for the report."""
+"""Simulated programs on disk: a summary (JSON) and a table of moves (Parquet) for each."""
 
-import json
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
+from pipeline.schema.program import SimulatedProgram
+from pipeline.schema.store import write_json
+from pipeline.schema.structure import structured
 from pipeline.twin.program import planned_program, program_moves
 from pipeline.twin.simulation import block_table, summary
 
@@ -19,10 +21,11 @@ def simulate_files(
     control: ControlParameters,
     setup: Setup,
     out: Path,
+    *,
     machine: str,
     origin: str,
 ) -> None:
-    """Simulate each of ``files``; what cannot be followed is written down as refused.
+    """Simulate each of ``files``; a program that cannot be followed is stored as refused.
 
     Parameters
     ----------
@@ -41,18 +44,23 @@ def simulate_files(
     """
     out.mkdir(parents=True, exist_ok=True)
     for path in files:
-        head: dict[str, Any] = {
-            "machine": machine,
-            "origin": origin,
-            "file": path.relative_to(raw).as_posix(),
-            "sha256": sha256(path.read_bytes()).hexdigest(),
-        }
+        program = SimulatedProgram(
+            program=path.stem,
+            machine=machine,
+            origin=origin,
+            file=path.relative_to(raw).as_posix(),
+            sha256=sha256(path.read_bytes()).hexdigest(),
+        )
         try:
             plan = planned_program(program_moves(path, setup), control)
         except GcodeError as error:
-            document = {"program": path.stem, "refused": str(error), **head}
+            program = replace(program, refused=str(error))
         else:
             table = block_table(plan)
-            document = {**summary(plan, path.stem), "refused": None, **head, "blocks": len(table)}
+            times = structured(summary(plan, path.stem), SimulatedProgram, path.stem)
+            program = replace(
+                times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
+                blocks=len(table),
+            )  # fmt: skip
             table.to_parquet(out / f"{path.stem}.parquet", compression="zstd")
-        (out / f"{path.stem}.json").write_text(json.dumps(document, indent=2) + "\n")
+        write_json(program, out / f"{path.stem}.json")

@@ -1,6 +1,7 @@
-"""Facts about what the machine did: seconds in each state by day, when, and its cycles."""
+"""Work of a machine: seconds in each execution state by day, and its cycles."""
 
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +9,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.charts.sources import Shelf
+from pipeline.charts.sources import SourceRegistry
 from pipeline.report.folders import MachineFolders
-from pipeline.report.reading import NS, nanoseconds
+from pipeline.report.records import CLEANED, NS, nanoseconds
 
 DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve
 STANDS_BELOW = 1.0  # rev/min; slower is standing still, within what encoders say at rest
 NO_RECORD = "no record"
 UNUSED = np.iinfo(np.int64).min
+STATES = "data/clean state table"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,18 +73,79 @@ class Cycle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Working:
-    """What the machine did; None where the file that would say it is absent."""
+class Work:
+    """Days and cycles of a machine; ``cycles`` is None where their file is absent."""
 
+    folders: MachineFolders
+    shelf: SourceRegistry
     days: list[Day]
     cycles: list[Cycle] | None
     state_files: list[Path]
 
+    @property
+    def worked_days(self) -> list[Day]:
+        """Days with at least one known second of execution."""
+        return [d for d in self.days if set(d.seconds) - {NO_RECORD}]
 
-def working(folders: MachineFolders, shelf: Shelf, prefix: str = "") -> Working:
-    """What the state table, the segments and the cycles say.
+    @property
+    def active(self) -> float:
+        """Time in state ACTIVE on all days [s]."""
+        return sum(d.seconds.get("ACTIVE", 0.0) for d in self.days)
 
-    ``prefix`` tells which spindle is meant, as in the canonical names (``second_``).
+    @property
+    def periods(self) -> list[tuple[str, str]]:
+        """First and last day of each period of records, periods a week or more apart."""
+        return periods_of([d.day for d in self.worked_days])
+
+    @property
+    def missing_days(self) -> list[str]:
+        """Days inside the periods of records that have none."""
+        days = [d.day for d in self.worked_days]
+        return [
+            lost
+            for first, last in self.periods
+            for lost in days_between([d for d in days if first <= d <= last])
+        ]
+
+    @property
+    def surprising_days(self) -> list[str]:
+        """Missing days on whose weekday the machine has worked in another week."""
+        works = {date.fromisoformat(d.day).weekday() for d in self.worked_days}
+        return [d for d in self.missing_days if date.fromisoformat(d).weekday() in works]
+
+
+def days_between(days: list[str]) -> list[str]:
+    """ISO days that lie between the first and last of ``days`` and are not among them.
+
+    >>> days_between(["2016-10-10", "2016-10-13", "2016-10-12"])
+    ['2016-10-11']
+    """
+    if not days:
+        return []
+    every = np.arange(np.datetime64(min(days), "D"), np.datetime64(max(days), "D"))
+    return [str(d) for d in every if str(d) not in set(days)]
+
+
+def periods_of(days: list[str]) -> list[tuple[str, str]]:
+    """First and last of each run of ISO days without a hole of more than a week.
+
+    >>> periods_of(["2017-11-13", "2017-11-16", "2019-05-20"])
+    [('2017-11-13', '2017-11-16'), ('2019-05-20', '2019-05-20')]
+    """
+    found: list[tuple[str, str]] = []
+    for day in sorted(days):
+        near = found and (date.fromisoformat(day) - date.fromisoformat(found[-1][1])).days <= 7
+        if near:
+            found[-1] = (found[-1][0], day)
+        else:
+            found.append((day, day))
+    return found
+
+
+def work(folders: MachineFolders, shelf: SourceRegistry, prefix: str = "") -> Work:
+    """Days and cycles from the state table, the segments and the cycles.
+
+    ``prefix`` says which spindle is meant, as in the canonical names (``second_``).
     """
     files = sorted((folders.clean / "state").glob("*.parquet"))
     kinds = _kinds_by_day(folders, shelf)
@@ -93,15 +156,17 @@ def working(folders: MachineFolders, shelf: Shelf, prefix: str = "") -> Working:
         day = _day(path, shelf, prefix, kinds.get(path.stem, {}), cycles or [], used)
         if day is not None:
             days.append(day)
-    return Working(days=days, cycles=_cycles(cycles, used), state_files=files)
+    return Work(
+        folders=folders, shelf=shelf, days=days, cycles=_cycles(cycles, used), state_files=files
+    )
 
 
 def _day(
-    path: Path, shelf: Shelf, prefix: str, kinds: dict[str, float],
+    path: Path, shelf: SourceRegistry, prefix: str, kinds: dict[str, float],
     cycles: list[dict[str, Any]], used: list[np.ndarray],
 ) -> Day | None:  # fmt: skip
     columns = ("time", "execution", f"{prefix}spindle_speed", f"{prefix}spindle_position_control")
-    table = shelf.table(path, columns, "data/signals observations, by cleaning", all_of=False)
+    table = shelf.table(path, columns, CLEANED, all_of=False)
     if table is None or "time" not in table.column_names:
         return None
     times = nanoseconds(table.column("time")) // NS
@@ -176,10 +241,10 @@ def _use_of_cycles(
         total += sums[:, b] - sums[:, a]
 
 
-def _kinds_by_day(folders: MachineFolders, shelf: Shelf) -> dict[str, dict[str, float]]:
+def _kinds_by_day(folders: MachineFolders, shelf: SourceRegistry) -> dict[str, dict[str, float]]:
     """Seconds of each kind of segment on each day; a segment over midnight counts to both."""
     path = folders.clean / "segments.parquet"
-    table = shelf.table(path, ("start", "end", "kind"), "data/clean state table")
+    table = shelf.table(path, ("start", "end", "kind"), STATES)
     if table is None:
         return {}
     found: dict[str, dict[str, float]] = {}
@@ -195,11 +260,11 @@ def _kinds_by_day(folders: MachineFolders, shelf: Shelf) -> dict[str, dict[str, 
     return found
 
 
-def _cycle_table(folders: MachineFolders, shelf: Shelf) -> list[dict[str, Any]] | None:
+def _cycle_table(folders: MachineFolders, shelf: SourceRegistry) -> list[dict[str, Any]] | None:
     columns = ("program", "part", "start", "end", "active_s", "feed_hold_s", "interrupted_s",
                "complete")  # fmt: skip
     path = folders.clean / "cycles.parquet"
-    table = shelf.table(path, columns, "data/clean state table", all_of=False)
+    table = shelf.table(path, columns, STATES, all_of=False)
     if table is None or not {"start", "end"} <= set(table.column_names):
         return None
     start, end = (nanoseconds(table.column(c)) for c in ("start", "end"))

@@ -1,5 +1,6 @@
-"""A page of its own, for one program: its parts, and how it is written."""
+"""Standalone page of one program: its parts, and how it is written; the templates of all pages."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -9,7 +10,7 @@ from pipeline.charts.sources import Source, shown
 
 
 @dataclass(frozen=True, kw_only=True)
-class LonePage:
+class StandalonePage:
     """Head, verdict, key figures (name, value, aside) and sections of the page.
 
     ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.
@@ -27,8 +28,8 @@ class LonePage:
     credit: str = ""
 
 
-def rendered(page: LonePage, template: str) -> str:
-    """The page's HTML; all text is escaped."""
+def renderer() -> Callable[..., str]:
+    """Function of a template's name and its variables that gives HTML; all text is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -38,7 +39,12 @@ def rendered(page: LonePage, template: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(template).render(page=page)
+    return lambda name, **variables: environment.get_template(name).render(**variables)
+
+
+def rendered(page: StandalonePage, template: str) -> str:
+    """HTML of a standalone page."""
+    return renderer()(template, page=page)
 
 
 def source_of(path: Path) -> Source:

@@ -1,5 +1,6 @@
-"""The feed through a program's time: programmed and reached, how much is missing, which tool."""
+"""Time of a program: feed over time, and bars by tool, by type of block and by limit."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -7,10 +8,10 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import number
+from pipeline.charts.numbers import counted, duration, number, percent
 from pipeline.charts.svg import anchor
-from pipeline.report.feed_classes import FeedClasses
-from pipeline.report.program_moves import ProgramMoves
+from pipeline.report.programs.moves import FeedClasses, ProgramMoves
+from pipeline.schema.program import SimulatedProgram, ToolTime
 
 BINS = 240  # columns over the program's time
 TOP, FEED, SHARE, STRIP, GAP = 18, 150, 64, 14, 28  # px: head, heights of the bands, between them
@@ -20,6 +21,28 @@ DOING = ("s-cut", "s-rapid", "s-still")
 """CSS classes of cutting, rapids, and all else."""
 STEPS = ((120, 1), (7200, 60), (1e300, 3600))
 """Up to how many seconds the clock counts in seconds, minutes, hours."""
+ROW, HEAD, BETWEEN = 21, 24, 14  # px: a bar, the head above a group, between groups
+FILL = 66.0  # percent of the width that the longest bar takes; its time stands beside it
+MOST = 10  # bars in a group; the rest are one
+
+LIMITS = {
+    "feed": "programmed feed",
+    "axis speed": "axis speed",
+    "acceleration": "acceleration",
+    "corner": "corners",
+    "arc": "arcs",
+    "tolerance": "path tolerance",
+    "exact stop": "exact stops",
+    "curve": "curves made of chords",
+    "rapid": "rapid speed",
+    "jerk": "jerk",
+    "spindle": "spindle",
+    "nothing": "nothing: it stands",
+}
+"""Limits of the speed of a block, for people."""
+
+TYPE_KIND = {"rapid": "s-rapid", "feed": "s-cut", "arc": "s-cut"}
+LIMIT_KIND = {"feed": "s-cut", "rapid": "s-rapid", "spindle": "s-still", "nothing": "s-still"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +116,7 @@ def timeline_figure(shown: Timeline, classes: FeedClasses, label: str) -> Markup
     parts = [
         *_clock(shown.total, bottom),
         *_feeds(shown, classes, TOP),
-        *_missing(shown, share_top),
+        *_shortfall(shown, share_top),
         *_strip(shown, strip_top),
     ]
     return svg.figure(parts, height=bottom + 36, label=label, kind="golden")
@@ -129,7 +152,7 @@ def _feeds(shown: Timeline, classes: FeedClasses, top: float) -> list[Markup]:
     return [*parts, svg.band(top, FEED, 10 * BINS, [*columns, line])]
 
 
-def _missing(shown: Timeline, top: float) -> list[Markup]:
+def _shortfall(shown: Timeline, top: float) -> list[Markup]:
     parts = [svg.text(0, top - 7, "Reached of the programmed feed, %", "head")]
     for mark in (0, 50, 100):
         y = top + SHARE * (1 - mark / 100)
@@ -162,3 +185,101 @@ def _strip(shown: Timeline, top: float) -> list[Markup]:
         if end - start > NAMED and tool >= 0:
             parts.append(svg.text(50 * (start + end), top - 5, f"T{tool}", "tick mid"))
     return parts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """One bar: its name, and parts of (seconds, CSS class)."""
+
+    name: str
+    parts: list[tuple[float, str]]
+
+    @property
+    def seconds(self) -> float:
+        """Length of the whole bar [s]."""
+        return sum(seconds for seconds, _ in self.parts)
+
+
+Group = tuple[str, list[Bar]]
+"""A head and the bars below it."""
+
+
+def limit_seconds(program: SimulatedProgram) -> dict[str, float]:
+    """Time [s] by what limits the speed of a block, only what takes any."""
+    return _seconds(program.by_limit)
+
+
+def _seconds(times: Mapping[str, float]) -> dict[str, float]:
+    return {name.replace("_", " ").lower(): value for name, value in times.items() if value > 0}
+
+
+def limit_bars(program: SimulatedProgram) -> list[Group]:
+    """Time by what limits the speed of a block, the longest bar first."""
+    bars = [
+        Bar(name=limit_words(name), parts=[(seconds, LIMIT_KIND.get(name, "s-lost"))])
+        for name, seconds in limit_seconds(program).items()
+    ]
+    return _present([("What bounds the speed", bars)])
+
+
+def tool_and_type_bars(program: SimulatedProgram) -> list[Group]:
+    """Time by tool and by type of block, the longest bar first."""
+    tools = [_tool_bar(one) for one in program.by_tool]
+    types = [
+        Bar(name=name, parts=[(seconds, TYPE_KIND.get(name, "s-still"))])
+        for name, seconds in _seconds(program.by_type).items()
+    ]
+    return _present([("By tool", tools), ("By type of block", types)])
+
+
+def _present(groups: list[Group]) -> list[Group]:
+    return [(head, _shortened(bars)) for head, bars in groups if any(b.seconds > 0 for b in bars)]
+
+
+def limit_words(name: str) -> str:
+    """What bounds the speed, in words; its own name when it is not listed here."""
+    return LIMITS.get(name, name)
+
+
+def _tool_bar(one: ToolTime) -> Bar:
+    whole, cut, rapid = (max(0.0, x) for x in (one.time_s, one.cutting_s, one.rapid_s))
+    return Bar(
+        name=f"T{one.tool}" if one.tool >= 0 else "before a tool",
+        parts=[(cut, "s-cut"), (rapid, "s-rapid"), (max(0.0, whole - cut - rapid), "s-still")],
+    )
+
+
+def _shortened(bars: list[Bar]) -> list[Bar]:
+    found = sorted((b for b in bars if b.seconds > 0), key=lambda b: (-b.seconds, b.name))
+    rest = found[MOST - 1 :]
+    if len(rest) < 2:
+        return found
+    kinds = list(dict.fromkeys(kind for b in rest for _, kind in b.parts))
+    sums = [(sum(s for b in rest for s, k in b.parts if k == kind), kind) for kind in kinds]
+    return [*found[: MOST - 1], Bar(name=counted(len(rest), "other"), parts=sums)]
+
+
+def bars_figure(groups: list[Group], total: float, label: str) -> Markup:
+    """Groups of bars below one another, all to one scale; shares are of ``total`` [s]."""
+    longest = max(bar.seconds for _, bars in groups for bar in bars)
+    parts: list[Markup] = []
+    y = 0.0
+    for head, bars in groups:
+        parts.append(svg.text(0, y + 14, head, "head"))
+        y += HEAD
+        for bar in bars:
+            parts += _bar(bar, y, FILL / longest, total)
+            y += ROW
+        y += BETWEEN
+    return svg.figure(parts, height=y - BETWEEN, label=label, kind="bars")
+
+
+def _bar(bar: Bar, y: float, scale: float, total: float) -> list[Markup]:
+    parts = [svg.text(0, y + 14, bar.name, "name end", dx=-8)]
+    x = 0.0
+    for seconds, kind in bar.parts:
+        if seconds > 0:
+            parts.append(svg.bar(x, seconds * scale, y + 3, ROW - 7, kind))
+            x += seconds * scale
+    words = f"{duration(bar.seconds)} · {percent(bar.seconds, total)}"
+    return [*parts, svg.text(x, y + 14, words, "tick", dx=7)]

@@ -1,4 +1,4 @@
-"""Tables of a cut: what each tool takes, the blocks that are worst, what the numbers rest on."""
+"""Tables of a cut: loads and cost by tool, blocks nearest to a limit, sources of the numbers."""
 
 from typing import Any
 
@@ -12,13 +12,28 @@ from pipeline.charts.numbers import (
     number,
     real,
 )
-from pipeline.charts.sources import Source, dig, rows_of
+from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers
 
 NOTHING = 1e-6  # of the greatest of its kind: less is rounding
 FORCES = ("peak_load_N", "axial_force_N")
 MOST_SPANS = 8  # stretches of lines that a warning names
 NONE = "–"
+
+
+def entry(document: Any, *keys: str) -> Any:
+    """An entry of a cut's document under nested keys; None as soon as one is absent."""
+    for key in keys:
+        if not isinstance(document, dict):
+            return None
+        document = document.get(key)
+    return document
+
+
+def rows_of(document: Any, *keys: str) -> list[dict[str, Any]]:
+    """Rows of a cut's document under nested keys; empty when there are none."""
+    rows = entry(document, *keys)
+    return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
 
 
 def share(value: Any) -> str:
@@ -98,9 +113,9 @@ def cost_table(document: dict[str, Any], sources: list[Source]) -> Table:
     """By tool: time, volume, share of its life, cost by cause, energy."""
     rows, currency = (
         rows_of(document, "cut", "by_tool"),
-        str(dig(document, "cut", "currency") or ""),
+        str(entry(document, "cut", "currency") or ""),
     )
-    total = dig(document, "cut", "summary")
+    total = entry(document, "cut", "summary")
     every = [_cost_row(row, tool_name(row.get("tool"), row.get("name"))) for row in rows]
     if isinstance(total, dict):
         every.append(_cost_row(total, "the part"))
@@ -129,7 +144,7 @@ def _cost_row(row: dict[str, Any], name: str) -> list[Cell]:
         _figure(row.get("volume_cm3")),
         _figure(row.get("removal_rate_cm3_min")),
         share(row.get("tool_life_share")),
-        *(_figure(dig(cost, key)) for key in ("time", "tools", "energy", "sum")),
+        *(_figure(entry(cost, key)) for key in ("time", "tools", "energy", "sum")),
         _figure(row.get("energy_kWh")),
     )
 
@@ -139,7 +154,7 @@ def worst_table(document: dict[str, Any], sources: list[Source]) -> Table | None
     rows = rows_of(document, "cut", "worst")
     if not rows:
         return None
-    measured = dig(document, "cut", "dynamics_measured") is True
+    measured = entry(document, "cut", "dynamics_measured") is True
     return Table(
         caption="The blocks that come nearest to what binds them: the worst of each run of blocks",
         heads=[

@@ -1,25 +1,36 @@
-"""The section on part programs: what each is predicted to take, where and why."""
+"""Section on part programs: predicted time of each, where it is spent, and its cause."""
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
-from pipeline.charts.numbers import NARROW, counted, duration, number, percent, real
+from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, duration, number, percent
 from pipeline.charts.sections import Block, Figure, Figures, Heading, Section
-from pipeline.charts.sources import Source
-from pipeline.charts.tables import sources
-from pipeline.report.controlled import Program
-from pipeline.report.facts import Facts
-from pipeline.report.feed_classes import UNKNOWN, FeedClasses, feed_classes
-from pipeline.report.program_bars import (
+from pipeline.charts.sources import Source, SourceRegistry, shown
+from pipeline.charts.tables import MOST_ROWS, Cell, Head, Table, cells, left_out, numbers, sources
+from pipeline.report.programs.map import map_figure
+from pipeline.report.programs.moves import (
+    COLUMNS,
+    UNKNOWN,
+    FeedClasses,
+    ProgramMoves,
+    feed_classes,
+    lengths,
+    program_moves,
+)
+from pipeline.report.programs.times import (
     Group,
     bars_figure,
     limit_bars,
     limit_seconds,
+    limit_words,
+    timeline,
+    timeline_figure,
     tool_and_type_bars,
 )
-from pipeline.report.program_map import map_figure
-from pipeline.report.program_moves import ProgramMoves, lengths
-from pipeline.report.program_tables import programs_overview_table
-from pipeline.report.program_timeline import timeline, timeline_figure
+from pipeline.schema.program import SimulatedProgram
 
 MOST_DRAWN = 12  # programs, the longest first; the table has them all
 MOST_OPEN = 3  # programs whose figures need not be unfolded
@@ -43,11 +54,62 @@ REMEDIES = {
     "jerk": "the limit of jerk slows it down: smoother paths would help",
 }
 """What slows a program down most, and what its maker can do about it."""
+FREE = ("feed", "rapid", "spindle", "nothing")
+"""What bounds a block as its programmer asked for."""
+MADE_FROM = "the part program and the model of the control"
 
 
-def programs_section(found: Facts) -> Section | None:
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """One simulated part program; ``moves`` is None where nothing can be drawn.
+
+    ``files`` are its summary and its table of moves.
+    """
+
+    summary: SimulatedProgram
+    moves: ProgramMoves | None
+    files: tuple[Path, Path]
+
+    @property
+    def name(self) -> str:
+        """Name of the program."""
+        return self.summary.program
+
+    @property
+    def refused(self) -> str:
+        """Why it could not be read; empty when it could."""
+        return self.summary.refused or ""
+
+    @property
+    def seconds(self) -> float | None:
+        """Predicted time [s]."""
+        return self.summary.total_time_s
+
+
+def simulated_programs(folder: Path | None, shelf: SourceRegistry) -> list[Program]:
+    """Simulated programs of a machine, the longest first."""
+    paths = [] if folder is None else sorted(folder.glob("*.json"))
+    programs = [one for path in paths if (one := _program(path, shelf)) is not None]
+    return sorted(programs, key=lambda p: (-(p.seconds or 0.0), p.name))
+
+
+def _program(path: Path, shelf: SourceRegistry) -> Program | None:
+    summary = shelf.read(path, SimulatedProgram, MADE_FROM)
+    if summary is None:
+        return None
+    table_path = path.with_suffix(".parquet")
+    table = None if summary.refused else shelf.table(table_path, COLUMNS, MADE_FROM)
+    moves = None
+    if table is not None:
+        try:
+            moves = program_moves(table, summary.origin_mm)
+        except pa.ArrowException as error:
+            shelf.broken[shown(table_path)] = f"its columns are not those of moves: {error}"
+    return Program(summary=summary, moves=moves, files=(path, table_path))
+
+
+def programs_section(programs: list[Program], shelf: SourceRegistry) -> Section | None:
     """Programs in a table, then each with its path, its feed over time, and its time by cause."""
-    programs = found.control.programs
     if not programs:
         return None
     refused = [p for p in programs if p.refused]
@@ -62,9 +124,9 @@ def programs_section(found: Facts) -> Section | None:
         text.append(f"The {len(drawn)} longest are drawn; the table has all of them.")
     if refused:
         text.append(f"{counted(len(refused), 'program')} could not be read:")
-    blocks: list[Block] = [t for t in (programs_overview_table(found),) if t is not None]
+    blocks: list[Block] = [t for t in (_overview_table(programs, shelf),) if t is not None]
     for place, program in enumerate(drawn):
-        blocks += _program(found, program, classes, folded=place >= MOST_OPEN)
+        blocks += _blocks(shelf, program, classes, folded=place >= MOST_OPEN)
     return Section(
         key="programs",
         title="Programs: where their time goes",
@@ -74,14 +136,15 @@ def programs_section(found: Facts) -> Section | None:
     )
 
 
-def _program(found: Facts, program: Program, classes: FeedClasses, *, folded: bool) -> list[Block]:
+def _blocks(
+    shelf: SourceRegistry, program: Program, classes: FeedClasses, *, folded: bool
+) -> list[Block]:
     heading = Heading(heading=program.name, text=_summary(program))
-    document = program.document
     parts = (
-        _map(found, program, classes),
-        _bars(found, program, limit_bars(document), "what bounds its speed"),
-        _timeline(found, program, classes),
-        _bars(found, program, tool_and_type_bars(document), "tool and type of block"),
+        _map(shelf, program, classes),
+        _bars(shelf, program, limit_bars(program.summary), "what bounds its speed"),
+        _timeline(shelf, program, classes),
+        _bars(shelf, program, tool_and_type_bars(program.summary), "tool and type of block"),
     )
     figures = [f for f in parts if f is not None]
     if not figures:
@@ -99,11 +162,11 @@ def _program(found: Facts, program: Program, classes: FeedClasses, *, folded: bo
 
 
 def _summary(program: Program) -> str:
-    seconds, cutting = program.seconds, real(program.document.get("cutting_time_s"))
+    seconds, cutting = program.seconds, program.summary.cutting_time_s
     words = [f"Predicted {duration(seconds)}"]
     if cutting is not None:
         words[0] += f", of which {duration(cutting)} cutting ({percent(cutting, seconds)})"
-    path = real(program.document.get("path_length_mm"))
+    path = program.summary.path_length_mm
     if path is not None:
         words[0] += f", over a path of {number(path / 1000)}{NARROW}m"
     if program.moves is not None and len(program.moves.time):
@@ -143,7 +206,7 @@ def lost_seconds(moves: ProgramMoves) -> float | None:
 
 def _binding(program: Program) -> str:
     """What costs most beside the programmed feed and rapids, and what that means."""
-    costs = limit_seconds(program.document)
+    costs = limit_seconds(program.summary)
     least = WORTH_SAYING * sum(costs.values())
     bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= least}
     if not bound:
@@ -160,11 +223,11 @@ def _legend(moves: ProgramMoves, classes: FeedClasses) -> list[tuple[str, str, s
     return [*legend, *([("l-rapid", "path of rapids", "line")] if moves.rapid.any() else [])]
 
 
-def _made(found: Facts, program: Program, *, moves: bool) -> list[Source]:
-    return sources(found.shelf, program.files[1 if moves else 0])
+def _made(shelf: SourceRegistry, program: Program, *, moves: bool) -> list[Source]:
+    return sources(shelf, program.files[1 if moves else 0])
 
 
-def _map(found: Facts, program: Program, classes: FeedClasses) -> Figure | None:
+def _map(shelf: SourceRegistry, program: Program, classes: FeedClasses) -> Figure | None:
     moves = program.moves
     if moves is None or len(moves.time) == 0:
         return None
@@ -175,11 +238,11 @@ def _map(found: Facts, program: Program, classes: FeedClasses) -> Figure | None:
     return Figure(
         svg=map_figure(moves, classes, words),
         caption=f"{words}. Rapids may leave the frame, which holds what is cut.",
-        sources=_made(found, program, moves=True),
+        sources=_made(shelf, program, moves=True),
     )
 
 
-def _timeline(found: Facts, program: Program, classes: FeedClasses) -> Figure | None:
+def _timeline(shelf: SourceRegistry, program: Program, classes: FeedClasses) -> Figure | None:
     shown = timeline(program.moves) if program.moves is not None and len(
         program.moves.time) else None  # fmt: skip
     if shown is None:
@@ -191,11 +254,11 @@ def _timeline(found: Facts, program: Program, classes: FeedClasses) -> Figure | 
     return Figure(
         svg=timeline_figure(shown, classes, words),
         caption=f"{words}; below, what the axes fall short by, and which tool is in the spindle.",
-        sources=_made(found, program, moves=True),
+        sources=_made(shelf, program, moves=True),
     )
 
 
-def _bars(found: Facts, program: Program, groups: list[Group], by: str) -> Figure | None:
+def _bars(shelf: SourceRegistry, program: Program, groups: list[Group], by: str) -> Figure | None:
     if not groups:
         return None
     total = program.seconds or sum(bar.seconds for bar in groups[0][1])
@@ -203,5 +266,47 @@ def _bars(found: Facts, program: Program, groups: list[Group], by: str) -> Figur
     return Figure(
         svg=bars_figure(groups, total, words),
         caption=f"{words}.",
-        sources=_made(found, program, moves=False),
+        sources=_made(shelf, program, moves=False),
+    )
+
+
+def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | None:
+    """Every program: predicted time, cutting, path, blocks, tools, what binds it beside feed."""
+    if not programs:
+        return None
+    refused = any(p.refused for p in programs)
+    return Table(
+        caption=f"Every part program, the longest first{left_out(len(programs), MOST_ROWS)}",
+        heads=[
+            Head(name="Program"),
+            *numbers(("predicted", ""), ("cutting", ""), ("path", "m"), ("blocks", ""),
+                     ("tools", ""), ("at the programmed feed", "")),
+            Head(name="else bound most by"),
+            *([Head(name="read")] if refused else []),
+        ],
+        rows=[_row(program)[: None if refused else -1] for program in programs[:MOST_ROWS]],
+        sources=sources(shelf, *(p.files[0] for p in programs)),
+    )  # fmt: skip
+
+
+def _row(program: Program) -> list[Cell]:
+    name = Cell(text=program.name, code=True)
+    if program.refused:
+        return cells(name, *["–"] * 7, Cell(text="refused", status="failed"))
+    summary, path, blocks = program.summary, program.summary.path_length_mm, program.summary.blocks
+    limits = limit_seconds(summary)
+    whole = sum(limits.values())
+    other = {k: v for k, v in limits.items() if k not in FREE}
+    most = max(sorted(other), key=lambda k: other[k]) if other else ""
+    tools = [one for one in summary.by_tool if one.tool != -1]
+    return cells(
+        name,
+        duration(program.seconds),
+        percent(summary.cutting_time_s, program.seconds),
+        NOT_KNOWN if path is None else number(path / 1000),
+        NOT_KNOWN if blocks is None else number(blocks),
+        number(len(tools)) if tools else "–",
+        percent(limits.get("feed", 0.0), whole) if limits else NOT_KNOWN,
+        f"{limit_words(most)}, {percent(other[most], whole)}" if most else "–",
+        Cell(text="read", status="passed"),
     )

@@ -1,34 +1,35 @@
-"""The page of one program's cut: loads, engagement, stability and cost, from its JSON document.
-
-The document is what ``kerf simulate --json`` writes with a stock; nothing else is read.
-"""
+"""Page of one program's cut: verdict, key figures, load, stability, cost, basis."""
 
 from pathlib import Path
 from typing import Any
 
 from pipeline.charts.numbers import counted, duration, number, real
 from pipeline.charts.sections import Figure, Figures, Section, present
-from pipeline.charts.sources import Source, dig, rows_of
-from pipeline.report import cut_engagement_figure, cut_load_figure
-from pipeline.report.alone import LonePage, rendered, source_of
-from pipeline.report.cut_engagement_figure import engagement_figure
-from pipeline.report.cut_load_figure import load_figure
-from pipeline.report.cut_point_figures import (
+from pipeline.charts.sources import Source
+from pipeline.report.cut.figures import (
     DRIVE_LEGEND,
+    ENGAGEMENT_LEGEND,
+    LOAD_LEGEND,
     LOBES_LEGEND,
+    OVER_LEGEND,
+    cut_trace,
     drive_figure,
+    engagement_figure,
+    load_figure,
     lobes_figure,
 )
-from pipeline.report.cut_tables import (
+from pipeline.report.cut.tables import (
     basis_table,
     cost_table,
+    entry,
     forces_table,
+    rows_of,
     sentence,
     share,
     warnings_pairs,
     worst_table,
 )
-from pipeline.report.cut_trace import cut_trace
+from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
 
@@ -51,8 +52,8 @@ def write_cut_page(document: dict[str, Any], out: Path, source: Path | None = No
     out.write_text(rendered(page, "cut.html.j2"), encoding="utf-8", newline="\n")
 
 
-def cut_page(document: dict[str, Any], sources: list[Source]) -> LonePage:
-    """What stands on the page of a document, in the order in which its reader needs it."""
+def cut_page(document: dict[str, Any], sources: list[Source]) -> StandalonePage:
+    """Verdict, key figures and sections of a document, in the order in which they are read."""
     status, word, sentences = _verdict(document)
     sections = [
         _load_section(document, sources),
@@ -60,9 +61,9 @@ def cut_page(document: dict[str, Any], sources: list[Source]) -> LonePage:
         _cost_section(document, sources),
         _basis_section(document, sources),
     ]
-    stock = str(dig(document, "cut", "stock", "text") or "")
-    material = str(dig(document, "cut", "material", "name") or "")
-    return LonePage(
+    stock = str(entry(document, "cut", "stock", "text") or "")
+    material = str(entry(document, "cut", "material", "name") or "")
+    return StandalonePage(
         program=str(document.get("program") or ""),
         machine=str(document.get("machine") or ""),
         about=f"Cut of {stock} in {material} on {document.get('machine')}",
@@ -86,7 +87,7 @@ def _verdict(document: dict[str, Any]) -> tuple[str, str, list[str]]:
         return "failed", "beyond its limits", _nearest(document) + _sentences(grave) + unsaid
     if warnings:
         return "attention", "look first", _nearest(document) + _sentences(warnings) + unsaid
-    if real(dig(document, "cut", "limits", "load_N")) is None:
+    if real(entry(document, "cut", "limits", "load_N")) is None:
         given = ["No limit of the load was given."]
         return "unknown", "no limit given", given + _nearest(document) + unsaid
     within = ["No block passes a limit that is known."]
@@ -104,7 +105,7 @@ def _nearest(document: dict[str, Any]) -> list[str]:
     used, row = max(known, key=lambda pair: pair[0])
     where = "Furthest beyond its limit" if used > 1 else "Nearest to its limit"
     binds = str(row["binds"]).removesuffix(" limit")
-    guessed = binds == "stability" and dig(document, "cut", "dynamics_measured") is not True
+    guessed = binds == "stability" and entry(document, "cut", "dynamics_measured") is not True
     what = binds if binds == "stability" else f"the {binds}"
     doubt = ", by dynamics that were not measured" if guessed else ""
     return [f"{where} is {what}: {share(used)} in line {row.get('line')}{doubt}."]
@@ -121,9 +122,9 @@ def _sentences(warnings: list[dict[str, Any]]) -> list[str]:
 
 
 def _key_figures(document: dict[str, Any]) -> list[tuple[str, str, str]]:
-    found = dig(document, "cut", "summary")
+    found = entry(document, "cut", "summary")
     total = found if isinstance(found, dict) else {}
-    limit, line = real(dig(document, "cut", "limits", "load_N")), real(total.get("peak_line"))
+    limit, line = real(entry(document, "cut", "limits", "load_N")), real(total.get("peak_line"))
     where = [f"line {line:.0f}"] if line is not None else []
     where += [f"limit {number(limit)} N"] if limit is not None else []
     driven, air = real(total.get("drive_share")), real(total.get("air_share"))
@@ -135,12 +136,12 @@ def _key_figures(document: dict[str, Any]) -> list[tuple[str, str, str]]:
          f"{_with_unit(total.get('removal_rate_cm3_min'), 'cm³/min')} while cutting"),
         ("Program", duration(total.get("time_s")),
          "" if air is None else f"{share(air)} of the time at feed in air"),
-        _cost_figure(total, str(dig(document, "cut", "currency") or "")),
+        _cost_figure(total, str(entry(document, "cut", "currency") or "")),
     ]  # fmt: skip
 
 
 def _cost_figure(total: dict[str, Any], currency: str) -> tuple[str, str, str]:
-    cost, time = real(dig(total, "cost", "sum")), real(dig(total, "cost", "time"))
+    cost, time = real(entry(total, "cost", "sum")), real(entry(total, "cost", "time"))
     if cost is None and time is not None:
         return "Cost of the time", _with_unit(time, currency), "tool life is not known"
     return "Cost of the part", _with_unit(cost, currency), ""
@@ -155,9 +156,9 @@ def _load_section(document: dict[str, Any], sources: list[Source]) -> Section | 
     trace = cut_trace(document)
     if trace is None:
         return None
-    limit = real(dig(document, "cut", "limits", "load_N"))
+    limit = real(entry(document, "cut", "limits", "load_N"))
     program = str(document.get("program") or "")
-    legend = [*cut_load_figure.LEGEND, *([cut_load_figure.OVER] if limit is not None else [])]
+    legend = [*LOAD_LEGEND, *([OVER_LEGEND] if limit is not None else [])]
     load = Figure(
         svg=load_figure(trace, limit, f"Peak load over the time of {program}"),
         caption="Greatest force on the tool in the plane within a revolution, over the time of the "
@@ -180,7 +181,7 @@ def _load_section(document: dict[str, Any], sources: list[Source]) -> Section | 
         pairs=warnings_pairs(document),
         blocks=[
             Figures(figures=[load], legend=legend, kind="one wide"),
-            Figures(figures=[engagement], legend=cut_engagement_figure.LEGEND, kind="one wide"),
+            Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
             forces_table(document, sources),
             *present(worst_table(document, sources)),
         ],
@@ -195,7 +196,7 @@ def _stability_section(document: dict[str, Any], sources: list[Source]) -> Secti
     ]
     if lobes is None and drive is None and not unknown:
         return None
-    source = dig(document, "cut", "dynamics")
+    source = entry(document, "cut", "dynamics")
     return Section(
         key="stability",
         title="Stability and drive",
@@ -222,7 +223,7 @@ def _lobes(document: dict[str, Any], sources: list[Source]) -> Figures | None:
 
 
 def _drive(document: dict[str, Any], sources: list[Source]) -> Figures | None:
-    drive = dig(document, "cut", "drive")
+    drive = entry(document, "cut", "drive")
     if not isinstance(drive, dict):
         return None
     picture = drive_figure(drive, rows_of(drive, "points"), "Cutting power against the drive")
@@ -244,7 +245,7 @@ def _basis_section(document: dict[str, Any], sources: list[Source]) -> Section:
         (str(row.get("reason")), f"{row.get('rows')} moves, the first in {row.get('first')}.")
         for row in rows_of(document, "cut", "left_out")
     ]
-    notes = dig(document, "cut", "notes")
+    notes = entry(document, "cut", "notes")
     return Section(
         key="basis",
         title="What these numbers rest on",
