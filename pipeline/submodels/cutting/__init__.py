@@ -4,7 +4,8 @@ Six coefficients of the linear-edge model (Altintas, *Manufacturing Automation*,
 runout and helix of the tool, edge forces of single teeth, the modes of the dynamometer's channels
 and a residual over the spindle's angle are identified from the harmonics of the mean revolution of
 recorded cuts.  Forces act on the tool along feed, normal and axis [N]; angles are those of
-:mod:`pipeline.cutting.engagement.engagement` [rad]; all quantities are SI but for the fields whose names carry
+:mod:`pipeline.cutting.engagement.engagement` [rad]; all quantities are SI but for the fields whose
+names carry
 a unit.  ``spindle_load`` identifies no-load power and specific cutting force from a spindle's load.
 """
 

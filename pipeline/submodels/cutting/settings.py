@@ -66,7 +66,8 @@ class Dynamometer:
     Parameters
     ----------
     feed : str
-        Channel of the force on the tool along the feed, F_x of :mod:`pipeline.cutting.force.waveform`.
+        Channel of the force on the tool along the feed, F_x of
+        :mod:`pipeline.cutting.force.waveform`.
         A dynamometer under the workpiece shows the opposite force: ``-x`` when its x points along
         the feed.
     normal : str
