@@ -67,9 +67,8 @@ class Dynamometer:
     ----------
     feed : str
         Channel of the force on the tool along the feed, F_x of
-        :mod:`pipeline.cutting.force.waveform`.
-        A dynamometer under the workpiece shows the opposite force: ``-x`` when its x points along
-        the feed.
+        :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the
+        opposite force: ``-x`` when its x points along the feed.
     normal : str
         Of the force on the tool to the left of the feed, F_y; with M4, to the right of it.
     axial : str
