@@ -1,4 +1,4 @@
-"""The registry on real bundles: what is registered once, what serves, what a later version loads."""
+"""The registry on real bundles: registered once, what serves, what a later version loads."""
 
 import json
 import os

@@ -5,7 +5,7 @@ from pathlib import Path
 from pipeline.gcode.setup import Setup
 from pipeline.schema.identity import MachineIdentity
 from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
-from pipeline.twin.program_files import simulate_files
+from pipeline.twin.simulation import simulate_files
 
 
 def simulate_programs(

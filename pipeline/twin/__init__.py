@@ -19,9 +19,7 @@ __all__ = [
     "drive_population",
     "program",
     "program_axes",
-    "program_files",
     "residual",
     "simulation",
     "spindle",
-    "spindle_model",
 ]

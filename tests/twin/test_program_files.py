@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pipeline.twin.program import planned_program, program_moves
-from pipeline.twin.program_files import simulate_files
+from pipeline.twin.simulation import simulate_files
 from tests.submodels.control.part_programs import SETUP, exciting, truth
 
 

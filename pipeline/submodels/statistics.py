@@ -1,11 +1,11 @@
-"""What bounded least squares says of its own answer: intervals, condition, correlation."""
+"""Statistics of fits: covariance of least squares in blocks, gain of a richer model over days."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.schema.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,3 +74,25 @@ def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) ->
         condition=condition,
         correlation=covariance / np.outer(safe, safe),
     )
+
+
+LEVEL = 0.05
+"""Chance of keeping a richer model that is no better [1]."""
+
+
+def gains(simple: NDArray[np.float64], rich: NDArray[np.float64]) -> bool:
+    """Whether ``rich`` has significantly lower squared errors than ``simple``, day by day.
+
+    A paired one-sided t-test over days: samples within a day hang together, days hardly do.  With
+    fewer than three days nothing is significant and the simpler model stays.
+
+    Parameters
+    ----------
+    simple, rich : ndarray, shape (days,)
+        Mean squared errors of the same days, none of them learnt from.
+    """
+    from scipy.stats import ttest_rel
+
+    if len(simple) < 3 or np.allclose(simple, rich):
+        return False
+    return bool(ttest_rel(simple, rich, alternative="greater").pvalue < LEVEL)
