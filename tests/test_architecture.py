@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pipeline"
 
-BELOW = {"schema", "kernels"}
+BELOW = {"schema", "kernels", "parallel"}
 """Rooms that every room may import."""
 ARROWS: dict[str, set[str]] = {
     "schema": set(),
@@ -27,7 +27,7 @@ ARROWS: dict[str, set[str]] = {
     "shop": {"gcode"},
     "twin": {"signals", "thermal", "cutting", "gcode", "machine"},
     "submodels": {
-        "twin", "signals", "thermal", "machine", "cutting", "gcode", "search", "charts", "parallel",
+        "twin", "signals", "thermal", "machine", "cutting", "gcode", "search", "charts",
         "parameters",
     },
     "optimisation": {"twin", "gcode", "machine", "cutting", "search"},

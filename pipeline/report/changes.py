@@ -110,7 +110,8 @@ def key_figures(facts: MachineFacts, verdict: str) -> MachineFigures:
         name: key_figure(one.name, one.unit, one.value)
         for page in facts.pages for name, one in page.compared.items()
     }  # fmt: skip
-    values.append(("programs", "Part programs", "", len(facts.programs) or None))
+    if facts.programs:
+        values.append(("programs", "Part programs", "", len(facts.programs)))
     values += [(name, *PARTS[name], value) for name, value in part_changes(facts.parts).items()]
     figures = {name: key_figure(words, unit, value) for name, words, unit, value in values}
     return MachineFigures(

@@ -16,7 +16,7 @@ from control_folders import (
     write_refused,
     write_validation,
 )
-from page_reader import outline, words
+from page_reader import outline, section, words
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.pages import write_report
@@ -38,11 +38,6 @@ def page(built):
 def report(folders, tmp_path) -> str:
     write_report([folders], FLEET, None, tmp_path / "out")
     return words(tmp_path / "out" / f"{folders.name}.html")
-
-
-def section(page, key: str) -> str:
-    found = re.search(rf'<section id="{key}".*?</section>', page.read_text(), flags=re.S)
-    return found.group() if found else ""
 
 
 def test_without_documents_there_is_no_section(tmp_path):

@@ -12,6 +12,7 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.stages.__main__ import load_stage
+from pipeline.submodels.promotion import PromotionSettings
 from tests.test_architecture import imported
 
 ROOT = Path(__file__).parents[2]
@@ -20,8 +21,9 @@ BY_HAND: dict[str, Any] = {
     "machine.*.spindle_drive": SpindleDrive,
     "machine.*.dynamics": TipModes,
     "machine.*.energy": EnergyParameters,
+    "promotion": PromotionSettings,
 }
-"""Sections that no stage reads, only ``kerf simulate`` for who runs it by hand, and their types."""
+"""Sections that no stage reads, only ``kerf simulate`` and ``kerf promote``, and their types."""
 
 
 def listed(each: str, fleet: dict[str, Any]) -> list[str]:
