@@ -15,7 +15,7 @@ from pipeline.charts.sections import PartVerdict, Section, SubModelPage, absent
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import sources
 from pipeline.report.folders import MachineFolders
-from pipeline.schema.bundle import Bundle
+from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Model
 from pipeline.schema.verdict import Figures, Score, Verdict
@@ -196,26 +196,12 @@ def serving(
     """The champion of a machine; None where none serves."""
     if folders.champion is None:
         return None
-    path = folders.champion / "bundle.json"
+    path = folders.champion / BUNDLE
     bundle = shelf.read(path, Bundle, "the promotion of a registered version")
     if bundle is None:
         return None
-    latest = {one.name: _hash(shelf, one.shown.folder) for one in parts if one.model is not None}
-    names = dict.fromkeys([*(one.name for one in parts), *bundle.submodels])
-    older = tuple(
-        name for name in names
-        if (name in latest) != (name in bundle.submodels)
-        or (name in latest and _champions(shelf, folders.champion / name) != latest[name])
-    )  # fmt: skip
+    latest = {one.name: model_hash(one.shown.folder) for one in parts if one.model is not None}
+    champion = {name: one.sha256 for name, one in bundle.submodels.items()}
+    names = dict.fromkeys([*(one.name for one in parts), *champion])
+    older = tuple(name for name in names if latest.get(name) != champion.get(name))
     return Serving(path=path, bundle=bundle, older=older)
-
-
-def _hash(shelf: SourceRegistry, folder: Path) -> str | None:
-    source = shelf.source(folder / "model.json")
-    return None if source is None else source.sha256
-
-
-def _champions(shelf: SourceRegistry, folder: Path) -> str | None:
-    """Hash of a champion's model, which is read for it."""
-    shelf.document(folder / "model.json", "the promotion of a registered version")
-    return _hash(shelf, folder)

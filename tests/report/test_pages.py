@@ -11,8 +11,9 @@ from report_folders import FLEET, empty_machine, machine, write_signals, write_t
 from pipeline.report.changes import KeyFigures
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import ReportMetrics, SubModelCounts, write_report
-from pipeline.schema.bundle import Bundle, BundledModel
+from pipeline.schema.bundle import Bundle, BundledModel, model_hash
 from pipeline.schema.store import read_json, write_json
+from pipeline.schema.verdict import Status
 
 
 @pytest.fixture(scope="module")
@@ -264,20 +265,21 @@ def test_metrics_count_machines_and_submodels_with_the_same_keys_for_each(tmp_pa
     assert metrics.machines["c"].submodels == SubModelCounts(passed=0, failed=0, not_judged=2)
 
 
-def champion(folders: MachineFolders, status: str) -> None:
-    """Let the model that is on disk serve, with a verdict of its own."""
-    shutil.copytree(folders.models / "spindle", folders.champion / "spindle")
-    serves = {"spindle": BundledModel(sha256="5e" * 32, status=status)}
+def champion(folders: MachineFolders, status: Status) -> str:
+    """Let the model that is on disk serve, with a verdict of its own; the beginning of its hash."""
+    sha256 = model_hash(folders.models / "spindle")
+    serves = {"spindle": BundledModel(sha256=sha256, status=status)}
     bundle = Bundle(machine=folders.name, origin="simulated", submodels=serves, sha256="b0" * 32)
     write_json(bundle, folders.champion / "bundle.json")
+    return sha256[:12]
 
 
 def test_the_champion_is_shown_and_is_no_news_while_it_is_the_latest(tmp_path):
     folders = machine(tmp_path, "m")
-    champion(folders, "passed")
+    sha256 = champion(folders, "passed")
     write_report([folders], FLEET, None, tmp_path / "out")
     text = words(tmp_path / "out" / "m.html")
-    assert "spindle temperature 5e5e5e5e5e5e passed the same" in text
+    assert f"spindle temperature {sha256} passed the same" in text
     assert "champion that serves has another model" not in text
 
 
