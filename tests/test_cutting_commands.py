@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,11 @@ import yaml
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.parameters import structure
+from pipeline.schema.model import Parameter
+from pipeline.schema.store import write_json
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT
+from tests.submodels.cutting import cutting_files
 from tests.test_cli import kerf, refused
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
@@ -267,30 +271,35 @@ def test_tools_with_one_law_share_its_line(project: Path) -> None:
 
 
 def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
-    folder = project / "data/models/mill01"
-    folder.mkdir(parents=True)
-    found = {"material": "A6061", "tool": {"kind": "flat", "diameter_mm": 12, "flutes": 3},
-             "parameters": {"K_tc": {"value": 900.0, "determined": True}}}  # fmt: skip
-    (folder / "cutting.json").write_text(json.dumps(found))
+    path = project / "data/champion/mill01/cutting/model.json"
+
+    def value(number: float) -> Parameter:
+        return Parameter(
+            value=number, unit="", interval_95=(number, number), determined=True, method=""
+        )
+
+    tool = {"kind": "flat", "diameter_mm": 12, "flutes": 3}
+    found = cutting_files.model({"": {"K_tc": value(900.0)}, "spindle": {}})
+    found = replace(found, material="A6061", tool=tool)
+    write_json(found, path)
     done = kerf(project, "simulate", "part.nc", *CUT)
     assert "forces of T4: identified: K_tc 900" in done.stdout
-    idle = {name: {"value": v} for name, v in (("p0", 100.0), ("p1", 1.0), ("p2", 0.5))}
-    found["spindle"] = {"no_load": {"coefficients": idle}}
     before = _energy(project)
-    (folder / "cutting.json").write_text(json.dumps(found))
+    idle = {name: value(v) for name, v in (("p0", 100.0), ("p1", 1.0), ("p2", 0.5))}
+    write_json(replace(found, parameters={**found.parameters, "spindle": idle}), path)
     # 100 rev/s: 100 + 100 + 5000 W instead of what the machine's file says
     conf = yaml.safe_load((project / "conf/machine/mill01.yaml").read_text())["spindle_drive"]
-    told = sum(p * 100.0**k for k, p in enumerate(conf["no_load_W"]))
+    stated = sum(p * 100.0**k for k, p in enumerate(conf["no_load_W"]))
     blocks = json.loads((project / "c.json").read_text())["blocks"]
     first = [block["type"] for block in blocks].index("spindle")
     turning = sum(block["time_s"] for block in blocks[first:])
     drive = structure({"drive": conf}, "drive", SpindleDrive)
-    rise = (5200 - told) / (drive.efficiency * drive.motor_efficiency) * turning / 3.6e6
+    rise = (5200 - stated) / (drive.efficiency * drive.motor_efficiency) * turning / 3.6e6
     assert _energy(project) - before == pytest.approx(rise, rel=1e-3)
-    (folder / "cutting.json").write_text("{")
-    assert "cutting.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)
-    (folder / "cutting.json").write_text("[]")
-    assert "holds no identified forces" in refused(project, "simulate", "part.nc", *CUT)
+    path.write_text("{")
+    assert "cutting/model.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)
+    path.write_text("[]")
+    assert "is not what this version stores" in refused(project, "simulate", "part.nc", *CUT)
 
 
 def _energy(project: Path) -> float:

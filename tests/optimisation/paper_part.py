@@ -6,13 +6,11 @@ machine is one of the shop floor, which knows more of cutting than the twin (siz
 wear, runout, sharpness, axes that lag); what the twin knows of it comes from its dynamometer alone.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import yaml
-from pipeline.identification.cutting.document import cutting_document
 from threadpoolctl import threadpool_limits
 
 from pipeline.cutting.economics.cost import CostRates
@@ -30,8 +28,10 @@ from pipeline.machine.control.parameters import (
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
+from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.limits import CutLimit
+from pipeline.schema.model import Model
 from pipeline.schema.part import Objective
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.parameters import (
@@ -49,8 +49,9 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
-from pipeline.submodels.cutting.identify import identify_cutting_force
-from pipeline.submodels.cutting.recordings import read_recordings
+from pipeline.submodels.cases import Records, Roles, role_of
+from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
+from pipeline.submodels.cutting.recordings import RecordingReader
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
@@ -158,8 +159,8 @@ TRIAL = TrialJob(
 )  # fmt: skip
 
 
-def paper_knowledge(folder: Path) -> dict[str, Any]:
-    """The ``cutting.json`` of the machine, from its dynamometer's recordings written to ``folder``.
+def paper_knowledge(folder: Path) -> CuttingModel:
+    """The machine's cut, from its dynamometer's recordings written to ``folder``.
 
     Runout belongs to a mounting and wear to an edge: those of the recordings are not those of the
     parts to come.
@@ -174,28 +175,33 @@ def paper_knowledge(folder: Path) -> dict[str, Any]:
     )  # fmt: skip
     ingest(raw, signals, list(structure({"s": sources}, "s", tuple[RecordSource, ...])), identity)
     known = CuttingSetup(tool=_table().tools[1], material=MATERIAL)
-    records = CuttingRecords(
-        recordings="dynamometer/*.csv", name=conf["cutting_records"]["name"],
+    records = CuttingRecords(recordings="dynamometer/*.csv", name=conf["cutting_records"]["name"])
+    roles = Roles(
         training=("dynamometer/slot-n5000f150ap1.csv", "dynamometer/slot-n5000f400ap1.csv",
                   "dynamometer/slot-n5000f600ap1.csv", "dynamometer/down-n5000*"),
     )  # fmt: skip
     settings = CuttingFitSettings(compare=False)
+    reader = RecordingReader(
+        signals=signals, files=Records(signals=signals).files, records=records, setup=known,
+        settings=settings, role=lambda name: role_of([name], roles),
+    )  # fmt: skip
     with threadpool_limits(1):  # small matrices: threads cost more than they save
-        recordings = read_recordings(signals, records, known, settings)
-        found = identify_cutting_force(recordings, known, settings)
-    return cutting_document(identity, known, found, settings, {})
+        found = identify_cutting_force(reader.recordings(), known, settings)
+    head = Model(
+        submodel="cutting", machine=identity.name, origin=identity.origin, parameters={},
+        trained_on=(),
+    )  # fmt: skip
+    return cutting_model(head, found, known, settings, None)
 
 
 def paper_job(
-    objective: Objective, knowledge: Mapping[str, Any] | None = None,
+    objective: Objective, knowledge: CuttingModel | None = None,
     settings: OptimisationSettings | None = None,
 ) -> Job:  # fmt: skip
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
     table = _table()
     material = _conf("material/A6061.yaml", Material)
-    laws = tool_coefficients(
-        table.tools, MATERIAL, material, identified_coefficients(knowledge or {})
-    )
+    laws = tool_coefficients(table.tools, MATERIAL, material, identified_coefficients(knowledge))
     return Job(
         program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP, control=CONTROL,
         cut=CutJob(

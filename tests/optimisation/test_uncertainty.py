@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.part_loads import draws_of
 from pipeline.optimisation.reliability.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
+from pipeline.schema.cutting import MAGNITUDE, CuttingModel, StoredCutModel, ToolGeometry
+from pipeline.schema.model import Correlation, Parameter
+from pipeline.schema.verdict import Score, Verdict
 from pipeline.twin.cut_coefficients import ToolCoefficients
+from tests.submodels.cutting import cutting_files
 
 LAW = ForceLaw.linear(K_tc=700.0, K_rc=200.0, K_ac=100.0, K_te=30.0, K_re=20.0, K_ae=2.0)
 MILL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
@@ -21,29 +23,33 @@ HALF = {"K_tc": 60.0, "K_rc": 80.0, "K_ac": 30.0, "K_te": 6.0, "K_re": 5.0}
 NAMES = [*HALF, "K_ae"]
 
 
-def parameter(value, half) -> dict:
-    return {"value": value, "interval_95": [value - half, value + half], "determined": True}
+def parameter(value, low, high) -> Parameter:
+    known = value is not None
+    return Parameter(
+        value=value, unit="", interval_95=(low, high) if known else None, determined=known,
+        method="",
+    )  # fmt: skip
 
 
-def document() -> dict:
-    """As cutting.json: K_ae is not determined, K_tc and K_te are known to be opposed."""
+def model() -> CuttingModel:
+    """A cut whose K_ae is not determined, and whose K_tc and K_te are known to be opposed."""
     values = dict(zip(NAMES, [700.0, 200.0, 100.0, 30.0, 20.0, None], strict=True))
-    rows = {name: parameter(values[name], half) for name, half in HALF.items()}
-    rows["K_ae"] = {"value": None, "interval_95": None, "determined": False}
-    rows["runout"] = {"value": 8.0, "interval_95": [5.0, 12.0], "determined": True}
+    rows = {n: parameter(values[n], values[n] - half, values[n] + half) for n, half in HALF.items()}
+    rows |= {"K_ae": parameter(None, 0.0, 0.0), "runout": parameter(8.0, 5.0, 12.0)}
     matrix = np.eye(7)
     matrix[1, 4] = matrix[4, 1] = -0.6
-    return {
-        "parameters": rows,
-        "correlation": {"names": ["along", *NAMES], "matrix": matrix.tolist()},
-        "prediction": {"values": [7e8, 2e8, 1e8, 3e4, 2e4, 5e3, 0.0, 0.0]},
-    }
+    prediction = StoredCutModel(
+        tool={}, geometry=ToolGeometry(), values=(7e8, 2e8, 1e8, 3e4, 2e4, 5e3, 0.0, 0.0),
+        natural_Hz=None, damping=None, left_out_N2=(),
+    )  # fmt: skip
+    correlation = Correlation(names=("along", *NAMES), values=tuple(map(tuple, matrix.tolist())))
+    stored = cutting_files.model({"": rows})
+    return replace(stored, correlation=correlation, prediction=prediction)
 
 
-def identified(tool=MILL, certainty=None, documents=None):
+def identified(tool=MILL, certainty=None):
     law = ToolCoefficients(law=replace(LAW, K_ae=0.0), kind="identified", source="this machine")
-    found = document() if documents is None else documents
-    return uncertainty({1: law}, {1: tool}, found, None, certainty or ReliabilitySettings())
+    return uncertainty({1: law}, {1: tool}, model(), None, certainty or ReliabilitySettings())
 
 
 def others(**kinds: str):
@@ -143,15 +149,20 @@ def test_depth_is_of_each_tool_and_the_model_of_the_part():
 
 
 def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
-    rows = [
-        {"role": role, "components": {"resultant": {"peak_error_percent": error}}}
-        for role, error in (("judged", 3.0), ("judged", -5.0), ("training", 90.0))
-    ]
+    scores = tuple(
+        Score(
+            quantity=MAGNITUDE, unit="N", group=f"{role} {error}", regime="", role=role, n=1,
+            peak_percent=error,
+        )
+        for role, error in (("held_out", 3.0), ("golden", -5.0), ("training", 90.0))
+    )  # fmt: skip
+    verdict = Verdict(
+        submodel="cutting", machine="mill", origin="simulated", status="passed", reasons=(),
+        judged_role="golden", golden=None, scores=scores,
+    )  # fmt: skip
     law = {1: ToolCoefficients(law=LAW, kind="measured", source="A")}
     for least, expected in ((0.02, np.sqrt((9 + 25) / 2) / 100), (0.1, 0.1)):
-        known = uncertainty(
-            law, {1: MILL}, None, {"recordings": rows}, ReliabilitySettings(model=least)
-        )
+        known = uncertainty(law, {1: MILL}, None, verdict, ReliabilitySettings(model=least))
         assert known.model == pytest.approx(expected)
 
 
@@ -179,21 +190,10 @@ def test_a_law_without_its_tool_is_named():
         uncertainty({4: law}, {1: MILL}, None, None, ReliabilitySettings())
 
 
-JSON = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.text(max_size=3),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
-        st.sampled_from(["K_tc", "value", "interval_95", "names", "matrix", "values", "role"]),
-        inner, max_size=3,
-    ),
-    max_leaves=8,
-)  # fmt: skip
-KEYS = ("parameters", "correlation", "prediction", "recordings")
-
-
-@given(st.dictionaries(st.sampled_from(KEYS), JSON))
-@settings(max_examples=60, deadline=None)
-def test_documents_of_another_form_are_not_known(found):
+def test_a_cut_without_a_fit_is_not_known():
     law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
-    known = uncertainty({1: law}, {1: MILL}, found, found, ReliabilitySettings())
-    drawn = draws_of(known, 16, 0).tools[1]
-    assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()
+    for bare in (None, cutting_files.without_forces()):
+        known = uncertainty({1: law}, {1: MILL}, bare, None, ReliabilitySettings())
+        drawn = draws_of(known, 16, 0).tools[1]
+        assert np.isfinite(drawn.coefficients).all()
+        assert np.isfinite(drawn.offsets).all()

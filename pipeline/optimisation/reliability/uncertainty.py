@@ -284,7 +284,7 @@ def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats
     if model is None:
         return correlations
     names, values = model.correlation.names, model.correlation.values
-    if any(one is None for row in values for one in row):
+    if not names or any(one is None for row in values for one in row):
         return correlations
     table = np.array(values, dtype=np.float64).reshape(len(names), -1)
     rows = [k for k, name in enumerate(COEFFICIENTS) if name in names and name in determined]
