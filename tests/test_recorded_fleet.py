@@ -9,7 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.app.fleet import collect, use_fleet
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.stages.__main__ import run
+from pipeline.twin.spindle import SpindleModelFile
 from tests.browser import foreign, look, needs_browser, requests
 from tests.small_project import ROOT, inside
 
@@ -17,7 +20,7 @@ RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(
     not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
 )
-MODEL = "data/models/mazak01"
+MODEL = "data/models/mazak01/spindle"
 
 
 def build(project: Path) -> None:
@@ -25,20 +28,18 @@ def build(project: Path) -> None:
     with inside(project):
         run("ingest@mazak01", "data/raw/mazak01", "data/signals/mazak01")
         run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
-        found = (f"{MODEL}/spindle_thermal.json", f"{MODEL}/residual")
-        run("identify_spindle@mazak01", "data/clean/mazak01", found[0])
-        run("train_residual@mazak01", "data/clean/mazak01", *found)
-        run("validate@mazak01", "data/signals/mazak01/manifest.json", "data/clean/mazak01",
-            *found, "data/golden", f"{MODEL}/validation.json", f"{MODEL}/predictions.parquet",
-            "data/metrics/mazak01.json")  # fmt: skip
-        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth",
-                                               "parts", "trials")), "reports")  # fmt: skip
+        reads = ("data/signals/mazak01/manifest.json", "data/clean/mazak01", MODEL)
+        run("identify_spindle@mazak01", *reads)
+        run("judge_spindle@mazak01", *reads, "data/golden", "data/metrics/mazak01_spindle.json")
+        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "champion", "golden",
+                                               "truth", "programs", "parts", "trials")),
+            "reports", "data/metrics/report.json")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
-    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    shutil.copytree(ROOT / "conf", folder / "conf")
     shutil.copytree(ROOT / "data/golden", folder / "data/golden")
     with inside(folder):
         fleet = use_fleet("recorded")
@@ -64,20 +65,21 @@ def test_nothing_is_lost_or_rejected(project):
 
 
 def test_every_golden_day_is_within_the_limits_and_better_than_persistence(project):
-    verdict = json.loads((project / MODEL / "validation.json").read_text())
-    assert verdict["verdict"] == "passed", verdict["reasons"]
-    days = verdict["windows"]["days"]
-    assert [d["day"] for d in days] == ["2019-05-20", "2019-05-21", "2019-05-22", "2019-05-23"]
+    verdict = read_json(project / MODEL / "verdict.json", Verdict)
+    assert verdict.status == "passed", verdict.reasons
+    scores = verdict.of("spindle_temperature", role="golden")
+    days = [s for s in scores if s.regime == "windows" and s.group != "all"]
+    assert [s.group for s in days] == ["2019-05-20", "2019-05-21", "2019-05-22", "2019-05-23"]
     for day in days:
-        assert day["model"]["mae_K"] < 2.0
-        assert day["model"]["rmse_K"] < 3.0
-        assert day["model"]["rmse_K"] < day["persistence"]["rmse_K"]
+        assert day.mae < 2.0
+        assert day.rmse < 3.0
+        assert day.rmse < day.baselines["persistence"].rmse
 
 
 def test_the_forest_that_does_not_help_is_not_used(project):
-    about = json.loads((project / MODEL / "residual/features.json").read_text())
-    helps = about["rmse_days_left_out_K"] < about["rmse_without_K"]
-    assert not about["used"] or helps
+    about = read_json(project / MODEL / "model.json", SpindleModelFile).forest
+    helps = about.rmse_days_left_out_K < about.rmse_without_K
+    assert not about.used or helps
 
 
 @needs_browser
@@ -94,7 +96,7 @@ def test_one_new_day_is_read_alone_and_gives_what_a_build_from_nothing_gives(pro
     raw = "data/raw/mazak01/week_2019-05-20/Mazak01-20190522-20190523.txt"
     grown, whole = tmp_path / "grown", project
     for part in ("conf", "data/golden", "data/raw"):
-        shutil.copytree(whole / part, grown / part, symlinks=True)
+        shutil.copytree(whole / part, grown / part)
     shutil.copy(whole / "params.yaml", grown)
     (grown / raw).unlink()
     with inside(grown):
