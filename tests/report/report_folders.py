@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pipeline.twin.spindle_model import SpindleFitFacts, SpindleModelFile
 
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
@@ -18,7 +17,7 @@ from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, GoldenUsed, JudgedCase, Score, Verdict
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import Forest
-from pipeline.twin.spindle import SpindleRecords
+from pipeline.twin.spindle import SpindleFitFacts, SpindleModelFile, SpindleRecords
 
 UTC_NS = pa.timestamp("ns", tz="UTC")
 ABOVE = "MAE over one hour is above 2.0 K"
