@@ -16,7 +16,9 @@ from pipeline.stages.__main__ import run
 ROOT = Path(__file__).parents[1]
 MACHINE = "mill01"
 MONDAY, WEDNESDAY, THURSDAY = "2026-01-05", "2026-01-07", "2026-01-08"
-PATHS = ("data/raw", "data/truth", "data/golden", "data/models", "data/parts", "data/trials",
+SUBMODELS = ("spindle", "control", "drive", "cutting")
+PATHS = ("data/raw", "data/signals", "data/clean", "data/truth", "data/golden", "data/models",
+         "data/champion", "data/programs", "data/parts", "data/trials",
          "data/metrics")  # fmt: skip
 
 
@@ -33,22 +35,27 @@ def inside(project: Path) -> Iterator[Path]:
 
 def new_project(folder: Path) -> Path:
     """Parameters of one machine for one week, and nothing built yet."""
-    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
-    active = folder / "conf/fleet/active.yaml"
-    active.unlink()
-    active.symlink_to("simulated.yaml")
+    with_conf(folder)
     with inside(folder):
         run("compose", "conf", "params.yaml")
         for path in PATHS:
             Path(path).mkdir(parents=True)
-    change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE], spindles=[MACHINE],
-           controls=[MACHINE], drives=[MACHINE], cuts=[MACHINE], optimised=[MACHINE],
+    change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE],
+           submodels={name: [MACHINE] for name in SUBMODELS}, optimised=[MACHINE],
            trials=[MACHINE])  # fmt: skip
     change(folder, f"machine.{MACHINE}.shop", weeks=1)
-    change(folder, f"machine.{MACHINE}.spindle", training_from=MONDAY, training_to=WEDNESDAY)
+    days = {"first": MONDAY, "last": WEDNESDAY}
+    change(folder, f"machine.{MACHINE}.roles", training_days=days)
     change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])
     change(folder, "residual_forest", trees=5, folds=2, every_s=3600.0)
     return folder
+
+
+def with_conf(folder: Path, fleet: str = "simulated") -> None:
+    """A copy of conf/ with ``fleet`` as the active one, whichever is active here."""
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    fleets = folder / "conf/fleet"
+    (fleets / "active.yaml").write_text((fleets / f"{fleet}.yaml").read_text())
 
 
 def change(project: Path, section: str, **values: Any) -> None:

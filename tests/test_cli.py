@@ -5,21 +5,27 @@ import os
 import pty
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from click.testing import Result
 from typer.testing import CliRunner
 
 from pipeline.app.commands import app
-from pipeline.registry import register
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
+from pipeline.schema.model import SourceFile
+from pipeline.submodels.contract import submodel
+from tests import bundled_project
 from tests.fuzz.seeds import LOGS
-from tests.small_project import MACHINE, MONDAY, ROOT, build, change, inside, new_project
+from tests.small_project import MACHINE, MONDAY, ROOT, SUBMODELS, build, change, inside, new_project
 
 COMMANDS = (
-    "ingest", "status", "report", "fleet", "golden", "promote", "interpret", "simulate", "check",
-    "optimise",
+    "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
+    "check", "optimise",
 )  # fmt: skip
 
 
@@ -182,57 +188,107 @@ def test_there_is_a_bar_where_a_person_looks(project: Path, tmp_path: Path) -> N
     assert b"reading" in seen and b"\x1b" in seen
 
 
+def rows_of(done: Result) -> list[dict[str, str]]:
+    """Rows of a table that a command prints, by the names of its columns."""
+    assert done.exit_code == 0, done.output
+    head, *lines = done.stdout.splitlines()
+    names = head.split("  ")
+    names = [name.strip() for name in names if name.strip()]
+    starts = [head.index(name) for name in names]
+    ends = [*starts[1:], None]
+    return [
+        {name: line[a:b].strip() for name, a, b in zip(names, starts, ends, strict=True)}
+        for line in lines
+    ]
+
+
 def test_status_without_a_registry(project: Path) -> None:
-    change(project, "fleet", machines=[MACHINE, "mill02"])
-    done = kerf(project, "status")
-    head, first, second = done.stdout.splitlines()
-    assert done.exit_code == 0
-    assert head.split("  ")[0] == "machine" and head.endswith("previous")
-    assert first.split("  ")[0] == MACHINE and second.split("  ")[0] == "mill02"
-    for line in (first, second):
-        assert "simulated" in line and "not judged: run `dvc repro`" in line
-        assert line.split()[-4:] == ["-", "-", "-", "-"]
+    fleet = {name: [MACHINE] for name in SUBMODELS} | {"spindle": [MACHINE, "mill02"]}
+    change(project, "fleet", machines=[MACHINE, "mill02"], submodels=fleet)
+    rows = rows_of(kerf(project, "status"))
+    assert [(row["machine"], row["sub-model"]) for row in rows] == [
+        *((MACHINE, name) for name in SUBMODELS), ("mill02", "spindle"),
+    ]  # fmt: skip
+    for row in rows:
+        assert row["latest"] == "not built: run `dvc repro`"
+        assert {row[name] for name in ("champion", "serving", "challenger")} == {"-"}
     assert not (project / "mlflow.db").exists()
 
 
-def judged(project: Path, verdict: str, mae: float) -> Path:
-    """A folder as the stages leave it; the model in it is not one that predicts."""
-    folder = project / f"data/models/{MACHINE}"
-    (folder / "residual").mkdir(parents=True, exist_ok=True)
-    (folder / "residual/features.json").write_text("{}")
-    (folder / "spindle_thermal.json").write_text(json.dumps({"mae": mae}))
-    scores = {"model": {"mae_K": mae, "rmse_K": mae, "max_K": None}}
-    (folder / "validation.json").write_text(
-        json.dumps(
-            {"machine": MACHINE, "origin": "simulated", "verdict": verdict, "golden": None,
-             "windows": {"all": scores, "days": []}}
-        )
+def test_status_and_promotion_with_a_registry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A first bundle serves, a second that is better by 2 K becomes champion, a third failed."""
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    root = bundled_project.project(tmp_path / "project")
+    (root / "conf").symlink_to(ROOT / "conf")
+    for error in (2.0, 0.0):
+        bundled_project.spindle(root, error_K=error)
+        bundled_project.registered(root)
+    (row,) = rows_of(kerf(root, "status"))
+    assert row == {
+        "machine": MACHINE, "origin": "simulated", "sub-model": "spindle", "latest": "passed",
+        "champion": "passed", "serving": "version 1", "challenger": "version 2",
+    }  # fmt: skip
+    assert "Missing option '--why'" in kerf(root, "promote", MACHINE).stderr
+    done = kerf(root, "promote", MACHINE, "--why", "two kelvin better")
+    assert (done.exit_code, done.stdout) == (
+        0, f"{MACHINE}: version 2 is champion; commit champions.json\n",
     )  # fmt: skip
-    return folder
+    (row,) = rows_of(kerf(root, "status"))
+    assert row["serving"].startswith("version 2 since 20") and row["challenger"] == "-"
+    again = refused(root, "promote", MACHINE, "--why", "once more")
+    assert f"{MACHINE} has no challenger: run `dvc repro`" in again
+    bundled_project.spindle(root, mae_K=1e-6)
+    said = refused(root, "promote", MACHINE, "--why", "why not")
+    assert f"the newest bundle of {MACHINE} may not serve: its spindle failed" in said
+    done = kerf(root, "promote", MACHINE, "--why", "back", "--to", "1")
+    assert done.stdout.startswith(f"{MACHINE}: version 1 is champion")
 
 
-def test_status_and_promotion_with_a_registry(project: Path) -> None:
-    assert f"{MACHINE} has no challenger" in refused(project, "promote", MACHINE)
-    for verdict, mae in (("passed", 1.25), ("passed", 0.75)):
-        register(MACHINE, judged(project, verdict, mae), {}, project)
-    row = kerf(project, "status").stdout.splitlines()[1]
-    assert row.split("  ")[0] == MACHINE
-    assert "passed" in row and "0.75" in row
-    assert "version 1, passed  version 2, passed" in row and row.endswith("-")
-    done = kerf(project, "promote", MACHINE)
-    assert (done.exit_code, done.stdout) == (0, f"{MACHINE}: version 2 is champion\n")
-    assert kerf(project, "status").stdout.splitlines()[1].endswith("version 1, passed")
-    register(MACHINE, judged(project, "failed", 3.0), {}, project)
-    assert "has the verdict 'failed'" in refused(project, "promote", MACHINE)
+def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) -> None:
+    root = bundled_project.project(tmp_path / "project")
+    (root / "conf").symlink_to(ROOT / "conf")
+    bundled_project.hour(root).to_parquet(root / "hour.parquet")
+    words = ("predict", MACHINE, "spindle", "hour.parquet", "--out")
+    assert "holds no model" in refused(root, *words, "p.parquet")
+    bundled_project.spindle(root)
+    assert f"data/champion/{MACHINE}/spindle holds no model" in refused(root, *words, "p.parquet")
+    done = kerf(root, *words, "p.csv", "--model", "latest")
+    with_it = submodel("spindle").serve(root / f"data/models/{MACHINE}/spindle")
+    expected = with_it(pd.read_parquet(root / "hour.parquet"))
+    assert (done.exit_code, done.stdout) == (0, f"wrote {len(expected)} rows to p.csv\n")
+    found = pd.read_csv(root / "p.csv", parse_dates=["time"])
+    assert list(found.columns) == list(expected.columns)
+    values = [name for name in expected.columns if name != "time"]
+    assert found[values].to_numpy() == pytest.approx(expected[values].to_numpy(), nan_ok=True)
+    latest = ("--model", "latest")
+    (root / "bare.csv").write_text("time\n2026-01-05T08:00:00Z\n")
+    for table, said in (("bare.csv", "has no column"), ("none.csv", "none.csv")):
+        assert said in refused(
+            root, "predict", MACHINE, "spindle", table, "--out", "q.csv", *latest
+        )
+    said = refused(root, "predict", MACHINE, "wear", "hour.parquet", "--out", "q.csv", *latest)
+    assert "'wear'" in said
+    assert not (root / "q.csv").exists()
 
 
 def test_a_verdict_that_is_broken_is_named(project: Path) -> None:
-    (judged(project, "passed", 1.0) / "validation.json").write_text("{")
-    assert f"data/models/{MACHINE}/validation.json is no JSON" in refused(project, "status")
+    verdict = project / f"data/models/{MACHINE}/spindle/verdict.json"
+    verdict.parent.mkdir(parents=True)
+    verdict.with_name("model.json").write_text("{}")
+    verdict.write_text("{")
+    said = refused(project, "status")
+    assert f"data/models/{MACHINE}/spindle/verdict.json is no JSON" in said and "dvc repro" in said
 
 
 def active(project: Path) -> str:
-    return (project / "conf/fleet/active.yaml").readlink().name
+    """Name of the fleet in active.yaml, which is a file of its own and no link."""
+    path = project / "conf/fleet/active.yaml"
+    assert not path.is_symlink()
+    name = str(yaml.safe_load(path.read_text())["name"])
+    assert path.read_text() == path.with_name(f"{name}.yaml").read_text()
+    return name
 
 
 def test_another_fleet_is_made_active(project: Path) -> None:
@@ -241,28 +297,29 @@ def test_another_fleet_is_made_active(project: Path) -> None:
         0,
         "fleet recorded: mazak01, hurco, emps, umich_mill, kistler_slot\n",
     )
-    assert active(project) == "recorded.yaml"
+    assert active(project) == "recorded"
     assert kerf(project, "fleet", "recorded").exit_code == 0
     with inside(project):
         build(project, "compose")
     assert "mazak01" in (project / "params.yaml").read_text()
-    assert (project / "data/truth").is_dir()
+    # dependencies of the report that no stage of this fleet writes
+    assert all((project / "data" / name).is_dir() for name in ("truth", "programs", "trials"))
     kerf(project, "fleet", "simulated")
-    assert active(project) == "simulated.yaml"
+    assert active(project) == "simulated"
 
 
 @pytest.mark.parametrize("name", ["active", "nowhere", "../fleet/recorded"])
 def test_a_fleet_that_is_none_is_refused(name: str, project: Path) -> None:
     said = refused(project, "fleet", name)
     assert "known fleets: recorded, simulated" in said
-    assert active(project) == "simulated.yaml"
+    assert active(project) == "simulated"
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("name: own\nmachines: [mill01]\nspindels: [mill01]\n", "spindels"),
-        ("name: own\nmachines: [mill01]\nspindles: [mill02]\n", "['mill02']"),
+        ("name: own\nmachines: [mill01]\nsubmodles: {}\n", "submodles"),
+        ("name: own\nmachines: [mill01]\nsubmodels: {drive: [mill02]}\n", "['mill02']"),
         ("name: own\nmachines: [lathe9]\n", "lathe9"),
         ("name: [own\n", "conf/fleet/own.yaml is no fleet"),
         ("machines: mill01\nname: own\n", "'mill01' is no list"),
@@ -271,7 +328,7 @@ def test_a_fleet_that_is_none_is_refused(name: str, project: Path) -> None:
 def test_a_fleet_that_is_wrong_is_refused(text: str, said: str, project: Path) -> None:
     (project / "conf/fleet/own.yaml").write_text(text)
     assert said in refused(project, "fleet", "own")
-    assert active(project) == "simulated.yaml"
+    assert active(project) == "simulated"
 
 
 @pytest.fixture
@@ -332,16 +389,98 @@ def test_recordings_that_are_not_there_are_named(project: Path, recordings: Path
     assert f"{recordings} does not exist: name the folder that holds nist_mazak01" in said()
 
 
-def test_a_golden_week_is_frozen(project: Path) -> None:
-    entry = {"sha256": "ab" * 32, "last": f"{MONDAY}T15:00:00Z"}
+LOGGED = {"agent/1.txt": MONDAY, "agent/2.txt": "2026-01-12", "agent/3.txt": "2026-01-19"}
+TRACES = ("servo/circle-XY.csv", "servo/load-step-X.csv")
+
+
+@pytest.fixture
+def ingested(project: Path) -> Path:
+    """Manifest of three weeks of logs and of two traces, which have no clock."""
+    entries = {name: f"{day}T15:00:00Z" for name, day in LOGGED.items()} | dict.fromkeys(TRACES)
+    files = {
+        name: {"sha256": sha256(name.encode()).hexdigest(), "last": last}
+        for name, last in entries.items()
+    }
     folder = project / f"data/signals/{MACHINE}"
-    folder.mkdir(parents=True)
-    (folder / "manifest.json").write_text(json.dumps({"files": {"agent/1.txt": entry}}))
-    done = kerf(project, "golden", MACHINE, "--first", MONDAY, "--last", "2026-01-11")
-    assert done.exit_code == 0 and done.stdout.startswith("froze 1 files, sha256 ")
-    frozen = json.loads((project / f"data/golden/{MACHINE}.json").read_text())
-    assert frozen["files"] == [{"file": "agent/1.txt", "sha256": "ab" * 32}]
-    assert frozen["week"] == {"first": MONDAY, "last": "2026-01-11"}
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "manifest.json").write_text(json.dumps({"files": files}))
+    return project
+
+
+def sets_of(project: Path) -> GoldenSets:
+    found = read_golden(project / f"data/golden/{MACHINE}.json")
+    assert found is not None and found.machine == MACHINE
+    return found
+
+
+def frozen(project: Path, *words: str) -> FrozenSet:
+    """What ``kerf golden`` freezes; it says how much and with which hash."""
+    done = kerf(project, "golden", MACHINE, *words)
+    assert done.exit_code == 0, done.output
+    sets = sets_of(project)
+    found = sets.sealed if "--sealed" in words else sets.golden
+    assert found is not None
+    assert done.stdout == f"froze {len(found.files)} files, sha256 {found.sha256[:12]}\n"
+    return found
+
+
+def test_a_golden_week_is_frozen(ingested: Path) -> None:
+    found = frozen(ingested, "--first", MONDAY, "--last", "2026-01-11")
+    own = sha256(b"agent/1.txt").hexdigest()
+    assert found.files == (SourceFile(file="agent/1.txt", sha256=own),)
+    assert found.days == Days(first=MONDAY, last="2026-01-11")
+    assert sets_of(ingested).sealed is None
+
+
+def test_files_without_a_clock_are_frozen_by_pattern_beside_the_days(ingested: Path) -> None:
+    found = frozen(ingested, "--files", "servo/circle-*")
+    assert [one.file for one in found.files] == ["servo/circle-XY.csv"] and found.days is None
+    found = frozen(
+        ingested, "--first", MONDAY, "--last", MONDAY, "--files", "servo/*", "--files", "*/circle*"
+    )
+    assert [one.file for one in found.files] == ["agent/1.txt", *TRACES]
+    assert found.days == Days(first=MONDAY, last=MONDAY)
+
+
+def test_a_sealed_set_stands_beside_the_golden_one(ingested: Path) -> None:
+    golden = frozen(ingested, "--first", MONDAY, "--last", "2026-01-11")
+    sealed = frozen(ingested, "--sealed", "--first", "2026-01-12", "--last", "2026-01-18")
+    assert [one.file for one in sealed.files] == ["agent/2.txt"]
+    assert sets_of(ingested) == GoldenSets(machine=MACHINE, golden=golden, sealed=sealed)
+    assert frozen(ingested, "--files", TRACES[0]) != golden  # frozen anew, the sealed one stays
+    assert sets_of(ingested).sealed == sealed
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [((), ("--sealed",)), (("--sealed",), ())], ids=["golden", "sealed"]
+)
+def test_a_file_is_in_one_of_the_two_sets(
+    first: tuple[str, ...], second: tuple[str, ...], ingested: Path
+) -> None:
+    frozen(ingested, *first, "--first", MONDAY, "--last", "2026-01-18")
+    before = sets_of(ingested)
+    said = refused(
+        ingested, "golden", MACHINE, *second, "--files", "agent/2*", "--files", "servo/*"
+    )
+    which = "sealed" if first else "golden"
+    assert f"agent/2.txt is in the {which} set of {MACHINE} already" in said
+    assert sets_of(ingested) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--files", "servo/square-*"), f"{MACHINE} has no raw file 'servo/square-*'"),
+        (("--files", "servo/*", "--files", "motor/*"), "no raw file 'motor/*'"),
+        (("--first", MONDAY), "--first and --last go together"),
+        (("--sealed",), "name what to freeze: --first and --last of a week, or --files"),
+    ],
+)
+def test_what_names_no_file_cannot_be_frozen(
+    words: tuple[str, ...], said: str, ingested: Path
+) -> None:
+    assert said in refused(ingested, "golden", MACHINE, *words)
+    assert not list((ingested / "data/golden").iterdir())
 
 
 @pytest.mark.parametrize(
@@ -357,7 +496,7 @@ def test_a_golden_week_is_frozen(project: Path) -> None:
 def test_a_week_that_cannot_be_frozen(first: str, last: str, said: str, project: Path) -> None:
     if "has no record" in said:
         folder = project / f"data/signals/{MACHINE}"
-        folder.mkdir(parents=True)
+        folder.mkdir()
         (folder / "manifest.json").write_text('{"files": {}}')
     assert said in refused(project, "golden", MACHINE, "--first", first, "--last", last)
     assert not list((project / "data/golden").iterdir())

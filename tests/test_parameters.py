@@ -146,32 +146,39 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
 
 def test_a_fleet_knows_its_machines_and_what_each_lacks() -> None:
     some = ("mill",)
-    fleet = Fleet(name="two", machines=("mill", "lathe"), spindles=some, controls=some, drives=some,
-                  cuts=some, optimised=some)  # fmt: skip
+    names = ("spindle", "control", "drive", "cutting")
+    fleet = Fleet(name="two", machines=("mill", "lathe"), submodels=dict.fromkeys(names, some),
+                  optimised=some)  # fmt: skip
+    assert fleet.submodels_of("mill") == names and fleet.submodels_of("lathe") == ()
     assert missing(fleet, "mill") == []
     heat, control, drives, cuts, parts = missing(fleet, "lathe")
-    assert "thermal model" in heat[0] and "temperature" in heat[1]
-    assert "control" in control[0] and "the programs" in control[1]
+    assert "spindle temperature" in heat[0] and "temperature" in heat[1]
+    assert "program times" in control[0] and "the programs" in control[1]
     assert "feed drives" in drives[0] and "current" in drives[1]
-    assert "forces" in cuts[0] and "dynamometer" in cuts[1]
-    assert "when nothing better exists, the load of the spindle with the line" in cuts[1]
+    assert "cutting force" in cuts[0] and "dynamometer" in cuts[1]
+    assert "or the load of the spindle with the executed line" in cuts[1]
     assert "faster or cheaper" in parts[0] and "tool table, material and limits" in parts[1]
-    with pytest.raises(ValueError, match=r"fleet\.spindles names \['saw'\].*add it there"):
-        Fleet(name="two", machines=("mill",), spindles=("saw",))
+    with pytest.raises(
+        ValueError, match=r"fleet\.submodels\.spindle names \['saw'\].*add it there"
+    ):
+        Fleet(name="two", machines=("mill",), submodels={"spindle": ("saw",)})
 
 
 @pytest.mark.parametrize(
     ("lists", "said"),
     [
-        ({"optimised": ("mill",)}, r"fleet\.optimised names \['mill'\], which fleet\.controls"),
+        (
+            {"optimised": ("mill",)},
+            r"fleet\.optimised names \['mill'\], which fleet\.submodels\.control does not",
+        ),
         ({"trials": ("mill",)}, r"fleet\.trials names \['mill'\], which fleet\.optimised"),
         (
-            {"controls": ("mill",), "optimised": ("mill",), "trials": ("mill",)},
+            {"submodels": {"control": ("mill",)}, "optimised": ("mill",), "trials": ("mill",)},
             r"fleet\.trials names \['mill'\], which fleet\.simulated",
         ),
     ],
 )
-def test_a_list_that_needs_another_says_so(lists: dict[str, tuple[str, ...]], said: str) -> None:
+def test_a_list_that_needs_another_says_so(lists: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Fleet(name="one", machines=("mill",), **lists)
 

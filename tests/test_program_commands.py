@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,13 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from tests.small_project import ROOT
+from pipeline.app.programs import simulate_program
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.schema.model import Correlation
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import Verdict
+from pipeline.twin.control import ControlFitFacts, ControlModelFile
+from tests.small_project import ROOT, inside
 from tests.test_cli import kerf, refused
 
 PART = """%
@@ -64,7 +71,7 @@ def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     }  # fmt: skip
     model = {"submodel": "drive", "machine": "hurco", "origin": "recorded", "parameters": {},
              "trained_on": []}  # fmt: skip
-    folder = project / "data/models/hurco/drive"
+    folder = project / "data/champion/hurco/drive"
     folder.mkdir(parents=True)
     (folder / "model.json").write_text(json.dumps(model | {"axes": {"X": axis}}))
     done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
@@ -109,20 +116,22 @@ def test_simulate_says_how_long_and_writes_what_is_asked(project: Path) -> None:
     assert tuple(trace[["x", "y", "z"]].iloc[-1]) == pytest.approx((0.0, 40.0, 50.0), abs=1e-9)
 
 
-def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> None:
-    from pipeline.app.programs import simulate_program
-    from tests.small_project import inside
+def control_model(**units: ControlParameters) -> ControlModelFile:
+    """A control as it is stored, by unit."""
+    fit = ControlFitFacts(rmse_s=0.0, segments=1, condition=1.0, correlation=Correlation())
+    return ControlModelFile(
+        submodel="control", machine="hurco", origin="recorded", parameters={}, trained_on=(),
+        control=units, fit=fit, programs={},
+    )  # fmt: skip
 
+
+def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> None:
     with inside(project):
         before = simulate_program(Path("part.nc"), "hurco", None, lambda done: None)
-        control = before.plan.path.control
-        from dataclasses import asdict, replace
-
-        slow = replace(control, auxiliary=replace(control.auxiliary, tool_change=16.0))
-        folder = Path("data/models/hurco")
-        folder.mkdir(parents=True)
-        units = {"hurco02": asdict(control), "hurco04": asdict(slow)}
-        (folder / "control.json").write_text(json.dumps({"control": units}))
+    control = before.plan.path.control
+    slow = replace(control, auxiliary=replace(control.auxiliary, tool_change=16.0))
+    model = control_model(hurco02=control, hurco04=slow)
+    write_json(model, project / "data/champion/hurco/control/model.json")
     done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
     assert "control identified" in done.stdout
     assert f"{before.plan.total + 10:.1f} s" in done.stdout
@@ -131,6 +140,60 @@ def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> Non
     assert "'hurco99'" in refused(
         project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco99"
     )
+
+
+def test_the_champion_is_used_and_the_latest_only_where_it_is_named(project: Path) -> None:
+    words = ("simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    said = refused(project, *words, "--model", "latest")
+    assert "data/models/hurco does not exist: run `dvc repro`" in said
+    assert "neither champion nor latest" in refused(project, *words, "--model", "newest")
+    with inside(project):
+        before = simulate_program(Path("part.nc"), "hurco", None, lambda done: None)
+    control = before.plan.path.control
+    for place, longer in (("champion", 10.0), ("models", 20.0)):
+        changer = replace(control.auxiliary, tool_change=control.auxiliary.tool_change + longer)
+        model = control_model(hurco02=control, hurco04=replace(control, auxiliary=changer))
+        write_json(model, project / f"data/{place}/hurco/control/model.json")
+    for option, longer in (
+        ((), 10.0),
+        (("--model", "champion"), 10.0),
+        (("--model", "latest"), 20),
+    ):
+        done = kerf(project, *words, *option)
+        assert done.exit_code == 0, done.output
+        total = json.loads((project / "times.json").read_text())["total_time_s"]
+        assert total == pytest.approx(before.plan.total + longer, abs=1e-3)
+        warned = "with data/models/hurco, not with the champion" in done.stdout
+        assert warned == ("latest" in option)
+
+
+def test_a_control_that_did_not_pass_is_named(project: Path) -> None:
+    with inside(project):
+        plan = simulate_program(Path("part.nc"), "hurco", None, lambda done: None).plan
+    control, folder = plan.path.control, project / "data/champion/hurco/control"
+    write_json(control_model(hurco02=control, hurco04=control), folder / "model.json")
+    for status in ("passed", "failed", "not judged"):
+        verdict = Verdict(
+            submodel="control", machine="hurco", origin="recorded", status=status, reasons=(),
+            judged_role=None, golden=None, scores=(),
+        )  # fmt: skip
+        write_json(verdict, folder / "verdict.json")
+        done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+        assert done.exit_code == 0, done.output
+        unproven = {} if status == "passed" else {"control": status}
+        assert json.loads((project / "times.json").read_text())["unproven"] == unproven
+        assert (f"control {status}: what rests on it is not proven" in done.stdout) == bool(
+            unproven
+        )
+
+
+def test_a_control_that_is_broken_is_one_sentence(project: Path) -> None:
+    path = project / "data/champion/hurco/control/model.json"
+    path.parent.mkdir(parents=True)
+    for text, said in (("{", "is no JSON"), ("{}", "is not what this version stores")):
+        path.write_text(text)
+        whole = refused(project, "simulate", "part.nc", "--machine", "hurco")
+        assert f"data/champion/hurco/control/model.json {said}" in whole and "dvc repro" in whole
 
 
 def test_results_of_a_simulated_machine_are_labelled(project: Path) -> None:

@@ -5,16 +5,18 @@ import re
 from pathlib import Path
 from typing import Any
 
-import cattrs
 import pytest
 import yaml
 
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.parameters import structure
+from pipeline.schema.model import Correlation
+from pipeline.schema.store import write_json
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import write_parts
 from pipeline.stages import trial as trial_stage
 from pipeline.stages.__main__ import run
+from pipeline.twin.control import ControlFitFacts, ControlModelFile
 from tests.small_project import MACHINE, build, change, inside, new_project, params
 
 pytestmark = pytest.mark.slow
@@ -30,9 +32,12 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change(folder, "optimisation.certainty", draws=256)
     values = params(folder)
     control = structure(values, f"machine.{MACHINE}.control", ControlParameters)
-    models = folder / "data/models" / MACHINE
-    models.mkdir(parents=True)
-    (models / "control.json").write_text(json.dumps({"control": {"": cattrs.unstructure(control)}}))
+    fit = ControlFitFacts(rmse_s=None, segments=1, condition=None, correlation=Correlation())
+    stored = ControlModelFile(
+        submodel="control", machine=MACHINE, origin="simulated", parameters={}, trained_on=(),
+        control={"": control}, fit=fit, programs={},
+    )  # fmt: skip
+    write_json(stored, folder / "data/champion" / MACHINE / "control/model.json")
     shop = structure(values, f"machine.{MACHINE}.shop", ShopParameters)
     write_parts(folder / "data/raw" / MACHINE, shop)
     part = values["machine"][MACHINE]["parts"]["programs"][0]
@@ -88,11 +93,12 @@ def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(
     assert cut["origin"] == "simulated" and told["seeds"] == 2
     assert told["limit_load_N"] == LIMIT == found["limits"]["load_N"]
     assert told["after"]["time_s"]["mean"] < told["before"]["time_s"]["mean"]
-    for place in ("signals", "clean", "golden", "truth"):
+    places = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
+              "trials")  # fmt: skip
+    for place in places:
         (project / "data" / place).mkdir(exist_ok=True)
     with inside(project):
-        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "golden", "truth",
-                                              "parts", "trials")), "reports")  # fmt: skip
+        run("report", *(f"data/{p}" for p in places), "reports", "data/metrics/report.json")
     page = (project / f"reports/{MACHINE}.html").read_text()
     assert "cut on the simulated shop floor 2 times" in page
 
