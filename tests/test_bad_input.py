@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -75,7 +76,7 @@ def make_conf(folder: Path) -> Path:
         (folder / f"machine/{name}.yaml").symlink_to(ROOT / f"conf/machine/{name}.yaml")
     (folder / "fleet").unlink()
     (folder / "fleet").mkdir()
-    (folder / "fleet/active.yaml").symlink_to(ROOT / "conf/fleet/simulated.yaml")
+    shutil.copy(ROOT / "conf/fleet/simulated.yaml", folder / "fleet/active.yaml")
     return folder
 
 

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from nbclient import NotebookClient
 
+from pipeline.app.fleet import use_fleet
 from pipeline.stages.__main__ import run
 from tests.small_project import MACHINE, ROOT, build, change, inside, new_project
 
@@ -109,12 +110,10 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
         target = raw / path.relative_to(found)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.symlink_to(path)
-    active = project / "conf/fleet/active.yaml"
-    active.unlink()
-    active.symlink_to("recorded.yaml")
     with inside(project):
+        use_fleet("recorded")
         run("compose", "conf", "params.yaml")
-        change(project, "fleet", machines=[machine], controls=[], drives=[], cuts=[], optimised=[])
+        change(project, "fleet", machines=[machine], submodels={}, optimised=[])
         for stage, folders in (("ingest", ("raw", "signals")), ("clean", ("signals", "clean"))):
             run(f"{stage}@{machine}", *(f"data/{folder}/{machine}" for folder in folders))
     said = held_against_the_tables(project, machine)

@@ -60,15 +60,18 @@ def test_its_machine_takes_as_long_and_loads_the_tool_below_the_limit(cut):
 @pytest.mark.slow
 def test_what_is_identified_of_its_machine_holds_the_truth(tmp_path):
     """Every interval that is told; the law's load in a slot is the shop's truth to 5 %."""
-    document = paper_knowledge(tmp_path / "known")
+    model = paper_knowledge(tmp_path / "known")
     recorded = write_dynamometer(tmp_path / "again", MACHINE)
     true = dynamometer_truth(MACHINE.cutting, recorded)["parameters"]
-    told = {k: v for k, v in document["parameters"].items() if k in true and v["determined"]}
+    told = {k: v for k, v in model.coefficients.items() if k in true and v.determined}
     assert {"K_tc", "K_rc", "K_te", "K_re", "runout"} <= set(told)
     for name, one in told.items():
-        low, high = one["interval_95"]
+        assert one.interval_95 is not None
+        low, high = one.interval_95
         assert low <= true[name] <= high, name
-    law, f_z = identified_coefficients(document).law, 0.03e-3
+    identified = identified_coefficients(model)
+    assert identified is not None
+    law, f_z = identified.law, 0.03e-3
     expected = np.hypot(
         true["K_tc"] * 1e6 * f_z + true["K_te"] * 1e3, true["K_rc"] * 1e6 * f_z + true["K_re"] * 1e3
     )
