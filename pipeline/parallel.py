@@ -69,19 +69,19 @@ def mapped(
     many = workers_for(len(todo), workers)
     if compute not in ("serial", "threads", "processes"):
         raise ValueError(f"compute = {compute!r}: give serial, threads or processes")
-    if compute == "serial" or many == 1:
-        return _serial(function, todo)
-    if compute == "threads":
-        with ThreadPoolExecutor(many) as pool:
-            return list(pool.map(function, todo))
-    return _processes(function, todo, many)
+    if compute == "processes" and many > 1:
+        return _processes(function, todo, many)
+    return _here(function, todo, many if compute == "threads" else 1)
 
 
-def _serial(function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+def _here(function: Callable[[Task], Result], tasks: Sequence[Task], threads: int) -> list[Result]:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1):
-        return [function(task) for task in tasks]
+        if threads == 1:
+            return [function(task) for task in tasks]
+        with ThreadPoolExecutor(threads) as pool:
+            return list(pool.map(function, tasks))
 
 
 def _processes(

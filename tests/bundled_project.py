@@ -27,8 +27,7 @@ from pipeline.submodels.contract import submodel
 from pipeline.submodels.spindle.submodel import Judging, SpindleLimits
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import Forest, feature_names, save_forest
-from pipeline.twin.spindle import TARGET, SpindleRecords
-from pipeline.twin.spindle_model import SpindleFitFacts, SpindleModelFile
+from pipeline.twin.spindle import TARGET, SpindleFitFacts, SpindleModelFile, SpindleRecords
 from tests.submodels.spindle.spindle_days import ONE, state_table
 
 MACHINE = "mill01"

@@ -5,14 +5,13 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.parameters import structure
-from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.model import Parameter
 from pipeline.schema.store import write_json
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT
@@ -271,72 +270,36 @@ def test_tools_with_one_law_share_its_line(project: Path) -> None:
     assert "forces of T4, T5: " in kerf(project, "simulate", "part.nc", *CUT).stdout
 
 
-IDENTIFIED = {
-    "material": "A6061",
-    "tool": {"kind": "flat", "diameter_mm": 12, "flutes": 3},
-}
-
-
-def cutting_model(**groups: Any) -> CuttingModel:
-    """A cut of which ``groups`` of parameters alone are known."""
-    nothing: dict[str, Any] = {"mean force": None, "spindle": None, "channel x": None}
-    return cutting_files.model(nothing | groups, **IDENTIFIED)
-
-
 def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
     path = project / "data/champion/mill01/cutting/model.json"
-    law = {"": {"K_tc": cutting_files.parameter(900.0, "N/mm^2")}}
-    write_json(cutting_model(**law), path)
+
+    def value(number: float) -> Parameter:
+        return Parameter(
+            value=number, unit="", interval_95=(number, number), determined=True, method=""
+        )
+
+    tool = {"kind": "flat", "diameter_mm": 12, "flutes": 3}
+    found = cutting_files.model({"": {"K_tc": value(900.0)}, "spindle": {}})
+    found = replace(found, material="A6061", tool=tool)
+    write_json(found, path)
     done = kerf(project, "simulate", "part.nc", *CUT)
     assert "forces of T4: identified: K_tc 900" in done.stdout
-    idle = {name: cutting_files.parameter(v, "W") for name, v in (("p0", 100.0), ("p1", 1.0),
-                                                                  ("p2", 0.5))}  # fmt: skip
     before = _energy(project)
-    write_json(cutting_model(**law, spindle=idle), path)
+    idle = {name: value(v) for name, v in (("p0", 100.0), ("p1", 1.0), ("p2", 0.5))}
+    write_json(replace(found, parameters={**found.parameters, "spindle": idle}), path)
     # 100 rev/s: 100 + 100 + 5000 W instead of what the machine's file says
     conf = yaml.safe_load((project / "conf/machine/mill01.yaml").read_text())["spindle_drive"]
-    told = sum(p * 100.0**k for k, p in enumerate(conf["no_load_W"]))
+    stated = sum(p * 100.0**k for k, p in enumerate(conf["no_load_W"]))
     blocks = json.loads((project / "c.json").read_text())["blocks"]
     first = [block["type"] for block in blocks].index("spindle")
     turning = sum(block["time_s"] for block in blocks[first:])
     drive = structure({"drive": conf}, "drive", SpindleDrive)
-    rise = (5200 - told) / (drive.efficiency * drive.motor_efficiency) * turning / 3.6e6
+    rise = (5200 - stated) / (drive.efficiency * drive.motor_efficiency) * turning / 3.6e6
     assert _energy(project) - before == pytest.approx(rise, rel=1e-3)
-
-
-def test_a_law_of_another_tool_or_material_or_of_the_latest_model_is_not_taken(
-    project: Path,
-) -> None:
-    path = project / "data/champion/mill01/cutting/model.json"
-    model = cutting_model(**{"": {"K_tc": cutting_files.parameter(900.0, "N/mm^2")}})
-    others = (
-        replace(model, material="A7075"),
-        replace(model, tool={"kind": "flat", "diameter_mm": 16, "flutes": 3}),
-        cutting_model(**{"": {"K_tc": cutting_files.parameter(None, "N/mm^2")}}),
-    )
-    for other in others:
-        write_json(other, path)
-        assert "identified" not in forces(kerf(project, "simulate", "part.nc", *CUT).stdout)
-    path.unlink()
-    write_json(model, project / "data/models/mill01/cutting/model.json")
-    assert "identified" not in forces(kerf(project, "simulate", "part.nc", *CUT).stdout)
-    done = kerf(project, "simulate", "part.nc", *CUT, "--model", "latest")
-    assert "identified: K_tc 900" in forces(done.stdout)
-
-
-def forces(said: str) -> str:
-    """The line that says which law the tool has."""
-    (line,) = [line for line in said.splitlines() if line.strip().startswith("forces of T4")]
-    return line
-
-
-def test_a_model_of_a_cut_that_is_broken_is_one_sentence(project: Path) -> None:
-    path = project / "data/champion/mill01/cutting/model.json"
-    path.parent.mkdir(parents=True)
-    for text, said in (("{", "is no JSON"), ("[]", "is not what this version stores")):
-        path.write_text(text)
-        whole = refused(project, "simulate", "part.nc", *CUT)
-        assert f"data/champion/mill01/cutting/model.json {said}" in whole and "dvc repro" in whole
+    path.write_text("{")
+    assert "cutting/model.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)
+    path.write_text("[]")
+    assert "is not what this version stores" in refused(project, "simulate", "part.nc", *CUT)
 
 
 def _energy(project: Path) -> float:

@@ -1,26 +1,34 @@
-"""The registry on real bundles: what is registered once, what serves, what a later version loads."""
+"""The registry on real bundles: registered once, served, promoted, loaded by later code."""
 
 import json
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from pipeline.champions import promote, status
-from pipeline.parameters import read_params
-from pipeline.registry import CHAMPIONS, git, load, model_name, requirements, versions
-from pipeline.schema.bundle import Bundle, Champions, bundle_of, read_champions, write_champions
+from pipeline.champions import first_champion, made_with, promote, status
+from pipeline.registry import CHAMPIONS, Version, load, model_name, requirements, versions
+from pipeline.schema.bundle import (
+    Bundle,
+    BundledModel,
+    Champions,
+    bundle_of,
+    read_champions,
+    write_champions,
+)
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Verdict
+from pipeline.schema.verdict import Status, Verdict
 from pipeline.submodels.contract import submodel
 from pipeline.twin.spindle import TARGET
-from tests.bundled_project import MACHINE, hour, project, registered, spindle
+from tests.bundled_project import MACHINE, ROLES, hour, project, registered, spindle
 
 ROOT = Path(__file__).parents[1]
 CHAMPION = f"data/champion/{MACHINE}"
@@ -118,6 +126,18 @@ def test_a_store_that_was_deleted_is_filled_again(root: Path) -> None:
     assert aliases(root) == {"champion": 1, "challenger": 2}
     expected = direct(root / CHAMPION, hour(root))
     pd.testing.assert_frame_equal(load(MACHINE, root=root)(hour(root)), expected)
+
+
+def test_another_store_is_filled_as_well(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Named by MLFLOW_TRACKING_URI, it is asked through MLflow and not read as a file."""
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'other.db'}")
+    registered(root)
+    assert aliases(root) == {"champion": 1, "challenger": 2}
+    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+    (root / "mlflow.db").unlink()
+    assert versions(MACHINE, root) == []
 
 
 def test_a_run_says_what_the_version_was_made_of(root: Path) -> None:
@@ -272,13 +292,6 @@ def test_a_bundle_that_is_not_the_registered_one_is_refused(
 
 def test_artifacts_left_behind_are_named(root: Path) -> None:
     shutil.rmtree(root / "mlartifacts")
-    for path in (root.parent, root):
-        assert not (path / "mlartifacts").exists()
-    from pipeline.registry import _client
-
-    _client(root)
-    import sqlite3
-
     with sqlite3.connect(root / "mlflow.db") as store:  # where it was registered is gone too
         for table, column in (("model_versions", "storage_location"), ("model_versions", "source"),
                               ("logged_models", "artifact_location")):  # fmt: skip
@@ -371,29 +384,27 @@ def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
 def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
     known = read_champions(root / CHAMPIONS)
     lost = known.machines[MACHINE]
-    from dataclasses import replace
-
     write_champions(known.promoted(MACHINE, replace(lost, bundle="0" * 64)), root / CHAMPIONS)
     with pytest.raises(ValueError, match=r"000000000000 as the champion of mill01.*`dvc pull"):
         registered(root)
 
 
-def test_the_first_champion_says_what_was_not_shown(root: Path) -> None:
-    """A bundle that failed serves where there is no other; one that passed goes before it."""
-    (root / "champions.json").unlink()
-    spindle(root, mae_K=1e-6)
-    registered(root)
-    assert read_champions(root / CHAMPIONS).machines[MACHINE].version == 2  # the newest that passed
-    for path in (root / "champions.json", root / "mlflow.db"):
-        path.unlink()
-    shutil.rmtree(root / "data/champion")
-    registered(root)
-    entry = read_champions(root / CHAMPIONS).machines[MACHINE]
-    assert (entry.version, entry.why) == (1, "first bundle: spindle failed")
+def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown() -> None:
+    passed = Version(machine="m", version=1, bundle="a", status="passed", aliases=())
+    newest = Version(machine="m", version=2, bundle="b", status="failed", aliases=())
+    statuses: dict[str, Status] = {"drive": "failed", "spindle": "passed", "wear": "not judged"}
+    submodels = {name: BundledModel(sha256="", status=one) for name, one in statuses.items()}
+    bundle = Bundle(machine="m", origin="simulated", submodels=submodels, sha256="b")
+    assert bundle.status == "failed"
+    assert first_champion(bundle, [passed, newest]).version == 1
+    alone = first_champion(bundle, [newest])
+    assert (alone.version, alone.why) == (2, "first bundle: drive failed, wear not judged")
+    assert first_champion(bundle, [newest]) == alone  # no clock in it
 
 
-def test_params_of_the_project_are_those_of_its_sub_models(root: Path) -> None:
-    assert set(read_params(root / "params.yaml")) == {
-        "fleet", "machine", "spindle_fit", "residual_forest", "spindle_limits"
+def test_the_settings_of_a_machine_are_those_of_its_sub_models(root: Path) -> None:
+    settings = made_with(MACHINE, ("spindle",), root)
+    assert set(settings) == {
+        "identity", "roles", "spindle", "spindle_fit", "residual_forest", "spindle_limits"
     }  # fmt: skip
-    assert git("rev-parse", "HEAD", root=root) is None
+    assert settings["roles"] == ROLES

@@ -172,7 +172,7 @@ def interpret(
     ] = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
-    from pipeline.app.outputs import check_outputs
+    from pipeline.app.fleet import check_outputs
     from pipeline.app.programs import machine_setup, moves_table, read_moves
 
     with one_sentence(), share_bar("interpreting") as share:
@@ -206,7 +206,7 @@ def simulate(
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
     from pipeline.app.cut import cut_document, cut_lines, cut_options, write_page
-    from pipeline.app.outputs import check_outputs
+    from pipeline.app.fleet import check_outputs
     from pipeline.app.programs import (
         simulate_program,
         simulated_document,
@@ -255,7 +255,7 @@ def check(
     ] = False,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1."""
-    from pipeline.app.check import check_lines, check_programs
+    from pipeline.app.programs import check_lines, check_programs
 
     with one_sentence():
         proof = check_programs(before, after, machine, dialect, splits=splits)
@@ -341,6 +341,7 @@ def optimise(
 
     Ctrl-C ends the search and writes the best so far.
     """
+    from pipeline.app.fleet import check_outputs
     from pipeline.app.optimise import (
         Outputs,
         PartRequest,
@@ -353,7 +354,6 @@ def optimise(
         write_optimised,
     )
     from pipeline.app.optimise_lines import optimise_lines
-    from pipeline.app.outputs import check_outputs
 
     with one_sentence():
         outputs = Outputs.of(out, json, page)

@@ -274,7 +274,7 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
 
 def write_page(document: dict[str, Any], page: Path, source: Path | None) -> None:
     """Write the page of a document; ``source`` is the file that holds it, where one does."""
-    from pipeline.report.cut_page import write_cut_page
+    from pipeline.report.cut.page import write_cut_page
 
     write_cut_page(document, page, source)
 

@@ -1,5 +1,6 @@
 """The parts that a page is made of: sections, figures, legends, words for what is absent."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -8,6 +9,7 @@ from markupsafe import Markup
 
 from pipeline.charts.sources import Source, shown
 from pipeline.charts.tables import Table
+from pipeline.schema.model import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +110,15 @@ class Compared:
     value: float | int | str | None
 
 
+ChangeNote = Callable[[str, str, Parameter, Parameter], str]
+"""Group and name of a parameter, the parameter then and now (both determined) -> what it means."""
+
+
+def unremarkable(group: str, name: str, before: Parameter, now: Parameter) -> str:
+    """No words on a parameter's change."""
+    return ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SubModelPage:
     """What only one sub-model can show and say on its machine's page.
@@ -128,6 +139,9 @@ class SubModelPage:
         What is true of a simulated machine beside what was identified.
     compared : mapping of str to Compared
         Key figures that the next report is compared with.
+    changed : callable
+        What a change of a parameter since the last report means: of its group, its name, the
+        parameter then and now; empty where it says nothing.
     """
 
     verdict: PartVerdict | None = None
@@ -137,3 +151,4 @@ class SubModelPage:
     sections: list[Section] = field(default_factory=list)
     truth: list[Table] = field(default_factory=list)
     compared: dict[str, Compared] = field(default_factory=dict)
+    changed: ChangeNote = unremarkable

@@ -6,7 +6,7 @@ report.  What is absent or broken is remembered, so that the pages can say so.
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.predictions import read_predictions
 from pipeline.schema.store import StoreError, parsed
+from pipeline.schema.structure import structured
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,7 @@ class Source:
 
 
 @dataclass
-class Shelf:
+class SourceRegistry:
     """The files of one machine: reads them once, keeps their hashes.
 
     Parameters
@@ -124,32 +125,26 @@ def shown(path: Path) -> str:
     return "/".join(path.parts[-3:]) if path.is_absolute() else path.as_posix()
 
 
-def dig(document: Any, *keys: str) -> Any:
-    """What stands under nested ``keys``; None as soon as one is absent."""
+def picked(document: Any, wanted: type[T], path: str) -> T:
+    """Those keys of a document that a type has; what is null there takes the type's default.
+
+    Raises
+    ------
+    ValueError
+        When the document is no mapping of keys, or a value is of another kind.
+    """
+    names = {one.name for one in fields(wanted)}  # type: ignore[arg-type]
+    if not isinstance(document, dict):
+        raise ValueError(f"{path} is {document!r:.60}, a mapping of keys is needed")
+    known = {k: v for k, v in document.items() if k in names and v is not None}
+    return structured(known, wanted, path)
+
+
+def stated(truth: Any, *keys: str) -> Any:
+    """What the truth of a simulated machine states under ``keys``; None where it states nothing.
+
+    A truth is the simulated shop's own document, of whatever shape its machine has.
+    """
     for key in keys:
-        if not isinstance(document, dict):
-            return None
-        document = document.get(key)
-    return document
-
-
-def rows_of(document: Any, *keys: str) -> list[dict[str, Any]]:
-    """The list of objects under nested ``keys``; empty when there is none."""
-    found = dig(document, *keys)
-    return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
-
-
-def objects_of(document: Any, *keys: str) -> dict[str, dict[str, Any]]:
-    """The objects by name under nested ``keys``; empty when there are none."""
-    found = dig(document, *keys)
-    if not isinstance(found, dict):
-        return {}
-    return {str(name): value for name, value in found.items() if isinstance(value, dict)}
-
-
-def words_of(document: Any, *keys: str) -> list[str]:
-    """The list of words under nested ``keys``; a single word is a list of one."""
-    found = dig(document, *keys)
-    if isinstance(found, str):
-        return [found]
-    return [str(word) for word in found] if isinstance(found, list) else []
+        truth = truth.get(key) if isinstance(truth, dict) else None
+    return truth

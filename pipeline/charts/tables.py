@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.charts.numbers import number
-from pipeline.charts.sources import Shelf, Source
+from pipeline.charts.sources import Source, SourceRegistry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ MOST_ROWS = 200  # of a folded table; the whole is in the file named below it
 MANY = 3  # files of one folder that are named one by one below a figure
 
 
-def sources(shelf: Shelf, *paths: Path) -> list[Source]:
+def sources(shelf: SourceRegistry, *paths: Path) -> list[Source]:
     """What a figure stands on; more than three files of one folder are named together."""
     found = [s for p in paths if (s := shelf.source(p)) is not None]
     folders: dict[str, list[Source]] = {}

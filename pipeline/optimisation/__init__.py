@@ -9,6 +9,7 @@ may change, ``proof`` the comparison of two programs that shares nothing with wh
 
 __all__ = [
     "document",
+    "full_twin",
     "job",
     "methods",
     "optimise",

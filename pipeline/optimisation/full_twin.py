@@ -1,7 +1,8 @@
 """Check of a decision by the whole twin: written as text, read again, planned, cut, followed.
 
 A search takes loads of a table, whose chords, angles and jumps err by its stated accuracy
-(:mod:`pipeline.cutting.force.load_table`).  Here the peaks of the blocks with the greatest loads are
+(:mod:`pipeline.cutting.force.load_table`).  Here the peaks of the blocks with the greatest loads
+are
 those of the waveform over a turn, with each tooth's runout, within an eighth of a degree; speeds
 are those that the control reaches, and axes lag as their identified drives do.
 """

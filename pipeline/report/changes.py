@@ -1,51 +1,81 @@
-"""Key figures of a report, and what changed in them since the one before."""
+"""Key figures of a report as they are stored, and their changes since the report before."""
 
-import json
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
-from pipeline.charts.numbers import NOT_KNOWN, moment, number, real
-from pipeline.charts.sources import dig, objects_of
-from pipeline.report.control_verdict import worst_error
-from pipeline.report.cutting_changes import cutting_figures, cutting_parameters, wear_note
-from pipeline.report.drive_units import in_shop_units
-from pipeline.report.driven import worst_following, worst_force
-from pipeline.report.facts import Facts
+from pipeline.charts.numbers import NOT_KNOWN, moment, number
+from pipeline.charts.sections import ChangeNote, Section, present
+from pipeline.charts.tables import Table, cells, names
+from pipeline.report.facts import MachineFacts
 from pipeline.report.part_programs import part_changes
-from pipeline.report.verdict import Verdict
+from pipeline.schema.model import Parameter
+from pipeline.schema.store import StoreError, read_json, write_json
 
-FORMAT = 1  # of report.json; another one is not compared
-
+FORMAT = 2  # of report.json; another one is not compared
 FIRST = "There is no earlier report to compare with."
-
-KEYS = {
-    "verdict": ("Verdict", ""),
-    "days": ("Days with records", ""),
-    "last_record": ("Last record", ""),
-    "files": ("Raw files", ""),
-    "records": ("Records read", ""),
-    "rejected": ("Records rejected", ""),
-    "gaps": ("Gaps", ""),
-    "changes": ("Values changed by cleaning", ""),
-    "active_h": ("Time ACTIVE", "h"),
-    "cycles": ("Cycles", ""),
-    "window_mae_K": ("Error over one hour (MAE)", "K"),
-    "free_mae_K": ("Error running free (MAE)", "K"),
-    "times_worst_percent": ("Error of program times, worst judged run", "%"),
-    "runs_judged": ("Runs judged", ""),
-    "programs": ("Part programs", ""),
-    "drive_force_percent": ("Error of the axes’ force, worst judged recording", "%"),
-    "drive_following_percent": ("Error of following errors, worst judged recording", "%"),
-    "drives_judged": ("Axes judged in recordings", ""),
-    "cut_rms_percent": ("Error of cutting forces (RMS), worst recording", "%"),
-    "cut_peak_percent": ("Error of peak cutting forces, worst recording", "%"),
-    "cuts_judged": ("Cuts judged", ""),
+PARTS = {
     "parts": ("Part programs optimised", ""),
     "parts_before_s": ("Their time as programmed", "s"),
     "parts_after_s": ("Their time optimised", "s"),
 }
-"""Key figures that are compared: name and unit as shown."""
+"""Name and unit of the key figures of optimised programs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyFigure:
+    """One key figure: its name, its unit, its value, and whether that is a count."""
+
+    name: str
+    unit: str = ""
+    value: float | str | None = None
+    whole: bool = False
+
+    @property
+    def words(self) -> str:
+        """The value in words."""
+        if self.value is None:
+            return NOT_KNOWN
+        if isinstance(self.value, str):
+            moments = self.value[:4].isdigit() and "T" in self.value
+            return moment(self.value) if moments else self.value
+        return f"{number(int(self.value) if self.whole else self.value)} {self.unit}".strip()
+
+
+def key_figure(name: str, unit: str, value: float | str | None) -> KeyFigure:
+    """A key figure, a count where the value is a whole number."""
+    return KeyFigure(name=name, unit=unit, value=value, whole=isinstance(value, int))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineFigures:
+    """Key figures of one machine.
+
+    Parameters
+    ----------
+    figures : mapping of str to KeyFigure
+        In the order in which changes are shown.
+    parameters : mapping
+        Of each sub-model, by group and name, without method and remedy.
+    raw : mapping of str to str
+        SHA-256 of each raw file.
+    """
+
+    figures: Mapping[str, KeyFigure]
+    parameters: Mapping[str, Mapping[str, Mapping[str, Parameter]]] = field(default_factory=dict)
+    raw: Mapping[str, str] = field(default_factory=dict)
+
+
+Machines = Mapping[str, MachineFigures]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyFigures:
+    """The content of ``report.json``: key figures by machine, and those they were compared with."""
+
+    format: int
+    machines: Machines
+    compared_with: Machines | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,81 +89,59 @@ class Change:
     note: str = ""
 
 
-def key_figures(found: Facts, judged: Verdict) -> dict[str, Any]:
-    """What of this machine goes into ``report.json``; flat but for parameters and files."""
-    v, cycles = found.model.validation, found.working.cycles
-    known = found.reading.files is not None
-    active = sum(d.seconds.get("ACTIVE", 0.0) for d in found.working.days)
-    return {
-        "verdict": judged.word,
-        "days": len(found.worked_days),
-        "last_record": found.last.isoformat() if found.last else None,
-        "files": len(found.reading.files or []) if known else None,
-        "records": found.reading.records if known else None,
-        "rejected": found.reading.rejected if known else None,
-        "gaps": _total(found.reading.gap_causes, 1),
-        "changes": _total(found.reading.changes, 2),
-        "active_h": round(active / 3600, 3) if found.working.days else None,
-        "cycles": None if cycles is None else len(cycles),
-        "window_mae_K": real(dig(v, "windows", "all", "model", "mae_K")),
-        "free_mae_K": real(dig(v, "free_run", "all", "model", "mae_K")),
-        "times_worst_percent": worst_error(found.control),
-        "runs_judged": len(found.control.judged) if found.control.validation else None,
-        "programs": len(found.control.programs) or None,
-        **_drive_figures(found),
-        **cutting_figures(found.cutting),
-        **part_changes(found.parts),
-        "parameters": _parameters(found.model.thermal) | {
-            f"control {name}": p for name, p in _parameters(found.control.control).items()
-        } | {
-            f"drive {axis} {name}": {k: v for k, v in in_shop_units(p).items() if k in p}
-            for axis, one in found.drives.axes.items()
-            for name, p in _parameters(one).items()
-        } | cutting_parameters(found.cutting),
-        "raw": {f.file: f.sha256 for f in found.reading.files or []},
+def key_figures(facts: MachineFacts, verdict: str) -> MachineFigures:
+    """Key figures of a machine whose verdict in words is ``verdict``."""
+    records, work = facts.records, facts.work
+    known, gaps, cleaned = records.files is not None, records.gap_causes, records.changes
+    values: list[tuple[str, str, str, float | str | None]] = [
+        ("verdict", "Verdict", "", verdict),
+        ("days", "Days with records", "", len(work.worked_days)),
+        ("last_record", "Last record", "", records.last.isoformat() if records.last else None),
+        ("files", "Raw files", "", len(records.files) if records.files is not None else None),
+        ("records", "Records read", "", records.records if known else None),
+        ("rejected", "Records rejected", "", records.rejected if known else None),
+        ("gaps", "Gaps", "", None if gaps is None else sum(n for _, n, _ in gaps)),
+        ("changes", "Values changed by cleaning", "",
+         None if cleaned is None else sum(n for *_, n in cleaned)),
+        ("active_h", "Time ACTIVE", "h", round(work.active / 3600, 3) if work.days else None),
+        ("cycles", "Cycles", "", None if work.cycles is None else len(work.cycles)),
+    ]  # fmt: skip
+    compared = {
+        name: key_figure(one.name, one.unit, one.value)
+        for page in facts.pages for name, one in page.compared.items()
     }  # fmt: skip
-
-
-def _drive_figures(found: Facts) -> dict[str, float | int | None]:
-    judged = found.drives.judged
-    force, following = worst_force(judged), worst_following(judged)
-    return {
-        "drive_force_percent": force.force_error if force else None,
-        "drive_following_percent": following.following_error if following else None,
-        "drives_judged": len(judged) if found.drives.validation else None,
-    }
-
-
-def _parameters(document: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
-    return {
-        name: {
-            "value": real(p.get("value")) if p.get("determined") else None,
-            "unit": str(p.get("unit") or ""),
-        }
-        for name, p in objects_of(document, "parameters").items()
-    }
-
-
-def _total(rows: list[Any] | None, place: int) -> int | None:
-    return None if rows is None else sum(int(r[place]) for r in rows)
+    if facts.programs:
+        values.append(("programs", "Part programs", "", len(facts.programs)))
+    values += [(name, *PARTS[name], value) for name, value in part_changes(facts.parts).items()]
+    figures = {name: key_figure(words, unit, value) for name, words, unit, value in values}
+    return MachineFigures(
+        figures=figures | compared,
+        parameters={
+            one.name: {
+                group: {name: replace(p, method="", remedy="") for name, p in of_group.items()}
+                for group, of_group in one.model.parameters.items()
+            }
+            for one in facts.models if one.model is not None
+        },
+        raw={name: f.sha256 for name, f in (records.files or {}).items()},
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """What this report is compared with: key figures by machine, or why there are none."""
+    """The report that this one is compared with: figures by machine, or why there are none."""
 
-    machines: dict[str, Any] | None
+    machines: Machines | None
     why_not: str = ""
 
 
-def write_key_figures(path: Path, machines: dict[str, dict[str, Any]], earlier: Earlier) -> None:
+def write_key_figures(path: Path, machines: Machines, earlier: Earlier) -> None:
     """Write ``report.json`` with what it was compared with; equal reports are equal files."""
-    document = {"format": FORMAT, "machines": machines, "compared_with": earlier.machines}
-    text = json.dumps(document, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    document = KeyFigures(format=FORMAT, machines=machines, compared_with=earlier.machines)
+    write_json(document, path)
 
 
-def earlier_report(path: Path | None, machines: dict[str, dict[str, Any]]) -> Earlier:
+def earlier_report(path: Path | None, machines: Machines) -> Earlier:
     """The earlier report that one with the key figures ``machines`` is to be compared with.
 
     ``path`` is the last ``report.json`` or its folder.  When it has the same key figures nothing
@@ -146,58 +154,83 @@ def earlier_report(path: Path | None, machines: dict[str, dict[str, Any]]) -> Ea
     if not file.is_file():
         return Earlier(machines=None, why_not=FIRST)
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError):
-        broken = "The earlier report.json cannot be read; nothing is compared."
-        return Earlier(machines=None, why_not=broken)
-    before = dig(document, "machines")
-    if dig(document, "format") != FORMAT or not isinstance(before, dict):
+        last = read_json(file, KeyFigures)
+    except StoreError:
+        return Earlier(machines=None, why_not="The earlier report.json cannot be read, or has "
+                       "another format; nothing is compared.")  # fmt: skip
+    if last.format != FORMAT:
         other = "The earlier report.json has another format; nothing is compared."
         return Earlier(machines=None, why_not=other)
-    if before == json.loads(json.dumps(machines)):
-        before = dig(document, "compared_with")
-    return Earlier(machines=before if isinstance(before, dict) else None, why_not=FIRST)
+    before = last.compared_with if last.machines == machines else last.machines
+    return Earlier(machines=before, why_not=FIRST)
 
 
-def changes(before: dict[str, Any], now: dict[str, Any]) -> list[Change]:
-    """What differs between two sets of key figures of one machine."""
-    found = [
-        _change(words, unit, before.get(key), now.get(key))
-        for key, (words, unit) in KEYS.items() if before.get(key) != now.get(key)
-    ]  # fmt: skip
-    old, new = (objects_of(d, "parameters") for d in (before, now))
-    for name in sorted(set(old) | set(new)):
-        a, b = dig(old, name, "value"), dig(new, name, "value")
-        if a != b:
-            unit = str(dig(new, name, "unit") or dig(old, name, "unit") or "")
-            note = wear_note(name, old.get(name, {}), new.get(name, {}))
-            found.append(replace(_change(f"Parameter {name}", unit, a, b), note=note))
-    old_raw, new_raw = (d.get("raw") for d in (before, now))
-    if isinstance(old_raw, dict) and isinstance(new_raw, dict):
-        found += _raw_changes(old_raw, new_raw)
-    return found
+def changes(
+    before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote]
+) -> list[Change]:
+    """Differences between two sets of key figures of one machine.
+
+    Parameters
+    ----------
+    before, now : MachineFigures
+        Of the earlier report and of this one.
+    notes : mapping of str to callable
+        By sub-model: what a change of one of its parameters means.
+    """
+    found = []
+    for key in dict.fromkeys([*now.figures, *before.figures]):
+        old, new = before.figures.get(key), now.figures.get(key)
+        if (old.value if old else None) != (new.value if new else None):
+            found.append(_change(old, new))
+    found += _parameter_changes(before, now, notes)
+    return [*found, *_raw_changes(before.raw, now.raw)]
 
 
-def _change(what: str, unit: str, before: Any, now: Any) -> Change:
-    a, b = real(before), real(now)
+def _parameter_changes(
+    before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote]
+) -> Iterator[Change]:
+    old, new = _flat(before), _flat(now)
+    for key in sorted(set(old) | set(new)):
+        submodel, group, name = key
+        words = " ".join(word for word in key if word)
+        p, q = old.get(key), new.get(key)
+        a, b = (
+            None if one is None else key_figure(
+                f"Parameter {words}", one.unit, one.value if one.determined else None
+            )
+            for one in (p, q)
+        )  # fmt: skip
+        # a sub-model may compare a parameter itself, in units of the shop floor
+        if words in now.figures or (a.value if a else None) == (b.value if b else None):
+            continue
+        note = ""
+        if p is not None and q is not None and p.determined and q.determined and submodel in notes:
+            note = notes[submodel](group, name, p, q)
+        yield replace(_change(a, b), note=note)
+
+
+def _flat(figures: MachineFigures) -> dict[tuple[str, str, str], Parameter]:
+    return {
+        (submodel, group, name): p
+        for submodel, groups in figures.parameters.items()
+        for group, of_group in groups.items()
+        for name, p in of_group.items()
+    }
+
+
+def _change(before: KeyFigure | None, now: KeyFigure | None) -> Change:
+    said = now or before or KeyFigure(name="")
+    unknown = KeyFigure(name=said.name, unit=said.unit)
+    old, new = before or unknown, now or unknown
     difference = ""
-    if a is not None and b is not None:
-        step = int(b - a) if isinstance(before, int) and isinstance(now, int) else b - a
-        difference = ("+" if b > a else "") + _words(step, unit)
-    return Change(
-        what=what, before=_words(before, unit), now=_words(now, unit), difference=difference
-    )
+    if isinstance(old.value, int | float) and isinstance(new.value, int | float):
+        step = new.value - old.value
+        counts = replace(said, value=step, whole=old.whole and new.whole)
+        difference = ("+" if step > 0 else "") + counts.words
+    return Change(what=said.name, before=old.words, now=new.words, difference=difference)
 
 
-def _words(value: Any, unit: str) -> str:
-    if value is None:
-        return NOT_KNOWN
-    if isinstance(value, str):
-        return moment(value) if value[:4].isdigit() and "T" in value else value
-    return f"{number(value)} {unit}".strip()
-
-
-def _raw_changes(old: dict[str, str], new: dict[str, str]) -> list[Change]:
+def _raw_changes(old: Mapping[str, str], new: Mapping[str, str]) -> list[Change]:
     added, gone = sorted(set(new) - set(old)), sorted(set(old) - set(new))
     changed = sorted(f for f in set(old) & set(new) if old[f] != new[f])
     return [
@@ -211,3 +244,23 @@ def _raw_changes(old: dict[str, str], new: dict[str, str]) -> list[Change]:
 def _names(files: list[str]) -> str:
     more = f" and {len(files) - 5} more" if len(files) > 5 else ""
     return ", ".join(files[:5]) + more
+
+
+def changes_section(differences: list[Change], why_none: str) -> Section:
+    """Key figures that differ from the last report, or why there are none."""
+    return Section(
+        key="changes",
+        title="What changed since the last report",
+        text=[why_none] if why_none else [d.note for d in differences if d.note],
+        blocks=present(_table(differences)),
+    )
+
+
+def _table(differences: list[Change]) -> Table | None:
+    if not differences:
+        return None
+    return Table(
+        caption="What changed since the last report",
+        heads=names("Figure", "before", "now", "change"),
+        rows=[cells(c.what, c.before or "–", c.now, c.difference or "–") for c in differences],
+    )

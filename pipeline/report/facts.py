@@ -1,115 +1,161 @@
-"""All facts about one machine, gathered once; everything on its page is made from them."""
+"""Facts about one machine, gathered once; everything on its page is made from them."""
 
-from dataclasses import dataclass
-from datetime import date, datetime
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pipeline.charts.sources import Shelf
-from pipeline.report.controlled import Controlled, controlled
-from pipeline.report.cutting_facts import Cutting, cutting_facts
-from pipeline.report.driven import Driven, driven
+from pipeline.charts.sections import PartVerdict, SubModelPage
+from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.report.folders import MachineFolders
-from pipeline.report.modelled import Modelled, modelled, spindle_prefix
 from pipeline.report.part_programs import PartPrograms, part_programs
-from pipeline.report.reading import Reading, reading
-from pipeline.report.working import NO_RECORD, Day, Working, working
+from pipeline.report.programs.section import Program, simulated_programs
+from pipeline.report.records import RecordsRead, records_read
+from pipeline.report.submodel_pages import ModelledPart, Serving, modelled_parts, serving
+from pipeline.report.work import Work, work
+from pipeline.schema.golden import Days, GoldenSets
 
 
 @dataclass(frozen=True, kw_only=True)
-class Facts:
-    """One machine: its folders, what its files say, and which files those were."""
+class TrueCounts:
+    """Counts of a simulated log: records that cannot be read, wrong values by kind."""
+
+    rejected: int | None = None
+    glitches: Mapping[str, int] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueCycle:
+    """One simulated cycle: whether the log shows its start and its end."""
+
+    start_seen: bool = True
+    end_seen: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """The simulated shop floor's truth about a machine.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    document : mapping
+        The whole content; each sub-model takes its own part of it.
+    counts : TrueCounts
+        Of the log.
+    cycles : list of TrueCycle or None
+        All cycles.
+    parameters : mapping
+        Of the simulated machine, nested.
+    """
+
+    path: Path
+    document: Mapping[str, Any]
+    counts: TrueCounts
+    cycles: list[TrueCycle] | None
+    parameters: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineFacts:
+    """One machine: its folders, the content of its files, and which files those were."""
 
     folders: MachineFolders
-    shelf: Shelf
-    reading: Reading
-    working: Working
-    model: Modelled
-    control: Controlled
-    drives: Driven
-    cutting: Cutting
+    shelf: SourceRegistry
+    records: RecordsRead
+    work: Work
+    models: list[ModelledPart]
+    programs: list[Program]
     parts: PartPrograms
+    golden: GoldenSets | None = None
+    serving: Serving | None = None
+    truth: Truth | None = None
+    day_uses: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def without_spindle(self) -> bool:
-        """Whether it is known by its control, drives or cuts alone: nothing of its heat."""
-        known = self.model.thermal is not None or self.model.validation is not None
-        others = (self.control.control, self.drives.drive, self.cutting.document)
-        return not known and any(document is not None for document in others)
+    def pages(self) -> list[SubModelPage]:
+        """Pages of the sub-models, in the order of the fleet."""
+        return [one.page for one in self.models]
 
     @property
-    def worked_days(self) -> list[Day]:
-        """Days with at least one known second of execution."""
-        return [d for d in self.working.days if set(d.seconds) - {NO_RECORD}]
+    def known(self) -> bool:
+        """Whether there is a model of anything."""
+        return any(one.model is not None or one.judged is not None for one in self.models)
 
-    @property
-    def last(self) -> datetime | None:
-        """Time of the newest record."""
-        last: datetime | None = self.reading.last
-        return last
+    def verdict_of(self, name: str) -> PartVerdict | None:
+        """Verdict on a sub-model in words; None where there is none."""
+        return next((one.page.verdict for one in self.models if one.name == name), None)
 
-    @property
-    def periods(self) -> list[tuple[str, str]]:
-        """First and last day of each period of records, periods a week or more apart."""
-        return periods_of([d.day for d in self.worked_days])
-
-    @property
-    def missing_days(self) -> list[str]:
-        """Days inside the periods of records that have none."""
-        days = [d.day for d in self.worked_days]
-        return [
-            lost
-            for first, last in self.periods
-            for lost in days_between([d for d in days if first <= d <= last])
-        ]
-
-    @property
-    def surprising_days(self) -> list[str]:
-        """Missing days on whose weekday the machine has worked in another week."""
-        works = {date.fromisoformat(d.day).weekday() for d in self.worked_days}
-        return [d for d in self.missing_days if date.fromisoformat(d).weekday() in works]
+    def titles(self, names: Iterable[str]) -> str:
+        """Titles of sub-models, joined."""
+        known = {one.name: one.title for one in self.models}
+        return ", ".join(known.get(name, name) for name in names)
 
 
-def facts(folders: MachineFolders) -> Facts:
-    """Read everything that is there about one machine."""
-    shelf = Shelf()
-    model = modelled(folders, shelf)
-    return Facts(
+def machine_facts(folders: MachineFolders) -> MachineFacts:
+    """Everything that the files of one machine hold."""
+    shelf = SourceRegistry()
+    truth = _truth(folders, shelf)
+    golden = shelf.read(folders.golden, GoldenSets, "raw files, frozen by hash")
+    models = modelled_parts(folders, shelf, None if truth is None else truth.document)
+    return MachineFacts(
         folders=folders,
         shelf=shelf,
-        reading=reading(folders, shelf),
-        working=working(folders, shelf, spindle_prefix(model.validation)),
-        model=model,
-        control=controlled(folders, shelf),
-        drives=driven(folders, shelf),
-        cutting=cutting_facts(folders, shelf),
+        records=records_read(folders, shelf),
+        work=work(folders, shelf, _spindle_prefix(models)),
+        models=models,
+        programs=simulated_programs(folders.programs, shelf),
         parts=part_programs(folders, shelf),
+        golden=golden,
+        serving=serving(folders, shelf, models),
+        truth=truth,
+        day_uses=_day_uses(models, golden),
     )
 
 
-def days_between(days: list[str]) -> list[str]:
-    """ISO days that lie between the first and last of ``days`` and are not among them.
+def _truth(folders: MachineFolders, shelf: SourceRegistry) -> Truth | None:
+    if folders.truth is None:
+        return None
+    document = shelf.document(folders.truth, "the simulated shop floor")
+    if document is None:
+        return None
+    log, cycles, parameters = (document.get(key) for key in ("log", "cycles", "parameters"))
+    counts = log.get("counts") if isinstance(log, dict) else None
+    try:
+        return Truth(
+            path=folders.truth,
+            document=document,
+            counts=picked(counts or {}, TrueCounts, "log.counts"),
+            cycles=[picked(one, TrueCycle, "cycles") for one in cycles]
+            if isinstance(cycles, list) else None,
+            parameters=parameters if isinstance(parameters, dict) else {},
+        )  # fmt: skip
+    except ValueError as error:
+        shelf.broken[shown(folders.truth)] = f"not JSON of a truth: {error}"
+        return None
 
-    >>> days_between(["2016-10-10", "2016-10-13", "2016-10-12"])
-    ['2016-10-11']
-    """
-    if not days:
-        return []
-    every = np.arange(np.datetime64(min(days), "D"), np.datetime64(max(days), "D"))
-    return [str(d) for d in every if str(d) not in set(days)]
+
+def _spindle_prefix(models: list[ModelledPart]) -> str:
+    """Which spindle the judged temperature is of, as the prefix of the canonical names."""
+    scores = [s for one in models if one.judged is not None for s in one.judged.scores]
+    return "second_" if any(s.quantity.startswith("second_") for s in scores) else ""
 
 
-def periods_of(days: list[str]) -> list[tuple[str, str]]:
-    """First and last of each run of ISO days without a hole of more than a week.
+def _day_uses(models: list[ModelledPart], golden: GoldenSets | None) -> dict[str, str]:
+    """For which models each day served, in words."""
+    learn = {case.group for one in models if one.model is not None for case in one.model.trained_on}
+    judge = set() if golden is None or golden.golden is None else set(_days(golden.golden.days))
+    for one in models:
+        if one.judged is not None:
+            judge |= {s.group for s in one.judged.scores if s.role == one.judged.judged_role}
+    uses: dict[str, str] = dict.fromkeys(sorted(learn), "to learn")
+    return uses | {day: "to learn and to judge" if day in learn else "to judge" for day in judge}
 
-    >>> periods_of(["2017-11-13", "2017-11-16", "2019-05-20"])
-    [('2017-11-13', '2017-11-16'), ('2019-05-20', '2019-05-20')]
-    """
-    found: list[tuple[str, str]] = []
-    for day in sorted(days):
-        near = found and (date.fromisoformat(day) - date.fromisoformat(found[-1][1])).days <= 7
-        if near:
-            found[-1] = (found[-1][0], day)
-        else:
-            found.append((day, day))
-    return found
+
+def _days(days: Days | None) -> Iterator[str]:
+    if days is not None:
+        first, last = np.datetime64(days.first, "D"), np.datetime64(days.last, "D")
+        yield from (str(d) for d in np.arange(first, last + np.timedelta64(1, "D")))

@@ -1,4 +1,4 @@
-"""Where the report finds what it reads: the folders of a machine and the state of the project."""
+"""Folders of a machine that its page is made of, and the state of the project."""
 
 import re
 from dataclasses import dataclass, field
@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-"""What a machine may be called: its name becomes a file name and a link."""
+"""Names that a machine may have: a name becomes a file name and a link."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MachineFolders:
-    """One machine as the report sees it.
+    """Folders, files and description of one machine.
 
     Parameters
     ----------
@@ -20,10 +20,16 @@ class MachineFolders:
     signals, clean, models : Path
         Folders ``data/signals/<machine>``, ``data/clean/<machine>``, ``data/models/<machine>``;
         each may be absent or hold a part of its files only.
+    submodels : tuple of str
+        Sub-models that the machine has records for, in the order of its page.
     golden : Path
         File ``data/golden/<machine>.json``; may be absent.
     truth : Path or None
         JSON of what a simulated machine really is; None for recorded machines.
+    programs : Path or None
+        Folder ``data/programs/<machine>`` of simulated programs; may be absent.
+    champion : Path or None
+        Folder ``data/champion/<machine>`` of the models that serve; may be absent.
     parts : Path or None
         Folder ``data/parts/<machine>`` of optimised programs; may be absent.
     trial : Path or None
@@ -44,7 +50,10 @@ class MachineFolders:
     models: Path
     golden: Path
     origin: Literal["simulated", "recorded"]
+    submodels: tuple[str, ...] = ()
     truth: Path | None = None
+    programs: Path | None = None
+    champion: Path | None = None
     parts: Path | None = None
     trial: Path | None = None
     description: str = ""
@@ -65,7 +74,7 @@ class MachineFolders:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetInfo:
-    """What the report says about the project as a whole.
+    """State of the project as a whole.
 
     Parameters
     ----------

@@ -1,185 +1,108 @@
-"""What stands on a machine's page, section by section, before it becomes HTML."""
+"""Page of one machine: its head, key figures and sections, before it becomes HTML."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pipeline.charts.numbers import TOGETHER, counted, fixed, hours, moment, number, percent, signed
-from pipeline.charts.sections import Section, absent, present
-from pipeline.charts.sources import dig
-from pipeline.report.changes import Change
-from pipeline.report.control_section import control_section, times_section
-from pipeline.report.control_verdict import worst_error
-from pipeline.report.cutting_prediction_section import prediction_section
-from pipeline.report.cutting_section import cutting_section
-from pipeline.report.cutting_truth import cutting_truth_table
-from pipeline.report.cutting_verdict import cutting_key_figures
-from pipeline.report.drive_records_section import following_section
-from pipeline.report.drive_section import drives_section
-from pipeline.report.drive_truth import drive_truth_table
-from pipeline.report.driven import worst_following, worst_force
-from pipeline.report.facts import Facts
+from pipeline.charts.numbers import NOT_KNOWN, counted, hours, moment, number, percent
+from pipeline.charts.sections import Section, present
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import (
+    MOST_ROWS,
+    Cell,
+    Head,
+    Table,
+    cells,
+    left_out,
+    names,
+    numbers,
+    sources,
+)
+from pipeline.report.facts import MachineFacts, Truth
 from pipeline.report.folders import MachineFolders
-from pipeline.report.model_sections import golden_section, thermal_section
 from pipeline.report.part_programs import part_key_figures
 from pipeline.report.part_section import part_programs_section
-from pipeline.report.program_section import programs_section
-from pipeline.report.record_tables import (
-    cleaning_table,
-    files_table,
-    gap_causes_table,
-    longest_gaps_table,
-    reasons_table,
-)
-from pipeline.report.story_tables import (
-    changes_table,
-    origins_table,
-    provenance_table,
-    simulation_table,
-    truth_table,
-)
-from pipeline.report.verdict import Verdict
+from pipeline.report.programs.section import programs_section
+from pipeline.report.records import records_section
 from pipeline.report.work_section import work_section
+
+PREDICTS_PROGRAMS = "control"
+"""Sub-model after whose sections part programs stand: their times are its predictions."""
+LOADS_PARTS = "cutting"
+"""Sub-model whose forces the predicted loads of optimised programs rest on."""
+STATUS = {"passed": "passed", "failed": "failed", "not judged": "unknown"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """One machine's page: head, verdict, key figures (name, value, aside), sections."""
+    """Body of one machine's page: key figures (name, value, aside) and sections."""
 
     folders: MachineFolders
-    verdict: Verdict
     key_figures: list[tuple[str, str, str]]
     sections: list[Section] = field(default_factory=list)
 
 
-def machine_page(
-    found: Facts, judged: Verdict, differences: list[Change], why_none: str
-) -> Page:  # fmt: skip
-    """The page of one machine, in the order in which its reader needs it."""
-    works = [work_section(found)]
+def machine_page(facts: MachineFacts, changes: Section) -> Page:
+    """The page of one machine below its verdict, in the order in which its reader needs it."""
+    works = [work_section(facts.work, facts.day_uses)]
+    logged = bool(facts.work.worked_days) or not facts.known
     sections = [
-        *(works if found.worked_days or not found.without_spindle else []),
-        *([] if found.without_spindle else [thermal_section(found), golden_section(found)]),
-        control_section(found),
-        times_section(found),
-        programs_section(found),
-        part_programs_section(found),
-        drives_section(found),
-        following_section(found),
-        cutting_section(found),
-        prediction_section(found),
-        *([] if found.worked_days or not found.without_spindle else works),
-        _records_section(found),
-        _missing_section(found),
-        _changes_section(differences, why_none),
-        *([_truth_section(found)] if found.folders.origin == "simulated" else []),
-        _provenance_section(found),
+        *(works if logged else []),
+        *_submodel_sections(facts),
+        *([] if logged else works),
+        records_section(facts.records),
+        _missing_section(facts),
+        changes,
+        *([_truth_section(facts)] if facts.folders.origin == "simulated" else []),
+        _provenance_section(facts),
     ]
     return Page(
-        folders=found.folders,
-        verdict=judged,
-        key_figures=_key_figures(found),
+        folders=facts.folders,
+        key_figures=_key_figures(facts),
         sections=[s for s in sections if s is not None],
     )
 
 
-def _key_figures(found: Facts) -> list[tuple[str, str, str]]:
-    v, r = found.model.validation, found.reading
-    active = sum(d.seconds.get("ACTIVE", 0.0) for d in found.working.days)
-    days = found.worked_days
-    times = worst_error(found.control)
-    error = dig(v, "windows", "all", "model", "mae_K")
-    heat = [
-        ("Error over one hour", _kelvin(error), f"limit {_kelvin(dig(v, 'limits', 'mae_K'))}"),
-        ("Error running free", _kelvin(dig(v, "free_run", "all", "model", "mae_K")),
-         "golden days, each from its first value"),
-    ]  # fmt: skip
+def _submodel_sections(facts: MachineFacts) -> list[Section | None]:
+    """Sections of the sub-models in the fleet's order, with the programs after their control."""
+    programs = [
+        programs_section(facts.programs, facts.shelf),
+        part_programs_section(facts.parts, facts.shelf, facts.verdict_of(LOADS_PARTS)),
+    ]
+    sections: list[Section | None] = []
+    for one in facts.models:
+        sections += one.page.sections
+        if one.name == PREDICTS_PROGRAMS:
+            sections += programs
+    return sections if PREDICTS_PROGRAMS in facts.folders.submodels else [*sections, *programs]
+
+
+def _key_figures(facts: MachineFacts) -> list[tuple[str, str, str]]:
+    r, work = facts.records, facts.work
     return [
-        *([] if found.without_spindle else heat),
-        *([("Predicted program times", f"{signed(times)} %",
-            f"worst of {counted(len(found.control.judged), 'judged run')}, "
-            f"limit ±{fixed(found.control.limit, 0)} %")] if times is not None else []),
-        *_drive_figures(found),
-        *cutting_key_figures(found.cutting),
-        *part_key_figures(found.parts),
-        ("Time ACTIVE", f"{hours(active)} h" if found.working.days else "not known",
-         f"on {counted(len(days), 'day')}"),
-        ("Records rejected", percent(r.rejected, r.records) if r.files else "not known",
+        *(figure for page in facts.pages for figure in page.key_figures),
+        *part_key_figures(facts.parts),
+        ("Time ACTIVE", f"{hours(work.active)} h" if work.days else NOT_KNOWN,
+         f"on {counted(len(work.worked_days), 'day')}"),
+        ("Records rejected", percent(r.rejected, r.records) if r.files else NOT_KNOWN,
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
-        ("Last record", moment(found.last), ""),
+        ("Last record", moment(r.last), ""),
     ]  # fmt: skip
 
 
-def _drive_figures(found: Facts) -> list[tuple[str, str, str]]:
-    """The worst errors of judged recordings, and whose they are."""
-    judged, drives = found.drives.judged, found.drives
-    force, following = worst_force(judged), worst_following(judged)
-    every = [
-        ("Force of the axes", force, force.force_error if force else None, drives.force_limit),
-        ("Following errors", following, following.following_error if following else None,
-         drives.following_limit),
-    ]  # fmt: skip
-    return [
-        (words, f"{fixed(error, 1)} %", f"worst of judged recordings, axis {run.axis}"
-         + (f", limit{TOGETHER}{limit:g}{TOGETHER}%" if limit is not None else ""))
-        for words, run, error, limit in every if run is not None
-    ]  # fmt: skip
-
-
-def _kelvin(value: Any) -> str:
-    words = fixed(value, 2)
-    return words if words == "not known" else f"{words} K"
-
-
-def _records_section(found: Facts) -> Section:
-    r = found.reading
-    title = "What was read, and what was not"
-    if r.files is None:
-        return Section(key="records", title=title, text=[absent(
-            found.folders.signals / "manifest.json",
-            "Put the machine’s log, or its tables, under data/raw and name them in conf/machine/.",
-        )])  # fmt: skip
-    text = [
-        f"{counted(len(r.files), 'file')} with {number(r.records)} records: "
-        f"{number(r.records - r.rejected)} kept, {number(r.rejected)} rejected. "
-        + ("Read equals kept plus rejected in every file." if not r.unbalanced else
-           f"In {counted(len(r.unbalanced), 'file')} read is not kept plus rejected.")
-    ]  # fmt: skip
-    for content, path, words in (
-        (r.reasons, found.folders.signals / "rejected.parquet", "why records were rejected"),
-        (r.changes, found.folders.clean / "audit.parquet", "what cleaning changed"),
-        (r.gap_causes, found.folders.clean / "gaps.parquet", "where the record has gaps"),
-    ):
-        if content is None:
-            text.append(absent(path, f"Without it nobody knows {words}."))
-    blocks = present(
-        reasons_table(found), files_table(found), cleaning_table(found),
-        gap_causes_table(found), longest_gaps_table(found),
-    )  # fmt: skip
-    return Section(key="records", title=title, text=text, blocks=blocks)
-
-
-def _missing_section(found: Facts) -> Section | None:
-    if not found.folders.missing:
+def _missing_section(facts: MachineFacts) -> Section | None:
+    if not facts.folders.missing:
         return None
     return Section(
         key="missing",
         title="What is missing, and what to record",
-        pairs=[(what, record) for what, record in found.folders.missing],
+        pairs=[(what, record) for what, record in facts.folders.missing],
     )
 
 
-def _changes_section(differences: list[Change], why_none: str) -> Section:
-    return Section(
-        key="changes",
-        title="What changed since the last report",
-        text=[why_none] if why_none else [d.note for d in differences if d.note],
-        blocks=present(changes_table(differences)),
-    )
-
-
-def _truth_section(found: Facts) -> Section:
+def _truth_section(facts: MachineFacts) -> Section:
     title = "Known truth"
-    if found.model.truth is None or found.folders.truth is None:
+    if facts.truth is None:
         text = "The simulated shop floor’s truth is not there, so nothing can be held against it."
         return Section(key="truth", title=title, text=[text])
     text = (
@@ -188,13 +111,83 @@ def _truth_section(found: Facts) -> Section:
         "value; what can be judged is what was found in its records, and its temperature on the "
         "golden week."
     )
-    blocks = present(truth_table(found), drive_truth_table(found),
-                     cutting_truth_table(found), simulation_table(found))  # fmt: skip
+    blocks = present(
+        _records_truth_table(facts, facts.truth),
+        *(table for page in facts.pages for table in page.truth),
+        _simulation_table(facts.shelf, facts.truth),
+    )
     return Section(key="truth", title=title, text=[text], blocks=blocks)
 
 
-def _provenance_section(found: Facts) -> Section:
-    broken = [f"{path} was left out: {why}." for path, why in sorted(found.shelf.broken.items())]
+def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
+    """Simulated records and cycles against those that were read."""
+    r, cycles = facts.records, facts.work.cycles
+    glitches = truth.counts.glitches
+    lines = [
+        ("records that cannot be read", truth.counts.rejected,
+         r.rejected if r.files is not None else None),
+        (f"cycles{_unseen(truth)}", None if truth.cycles is None else len(truth.cycles),
+         None if cycles is None else len(cycles)),
+        ("wrong values in the log; removed or changed by cleaning",
+         None if glitches is None else sum(glitches.values()),
+         None if r.changes is None else sum(n for *_, n in r.changes)),
+    ]  # fmt: skip
+    rows = [cells(w, number(a), number(b), _difference(a, b)) for w, a, b in lines if a is not None]
+    if not rows:
+        return None
+    heads = [Head(name="Quantity"), *numbers(("true", ""), ("found", "")), Head(name="difference")]
+    return Table(
+        caption="What was simulated against what was found",
+        heads=heads,
+        rows=rows,
+        sources=sources(facts.shelf, truth.path),
+    )
+
+
+def _unseen(truth: Truth) -> str:
+    """How many cycles the log cannot show whole, because it was lost at one of their ends."""
+    lost = sum(not (c.start_seen and c.end_seen) for c in truth.cycles or [])
+    return f", of which the log loses an end of {number(lost)}" if lost else ""
+
+
+def _difference(true: int, seen: int | None) -> str:
+    if seen is None:
+        return NOT_KNOWN
+    return "none" if true == seen else ("+" if seen > true else "") + number(seen - true)
+
+
+def _simulation_table(shelf: SourceRegistry, truth: Truth) -> Table | None:
+    """The simulated machine's own parameters, flat."""
+    flat = _flat(truth.parameters)
+    if not flat:
+        return None
+    rows = [cells(Cell(text=name, code=True), value) for name, value in flat]
+    return Table(
+        caption=f"Parameters of the simulated machine{left_out(len(rows), MOST_ROWS)}",
+        heads=names("Parameter", "value"),
+        rows=rows[:MOST_ROWS],
+        sources=sources(shelf, truth.path),
+        folded=True,
+    )
+
+
+def _flat(document: Any, prefix: str = "") -> list[tuple[str, str]]:
+    """Nested parameters as pairs of dotted name and value in words."""
+    if isinstance(document, Mapping):
+        parts = [_flat(v, f"{prefix}.{k}" if prefix else str(k)) for k, v in document.items()]
+        return [row for part in parts for row in part]
+    if isinstance(document, list) and len(document) > 8:
+        return [(prefix, f"{len(document)} entries")]
+    if isinstance(document, list):
+        parts = [_flat(v, f"{prefix}[{i}]") for i, v in enumerate(document)]
+        return [row for part in parts for row in part]
+    if document is None or isinstance(document, bool):
+        return [(prefix, {None: "none", True: "yes", False: "no"}[document])]
+    return [(prefix, document if isinstance(document, str) else number(document))]
+
+
+def _provenance_section(facts: MachineFacts) -> Section:
+    broken = [f"{path} was left out: {why}." for path, why in sorted(facts.shelf.broken.items())]
     return Section(
         key="provenance",
         title="Where everything comes from",
@@ -203,6 +196,78 @@ def _provenance_section(found: Facts) -> Section:
             "file’s SHA-256; the whole hashes stand here.",
             *broken,
         ],
-        blocks=present(provenance_table(found.shelf), origins_table(found)),
+        blocks=present(
+            _serving_table(facts), _provenance_table(facts.shelf), _origins_table(facts)
+        ),
         closing=True,
+    )
+
+
+def _serving_table(facts: MachineFacts) -> Table | None:
+    """The champion's sub-models: their verdicts, and whether the latest are the same."""
+    found = facts.serving
+    if found is None:
+        return None
+    latest = {one.name for one in facts.models if one.model is not None}
+    every = dict.fromkeys([*(one.name for one in facts.models), *found.bundle.submodels])
+    rows = []
+    for name in every:
+        one = found.bundle.submodels.get(name)
+        status = "–" if one is None else Cell(text=one.status, status=STATUS[one.status])
+        same = "another" if name in found.older else "the same"
+        rows.append(
+            cells(
+                facts.titles([name]),
+                Cell(text="none" if one is None else one.sha256[:12], code=True),
+                status,
+                same if name in latest else "none",
+            )
+        )
+    return Table(
+        caption="The champion that serves, and the latest models, which this page shows",
+        heads=names("Model of", "champion, sha256", "its verdict", "latest"),
+        rows=rows,
+        sources=sources(facts.shelf, found.path),
+    )
+
+
+def _provenance_table(shelf: SourceRegistry) -> Table | None:
+    """Every file that this page was made from."""
+    used = sorted(shelf.used.values(), key=lambda s: s.path)
+    if not used:
+        return None
+    return Table(
+        caption=f"Every file that this page was made from ({number(len(used))})",
+        heads=names("File", "sha256", "made from"),
+        rows=[
+            cells(Cell(text=s.path, code=True), Cell(text=s.sha256, code=True), s.made_from or "–")
+            for s in used
+        ],
+        folded=True,
+    )
+
+
+def _origins_table(facts: MachineFacts) -> Table | None:
+    """Raw files by hash that models were fitted on, and that they were judged on."""
+    models = [one.model for one in facts.models if one.model is not None]
+    fitted = {
+        (one.file, one.sha256) for model in models for case in model.trained_on
+        for one in case.files
+    }  # fmt: skip
+    golden = facts.golden.golden if facts.golden is not None else None
+    judged = [] if golden is None else [(one.file, one.sha256) for one in golden.files]
+    rows = [
+        cells(use, Cell(text=file, code=True), Cell(text=sha256, code=True))
+        for use, files in (("to learn", sorted(fitted)), ("to judge", judged))
+        for file, sha256 in files
+    ]
+    if not rows:
+        return None
+    stored = [one.shown.folder / "model.json" for one in facts.models]
+    return Table(
+        caption=f"What the models were fitted on and judged on{left_out(len(rows), MOST_ROWS)}",
+        heads=names("Used", "file", "sha256"),
+        rows=rows[:MOST_ROWS],
+        sources=sources(facts.shelf, *stored, facts.folders.golden),
+        folded=True,
     )

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.numbers import asked, number
 from pipeline.charts.svg import anchor
-from pipeline.report.cut_panel import NAMED, NAMES, WIDE, Panel
+from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
 from pipeline.report.optimised_tables import limit_name
 from pipeline.schema.part import (
     BlockGroup,

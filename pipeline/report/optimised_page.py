@@ -6,8 +6,7 @@ from typing import Any
 from pipeline.charts.numbers import NARROW, asked, counted, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
-from pipeline.report.alone import LonePage, rendered, source_of
-from pipeline.report.cut_tables import sentence, share
+from pipeline.report.cut.tables import sentence, share
 from pipeline.report.optimised_figures import (
     FRONT_LEGEND,
     LOAD_LEGEND,
@@ -38,6 +37,7 @@ from pipeline.report.optimised_tables import (
     uncertain_table,
 )
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
+from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 from pipeline.schema.part import OptimisedPart, Reliability
 
 
@@ -48,10 +48,10 @@ def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = N
     out.write_text(text, encoding="utf-8", newline="\n")
 
 
-def optimised_page(part: OptimisedPart, sources: list[Source]) -> LonePage:
+def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:
     """Sections of the page, in the order in which its reader needs them."""
     status, word, sentences = verdict(part)
-    return LonePage(
+    return StandalonePage(
         program=part.program,
         machine=part.machine,
         about=_about(part),

@@ -5,7 +5,7 @@ import re
 from pipeline.charts.numbers import NARROW, asked, counted, number, signed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers
-from pipeline.report.cut_tables import NONE, sentence, share, tool_name
+from pipeline.report.cut.tables import NONE, sentence, share, tool_name
 from pipeline.schema.limits import limit_words
 from pipeline.schema.part import BlockGroup, MethodResult, OptimisedPart
 

@@ -1,7 +1,7 @@
 """Verdict and key figures of an optimised program, in the words of who cuts the part."""
 
 from pipeline.charts.numbers import NARROW, asked, counted, duration, number
-from pipeline.report.cut_tables import share
+from pipeline.report.cut.tables import share
 from pipeline.report.optimised_tables import change, limit_name
 from pipeline.schema.part import OptimisedPart
 

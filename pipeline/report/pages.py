@@ -1,27 +1,38 @@
-"""Writes the pages: one for the fleet, one for each machine, and the key figures beside them.
+"""Pages of the fleet and of each machine as HTML, with their key figures and metrics.
 
 Every page is one file that needs nothing else: styles and figures stand in it, it runs no script,
 and a content security policy forbids it to load anything.  Text from records is escaped.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from pipeline.charts.numbers import counted, moment, number, percent
+from pipeline.charts.numbers import NOT_KNOWN, counted, moment, number, percent
 from pipeline.report.changes import (
+    Change,
     Earlier,
+    MachineFigures,
     changes,
+    changes_section,
     earlier_report,
     key_figures,
     write_key_figures,
 )
-from pipeline.report.facts import Facts, facts
+from pipeline.report.facts import MachineFacts, machine_facts
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.machine_page import machine_page
-from pipeline.report.verdict import Verdict, verdict
+from pipeline.report.standalone_page import renderer
+from pipeline.report.verdict import MachineVerdict, Status, machine_verdict
+from pipeline.schema.store import write_json
 
-__all__ = ["FleetInfo", "MachineFolders", "write_report"]
+STATUS_WORDS: Mapping[Status, str] = {
+    "failed": "failed",
+    "attention": "passed with reservations",
+    "passed": "passed",
+    "unknown": "without a verdict",
+}
+"""Status of machines in the headline of the fleet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,14 +43,46 @@ class Row:
     origin: str
     description: str
     credit: str
-    verdict: Verdict
+    verdict: MachineVerdict
     days: str
     rejected: str
     last: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class SubModelCounts:
+    """Number of a machine's sub-models by the status of their verdict."""
+
+    passed: int
+    failed: int
+    not_judged: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineMetrics:
+    """Metrics of one machine's page."""
+
+    status: Status
+    days: int
+    records: int
+    rejected: int
+    submodels: SubModelCounts
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportMetrics:
+    """Metrics of the report: number of machines by status, and those of each machine."""
+
+    status: Mapping[Status, int]
+    machines: Mapping[str, MachineMetrics]
+
+
 def write_report(
-    machines: list[MachineFolders], fleet: FleetInfo, previous: Path | None, out: Path
+    machines: list[MachineFolders],
+    fleet: FleetInfo,
+    previous: Path | None,
+    out: Path,
+    metrics: Path | None = None,
 ) -> None:
     """Write ``out/index.html``, ``out/<machine>.html`` and ``out/report.json``.
 
@@ -54,6 +97,8 @@ def write_report(
         again with nothing changed, the pages are the same bytes.
     out : Path
         Folder of the report; made when it does not exist.
+    metrics : Path or None
+        File of the report's metrics.
 
     Raises
     ------
@@ -64,72 +109,84 @@ def write_report(
     double = sorted({n for n in names if names.count(n) > 1})
     if double:
         raise ValueError(f"machine {double[0]} stands twice in the fleet; give each its own name")
-    found = {m.name: facts(m) for m in machines}
-    judged = {name: verdict(f) for name, f in found.items()}
-    figures = {name: key_figures(f, judged[name]) for name, f in found.items()}
+    facts = {m.name: machine_facts(m) for m in machines}
+    judged = {name: machine_verdict(f) for name, f in facts.items()}
+    figures = {name: key_figures(f, judged[name].word) for name, f in facts.items()}
     earlier = earlier_report(previous, figures)
     out.mkdir(parents=True, exist_ok=True)
-    render = _renderer()
+    render = renderer()
     for name in names:
-        differences, reason = _compared(earlier, name, figures[name])
-        page = machine_page(found[name], judged[name], differences, reason)
-        _write(out / f"{name}.html", render("machine.html.j2", page=page, fleet=fleet))
-    rows = [_row(found[name], judged[name]) for name in names]
+        differences, reason = _compared(earlier, facts[name], figures[name])
+        page = machine_page(facts[name], changes_section(differences, reason))
+        text = render("machine.html.j2", page=page, verdict=judged[name], fleet=fleet)
+        _write(out / f"{name}.html", text)
+    rows = [_row(facts[name], judged[name]) for name in names]
     headline = _headline(rows)
     _write(out / "index.html", render("index.html.j2", rows=rows, fleet=fleet, headline=headline))
     write_key_figures(out / "report.json", figures, earlier)
+    if metrics is not None:
+        write_json(_metrics(facts, judged), metrics)
 
 
-def _compared(earlier: Earlier, name: str, now: dict[str, Any]) -> tuple[list[Any], str]:
+def _compared(
+    earlier: Earlier, facts: MachineFacts, now: MachineFigures
+) -> tuple[list[Change], str]:
     """Changes of one machine, and what to say when there are none."""
     if earlier.machines is None:
         return [], earlier.why_not
-    if not isinstance(earlier.machines.get(name), dict):
+    before = earlier.machines.get(facts.folders.name)
+    if before is None:
         return [], "The machine was not in the last report."
-    found = changes(earlier.machines[name], now)
+    found = changes(before, now, {one.name: one.page.changed for one in facts.models})
     return found, "" if found else "Nothing: all key figures and raw files are as they were."
 
 
-def _row(found: Facts, judged: Verdict) -> Row:
-    known = found.reading.files is not None
+def _row(facts: MachineFacts, judged: MachineVerdict) -> Row:
+    records, work = facts.records, facts.work
     return Row(
-        name=found.folders.name,
-        origin=found.folders.origin,
-        description=found.folders.description,
-        credit=found.folders.credit,
+        name=facts.folders.name,
+        origin=facts.folders.origin,
+        description=facts.folders.description,
+        credit=facts.folders.credit,
         verdict=judged,
-        days=number(len(found.worked_days)) if found.working.days else "not known",
-        rejected=percent(found.reading.rejected, found.reading.records) if known else "not known",
-        last=moment(found.last),
+        days=number(len(work.worked_days)) if work.days else NOT_KNOWN,
+        rejected=NOT_KNOWN if records.files is None else percent(records.rejected, records.records),
+        last=moment(records.last),
     )
 
 
 def _headline(rows: list[Row]) -> str:
     """The fleet in one sentence."""
-    counts = {s: sum(r.verdict.status == s for r in rows) for s in _STATUS_WORDS}
-    parts = [f"{counts[s]} {words}" for s, words in _STATUS_WORDS.items() if counts[s]]
+    counts = {s: sum(r.verdict.status == s for r in rows) for s in STATUS_WORDS}
+    parts = [f"{counts[s]} {words}" for s, words in STATUS_WORDS.items() if counts[s]]
     return f"{counted(len(rows), 'machine')}: {', '.join(parts)}." if rows else "No machine."
 
 
-_STATUS_WORDS = {
-    "failed": "failed",
-    "attention": "passed with reservations",
-    "passed": "passed",
-    "unknown": "without a verdict",
-}
-
-
-def _renderer() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+def _metrics(
+    facts: Mapping[str, MachineFacts], judged: Mapping[str, MachineVerdict]
+) -> ReportMetrics:
+    return ReportMetrics(
+        status={s: sum(v.status == s for v in judged.values()) for s in STATUS_WORDS},
+        machines={
+            name: MachineMetrics(
+                status=judged[name].status,
+                days=len(f.work.worked_days),
+                records=f.records.records,
+                rejected=f.records.rejected,
+                submodels=_counts(f),
+            )
+            for name, f in facts.items()
+        },
     )
-    return lambda name, **context: environment.get_template(name).render(**context)
+
+
+def _counts(facts: MachineFacts) -> SubModelCounts:
+    found = ["not judged" if one.judged is None else one.judged.status for one in facts.models]
+    return SubModelCounts(
+        passed=found.count("passed"),
+        failed=found.count("failed"),
+        not_judged=found.count("not judged"),
+    )
 
 
 def _write(path: Path, text: str) -> None:

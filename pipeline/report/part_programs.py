@@ -3,16 +3,12 @@
 from dataclasses import dataclass, field
 from math import comb
 from pathlib import Path
-from typing import TypeVar
 
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, number, signed
-from pipeline.charts.sources import Shelf, shown
+from pipeline.charts.sources import SourceRegistry, shown
 from pipeline.report.folders import MachineFolders
 from pipeline.report.optimised_verdict import AIMS
 from pipeline.schema.part import OptimisedPart, Side, TrialCuts, TrialPart
-from pipeline.schema.structure import structured
-
-T = TypeVar("T")
 
 WORTH = 1.0  # percent less: below it nobody changes a program that runs
 SURE = 0.05  # chance of a load above its limit: with more nobody is told to load a program
@@ -111,30 +107,18 @@ class PartPrograms:
         return sum(a for a, _ in known), sum(b for _, b in known)
 
 
-def part_programs(folders: MachineFolders, shelf: Shelf) -> PartPrograms:
+def part_programs(folders: MachineFolders, shelf: SourceRegistry) -> PartPrograms:
     """Optimised programs of a machine, with their trial cuts."""
     if folders.parts is None:
         return PartPrograms()
-    trial = _stored(shelf, folders.trial, TrialCuts, CUT)
+    trial = None if folders.trial is None else shelf.read(folders.trial, TrialCuts, CUT)
     cuts = {} if trial is None else trial.parts
     programs = [
         PartProgram(label=path.stem, part=part, path=path, cut=cuts.get(path.stem))
         for path in sorted(folders.parts.glob("*.json"))
-        if (part := _stored(shelf, path, OptimisedPart, MODELS)) is not None
+        if (part := shelf.read(path, OptimisedPart, MODELS)) is not None
     ]
     return PartPrograms(programs=programs, trial=folders.trial if trial is not None else None)
-
-
-def _stored(shelf: Shelf, path: Path | None, wanted: type[T], made_from: str) -> T | None:
-    """A stored document; None where there is none, or it is of another shape and named so."""
-    values = None if path is None else shelf.document(path, made_from)
-    if path is None or values is None:
-        return None
-    try:
-        return structured(values, wanted, "$")
-    except ValueError as error:
-        shelf.broken[shown(path)] = f"of another shape: {error}"
-        return None
 
 
 def loading_words(found: PartPrograms) -> str:

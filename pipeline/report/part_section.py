@@ -1,12 +1,18 @@
 """Section on optimised part programs: before and after, reliability, trial cuts."""
 
 from pipeline.charts.numbers import NARROW, counted, number, signed
-from pipeline.charts.sections import Block, Figure, Figures, Heading, Section, present
-from pipeline.charts.sources import Source
+from pipeline.charts.sections import (
+    Block,
+    Figure,
+    Figures,
+    Heading,
+    PartVerdict,
+    Section,
+    present,
+)
+from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import Cell, Head, Table, cells, numbers, sources
-from pipeline.report.cut_tables import NONE, share
-from pipeline.report.cutting_verdict import cutting_verdict
-from pipeline.report.facts import Facts
+from pipeline.report.cut.tables import NONE, share
 from pipeline.report.optimised_figures import LOAD_LEGEND, OVER_LEGEND, load_figure, path_load
 from pipeline.report.optimised_tables import (
     binding_table,
@@ -19,7 +25,7 @@ from pipeline.report.optimised_tables import (
     uncertain_table,
 )
 from pipeline.report.optimised_verdict import aim, verdict
-from pipeline.report.part_programs import PartProgram
+from pipeline.report.part_programs import PartProgram, PartPrograms
 from pipeline.schema.part import OptimisedPart, Side, TrialPart
 
 WHAT = (
@@ -30,27 +36,34 @@ WHAT = (
 MORE = "kerf optimise draws F, S, time and cost block by block on a page of its own."
 
 
-def part_programs_section(found: Facts) -> Section | None:
-    """All programs in a table, then each: load, gain, certainty, methods, cut, proof."""
-    programs = found.parts.programs
+def part_programs_section(
+    parts: PartPrograms, shelf: SourceRegistry, forces: PartVerdict | None
+) -> Section | None:
+    """All programs in a table, then each: load, gain, certainty, methods, cut, proof.
+
+    ``forces`` is the verdict on the machine's cutting forces, which the loads rest on.
+    """
+    programs = parts.programs
     if not programs:
         return None
-    blocks: list[Block] = present(overview_table(found))
+    blocks: list[Block] = present(overview_table(parts, shelf))
     for one in programs:
-        blocks += _program(found, one)
+        blocks += _program(parts, shelf, forces, one)
     title = "Part programs: faster or cheaper"
     return Section(key="part-programs", title=title, text=[f"{WHAT} {MORE}"], blocks=blocks)
 
 
-def _program(found: Facts, one: PartProgram) -> list[Block]:
-    part, files = one.part, sources(found.shelf, one.path)
+def _program(
+    parts: PartPrograms, shelf: SourceRegistry, forces: PartVerdict | None, one: PartProgram
+) -> list[Block]:
+    part, files = one.part, sources(shelf, one.path)
     _, word, said = verdict(part)
-    words = " ".join([*_doubt(found), *said, *_trial(one), *_held(part)])
+    words = " ".join([*_doubt(forces), *said, *_trial(one), *_held(part)])
     return present(
         Heading(heading=f"{one.label}: {word}", text=words),
-        _load(found, one),
+        _load(shelf, one),
         gain_table(part, files),
-        cut_table(found, one),
+        cut_table(parts, shelf, one),
         binding_table(part, files),
         methods_table(part, files),
         uncertain_table(part, files),
@@ -59,7 +72,7 @@ def _program(found: Facts, one: PartProgram) -> list[Block]:
     )
 
 
-def _load(found: Facts, one: PartProgram) -> Figures | None:
+def _load(shelf: SourceRegistry, one: PartProgram) -> Figures | None:
     trace = one.part.trace
     before, after = path_load(trace.before), path_load(trace.after)
     if before is None or after is None:
@@ -69,7 +82,7 @@ def _load(found: Facts, one: PartProgram) -> Figures | None:
     picture = Figure(
         svg=load_figure(before, after, one.limit, trace.tools, words),
         caption=f"{words}: the highest force on the tool in the plane, predicted.",
-        sources=sources(found.shelf, one.path),
+        sources=sources(shelf, one.path),
     )
     return Figures(figures=[picture], legend=legend, kind="one")
 
@@ -93,10 +106,9 @@ def _trial(one: PartProgram) -> list[str]:
     return [f"{said}."]
 
 
-def _doubt(found: Facts) -> list[str]:
+def _doubt(forces: PartVerdict | None) -> list[str]:
     """Why the predicted loads must not be trusted, where the machine's forces were judged."""
-    judged = cutting_verdict(found.cutting)
-    if judged is None or judged.status == "passed":
+    if forces is None or forces.status == "passed":
         return []
     return ["Do not load it yet: the forces of this machine’s cut have not passed their judgement, "
             "and its loads rest on them."]  # fmt: skip
@@ -110,9 +122,9 @@ def _held(part: OptimisedPart) -> list[str]:
     return [f"{counted(many, 'move')} stayed as programmed: {reasons}."]
 
 
-def overview_table(found: Facts) -> Table | None:
+def overview_table(parts: PartPrograms, shelf: SourceRegistry) -> Table | None:
     """Every program: time, cost and peak load before and after, and what is proved."""
-    programs = found.parts.programs
+    programs = parts.programs
     if not programs:
         return None
     currencies = dict.fromkeys(one.part.currency or "" for one in programs)
@@ -128,7 +140,7 @@ def overview_table(found: Facts) -> Table | None:
         caption="Part programs before and after",
         heads=heads,
         rows=[_overview(one) for one in programs],
-        sources=sources(found.shelf, *(one.path for one in programs)),
+        sources=sources(shelf, *(one.path for one in programs)),
     )
 
 
@@ -148,7 +160,7 @@ def _pair(part: OptimisedPart, key: str, digits: int) -> list[str]:
     return [figure(getattr(side, key), digits) for side in (part.before, part.after)]
 
 
-def cut_table(found: Facts, one: PartProgram) -> Table | None:
+def cut_table(parts: PartPrograms, shelf: SourceRegistry, one: PartProgram) -> Table | None:
     """Predicted by the twin beside cut by the simulated shop floor, which is another machine."""
     cuts = one.cuts("after")
     if one.cut is None or cuts is None:
@@ -169,7 +181,7 @@ def cut_table(found: Facts, one: PartProgram) -> Table | None:
     asked = "" if allowed is None else f"; asked for was at most {share(allowed)}"
     return Table(
         caption=f"{one.label}: predicted, and cut on the simulated shop floor {cuts[1]} times",
-        heads=heads, rows=rows, sources=_both(found, one),
+        heads=heads, rows=rows, sources=_both(parts, shelf, one),
         note="Each cut has its own mounting of the tool, batch of material and wear; means are "
         f"over them. The shop floor is richer than the twin, which knows nothing of it{asked}.",
     )  # fmt: skip
@@ -188,9 +200,9 @@ def _above(one: PartProgram, which: Side) -> str:
     return NONE if cuts is None else f"{cuts[0]} of {cuts[1]}"
 
 
-def _both(found: Facts, one: PartProgram) -> list[Source]:
-    trial = found.parts.trial
-    return sources(found.shelf, one.path, *([trial] if trial is not None else []))
+def _both(parts: PartPrograms, shelf: SourceRegistry, one: PartProgram) -> list[Source]:
+    trial = parts.trial
+    return sources(shelf, one.path, *([trial] if trial is not None else []))
 
 
 def trial_time_error(one: PartProgram) -> float | None:

@@ -1,28 +1,13 @@
-"""From the facts to one word, one to three sentences and what to do now."""
+"""Verdict on a machine: one word, one to three sentences, what to do now, and notes."""
 
-import re
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
-from pipeline.charts.numbers import (
-    counted,
-    day_list,
-    day_words,
-    duration,
-    fixed,
-    moment,
-    number,
-    percent,
-    real,
-)
+from pipeline.charts.numbers import counted, day_list, duration, moment, number, percent
 from pipeline.charts.sections import PartVerdict, combined
-from pipeline.charts.sources import dig, objects_of, rows_of, words_of
-from pipeline.report.control_verdict import times_verdict
-from pipeline.report.cutting_verdict import cut_undetermined, cutting_verdict, plain_better_words
-from pipeline.report.drive_verdict import drives_verdict, undetermined_words
-from pipeline.report.facts import Facts
+from pipeline.report.facts import MachineFacts
 from pipeline.report.part_programs import loading_words, warning_words
-from pipeline.report.reading import WHOLE, Gap, rule_words
+from pipeline.report.records import WHOLE, Gap, rule_words
 
 Status = Literal["failed", "attention", "passed", "unknown"]
 WORDS = {
@@ -31,9 +16,8 @@ WORDS = {
     "passed": "Passed",
     "unknown": "No verdict",
 }
-
+"""Verdict in words, by status."""
 REJECTED_SHARE = 0.01  # of the records: above it a reader or the recording needs a look
-ISO_DAY = re.compile(r"\b\d{4}-\d{2}-\d{2}\b")
 DAY_NS = 86_400 * 10**9
 NIGHT_S = 4 * 3600.0  # a shorter loss over midnight is not a night switched off
 LONG_LOSS_S = 600.0  # a loss of the whole record; shorter ones are in the tables
@@ -43,8 +27,8 @@ WORKED_S = 3600.0  # a day with less work than this says nothing about its stops
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
-    """What the lead reads: one word's ``status``, ``sentences``, then ``notes`` in order of weight.
+class MachineVerdict:
+    """``status``, ``sentences``, then ``notes`` in order of weight.
 
     ``todo`` is what to do now, a sentence; ``because`` the sentence that gives its reason.
     """
@@ -61,215 +45,137 @@ class Verdict:
         return WORDS[self.status]
 
 
-def verdict(found: Facts) -> Verdict:
-    """The headline of one machine, made from its facts alone."""
-    grave, notes = _grave(found), _notes(found)
-    judged, ranked = combined(_parts(found))
+def machine_verdict(facts: MachineFacts) -> MachineVerdict:
+    """The head of one machine's page, made from its facts alone."""
+    grave, doubts = _grave(facts), [words for page in facts.pages for words in page.doubts]
+    parts = [page.verdict for page in facts.pages if page.verdict is not None]
+    # what could be judged leads; grave faults stand before all but the first sentence
+    judged, ranked = combined(parts or [_without_verdict(facts)])
     status, todo, because = judged.status, judged.todo, judged.sentence
     said = [part.sentence for part in ranked]
-    if status == "passed" and (doubts := grave or _mild(found)):
-        status, because = "attention", doubts[0]
+    if status == "passed" and (reserved := grave or doubts):
+        status, because = "attention", reserved[0]
     sentences = [*said[:1], *grave, *said[1:]]
-    if grave and status != "failed" and (repair := _repair(found)):
+    if grave and status != "failed" and (repair := _repair(facts)):
         todo, because = repair, grave[0]
-    if status == "passed" and (loading := loading_words(found.parts)):
+    if status == "passed" and (loading := loading_words(facts.parts)):
         todo = f"{todo} {loading}"
-    return Verdict(
+    return MachineVerdict(
         status=status, sentences=sentences[:2], todo=todo, because=because,
-        notes=sentences[2:] + notes,
+        notes=[*sentences[2:], *warning_words(facts.parts), *doubts, *_notes(facts)],
     )  # fmt: skip
 
 
-def _parts(found: Facts) -> list[PartVerdict]:
-    """What was judged of the machine, in order of weight; what has no verdict of its own last."""
-    status, sentence, todo = _of_model(found)
-    heat = PartVerdict(status=status, sentence=sentence, todo=todo)
-    others = [times_verdict(found.control), drives_verdict(found.drives),
-              cutting_verdict(found.cutting)]  # fmt: skip
-    parts = [part for part in others if part is not None]
-    if parts and found.without_spindle:
-        return parts
-    return [*parts, heat] if heat.status == "unknown" else [heat, *parts]
-
-
-def _of_model(found: Facts) -> tuple[Status, str, str]:
-    """Status, sentence and action that the judgement on the golden week asks for."""
-    v = found.model.validation
-    word = dig(v, "verdict")
-    if v is None or word not in ("passed", "failed"):
-        return "unknown", *_without_verdict(found)
-    if word == "failed":
-        return (
-            "failed",
-            f"The spindle’s thermal model failed its golden week ({_week(v)}): {_failure(v)}.",
-            "Do not act on this model’s temperatures; leave the model that serves now in service.",
-        )
-    error, limit = dig(v, "windows", "all", "model", "mae_K"), dig(v, "limits", "mae_K")
-    free = dig(v, "free_run", "all", "model", "mae_K")
-    return (
-        "passed",
-        f"The spindle’s thermal model passed its golden week ({_week(v)}): over one hour its "
-        f"temperature is wrong by {fixed(error, 2)} K on average (limit {fixed(limit, 1)} K), "
-        f"and by {fixed(free, 2)} K when it runs free.",
-        "Nothing to repair: the model may serve.",
-    )
-
-
-def _without_verdict(found: Facts) -> tuple[str, str]:
-    missing = found.folders.missing
-    sentence = "No model of this machine has been judged: there is no validation.json."
-    if found.model.validation is not None:
-        sentence = "No model of this machine has been judged: validation.json holds no verdict."
-    if found.reading.files is None:
-        return "Nothing has been read of this machine yet.", _first(missing) or (
-            "Put its records under data/raw and run dvc repro."
-        )
-    if found.model.thermal is not None:
-        return sentence, "Run dvc repro to its end, so that the model is judged before it serves."
-    return sentence, _first(missing) or (
+def _without_verdict(facts: MachineFacts) -> PartVerdict:
+    """The reason why nothing of a machine was judged, and what to do about it."""
+    missing, todo = facts.folders.missing, ""
+    if missing:
+        todo = f"For {missing[0][0]}, record {missing[0][1]}."
+    if facts.records.files is None:
+        sentence = "Nothing has been read of this machine yet."
+        todo = todo or "Put its records under data/raw and run dvc repro."
+    else:
+        sentence = "No model of this machine has been judged: there is no verdict.json."
+        if facts.known:
+            todo = "Run dvc repro to its end, so that the model is judged before it serves."
+    todo = todo or (
         "Record spindle temperature, speed and load for two working weeks: one to learn from, "
         "one to judge on."
     )
+    return PartVerdict(status="unknown", sentence=sentence, todo=todo)
 
 
-def _first(missing: tuple[tuple[str, str], ...]) -> str:
-    return f"For {missing[0][0]}, record {missing[0][1]}." if missing else ""
+def _leaks(facts: MachineFacts) -> dict[str, list[str]]:
+    """Records to judge by that a model was also fitted on, by the title of the sub-model."""
+    leaks = {one.title: one.leaked(facts.golden) for one in facts.models}
+    return {title: files for title, files in leaks.items() if files}
 
 
-def _week(validation: dict[str, Any]) -> str:
-    first, last = (str(dig(validation, "golden", k) or "") for k in ("from", "to"))
-    return f"{day_words(first[:10])} to {day_words(last[:10], year=True)}" if first else "not named"
-
-
-def _failure(validation: dict[str, Any]) -> str:
-    """On which days it failed and by how much; else the judge's own reasons."""
-    rows = [
-        (error, str(row.get("day")), row.get("passed"))
-        for row in rows_of(validation, "windows", "days")
-        if (error := real(dig(row, "model", "mae_K"))) is not None
-    ]
-    failed = [row for row in rows if row[2] is False]
-    if not failed:
-        return "; ".join(reasons(validation)) or "the judge gave no reason"
-    error, day, _ = max(failed)
-    limit = fixed(dig(validation, "limits", "mae_K"), 1)
-    whole = fixed(dig(validation, "windows", "all", "model", "mae_K"), 2)
-    return (
-        f"it failed on {len(failed)} of {counted(len(rows), 'day')}, worst on {day_words(day)} "
-        f"with a mean error over one hour of {fixed(error, 2)} K (limit {limit} K; {whole} K over "
-        "all days)"
-    )
-
-
-def reasons(validation: dict[str, Any] | None) -> list[str]:
-    """The judge's reasons, with days as people write them."""
-    words = words_of(validation, "reasons")
-    return [ISO_DAY.sub(lambda found: day_words(found.group()), w) for w in words]
-
-
-def _grave(found: Facts) -> list[str]:
-    """What makes the verdict itself doubtful, or a whole file worthless."""
+def _grave(facts: MachineFacts) -> list[str]:
+    """Faults that make the verdict itself doubtful, or a whole file worthless."""
     said = []
-    if found.model.leaked_days:
-        days = day_list(found.model.leaked_days)
-        said.append(f"The judgement is worthless: the model also learnt from {days}.")
-    if found.reading.unreadable:
-        names = ", ".join(f.file for f in found.reading.unreadable[:3])
-        files = counted(many := len(found.reading.unreadable), "file")
+    for title, files in _leaks(facts).items():
+        more = f" and {len(files) - 3} more" if len(files) > 3 else ""
+        said.append(
+            f"The judgement is worthless: the model of the {title} was also fitted on "
+            f"{', '.join(files[:3])}{more}."
+        )
+    unreadable = facts.records.unreadable
+    if unreadable:
+        count = counted(many := len(unreadable), "file")
         more = f" and {many - 3} more" if many > 3 else ""
-        said.append(f"{files} could not be read at all: {names}{more}.")
-    if found.reading.unbalanced:
-        names = ", ".join(f.file for f in found.reading.unbalanced[:3])
+        said.append(f"{count} could not be read at all: {', '.join(unreadable[:3])}{more}.")
+    if facts.records.unbalanced:
+        names = ", ".join(facts.records.unbalanced[:3])
         said.append(f"Records were lost without a reason in {names}.")
-    if found.shelf.broken:
-        names = "; ".join(f"{k} ({v})" for k, v in sorted(found.shelf.broken.items())[:3])
+    if facts.shelf.broken:
+        names = "; ".join(f"{k} ({v})" for k, v in sorted(facts.shelf.broken.items())[:3])
         said.append(f"Results that cannot be read: {names}.")
-    if _rejected_much(found):
-        share = percent(found.reading.rejected, found.reading.records)
-        said.append(f"{share} of the records were rejected{_main_reason(found)}.")
+    if _rejected_much(facts):
+        share = percent(facts.records.rejected, facts.records.records)
+        said.append(f"{share} of the records were rejected{_main_reason(facts)}.")
     return said
 
 
-def _repair(found: Facts) -> str:
+def _repair(facts: MachineFacts) -> str:
     """What to do about the gravest of :func:`_grave`."""
-    if found.model.leaked_days:
-        return "Take the golden days out of the training days and run dvc repro."
-    if found.reading.unreadable:
-        return (
-            f"Replace or remove {found.reading.unreadable[0].file} under data/raw, then dvc repro."
-        )
-    if found.reading.unbalanced or found.shelf.broken:
+    if _leaks(facts):
+        return "Take the golden records out of the training records and run dvc repro."
+    if facts.records.unreadable:
+        return f"Replace or remove {facts.records.unreadable[0]} under data/raw, then dvc repro."
+    if facts.records.unbalanced or facts.shelf.broken:
         return (
             "Run dvc repro from nothing; if this stays, it is a fault of the pipeline: report it."
         )
-    if _rejected_much(found):
+    if _rejected_much(facts):
         return "Look at the rejected records below: repair the recording, or say how to read them."
     return ""
 
 
-def _rejected_much(found: Facts) -> bool:
-    return found.reading.rejected > REJECTED_SHARE * max(1, found.reading.records)
+def _rejected_much(facts: MachineFacts) -> bool:
+    return facts.records.rejected > REJECTED_SHARE * max(1, facts.records.records)
 
 
-def _main_reason(found: Facts) -> str:
-    reasons = found.reading.reasons
+def _main_reason(facts: MachineFacts) -> str:
+    reasons = facts.records.reasons
     return f", most often because: {reasons[0].reason}" if reasons else ""
 
 
-def _mild(found: Facts) -> list[str]:
-    """What a passed model is no good at: days and cuts on which a plain guess does as well."""
-    said = []
-    v = found.model.validation
-    for part, words in (("windows", "in one-hour windows"), ("free_run", "running free")):
-        rows = rows_of(v, part, "days")
-        beaten = [str(r.get("day")) for r in rows if r.get("better_than_persistence") is False]
-        if beaten:
-            said.append(
-                f"On {day_list(beaten)} the model {words} was no better than the guess that the "
-                "temperature stays as it is."
-            )
-    worse = plain_better_words(found.cutting)
-    return [*said, worse] if worse else said
-
-
-def _unjudged(found: Facts) -> list[str]:
-    """Golden days with records that the judgement leaves out."""
-    v = found.model.validation
-    judged = {str(r.get("day")) for r in rows_of(v, "windows", "days")}
-    recorded = {d.day for d in found.worked_days}
-    lost = [d for d in found.model.golden_days if d not in judged and d in recorded]
-    if v is None or not lost:
-        return []
-    return [f"Golden days with records that were not judged: {day_list(lost)}."]
-
-
-def _notes(found: Facts) -> list[str]:
+def _notes(facts: MachineFacts) -> list[str]:
     """What else is unusual, most important first."""
-    said = warning_words(found.parts) + _mild(found) + _unjudged(found)
-    parameters = objects_of(found.model.thermal, "parameters")
-    undetermined = [name for name, p in parameters.items() if not p.get("determined")]
-    if undetermined:
-        said.append(f"The records do not determine {', '.join(undetermined)}.")
-    if found.drives.undetermined:
-        said.append(undetermined_words(found.drives))
-    if found.cutting.undetermined:
-        said.append(cut_undetermined(found.cutting))
-    if found.surprising_days:
-        said.append(f"No record on {day_list(found.surprising_days)}.")
-    lost = [g for g in found.reading.losses if _in_working_time(g)]
+    said = [words for page in facts.pages for words in page.notes]
+    said += _serving(facts)
+    if facts.work.surprising_days:
+        said.append(f"No record on {day_list(facts.work.surprising_days)}.")
+    lost = [g for g in facts.records.losses if _in_working_time(g)]
     if lost:
         said.append(
             f"The machine was not heard for {duration(lost[0].seconds)} from "
             f"{moment(lost[0].start)} ({lost[0].cause})"
             + (f", and {counted(len(lost) - 1, 'more time')}." if lost[1:] else ".")
         )
-    said += _sensors(found)
-    stopped = _stopped_days(found)
+    said += _sensors(facts)
+    stopped = _stopped_days(facts)
     if stopped:
         said.append(
             f"More than {100 * STOPPED_SHARE:.0f} % of the working time went to feed hold or "
             f"interruption on {day_list(stopped)}."
         )
+    return said
+
+
+def _serving(facts: MachineFacts) -> list[str]:
+    """Where the champion is not the latest, and what of it failed or was not judged."""
+    if facts.serving is None:
+        return []
+    said = []
+    if facts.serving.older:
+        titles = facts.titles(facts.serving.older)
+        said.append(f"The champion that serves has another model of {titles} than this page.")
+    for status, words in (("failed", "failed its judgement"), ("not judged", "was not judged")):
+        names = [n for n, one in facts.serving.bundle.submodels.items() if one.status == status]
+        if names:
+            said.append(f"Of the champion that serves, the model of {facts.titles(names)} {words}.")
     return said
 
 
@@ -280,20 +186,20 @@ def _in_working_time(gap: Gap) -> bool:
     return gap.start // DAY_NS == gap.end // DAY_NS or gap.seconds < NIGHT_S
 
 
-def _sensors(found: Facts) -> list[str]:
+def _sensors(facts: MachineFacts) -> list[str]:
     """Data items whose values cleaning had to remove so often that the sensor is in doubt."""
-    days = max(1, len(found.worked_days))
+    days = max(1, len(facts.work.worked_days))
     return [
         f"{number(count)} values of {item} were removed ({rule_words(rule)}), "
         f"{number(round(count / days))} on a working day: check sensor, wiring and adapter."
-        for rule, item, count in found.reading.changes or []
+        for rule, item, count in facts.records.changes or []
         if count > REMOVED_A_DAY * days
     ][:2]
 
 
-def _stopped_days(found: Facts) -> list[str]:
+def _stopped_days(facts: MachineFacts) -> list[str]:
     days = []
-    for day in found.worked_days:
+    for day in facts.work.worked_days:
         stopped = day.seconds.get("FEED_HOLD", 0.0) + day.seconds.get("INTERRUPTED", 0.0)
         work = stopped + day.seconds.get("ACTIVE", 0.0)
         if work > WORKED_S and stopped > STOPPED_SHARE * work:

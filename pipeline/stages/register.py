@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline import registry
-from pipeline.champions import DATA, first_champion, made_with
+from pipeline.champions import DATA, FIRST_BY, first_champion, made_with
 from pipeline.fleet import Fleet
 from pipeline.schema.bundle import (
     Bundle,
@@ -57,8 +57,13 @@ def _registered(bundle: Bundle, folder: Path, known: Champions, root: Path) -> C
         registry.register(held, serves, root)
     settings = partial(made_with, machine, tuple(bundle.submodels), root)
     registry.register(bundle, folder, root, made_with=settings)
+    stored = registry.versions(machine, root)
+    if champion is not None and champion.by == FIRST_BY:
+        # nobody chose it: on a machine whose last digits differ, the first bundle is another
+        held_by = {one.bundle for one in stored}
+        champion = champion if champion.bundle in held_by else None
     if champion is None:
-        champion = first_champion(bundle, registry.versions(machine, root))
+        champion = first_champion(bundle, stored)
         known = known.promoted(machine, champion)
     other = None if champion.bundle == bundle.sha256 else bundle.sha256
     registry.name_versions(machine, root, champion=champion.bundle, challenger=other)

@@ -1,13 +1,13 @@
-"""Stage: write the report of the fleet."""
+"""Stage: pages of the fleet and of its machines."""
 
 import json
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
+from pipeline.schema.structure import structured
 
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
 
@@ -16,40 +16,47 @@ BUDGETS = {
     "default": "Default budget: the forest has 100 trees where the published one has 300.",
     "full": "",
 }
-"""What a budget cut short."""
+"""Parts of the fits that a budget cuts short."""
 
 
 def report(
     signals: Path,
     clean: Path,
     models: Path,
+    champion: Path,
     golden: Path,
     truth: Path,
+    programs: Path,
     parts: Path,
     trials: Path,
     reports: Path,
+    metrics: Path,
     *,
     fleet: Fleet,
     budget: str,
 ) -> None:
-    """Read what the stages before wrote, write the pages."""
+    """Write a page for the fleet and for each machine, with key figures and metrics."""
     machines = []
     for name in fleet.machines:
-        origin = "simulated" if name in fleet.simulated else "recorded"
-        identity = _identity(signals / name / "manifest.json", origin)
+        simulated = name in fleet.simulated
+        identity = _identity(signals / name / "manifest.json")
+        origin = identity.get("origin", "simulated" if simulated else "recorded")
         machines.append(
             MachineFolders(
                 name=name,
                 signals=signals / name,
                 clean=clean / name,
                 models=models / name,
+                submodels=fleet.submodels_of(name),
+                champion=champion / name,
                 golden=golden / f"{name}.json",
-                origin=identity["origin"],
-                truth=truth / f"{name}.json" if name in fleet.simulated else None,
+                origin="simulated" if origin == "simulated" else "recorded",
+                truth=truth / f"{name}.json" if simulated else None,
+                programs=programs / name,
                 parts=parts / name,
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
-                description=identity["description"],
-                credit=identity["credit"],
+                description=identity.get("description", ""),
+                credit=identity.get("credit", ""),
                 missing=tuple(missing(fleet, name)),
             )
         )
@@ -61,12 +68,11 @@ def report(
     )
     for page in reports.glob("*.html"):
         page.unlink()
-    write_report(machines, info, reports, reports)
+    write_report(machines, info, reports, reports, metrics)
 
 
-def _identity(manifest: Path, origin: str) -> dict[str, Any]:
-    """Who a machine is, as its ingest wrote it down; before the first, what the fleet knows."""
+def _identity(manifest: Path) -> dict[str, str]:
+    """A machine's identity as its ingest stored it; empty before the first."""
     if not manifest.exists():
-        return {"origin": origin, "description": "", "credit": ""}
-    identity: dict[str, Any] = json.loads(manifest.read_text())["machine"]
-    return identity
+        return {}
+    return structured(json.loads(manifest.read_text())["machine"], dict[str, str], "machine")

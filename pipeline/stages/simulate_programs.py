@@ -5,7 +5,7 @@ from pathlib import Path
 from pipeline.gcode.setup import Setup
 from pipeline.schema.identity import MachineIdentity
 from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
-from pipeline.twin.program_files import simulate_files
+from pipeline.twin.simulation import simulate_files
 
 
 def simulate_programs(
@@ -20,4 +20,6 @@ def simulate_programs(
     """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
     control = control_of_unit(read_controls(model), control_records.default_unit)
     files = control_records.shown(raw)
-    simulate_files(files, raw, control, setup, programs, identity.name, identity.origin)
+    simulate_files(
+        files, raw, control, setup, programs, machine=identity.name, origin=identity.origin
+    )

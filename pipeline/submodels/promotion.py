@@ -18,8 +18,8 @@ from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
 from pipeline.submodels.cases import Case, Cases, Records
 from pipeline.submodels.contract import SubModel
-from pipeline.submodels.gains import gains
 from pipeline.submodels.judge import FEWEST_GROUPS, judge
+from pipeline.submodels.statistics import gains
 
 
 @dataclass(frozen=True, kw_only=True)

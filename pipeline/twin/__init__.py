@@ -1,7 +1,7 @@
 """The sub-models at work: a program on a control, drives on their axes, the cut of a program.
 
-Physics comes from the rooms below, parameters from what was identified of a machine; positions are in
-mm, times in s, forces in N, frames are the machine's.
+Physics comes from the rooms below, parameters from what was identified of a machine; positions are
+in mm, times in s, forces in N, frames are the machine's.
 """
 
 __all__ = [
@@ -9,15 +9,17 @@ __all__ = [
     "cut",
     "cut_blocks",
     "cut_coefficients",
+    "cut_cost",
     "cut_document",
+    "cut_limits",
+    "cut_stability",
     "cut_tables",
+    "cutting_path",
     "drive",
     "drive_population",
     "program",
     "program_axes",
-    "program_files",
     "residual",
     "simulation",
     "spindle",
-    "spindle_model",
 ]

@@ -1,6 +1,8 @@
 """What a simulated program comes to: by block, tool, type and limit, as it is stored and shown."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from hashlib import sha256
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -11,13 +13,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND, RADIAN, Kind, Moves
+from pipeline.gcode.setup import Setup
 from pipeline.machine.control.interpolate import Trace, traces
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Binding, Motion
 from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING
-
-Floats = NDArray[np.float64]
+from pipeline.schema.arrays import Floats
+from pipeline.schema.program import SimulatedProgram
+from pipeline.schema.store import write_json
+from pipeline.schema.structure import structured
+from pipeline.twin.program import planned_program, program_moves
 
 _TYPE: dict[int, str] = {
     Kind.RAPID: "rapid",
@@ -214,3 +222,54 @@ def _trace_table(chunk: Trace, axes: Sequence[int], moves: Moves) -> pa.Table:
         *[chunk.programmed[:, i] * u for i, u in zip(axes, unit, strict=True)],
     ]
     return pa.table([pa.array(c) for c in columns], schema=_trace_schema(axes))
+
+
+def simulate_files(
+    files: Sequence[Path],
+    raw: Path,
+    control: ControlParameters,
+    setup: Setup,
+    out: Path,
+    *,
+    machine: str,
+    origin: str,
+) -> None:
+    """Simulate each of ``files``; a program that cannot be followed is stored as refused.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Part programs.
+    raw : Path
+        Folder that names are given below.
+    control : ControlParameters
+        Whose times they are.
+    setup : Setup
+        Of the machine before each program.
+    out : Path
+        Folder to write ``<stem>.json`` and ``<stem>.parquet`` into.
+    machine, origin : str
+        Whose control it is, and whether its records are simulated.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    for path in files:
+        program = SimulatedProgram(
+            program=path.stem,
+            machine=machine,
+            origin=origin,
+            file=path.relative_to(raw).as_posix(),
+            sha256=sha256(path.read_bytes()).hexdigest(),
+        )
+        try:
+            plan = planned_program(program_moves(path, setup), control)
+        except GcodeError as error:
+            program = replace(program, refused=str(error))
+        else:
+            table = block_table(plan)
+            times = structured(summary(plan, path.stem), SimulatedProgram, path.stem)
+            program = replace(
+                times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
+                blocks=len(table),
+            )  # fmt: skip
+            table.to_parquet(out / f"{path.stem}.parquet", compression="zstd")
+        write_json(program, out / f"{path.stem}.json")

@@ -11,6 +11,8 @@ import pytest
 from numba import njit, types
 
 from pipeline.machine.axis import simd_population
+from pipeline.machine.axis.three_loop import follow_position
+from pipeline.machine.axis.three_loop_axis import servo_axis
 from pipeline.twin.drive import simulate_drive
 from pipeline.twin.drive_population import drive_table, population_errors, simulate_traces
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
@@ -69,6 +71,15 @@ def test_population_on_all_processors(benchmark) -> None:
 def test_traces(benchmark) -> None:
     benchmark(traces(SAMPLES))
     assert benchmark.stats["min"] / SAMPLES < 60e-9
+
+
+@pytest.mark.benchmark(timer=process_time)
+def test_three_loops(benchmark) -> None:
+    """A second of motion with the loops of current, speed and position in a tenth of one."""
+    reference = 0.05 * 1e-3 * np.arange(1001)
+    axis = servo_axis()
+    benchmark(lambda: follow_position(reference, 1e-3, axis))
+    assert benchmark.stats["min"] < 0.1
 
 
 def test_lanes_are_five_times_as_fast_as_one_by_one() -> None:

@@ -160,7 +160,7 @@ TRIAL = TrialJob(
 
 
 def paper_knowledge(folder: Path) -> CuttingModel:
-    """The machine's cut, identified from its dynamometer's recordings, which ``folder`` holds.
+    """The machine's cut, from its dynamometer's recordings written to ``folder``.
 
     Runout belongs to a mounting and wear to an edge: those of the recordings are not those of the
     parts to come.

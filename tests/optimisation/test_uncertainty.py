@@ -1,20 +1,18 @@
 """What is drawn of coefficients, runout, depth and model: their spreads and what they share."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.part_loads import draws_of
 from pipeline.optimisation.reliability.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
-from pipeline.schema.cutting import OTHERS, CuttingModel
+from pipeline.schema.cutting import MAGNITUDE, CuttingModel, StoredCutModel, ToolGeometry
 from pipeline.schema.model import Correlation, Parameter
+from pipeline.schema.verdict import Score, Verdict
 from pipeline.twin.cut_coefficients import ToolCoefficients
 from tests.submodels.cutting import cutting_files
 
@@ -25,32 +23,33 @@ HALF = {"K_tc": 60.0, "K_rc": 80.0, "K_ac": 30.0, "K_te": 6.0, "K_re": 5.0}
 NAMES = [*HALF, "K_ae"]
 
 
-def parameter(value: float, half: float) -> Parameter:
-    interval = (value - half, value + half)
-    return Parameter(value=value, unit="", interval_95=interval, determined=True, method="")
+def parameter(value, low, high) -> Parameter:
+    known = value is not None
+    return Parameter(
+        value=value, unit="", interval_95=(low, high) if known else None, determined=known,
+        method="",
+    )  # fmt: skip
 
 
-def model(**changes: Any) -> CuttingModel:
-    """K_ae is not determined, K_tc and K_te are known to be opposed."""
+def model() -> CuttingModel:
+    """A cut whose K_ae is not determined, and whose K_tc and K_te are known to be opposed."""
     values = dict(zip(NAMES, [700.0, 200.0, 100.0, 30.0, 20.0, None], strict=True))
-    rows = {name: parameter(values[name], half) for name, half in HALF.items()}
-    rows["K_ae"] = Parameter(value=None, unit="", interval_95=None, determined=False, method="")
-    rows["runout"] = replace(parameter(8.0, 1.0), interval_95=(5.0, 12.0))
+    rows = {n: parameter(values[n], values[n] - half, values[n] + half) for n, half in HALF.items()}
+    rows |= {"K_ae": parameter(None, 0.0, 0.0), "runout": parameter(8.0, 5.0, 12.0)}
     matrix = np.eye(7)
     matrix[1, 4] = matrix[4, 1] = -0.6
-    fitted = (7e8, 2e8, 1e8, 3e4, 2e4, 5e3, 0.0, 0.0)
-    known: dict[str, Any] = {
-        "correlation": Correlation(names=("along", *NAMES), values=tuple(map(tuple, matrix))),
-        "prediction": replace(cutting_files.PLAIN_MODEL, values=fitted),
-    }
-    return cutting_files.model({"": rows}, **(known | changes))
+    prediction = StoredCutModel(
+        tool={}, geometry=ToolGeometry(), values=(7e8, 2e8, 1e8, 3e4, 2e4, 5e3, 0.0, 0.0),
+        natural_Hz=None, damping=None, left_out_N2=(),
+    )  # fmt: skip
+    correlation = Correlation(names=("along", *NAMES), values=tuple(map(tuple, matrix.tolist())))
+    stored = cutting_files.model({"": rows})
+    return replace(stored, correlation=correlation, prediction=prediction)
 
 
-def identified(tool=MILL, certainty=None, found=None):
+def identified(tool=MILL, certainty=None):
     law = ToolCoefficients(law=replace(LAW, K_ae=0.0), kind="identified", source="this machine")
-    return uncertainty(
-        {1: law}, {1: tool}, found or model(), None, certainty or ReliabilitySettings()
-    )
+    return uncertainty({1: law}, {1: tool}, model(), None, certainty or ReliabilitySettings())
 
 
 def others(**kinds: str):
@@ -150,22 +149,21 @@ def test_depth_is_of_each_tool_and_the_model_of_the_part():
 
 
 def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
-    peaks = ((600, 3.0, "held_out"), (900, -5.0, "golden"), (1200, 90.0, "training"))
-    runs = []
-    for feed, percent, role in peaks:
-        plane, size = cutting_files.run(feed, role=role)
-        runs.append((plane, replace(size, peak_percent=percent)))
-    # of all recordings together, and by a fit without it: neither is a recording of its own
-    whole = replace(runs[0][1], group="all", peak_percent=50.0)
-    crossed = replace(runs[0][1], regime=OTHERS, peak_percent=60.0)
-    verdict = cutting_files.verdict(*runs, (whole, crossed))
+    scores = tuple(
+        Score(
+            quantity=MAGNITUDE, unit="N", group=f"{role} {error}", regime="", role=role, n=1,
+            peak_percent=error,
+        )
+        for role, error in (("held_out", 3.0), ("golden", -5.0), ("training", 90.0))
+    )  # fmt: skip
+    verdict = Verdict(
+        submodel="cutting", machine="mill", origin="simulated", status="passed", reasons=(),
+        judged_role="golden", golden=None, scores=scores,
+    )  # fmt: skip
     law = {1: ToolCoefficients(law=LAW, kind="measured", source="A")}
     for least, expected in ((0.02, np.sqrt((9 + 25) / 2) / 100), (0.1, 0.1)):
         known = uncertainty(law, {1: MILL}, None, verdict, ReliabilitySettings(model=least))
         assert known.model == pytest.approx(expected)
-    training = cutting_files.verdict(runs[2])
-    known = uncertainty(law, {1: MILL}, None, training, ReliabilitySettings())
-    assert known.model == pytest.approx(0.02)
 
 
 def test_what_tools_share_is_said_once():
@@ -192,44 +190,10 @@ def test_a_law_without_its_tool_is_named():
         uncertainty({4: law}, {1: MILL}, None, None, ReliabilitySettings())
 
 
-NUMBERS = st.none() | st.floats(
-    allow_nan=False, allow_infinity=False, min_value=-1e9, max_value=1e9
-)
-
-
-@st.composite
-def parameters(draw: st.DrawFn) -> Parameter:
-    """A parameter that says little: without a value, without an interval, or not determined."""
-    low, high = sorted(draw(st.tuples(*2 * (st.floats(-1e9, 1e9),))))
-    return Parameter(
-        value=draw(NUMBERS), unit="", interval_95=draw(st.sampled_from([None, (low, high)])),
-        determined=draw(st.booleans()), method="",
-    )  # fmt: skip
-
-
-CORRELATIONS = st.just(Correlation()) | st.permutations(NAMES).flatmap(
-    lambda names: st.lists(
-        st.lists(st.none() | st.floats(-1, 1), min_size=6, max_size=6), min_size=6, max_size=6
-    ).map(lambda rows: Correlation(names=tuple(names), values=tuple(map(tuple, rows))))
-)
-FITTED = st.none() | st.lists(st.floats(-1e9, 1e9), min_size=6, max_size=8).map(
-    lambda values: replace(cutting_files.PLAIN_MODEL, values=tuple(values))
-)
-ROWS = st.dictionaries(st.sampled_from([*NAMES, "runout", "helix"]), parameters())
-
-
-@given(rows=ROWS, correlation=CORRELATIONS, fitted=FITTED)
-@settings(max_examples=60, deadline=None)
-def test_a_model_that_says_little_is_drawn_from_all_the_same(rows, correlation, fitted):
+def test_a_cut_without_a_fit_is_not_known():
     law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
-    found = cutting_files.model({"": rows}, correlation=correlation, prediction=fitted)
-    known = uncertainty({1: law}, {1: MILL}, found, cutting_files.verdict(), ReliabilitySettings())
-    drawn = draws_of(known, 16, 0).tools[1]
-    assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()
-
-
-def test_nothing_identified_is_no_document() -> None:
-    """A law of the kind "identified" without the model that it was taken from."""
-    law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
-    drawn = draws_of(uncertainty({1: law}, {1: MILL}, None, None, ReliabilitySettings()), 16, 0)
-    assert np.isfinite(drawn.tools[1].coefficients).all()
+    for bare in (None, cutting_files.without_forces()):
+        known = uncertainty({1: law}, {1: MILL}, bare, None, ReliabilitySettings())
+        drawn = draws_of(known, 16, 0).tools[1]
+        assert np.isfinite(drawn.coefficients).all()
+        assert np.isfinite(drawn.offsets).all()

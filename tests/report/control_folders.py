@@ -1,14 +1,20 @@
 """A machine's control, judged runs and part programs, as the stages before leave them."""
 
-import json
 import math
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from report_folders import write_table
+from report_folders import parameter, write_table
 
+from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.report.folders import MachineFolders
+from pipeline.schema.model import Correlation, LeftOut, SourceFile, Training
+from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import Fact, JudgedCase, Score, Verdict
+from pipeline.twin.control import ControlFitFacts, ControlModelFile
 
 NONE = math.nan
 RAPID = 30_000.0  # mm/min
@@ -65,7 +71,9 @@ class Programmer:
         self.still("tool change", 6.5)
         self.still("spindle", 1.2)
 
-    def document(self, name: str, machine: str = "mill01", origin: str = "simulated") -> dict:
+    def summary(
+        self, name: str, machine: str = "mill01", origin: str = "simulated"
+    ) -> SimulatedProgram:
         tools, types, limits = (
             defaultdict(lambda: [0.0] * 4),
             defaultdict(float),
@@ -80,18 +88,25 @@ class Programmer:
             for place, amount in enumerate(
                 (row["time"], row["time"] * cut, row["time"] * (row["kind"] == "rapid"), length)
             ):
-                entry[place] += amount  # fmt: skip
-            types[TYPES.get(row["kind"], row["kind"])] += row["time"]
-            limits[row["limit"]] += row["time"]
-        return {
-            "program": name, "machine": machine, "total_time_s": sum(t[0] for t in tools.values()),
-            "path_length_mm": sum(t[3] for t in tools.values()), "origin_mm": self.origin,
-            "cutting_time_s": sum(t[1] for t in tools.values()),
-            "by_tool": [{"tool": k, "time_s": t[0], "cutting_s": t[1], "rapid_s": t[2],
-                         "length_mm": t[3]} for k, t in tools.items()],
-            "by_type": dict(types), "by_limit": dict(limits), "blocks": len(self.rows),
-            "refused": None, "file": f"programs/{name}", "sha256": "ef" * 32,
-        }  # fmt: skip
+                entry[place] += finite(amount)  # fmt: skip
+            types[TYPES.get(row["kind"], row["kind"])] += finite(row["time"])
+            limits[row["limit"]] += finite(row["time"])
+        by_tool = tuple(
+            ToolTime(tool=k, time_s=t[0], cutting_s=t[1], rapid_s=t[2], length_mm=t[3])
+            for k, t in tools.items()
+        )
+        x, y, z = self.origin
+        return SimulatedProgram(
+            program=name, machine=machine, origin=origin, file=f"programs/{name}",
+            sha256="ef" * 32, total_time_s=sum(t.time_s for t in by_tool),
+            cutting_time_s=sum(t.cutting_s for t in by_tool),
+            path_length_mm=sum(t.length_mm for t in by_tool), origin_mm=(x, y, z),
+            by_tool=by_tool, by_type=dict(types), by_limit=dict(limits), blocks=len(self.rows),
+        )  # fmt: skip
+
+
+def finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
 
 
 def part(chords: int = 400, passes: int = 3) -> Programmer:
@@ -151,10 +166,9 @@ def contour(p: Programmer, z: float, feed: float, r: float = 10.0) -> None:
 
 
 def write_program(folders: MachineFolders, stem: str, written: Programmer, **other) -> Path:
-    path = folders.models / "programs" / f"{stem}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    document = written.document(f"{stem}.nc", folders.name, folders.origin)
-    path.write_text(json.dumps({**document, **other}))
+    path = folders.programs / f"{stem}.json"
+    summary = written.summary(f"{stem}.nc", folders.name, folders.origin)
+    write_json(replace(summary, **other), path)
     columns = {k: [row[k] for row in written.rows] for k in (written.rows or [{}])[0]}
     typed = {k: v if k in WORDS else np.array(v, WHOLE.get(k, float)) for k, v in columns.items()}
     if typed:
@@ -163,82 +177,111 @@ def write_program(folders: MachineFolders, stem: str, written: Programmer, **oth
 
 
 def write_refused(folders: MachineFolders, stem: str, why: str) -> None:
-    path = folders.models / "programs" / f"{stem}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"program": f"{stem}.nc", "machine": folders.name, "refused": why,
-                                "origin": folders.origin, "sha256": "0a" * 32}))  # fmt: skip
+    refused = SimulatedProgram(program=f"{stem}.nc", machine=folders.name, refused=why,
+                               origin=folders.origin, sha256="0a" * 32)  # fmt: skip
+    write_json(refused, folders.programs / f"{stem}.json")
 
 
-def parameter(value: float | None, unit: str, spread: float = 0.03, remedy: str | None = None):
-    return {
-        "value": value, "unit": unit, "determined": value is not None, "remedy": remedy,
-        "low": None if value is None else value * (1 - spread),
-        "high": None if value is None else value * (1 + spread),
-        "how": "bounded least squares over the stretches between polled lines",
-    }  # fmt: skip
+def log_of(name: str) -> SourceFile:
+    return SourceFile(file=f"control/{name}.txt", sha256="12" * 32)
 
 
 def write_control(folders: MachineFolders) -> None:
-    folders.models.mkdir(parents=True, exist_ok=True)
-    (folders.models / "control.json").write_text(json.dumps({
-        "model": "control", "machine": folders.name, "origin": folders.origin,
-        "parameters": {
-            "rapid_speed XY": parameter(30_000.0, "mm/min"),
-            "rapid_acceleration": parameter(4200.0, "mm/s^2"),
-            "cutting_acceleration": parameter(2900.0, "mm/s^2", 0.08),
-            "arc_acceleration XYZ": parameter(1500.0, "mm/s^2", 0.2),
-            "corner_jump": parameter(310.0, "mm/min", 0.12),
-            "settle_time": parameter(0.042, "s", 0.05),
-            "tool_change": parameter(6.5, "s", 0.01),
-            "jerk": parameter(None, "mm/s^3", remedy="run a program of 5 mm blocks at 10 m/min"),
-        },
-        "runs": {
-            "training": [{"run": "run-01", "program": "plate.nc"},
-                         {"run": "run-03", "program": "cover.nc"}],
-            "left_out": [{"run": "run-07", "reason": "no program of the machine fits"}],
-        },
-        "fit": {"rmse_s": 0.118, "segments": 412, "condition": 38.0,
-                "correlation": {"names": ["corner_jump", "settle_time", "arc_acceleration"],
-                                "values": [[1, -0.81, 0.2], [-0.81, 1, 0.1], [0.2, 0.1, 1]]}},
-        "found_from": {"control/run-01.txt": "12" * 32, "programs/plate.nc": "34" * 32},
-    }))  # fmt: skip
-
-
-def run(name: str, program: str, error: float, role: str = "judged", **other) -> dict:
-    """One run whose prediction is wrong by ``error`` percent."""
-    shares = {
-        "rapid": (60.0, 1.0),
-        "feed": (400.0, error),
-        "arc": (120.0, error),
-        "tool change": (40.0, -0.5),
-        "spindle and M codes": (20.0, 3.0),
-        "dwell": (2.0, 0),
+    method = "bounded least squares over the stretches between polled lines"
+    axis = AxisParameters(
+        rapid_speed=30_000.0,
+        cutting_speed=15_000.0,
+        rapid_acceleration=4200.0,
+        cutting_acceleration=2900.0,
+        arc_acceleration=1500.0,
+        corner_jump=310.0,
+    )
+    found = {
+        "rapid_speed XY": parameter(30_000.0, "mm/min", 0.03, method),
+        "rapid_acceleration": parameter(4200.0, "mm/s^2", 0.03, method),
+        "cutting_acceleration": parameter(2900.0, "mm/s^2", 0.08, method),
+        "arc_acceleration XYZ": parameter(1500.0, "mm/s^2", 0.2, method),
+        "corner_jump": parameter(310.0, "mm/min", 0.12, method),
+        "settle_time": parameter(0.042, "s", 0.05, method),
+        "tool_change": parameter(6.5, "s", 0.01, method),
+        "jerk": parameter(None, "mm/s^3", remedy="run a program of 5 mm blocks at 10 m/min"),
     }
-    measured = sum(m for m, _ in shares.values())
-    return {
-        "run": name, "program": program, "role": role, "completed": True, "measured_s": measured,
-        "stops_s": 14.0, "predicted_s": measured * (1 + error / 100), "error_percent": error,
-        "naive_s": measured * 0.71, "naive_error_percent": -29.0 + error,
-        "recorded_override_only_error_percent": error + 9.0, "feed_read_share": 0.87,
-        "by_type": {t: {"measured_s": m, "predicted_s": m * (1 + e / 100), "error_percent": e}
-                    for t, (m, e) in shares.items()},
-        **other,
+    write_json(ControlModelFile(
+        submodel="control", machine=folders.name, origin=folders.origin, parameters={"": found},
+        trained_on=tuple(Training(case=n, group=n, files=(log_of(n),))
+                         for n in ("run-01", "run-03")),
+        left_out=(LeftOut(case="run-07", reason="no program of the machine fits"),),
+        control={"": ControlParameters(axes={letter: axis for letter in "XYZ"})},
+        fit=ControlFitFacts(
+            rmse_s=0.118, segments=412, condition=38.0,
+            correlation=Correlation(
+                names=("corner_jump", "settle_time", "arc_acceleration"),
+                values=((1.0, -0.81, 0.2), (-0.81, 1.0, 0.1), (0.2, 0.1, 1.0)),
+            ),
+        ),
+        programs={"run-01": "plate.nc", "run-03": "cover.nc"},
+    ), folders.models / "control" / "model.json")  # fmt: skip
+
+
+SHARES = {
+    "rapid": (60.0, 1.0), "feed": (400.0, None), "arc": (120.0, None), "tool change": (40.0, -0.5),
+    "spindle and M codes": (20.0, 3.0), "dwell": (2.0, 0.0),
+}  # fmt: skip
+"""Measured time [s] of each type of block, and its error [%]; None for that of the whole run."""
+
+
+Run = tuple[JudgedCase, list[Score]]
+
+
+def run(
+    name: str, program: str, error: float | None, role: str = "held_out", completed: bool = True
+) -> Run:
+    """One run whose prediction is wrong by ``error`` percent, with its scores by type of block."""
+    measured = sum(m for m, _ in SHARES.values())
+    known = error is not None
+    facts = {
+        "program": Fact(value=program), "measured": Fact(value=measured, unit="s"),
+        "predicted": Fact(value=measured * (1 + error / 100) if known else None, unit="s"),
+        "error": Fact(value=error, unit="%"), "stops": Fact(value=14.0, unit="s"),
+        "path over programmed feed": Fact(value=measured * 0.71, unit="s"),
+        "error of path over programmed feed": Fact(value=-29.0 + error if known else None),
+        "error of recorded override only": Fact(value=error + 9.0 if known else None, unit="%"),
+        "completed": Fact(value="yes" if completed else "no"),
+        "feed read from speeds": Fact(value=0.87, unit="1"),
     }  # fmt: skip
+    counts = known and role == "held_out" and completed
+    status = "not judged" if not counts else "passed" if abs(error) <= 5 else "failed"
+    scores = [
+        Score(quantity="run time", unit="s", group=name, regime=regime, role=role, n=1,
+              bias=m * e / 100, mean_percent=e,
+              limits={"relative_percent": 5.0} if regime == "whole run" else {},
+              status=status if regime == "whole run" else "not judged")
+        for regime, (m, e) in (
+            {"whole run": (measured, error)}
+            | {t: (m, error if e is None else e) for t, (m, e) in SHARES.items()}
+        ).items()
+        if e is not None
+    ]  # fmt: skip
+    return JudgedCase(case=name, group=name, role=role, facts=facts), scores
 
 
-def write_validation(folders: MachineFolders, runs: list[dict], **other) -> None:
-    folders.models.mkdir(parents=True, exist_ok=True)
-    (folders.models / "control_validation.json").write_text(json.dumps({
-        "machine": folders.name, "origin": folders.origin, "limit_percent": 5.0, "runs": runs,
-        "passed": all(abs(r["error_percent"]) <= 5 for r in runs),
-        "left_out": [{"run": "run-07", "reason": "no program of the machine fits"}], **other,
-    }))  # fmt: skip
+def write_validation(folders: MachineFolders, runs: list[Run], left_out: str = "run-07") -> None:
+    scores = tuple(score for _, some in runs for score in some)
+    failed = any(score.status == "failed" for score in scores)
+    judged = any(score.status == "passed" for score in scores)
+    write_json(Verdict(
+        submodel="control", machine=folders.name, origin=folders.origin,
+        status="failed" if failed else "passed" if judged else "not judged",
+        reasons=("a run is beyond the limit",) if failed else (), judged_role="held_out",
+        golden=None, scores=scores, cases=tuple(case for case, _ in runs),
+        left_out=(LeftOut(case=left_out, reason="no program of the machine fits"),),
+    ), folders.models / "control" / "verdict.json")  # fmt: skip
 
 
 RUNS = (
-    ("run-01", "plate.nc", 0.4, "training"), ("run-02", "plate.nc", 1.8, "judged"),
-    ("run-03", "cover.nc", -0.9, "training"), ("run-04", "cover.nc", -3.1, "judged"),
-    ("run-05", "box.nc", 4.2, "judged"),
+    ("run-01", "plate.nc", 0.4, "training"), ("run-02", "plate.nc", 1.8, "held_out"),
+    ("run-03", "cover.nc", -0.9, "training"), ("run-04", "cover.nc", -3.1, "held_out"),
+    ("run-05", "box.nc", 4.2, "held_out"),
 )  # fmt: skip
 
 
@@ -249,4 +292,4 @@ def with_control(folders: MachineFolders, runs=RUNS) -> MachineFolders:
     write_program(folders, "plate", part())
     write_program(folders, "cover", part(chords=40, passes=1))
     write_refused(folders, "odd", "odd.nc line 14: G12.1 is not known; post it without polar mode")
-    return folders
+    return replace(folders, submodels=(*folders.submodels, "control"))

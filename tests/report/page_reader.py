@@ -41,3 +41,9 @@ def outline(page: Path) -> Outline:
 
 def words(page: Path) -> str:
     return re.sub(r"\s+", " ", " ".join(outline(page).text))
+
+
+def section(page: Path, key: str) -> str:
+    """HTML of one section of a page; empty when the page has none of that key."""
+    found = re.search(rf'<section id="{key}".*?</section>', page.read_text(), flags=re.S)
+    return found.group() if found else ""

@@ -5,12 +5,22 @@ from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.report.folders import FleetInfo, MachineFolders
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
+from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
+from pipeline.schema.predictions import write_predictions
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import Figures, GoldenUsed, JudgedCase, Score, Verdict
+from pipeline.thermal.network import SpindleThermalParameters
+from pipeline.twin.residual import Forest
+from pipeline.twin.spindle import SpindleFitFacts, SpindleModelFile, SpindleRecords
 
 UTC_NS = pa.timestamp("ns", tz="UTC")
+ABOVE = "MAE over one hour is above 2.0 K"
 FIRST = date(2024, 3, 4)  # a Monday
 FLEET = FleetInfo(
     name="Hall 3",
@@ -28,6 +38,8 @@ def empty_machine(root: Path, name: str, origin: str = "simulated", **kwargs) ->
         signals=root / "signals" / name,
         clean=root / "clean" / name,
         models=root / "models" / name,
+        programs=root / "programs" / name,
+        champion=root / "champion" / name,
         golden=root / "golden" / f"{name}.json",
         origin=origin,
         **kwargs,
@@ -46,7 +58,7 @@ def machine(
 ) -> MachineFolders:
     """A machine with ``days`` recorded days, of which the last two are golden."""
     truth = root / "truth" / f"{name}.json" if origin == "simulated" else None
-    folders = empty_machine(root, name, origin, truth=truth, **kwargs)
+    folders = empty_machine(root, name, origin, truth=truth, submodels=("spindle",), **kwargs)
     names = [(FIRST + timedelta(days=i)).isoformat() for i in range(days)]
     for index, day in enumerate(names):
         write_state(folders.clean / "state" / f"{day}.parquet", day, program, state, seed=index)
@@ -144,67 +156,99 @@ def write_cycles(folders: MachineFolders, days: list[str], program: str) -> None
 
 
 def errors(mae: float) -> dict:
-    return {"mae_K": mae, "rmse_K": 1.3 * mae, "max_K": 4 * mae}
+    return {"mae": mae, "rmse": 1.3 * mae, "max": 4 * mae}
 
 
-def judged(mae: float, passed: bool) -> dict:
-    return {
-        "n_windows": 10, "n_seconds": 36_000, "model": errors(mae), "physics": errors(1.4 * mae),
-        "persistence": errors(3.1), "day_mean": errors(3.6), "better_than_persistence": mae < 3.1,
-        "passed": passed,
-    }  # fmt: skip
+def score(mae: float, group: str, regime: str, passed: bool) -> Score:
+    decides = group != "all" and regime == "windows"
+    return Score(
+        **errors(mae), quantity="spindle_temperature", unit="K", group=group, regime=regime,
+        role="golden", n=3600, limits={"mae": 2.0, "rmse": 3.0} if decides else {},
+        baselines={"persistence": Figures(**errors(3.1)), "physics": Figures(**errors(1.4 * mae)),
+                   "day_mean": Figures(**errors(3.6))},
+        status="not judged" if not decides else "passed" if passed else "failed",
+        reasons=(ABOVE,) if decides and not passed else (),
+    )  # fmt: skip
+
+
+def parameter(
+    value: float | None, unit: str, spread: float = 0.08, method: str = "", remedy: str = ""
+) -> Parameter:
+    interval = None if value is None else (value * (1 - spread), value * (1 + spread))
+    return Parameter(value=value, unit=unit, interval_95=interval, determined=value is not None,
+                     method=method, remedy=remedy)  # fmt: skip
+
+
+def log_of(day: str, index: int) -> SourceFile:
+    return SourceFile(file=f"agent/{day}.txt", sha256=f"{index:064x}")
+
+
+def spindle_model(folders: MachineFolders, training: list[str]) -> SpindleModelFile:
+    method = "bounded least squares over the training days"
+    return SpindleModelFile(
+        submodel="spindle", machine=folders.name, origin=folders.origin,
+        parameters={"": {
+            "cooling_rate": parameter(0.0007, "1/s", method=method),
+            "windage": parameter(None, "K/s/(rad/s)^2", method="its interval holds 0",
+                                 remedy="run near top speed"),
+        }},
+        trained_on=tuple(
+            Training(case=day, group=day, files=(log_of(day, index),))
+            for index, day in enumerate(training)
+        ),
+        network=SpindleThermalParameters(cooling_rate=0.0007), records=SpindleRecords(),
+        fit=SpindleFitFacts(
+            step_s=10.0, nodes=1, rmse_K=1.2, rmse_days_left_out_K={}, condition=12.0,
+            correlation=Correlation(), evaluations=200, seconds=72_000.0, bridged_s=0.0,
+        ),
+        training_days=tuple(training),
+        forest=Forest(used=False, why="it does not help", sources=(), extra=(), days=(),
+                      examples=0, rmse_days_left_out_K=None, rmse_without_K=None),
+    )  # fmt: skip
+
+
+def spindle_verdict(folders: MachineFolders, golden: list[str], passed: bool) -> Verdict:
+    mae = 0.8 if passed else 2.7
+    days = [score(mae + 0.1 * i, day, "windows", passed) for i, day in enumerate(golden)]
+    free = [score(1.5 * mae, day, "free run", passed) for day in golden]
+    whole = [score(mae, "all", "windows", passed), score(1.5 * mae, "all", "free run", passed)]
+    return Verdict(
+        submodel="spindle", machine=folders.name, origin=folders.origin,
+        status="passed" if passed else "failed",
+        reasons=() if passed else (ABOVE,), judged_role="golden",
+        golden=GoldenUsed(sha256="cd" * 32, files=2, first=golden[0], last=golden[-1]),
+        scores=(*days, *free, *whole),
+        cases=tuple(JudgedCase(case=day, group=day, role="golden") for day in golden),
+    )  # fmt: skip
 
 
 def write_model(folders: MachineFolders, days: list[str], passed: bool) -> None:
     golden, training = days[-2:], days[:-2]
-    mae = 0.8 if passed else 2.7
-    folders.models.mkdir(parents=True, exist_ok=True)
+    files = tuple(log_of(day, len(training) + i) for i, day in enumerate(golden))
+    week = FrozenSet(files=files, days=Days(first=golden[0], last=golden[-1]))
     folders.golden.parent.mkdir(parents=True, exist_ok=True)
-    folders.golden.write_text(json.dumps({
-        "machine": folders.name, "week": {"from": golden[0], "to": golden[-1]},
-        "files": [{"file": f"agent/{d}.txt", "sha256": f"{i:064x}"} for i, d in enumerate(golden)],
-    }))  # fmt: skip
-    way = "bounded least squares over the training days"
-    (folders.models / "spindle_thermal.json").write_text(json.dumps({
-        "model": "spindle_thermal_network", "machine": folders.name, "origin": folders.origin,
-        "parameters": {
-            "cooling_rate": {"value": 0.0007, "unit": "1/s", "interval_95": [0.00065, 0.00076],
-                             "determined": True, "how": way},
-            "windage": {"value": None, "unit": "K/s/(rad/s)^2", "interval_95": None,
-                        "determined": False, "how": "its interval holds 0; run near top speed"},
-        },
-        "fit": {"nodes": 1, "rmse_K": 1.2}, "training_days": training,
-        "found_from": [{"file": f"state/{d}.parquet", "sha256": "ab" * 32} for d in training],
-    }))  # fmt: skip
-    rows = [{"day": d, **judged(mae + 0.1 * i, passed)} for i, d in enumerate(golden)]
-    (folders.models / "validation.json").write_text(json.dumps({
-        "machine": folders.name, "origin": folders.origin, "signal": "spindle_temperature",
-        "unit": "CELSIUS", "limits": {"mae_K": 2.0, "rmse_K": 3.0},
-        "golden": {"from": golden[0], "to": golden[-1], "sha256": "cd" * 32},
-        "windows": {"length_s": 3600, "days": rows, "all": judged(mae, passed)},
-        "free_run": {"days": [{"day": d, **judged(1.5 * mae, passed)} for d in golden],
-                     "all": judged(1.5 * mae, passed)},
-        "verdict": "passed" if passed else "failed",
-        "reasons": [] if passed else ["MAE over one hour is above 2.0 K"],
-    }))  # fmt: skip
-    write_predictions(folders, golden, mae)
+    write_golden(GoldenSets(machine=folders.name, golden=week), folders.golden)
+    folder = folders.models / "spindle"
+    write_json(spindle_model(folders, training), folder / "model.json")
+    write_json(spindle_verdict(folders, golden, passed), folder / "verdict.json")
+    frame = spindle_predictions(golden, 0.8 if passed else 2.7)
+    write_predictions(frame, folder / "predictions.parquet")
 
 
-def write_predictions(folders: MachineFolders, golden: list[str], mae: float) -> None:
-    times, measured, window, free = [], [], [], []
+def spindle_predictions(golden: list[str], mae: float) -> pd.DataFrame:
+    parts = []
     rng = np.random.default_rng(5)
     for index, day in enumerate(golden):
         heat = spindle(index)[0][::10] / 12_000
         warm = 22 + 18 * np.convolve(heat, np.exp(-np.arange(900) / 180) / 180)[: len(heat)]
         error = np.convolve(rng.normal(size=len(heat)), np.ones(90) / 9, mode="same")
-        times.append(nanoseconds(day) + (6 * 3600 + 10 * np.arange(len(heat))) * 10**9)
-        measured.append(np.round(warm))
-        window.append(warm + mae * error)
-        free.append(warm + 1.5 * mae * error)
-        measured[-1][700:760] = np.nan
-    write_table(folders.models / "predictions.parquet", {
-        "time": pa.array(np.concatenate(times), UTC_NS),
-        "day": np.repeat(golden, [len(t) for t in times]),
-        "measured": pa.array(np.concatenate(measured), from_pandas=True),
-        "model_window": np.concatenate(window), "model_free": np.concatenate(free),
-    })  # fmt: skip
+        measured = np.round(warm)
+        measured[700:760] = np.nan
+        for regime, wrong in (("windows", mae), ("free run", 1.5 * mae)):
+            parts.append(pd.DataFrame({
+                "case": day, "group": day, "role": "golden", "quantity": "spindle_temperature",
+                "unit": "K", "regime": regime, "t": 6 * 3600.0 + 10 * np.arange(len(heat)),
+                "measured": measured, "predicted": warm + wrong * error, "low": np.nan,
+                "high": np.nan, "scored": True,
+            }))  # fmt: skip
+    return pd.concat(parts, ignore_index=True)

@@ -22,7 +22,9 @@ def pages(tmp_path_factory) -> list[Path]:
         with_control(
             machine(root, "lathe", "recorded", days=3, passed=False, credit="Records: Test Works")
         ),
-        empty_machine(root, "new_mill", "recorded", missing=((HOSTILE, HOSTILE),)),
+        empty_machine(
+            root, "new_mill", "recorded", submodels=("spindle",), missing=((HOSTILE, HOSTILE),)
+        ),
     ]
     write_report(fleet, FLEET, None, root / "out")
     return sorted((root / "out").glob("*.html"))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.cut_page import write_cut_page
-from pipeline.report.cut_panel import Panel
-from pipeline.report.cut_tables import share, spans_of
+from pipeline.report.cut.figures import Panel
+from pipeline.report.cut.page import write_cut_page
+from pipeline.report.cut.tables import share, spans_of
 from tests.report.page_reader import outline, words
 
 NAME = 'MILL <script>"&'

@@ -12,11 +12,13 @@ from report_folders import (
     empty_machine,
     machine,
     nanoseconds,
+    spindle_model,
     write_state,
     write_table,
 )
 
 from pipeline.report.pages import write_report
+from pipeline.schema.store import write_json
 
 
 def test_the_second_report_says_what_changed(tmp_path):
@@ -51,13 +53,14 @@ def test_an_earlier_report_that_cannot_be_read_is_said_not_raised(tmp_path, cont
 
 def test_a_model_that_learnt_from_the_golden_week_is_called_out(tmp_path):
     folders = machine(tmp_path, "m")
-    path = folders.models / "spindle_thermal.json"
-    model = json.loads(path.read_text())
-    path.write_text(json.dumps({**model, "training_days": ["2024-03-05", "2024-03-06"]}))
+    leaked = spindle_model(folders, ["2024-03-04", "2024-03-05", "2024-03-06"])
+    write_json(leaked, folders.models / "spindle" / "model.json")
     write_report([folders], FLEET, None, tmp_path / "out")
     text = words(tmp_path / "out" / "m.html")
     assert "Passed, with reservations" in text
-    assert "the model also learnt from Wed 6 Mar" in text
+    said = "the model of the spindle temperature was also fitted on agent/2024-03-06.txt"
+    assert f"The judgement is worthless: {said}." in text
+    assert "Take the golden records out of the training records" in text
 
 
 def test_losses_without_a_reason_are_called_out(tmp_path):

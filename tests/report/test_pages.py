@@ -8,7 +8,12 @@ import pytest
 from page_reader import outline, words
 from report_folders import FLEET, empty_machine, machine, write_signals, write_table
 
-from pipeline.report.pages import FleetInfo, write_report
+from pipeline.report.changes import KeyFigures
+from pipeline.report.folders import FleetInfo, MachineFolders
+from pipeline.report.pages import ReportMetrics, SubModelCounts, write_report
+from pipeline.schema.bundle import Bundle, BundledModel, model_hash
+from pipeline.schema.store import read_json, write_json
+from pipeline.schema.verdict import Status
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +23,7 @@ def report(tmp_path_factory) -> Path:
         machine(root, "mill01", description="15 kW mill-turn"),
         machine(root, "lathe", "recorded", passed=False, credit="Records: Test Works, CC0",
                 missing=(("forces", "10 min with a dynamometer"),)),
-        empty_machine(root, "new_mill", "recorded"),
+        empty_machine(root, "new_mill", "recorded", submodels=("spindle",)),
     ]  # fmt: skip
     write_report(fleet, FLEET, None, root / "out")
     return root / "out"
@@ -93,14 +98,15 @@ def test_a_machine_without_any_file_has_a_page_that_says_so(report):
     text = words(report / "new_mill.html")
     assert "No verdict" in text
     assert "Nothing has been read of this machine yet" in text
-    for part in ("manifest.json", "spindle_thermal.json", "validation.json"):
+    for part in ("manifest.json", "spindle/model.json", "spindle/verdict.json"):
         assert re.search(rf"Not known: there is no \S*{part}", text)
 
 
 FILES = (
     "signals/m/rejected.parquet", "clean/m/state", "clean/m/cycles.parquet",
     "clean/m/segments.parquet", "clean/m/audit.parquet", "clean/m/gaps.parquet",
-    "models/m/spindle_thermal.json", "models/m/validation.json", "models/m/predictions.parquet",
+    "models/m/spindle/model.json", "models/m/spindle/verdict.json",
+    "models/m/spindle/predictions.parquet",
     "golden/m.json", "truth/m.json", "signals/m/manifest.json",
 )  # fmt: skip
 
@@ -112,12 +118,17 @@ def complete(tmp_path_factory) -> Path:
     return root
 
 
+def reread(root: Path) -> MachineFolders:
+    """The machine ``m`` of which some files were changed."""
+    return empty_machine(root, "m", truth=root / "truth" / "m.json", submodels=("spindle",))
+
+
 @pytest.mark.parametrize("lost", FILES)
 def test_any_single_missing_file_is_named_or_leaves_the_rest_whole(complete, tmp_path, lost):
     shutil.copytree(complete, tmp_path / "root")
     path = tmp_path / "root" / lost
     shutil.rmtree(path) if path.is_dir() else path.unlink()
-    folders = empty_machine(tmp_path / "root", "m", truth=tmp_path / "root" / "truth" / "m.json")
+    folders = reread(tmp_path / "root")
     write_report([folders], FLEET, None, tmp_path / "out")
     text = words(tmp_path / "out" / "m.html")
     rest = "Time ACTIVE" if "state" in lost else "3 days with records"
@@ -129,10 +140,12 @@ def test_any_single_missing_file_is_named_or_leaves_the_rest_whole(complete, tmp
 def test_a_broken_file_is_named_with_the_reason(complete, tmp_path, broken):
     shutil.copytree(complete, tmp_path / "root")
     (tmp_path / "root" / broken).write_bytes(b"\x00not what it says")
-    folders = empty_machine(tmp_path / "root", "m", truth=tmp_path / "root" / "truth" / "m.json")
+    folders = reread(tmp_path / "root")
     write_report([folders], FLEET, None, tmp_path / "out")
     text = words(tmp_path / "out" / "m.html")
-    assert re.search(rf"{re.escape(Path(broken).name)} was left out: not (JSON|Parquet)", text)
+    assert re.search(
+        rf"{re.escape(Path(broken).name)} was left out: (not|is no) (JSON|Parquet)", text
+    )
 
 
 ODD = {
@@ -153,7 +166,7 @@ def test_documents_of_another_shape_never_stop_the_report(complete, tmp_path, co
     for name in FILES:
         if name.endswith(".json"):
             (tmp_path / "root" / name).write_text(content)
-    folders = empty_machine(tmp_path / "root", "m", truth=tmp_path / "root" / "truth" / "m.json")
+    folders = reread(tmp_path / "root")
     write_report([folders], FLEET, None, tmp_path / "out")
     assert "What the machine did" in words(tmp_path / "out" / "m.html")
 
@@ -186,12 +199,15 @@ def test_two_machines_of_one_name_are_refused(tmp_path):
 
 
 def test_key_figures_agree_with_the_files_they_come_from(report):
-    figures = json.loads((report / "report.json").read_text())["machines"]["mill01"]
-    assert figures["records"] == 4 * 60_000
-    assert figures["rejected"] == 4 * 3
-    assert figures["cycles"] == 12
-    assert figures["days"] == 4
-    assert figures["parameters"]["windage"]["value"] is None
+    stored = read_json(report / "report.json", KeyFigures)
+    machine = stored.machines["mill01"]
+    assert stored.format == 2
+    assert {name: machine.figures[name].value for name in ("records", "rejected", "cycles")} == {
+        "records": 4 * 60_000, "rejected": 4 * 3, "cycles": 12
+    }  # fmt: skip
+    assert machine.figures["days"].value == 4
+    assert machine.figures["window_mae_K"].value == 0.8
+    assert machine.parameters["spindle"][""]["windage"].value is None
 
 
 def test_a_figure_stays_small(report):
@@ -210,7 +226,7 @@ def test_what_stands_in_no_manifest_entry_is_not_known_not_zero(tmp_path):
     folders = empty_machine(tmp_path, "m")
     write_signals(folders, ["2024-03-04"])
     path = folders.signals / "manifest.json"
-    path.write_text('{"files": {"a.txt": {"reason": "it is a picture"}}}')
+    path.write_text('{"files": {"a.txt": {"reason": "it is a picture", "rows": 0}}}')
     write_report([folders], FLEET, None, tmp_path / "out")
     text = words(tmp_path / "out" / "m.html")
     assert "1 file could not be read at all: a.txt" in text
@@ -236,3 +252,42 @@ def test_text_has_aa_contrast_in_both_themes(report):
             for ground in ("paper", "wash"):
                 ratio = contrast(colours[name], colours[ground])
                 assert ratio >= 4.5, f"{name} on {ground}: {ratio:.2f}"
+
+
+def test_metrics_count_machines_and_submodels_with_the_same_keys_for_each(tmp_path):
+    fleet = [machine(tmp_path, "a"), machine(tmp_path, "b", passed=False),
+             empty_machine(tmp_path, "c", submodels=("spindle", "control"))]  # fmt: skip
+    write_report(fleet, FLEET, None, tmp_path / "out", tmp_path / "metrics.json")
+    metrics = read_json(tmp_path / "metrics.json", ReportMetrics)
+    assert metrics.status == {"failed": 1, "attention": 0, "passed": 1, "unknown": 1}
+    assert metrics.machines["a"].submodels == SubModelCounts(passed=1, failed=0, not_judged=0)
+    assert metrics.machines["b"].status == "failed" and metrics.machines["b"].records == 240_000
+    assert metrics.machines["c"].submodels == SubModelCounts(passed=0, failed=0, not_judged=2)
+
+
+def champion(folders: MachineFolders, status: Status) -> str:
+    """Let the model that is on disk serve, with a verdict of its own; the beginning of its hash."""
+    sha256 = model_hash(folders.models / "spindle")
+    serves = {"spindle": BundledModel(sha256=sha256, status=status)}
+    bundle = Bundle(machine=folders.name, origin="simulated", submodels=serves, sha256="b0" * 32)
+    write_json(bundle, folders.champion / "bundle.json")
+    return sha256[:12]
+
+
+def test_the_champion_is_shown_and_is_no_news_while_it_is_the_latest(tmp_path):
+    folders = machine(tmp_path, "m")
+    sha256 = champion(folders, "passed")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = words(tmp_path / "out" / "m.html")
+    assert f"spindle temperature {sha256} passed the same" in text
+    assert "champion that serves has another model" not in text
+
+
+def test_a_champion_that_is_older_or_failed_stands_in_the_head(tmp_path):
+    folders = machine(tmp_path, "m")
+    champion(folders, "failed")
+    machine(tmp_path, "m", days=5)  # a new fit
+    write_report([folders], FLEET, None, tmp_path / "out")
+    head = words(tmp_path / "out" / "m.html").split("What the machine did")[0]
+    assert "The champion that serves has another model of spindle temperature" in head
+    assert "Of the champion that serves, the model of spindle temperature failed" in head

@@ -1,18 +1,19 @@
 """What the pages say of optimised part programs, and of what the shop floor cut."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from cutting_folders import cut_run, write_cutting, write_cutting_validation
-from drive_folders import section
 from optimise_documents import optimised
-from page_reader import words
+from page_reader import section, words
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.folders import MachineFolders
 from pipeline.report.pages import write_report
+from pipeline.schema.store import write_json
+from tests.submodels.cutting import cutting_files
 
 KEY = "part-programs"
 
@@ -40,7 +41,7 @@ def with_parts(
     if trial is not None:
         cut.parent.mkdir(parents=True, exist_ok=True)
         cut.write_text(json.dumps({"parts": trial}))
-    return MachineFolders(**{**vars(folders), "parts": parts, "trial": cut if trial else None})
+    return replace(folders, parts=parts, trial=cut if trial else None)
 
 
 def page(tmp_path: Path, documents: dict[str, dict], trial: dict | None = None, **other) -> Path:
@@ -117,8 +118,10 @@ def test_a_program_that_passes_a_limit_is_not_to_be_loaded(tmp_path: Path) -> No
 @pytest.mark.parametrize("passed", [True, False])
 def test_loads_that_rest_on_forces_that_failed_are_doubted(tmp_path: Path, passed: bool) -> None:
     folders = machine(tmp_path, "m", days=3)
-    write_cutting(folders)
-    write_cutting_validation(folders, [cut_run(600, 4.0 if passed else 31.0)])
+    judged = cutting_files.verdict(cutting_files.run(1200, 4.0 if passed else 31.0))
+    write_json(cutting_files.model(), folders.models / "cutting" / "model.json")
+    write_json(judged, folders.models / "cutting" / "verdict.json")
+    folders = replace(folders, submodels=("spindle", "cutting"))
     folders = with_parts(tmp_path, folders, {"SLOT": optimised()})
     write_report([folders], FLEET, None, tmp_path / "out")
     text = words(tmp_path / "out" / "m.html")

@@ -8,11 +8,18 @@ import pytest
 from control_folders import Programmer, part
 from test_program_paths import moves
 
-from pipeline.report.feed_classes import UNKNOWN, FeedClasses, feed_classes
-from pipeline.report.program_bars import bars_figure, limit_bars, tool_and_type_bars
-from pipeline.report.program_map import map_figure
-from pipeline.report.program_section import lost_seconds
-from pipeline.report.program_timeline import BINS, timeline, timeline_figure
+from pipeline.report.programs.map import map_figure
+from pipeline.report.programs.moves import UNKNOWN, FeedClasses, feed_classes
+from pipeline.report.programs.section import lost_seconds
+from pipeline.report.programs.times import (
+    BINS,
+    bars_figure,
+    limit_bars,
+    timeline,
+    timeline_figure,
+    tool_and_type_bars,
+)
+from pipeline.schema.program import SimulatedProgram, ToolTime
 
 LARGEST = 250_000  # bytes of a figure
 
@@ -71,22 +78,22 @@ def test_lost_time_is_what_exceeds_length_over_feed():
 
 
 def test_bars_are_as_long_as_the_times_that_they_name():
-    document = {
-        "by_limit": {"feed": 60.0, "corner": 30.0, "arc": None, "EXACT_STOP": 0.0},
-        "by_tool": [{"tool": 4, "time_s": 20.0, "cutting_s": 12.0, "rapid_s": 5.0}],
-    }
-    drawn = bars_figure(limit_bars(document), 90.0, "label")
+    program = SimulatedProgram(
+        program="p", by_limit={"feed": 60.0, "corner": 30.0, "EXACT_STOP": 0.0},
+        by_tool=(ToolTime(tool=4, time_s=20.0, cutting_s=12.0, rapid_s=5.0),),
+    )  # fmt: skip
+    drawn = bars_figure(limit_bars(program), 90.0, "label")
     widths = [float(w) for w in re.findall(r'width="([\d.]+)%" y', drawn)]
     assert widths[0] == pytest.approx(2 * widths[1]) and len(widths) == 2
     assert "30 s · 33" in re.sub(r"\s+", " ", drawn.replace("30.0", "30"))
-    (head, (bar,)), *rest = tool_and_type_bars(document)
+    (head, (bar,)), *rest = tool_and_type_bars(program)
     assert (head, bar.name, rest) == ("By tool", "T4", [])
     assert [seconds for seconds, _ in bar.parts] == [12.0, 5.0, 3.0]
 
 
 def test_more_tools_than_fit_are_summed_not_dropped():
-    rows = [{"tool": i, "time_s": float(i + 1)} for i in range(30)]
-    ((_, bars),) = tool_and_type_bars({"by_tool": rows})
+    tools = tuple(ToolTime(tool=i, time_s=float(i + 1)) for i in range(30))
+    ((_, bars),) = tool_and_type_bars(SimulatedProgram(program="p", by_tool=tools))
     assert len(bars) == 10 and bars[-1].name == "21 others"
     assert sum(bar.seconds for bar in bars) == pytest.approx(sum(range(1, 31)))
 

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.report.program_map import UNITS, view
-from pipeline.report.program_moves import COLUMNS, ProgramMoves, lengths, pieces, program_moves
-from pipeline.report.program_paths import dots, stroke
+from pipeline.report.programs.map import UNITS, dots, stroke, view
+from pipeline.report.programs.moves import COLUMNS, ProgramMoves, lengths, pieces, program_moves
 
 NONE = math.nan
 
@@ -21,7 +20,7 @@ def moves(*rows: dict, origin=(0.0, 0.0, 0.0)) -> ProgramMoves:
              "angle": 0.0, "plane": 17, "programmed_feed": 1000.0, "reached_feed": 1000.0,
              "time": 1.0, "tool": 1}  # fmt: skip
     full = [{**plain, **row} for row in rows]
-    return program_moves(pa.table({c: [r[c] for r in full] for c in COLUMNS}), list(origin))
+    return program_moves(pa.table({c: [r[c] for r in full] for c in COLUMNS}), tuple(origin))
 
 
 QUARTERS = {  # start, centre, end and middle of a quarter turn of radius 10 in each plane

@@ -49,7 +49,7 @@ def compared(name: str, dimensions: int, seeds: int) -> tuple[float, float, floa
     return float(np.median(mine)), float(np.median(other)), float(worse)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_it_is_nowhere_worse_than_pymoo() -> None:
     cases = [(name, d) for name in LANDSCAPES for d in (2, 5, 10)]
     found = {case: compared(*case, SEEDS) for case in cases}

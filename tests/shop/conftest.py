@@ -1,5 +1,6 @@
 """One simulated week of each machine, made once, and a plain reader of its log."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 from datetime import datetime
@@ -69,6 +70,15 @@ def read_log(path: Path) -> LogFile:
     return LogFile(lines, records, rejected, old)
 
 
+def digests(folder: Path) -> dict[str, str]:
+    """SHA-256 of each file below a folder."""
+    return {
+        str(f.relative_to(folder)): hashlib.sha256(f.read_bytes()).hexdigest()
+        for f in sorted(folder.rglob("*"))
+        if f.is_file()
+    }
+
+
 def shop_parameters(machine: str, **changes: Any) -> ShopParameters:
     section = yaml.safe_load((CONF / f"{machine}.yaml").read_text(encoding="utf-8"))
     return cattrs.Converter(forbid_extra_keys=True).structure(section | changes, ShopParameters)
@@ -81,9 +91,22 @@ def run(root: Path, machine: str, **changes: Any) -> Simulated:
     return Simulated(root / "raw" / machine, json.loads(truth.read_text()), parameters)
 
 
+NO_CUTS, NO_DRIVES = {"cutting": {"recorded": False}}, {"drives": {"recorded": False}}
+"""Changes by which the cutting tests and the servo tool write nothing."""
+
+
 @pytest.fixture(scope="session", params=["mill01", "mill02"])
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    return run(tmp_path_factory.mktemp(request.param), request.param, weeks=1)
+    """Without the cutting tests, which ``cuts`` holds."""
+    return run(tmp_path_factory.mktemp(request.param), request.param, weeks=1, **NO_CUTS)
+
+
+@pytest.fixture(scope="session")
+def plain_week(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    """The same week once more, without the servo tool."""
+    machine = week.parameters.machine
+    folder = tmp_path_factory.mktemp(f"{machine}-plain")
+    return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES)
 
 
 @pytest.fixture(scope="session", params=["mill01", "mill02"])

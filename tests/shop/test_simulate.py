@@ -1,13 +1,14 @@
-"""The same bytes each time, other bytes for another seed, fast, and its parameters are checked."""
+"""The same bytes each time, other bytes for another seed, and its parameters are checked."""
 
-import hashlib
+import json
 import subprocess
 import sys
-import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.parameters import (
     LoggerParameters,
     ShiftParameters,
@@ -16,42 +17,47 @@ from pipeline.shop.parameters import (
 )
 from pipeline.shop.simulate import simulate
 
-from .conftest import Simulated, run, shop_parameters
+from .conftest import NO_CUTS, NO_DRIVES, Simulated, digests, run, shop_parameters
 
 
-def _digests(folder: Path) -> dict[str, str]:
-    return {
-        str(f.relative_to(folder)): hashlib.sha256(f.read_bytes()).hexdigest()
-        for f in sorted(folder.rglob("*"))
-        if f.is_file()
-    }
+@pytest.mark.proof
+@pytest.mark.parametrize("machine", ["mill01", "mill02"])
+def test_a_week_with_all_records_has_the_bytes_of_its_parts(machine: str, tmp_path: Path) -> None:
+    """Twice all records, then the cutting tests alone and the week without them."""
+    first, again = (run(tmp_path / name, machine, weeks=1) for name in ("first", "again"))
+    whole = digests(first.folder)
+    assert digests(again.folder) == whole and again.truth == first.truth
+    week = run(tmp_path / "week", machine, weeks=1, **NO_CUTS)
+    cuts = json.loads(json.dumps(write_cutting(tmp_path / "cuts", first.parameters)))
+    assert digests(week.folder) | digests(tmp_path / "cuts") == whole
+    different = {k for k in first.truth if first.truth[k] != week.truth[k]}
+    assert different == {"cutting", "parameters"} and first.truth["cutting"] == cuts
 
 
-def test_the_same_bytes_every_time(week: Simulated, tmp_path: Path) -> None:
-    again = run(tmp_path, week.parameters.machine, weeks=1)
-    assert _digests(again.folder) == _digests(week.folder)
-    assert again.truth == week.truth
+def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> None:
+    """Once more, without the servo tool, which none of the other records knows of."""
+    whole = digests(week.folder)
+    others = {n: h for n, h in whole.items() if not n.startswith(("servo/", "motor/"))}
+    assert digests(plain_week.folder) == others and len(whole) == len(others) + 10
+    assert plain_week.truth["drives"] == {}
+    different = {k for k in week.truth if plain_week.truth[k] != week.truth[k]}
+    assert different == {"drives", "parameters"}
 
 
-def test_another_seed_is_another_week(week: Simulated, tmp_path: Path) -> None:
-    other = run(tmp_path, week.parameters.machine, weeks=1, seed=3)
-    ours, theirs = _digests(week.folder), _digests(other.folder)
+@pytest.mark.parametrize(
+    "parts", [NO_CUTS | NO_DRIVES, pytest.param({}, marks=pytest.mark.proof)], ids=["plain", "all"]
+)
+def test_another_seed_is_another_week(
+    parts: dict[str, Any], plain_week: Simulated, tmp_path: Path
+) -> None:
+    machine = plain_week.parameters.machine
+    other = run(tmp_path / "other", machine, weeks=1, seed=3, **parts)
+    same_parts = run(tmp_path / "ours", machine, weeks=1) if not parts else plain_week
+    ours, theirs = digests(same_parts.folder), digests(other.folder)
     assert ours.keys() == theirs.keys()
     same = {name for name in ours if ours[name] == theirs[name]}
     # an adapter has the same to say of every weekend
     assert same <= {"Devices.xml", "agent/2026-01-10.txt", "agent/2026-01-11.txt"}
-
-
-def test_a_week_takes_a_third_of_twenty_seconds(week: Simulated, tmp_path: Path) -> None:
-    """Three weeks of one machine on one core in 20 s of processor time.
-
-    ``week`` was simulated before, so that nothing is compiled here.  The servo tool and the cutting
-    tests come once, however many weeks there are, and have limits of their own.
-    """
-    once = {"drives": {"recorded": False}, "cutting": {"recorded": False}}
-    began = time.process_time()
-    run(tmp_path, week.parameters.machine, weeks=1, **once)
-    assert time.process_time() - began < 20 / 3
 
 
 def test_truth_does_not_stand_among_the_records(tmp_path: Path) -> None:

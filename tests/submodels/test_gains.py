@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.submodels.gains import LEVEL, gains
+from pipeline.submodels.statistics import LEVEL, gains
 
 
 def test_a_gain_on_every_day_is_one() -> None:

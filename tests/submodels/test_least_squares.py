@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from pipeline.submodels.least_squares import certainty
+from pipeline.submodels.statistics import certainty
 
 
 def problem(n: int, d: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pipeline.twin.program import planned_program, program_moves
-from pipeline.twin.program_files import simulate_files
+from pipeline.twin.simulation import simulate_files
 from tests.submodels.control.part_programs import SETUP, exciting, truth
 
 
@@ -19,7 +19,7 @@ def written(tmp_path_factory):
     good, bad = raw / "programs/good.nc", raw / "programs/bad.nc"
     good.write_text("\n".join(exciting()) + "\n")
     bad.write_text("G21 G90\nG1 X10 F500\nG2 X20 Y0 I500 F100\nM30\n")
-    simulate_files([good, bad], raw, truth(), SETUP, out, "mill", "simulated")
+    simulate_files([good, bad], raw, truth(), SETUP, out, machine="mill", origin="simulated")
     return raw, out
 
 
@@ -42,5 +42,5 @@ def test_a_program_that_cannot_be_followed_is_refused_with_file_and_line(written
     _, out = written
     document = json.loads((out / "bad.json").read_text())
     assert "bad.nc:3:" in document["refused"]
-    assert "total_time_s" not in document
+    assert document["total_time_s"] is None
     assert not (out / "bad.parquet").exists()

@@ -11,12 +11,13 @@ from pipeline.schema.store import json_text, parsed, write_json
 from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import ResidualForest, save_forest
-from pipeline.twin.spindle import TARGET, stretch_of
-from pipeline.twin.spindle_model import (
+from pipeline.twin.spindle import (
+    TARGET,
     SpindleFitFacts,
     SpindleModel,
     SpindleModelFile,
     load_spindle_model,
+    stretch_of,
 )
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of, state_table
 

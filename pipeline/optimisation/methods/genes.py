@@ -177,8 +177,8 @@ class Front:
     no_worse : ndarray of bool, shape (F,)
         Members that are in nothing that counts worse than the program as it is.
     knee : int
-        The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of those
-        that are no worse than the program; of all where there is none.
+        The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of
+        those that are no worse than the program; of all where there is none.
     evaluations : int
         That it took.
     """

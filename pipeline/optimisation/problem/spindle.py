@@ -112,8 +112,8 @@ class SpeedChanges:
     def add_waits(self, spindle_speed: Floats, time: Floats, wait: Floats) -> None:
         """Add to ``wait`` what added S words are waited for; all of shape (P, M).
 
-        As :func:`pipeline.machine.control.commands.waits` does it for words of the program: axes that move on
-        meanwhile shorten the wait.
+        As :func:`pipeline.machine.control.commands.waits` does it for words of the program: axes
+        that move on meanwhile shorten the wait.
         """
         if not self.waits or not len(self.added):
             return

@@ -1,6 +1,6 @@
 """Part programs of a mill's control: cuts (facing, contours, pockets, chords) and four programs.
 
-Each cut writes its lines into a :class:`~pipeline.shop.control.planner.planner.planner.planner.planner.planner.planner.postprocessor.Post` whose tool has
+Each cut writes its lines into a :class:`~pipeline.shop.control.postprocessor.Post` whose tool has
 been taken; the corner of the workpiece is the origin, its top is Z 0.  Cutting data are those of
 catalogues (Sandvik, Walter) for aluminium.
 """

@@ -2,7 +2,7 @@
 
 Coordinates are those of the work offset [mm], forces act on the tool along X and Y [N].  The
 kinematics of the teeth follow Kline and DeVor (1983); sources of the scatter from part to part
-stand in :mod:`pipeline.shop.trial.trials.trials.trials.trials.trials.trials.trials.trials.cutting`.
+stand in :mod:`pipeline.shop.trial.cutting`.
 """
 
 __all__ = ["job", "trials"]

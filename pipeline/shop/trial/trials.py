@@ -7,13 +7,13 @@ load is the resultant across the axis as it acts.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.parameters import ShopParameters
@@ -228,8 +228,8 @@ def trials(
     out: dict[str, Any] = {"seeds": len(seeds), "limit_load_N": job.limit_load_N}
     for name, text in (("before", before), ("after", after)):
         prepared = prepare(text, name, job, parameters)
-        with ThreadPoolExecutor() as pool:  # the forces' kernel lets others run
-            cuts = list(pool.map(partial(trial, prepared, job, parameters), seeds))
+        # the forces' kernel lets other threads run
+        cuts = mapped(partial(trial, prepared, job, parameters), seeds, compute="threads")
         out[name] = _summary(cuts)
     return out
 

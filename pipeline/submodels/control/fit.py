@@ -16,7 +16,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Count, Positive, Ranged
 from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
-from pipeline.submodels.least_squares import Certainty, certainty
+from pipeline.submodels.statistics import Certainty, certainty
 from pipeline.twin.program import planned_program
 
 Residuals = Callable[[Floats], Floats]

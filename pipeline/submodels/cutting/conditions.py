@@ -28,8 +28,8 @@ class StatedConditions:
     immersion : {"slot", "up", "down"}, optional
         Side of the tool that cuts.
     entry_deg, exit_deg : float, optional
-        Entry and exit angle of the teeth (:mod:`pipeline.cutting.engagement.engagement`) [deg], in place of
-        immersion and radial depth.
+        Entry and exit angle of the teeth (:mod:`pipeline.cutting.engagement.engagement`) [deg], in
+        place of immersion and radial depth.
     """
 
     speed_rpm: float | None = None

@@ -14,7 +14,7 @@ from pipeline.charts.numbers import (
     resolved,
     signed,
 )
-from pipeline.charts.sources import dig
+from pipeline.charts.sources import stated
 from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
@@ -215,7 +215,7 @@ Known = tuple[str, float, Parameter, bool | None]
 
 def truth_table(facts: CuttingFacts) -> Table | None:
     """True value, value found, and whether its 95 % interval holds the truth."""
-    truth = dig(facts.shown.truth, "cutting")
+    truth = stated(facts.shown.truth, "cutting")
     every = [*_true_parameters(facts, truth), *_true_powers(facts, truth)]
     if not every:
         return None
@@ -239,15 +239,15 @@ def _true_parameters(facts: CuttingFacts, truth: Any) -> list[Known]:
     flutes = real(facts.model.tool.get("flutes")) or 1.0
     periods = {"runout_angle": TURN / max(flutes, 1.0)}
     parameters = dict(facts.model.coefficients)
-    stated = dig(truth, "parameters")
-    values = dict(stated) if isinstance(stated, dict) else {}
+    parts = stated(truth, "parameters")
+    values = dict(parts) if isinstance(parts, dict) else {}
     if "specific_force" in facts.model.spindle_parameters:
         parameters["specific_force"] = facts.model.spindle_parameters["specific_force"]
-        values["specific_force"] = dig(truth, "spindle", "specific_force")
+        values["specific_force"] = stated(truth, "spindle", "specific_force")
     return [
         (name, true, p, holds(p, true, periods.get(name, 0.0)))
         for name, value in values.items()
-        if (true := real(dig(value, "value") if isinstance(value, dict) else value)) is not None
+        if (true := real(value.get("value") if isinstance(value, dict) else value)) is not None
         if (p := parameters.get(name)) is not None
     ]
 
@@ -255,8 +255,8 @@ def _true_parameters(facts: CuttingFacts, truth: Any) -> list[Known]:
 def _true_powers(facts: CuttingFacts, truth: Any) -> list[Known]:
     """No-load power at the tool at the speeds that were simulated; the truth is the motor's."""
     spindle = None if facts.model is None else facts.model.spindle
-    efficiency = real(dig(truth, "spindle", "efficiency")) or 1.0
-    pairs = dig(truth, "spindle", "no_load_W")
+    efficiency = real(stated(truth, "spindle", "efficiency")) or 1.0
+    pairs = stated(truth, "spindle", "no_load_W")
     if spindle is None or not spindle.curve or not isinstance(pairs, list):
         return []
     every = []

@@ -112,6 +112,7 @@ def cutting_page(shown: Shown[CuttingModel]) -> SubModelPage:
         notes=[undetermined_words(facts)] if facts.undetermined else [],
         sections=[s for s in (cut_section(facts), prediction_section(facts)) if s is not None],
         truth=[] if truth is None else [truth],
+        changed=wear_note,
         compared={} if shown.model is None and shown.verdict is None else {
             "cut_rms_percent": Compared(
                 name="Error of cutting forces (RMS), worst recording", unit="%",

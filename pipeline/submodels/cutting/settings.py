@@ -66,9 +66,9 @@ class Dynamometer:
     Parameters
     ----------
     feed : str
-        Channel of the force on the tool along the feed, F_x of :mod:`pipeline.cutting.force.waveform`.
-        A dynamometer under the workpiece shows the opposite force: ``-x`` when its x points along
-        the feed.
+        Channel of the force on the tool along the feed, F_x of
+        :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the
+        opposite force: ``-x`` when its x points along the feed.
     normal : str
         Of the force on the tool to the left of the feed, F_y; with M4, to the right of it.
     axial : str

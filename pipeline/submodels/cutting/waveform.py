@@ -1,9 +1,9 @@
 """Weighted least-squares problem of a force waveform over the spindle's revolution.
 
-Forces on the tool are linear in the six coefficients (:mod:`pipeline.cutting.force.waveform`) and in the
-deviation of single teeth's edge forces from the mean of all, as worn or differently ground teeth
-show it.  Runout and helix shape the forces; each channel of the dynamometer shows them through its
-own mode, 1 / (1 - r^2 + 2 i zeta r) at r = f / f_n (Girardin, Remond and Rigal 2010).
+Forces on the tool are linear in the six coefficients (:mod:`pipeline.cutting.force.waveform`) and
+in the deviation of single teeth's edge forces from the mean of all, as worn or differently ground
+teeth show it.  Runout and helix shape the forces; each channel of the dynamometer shows them
+through its own mode, 1 / (1 - r^2 + 2 i zeta r) at r = f / f_n (Girardin, Remond and Rigal 2010).
 
 The unknowns that shape the forces (phases, runout, helix, modes of the channels) are few and
 nonlinear; the coefficients follow from them by linear least squares (variable projection, Golub and

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import Range, Ranged
-from pipeline.submodels.least_squares import Certainty, certainty
+from pipeline.submodels.statistics import Certainty, certainty
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from pipeline.charts.numbers import (
     resolved,
     signed,
 )
-from pipeline.charts.sources import Source, dig
+from pipeline.charts.sources import Source, stated
 from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
@@ -139,12 +139,12 @@ def si_in_shop_units(value: float, unit: str) -> float:
 
 def truth_table(shown: Shown[DriveModel]) -> Table | None:
     """True value, value found, and whether its 95 % interval holds the truth, by axis."""
-    truth = dig(shown.truth, "drives")
+    truth = stated(shown.truth, "drives")
     parts = [
-        (axis, _values(dig(truth, "axes", axis)), parameters_of(shown, axis))
+        (axis, _values(stated(truth, "axes", axis)), parameters_of(shown, axis))
         for axis in identified_axes(shown)
     ]
-    parts.append((MOTOR, _values(dig(truth, MOTOR)), parameters_of(shown, MOTOR)))
+    parts.append((MOTOR, _values(stated(truth, MOTOR)), parameters_of(shown, MOTOR)))
     split = [(part, truth_as_fitted(true, found), found) for part, true, found in parts]
     parted = any(a != b for (_, a, _), (_, b, _) in zip(parts, split, strict=True))
     rows = [
@@ -172,7 +172,7 @@ def truth_table(shown: Shown[DriveModel]) -> Table | None:
 def _values(truth: Any) -> dict[str, float]:
     """True values by name, as numbers or as objects with a ``value``."""
     found = truth if isinstance(truth, dict) else {}
-    plain = {name: dig(v, "value") if isinstance(v, dict) else v for name, v in found.items()}
+    plain = {name: v.get("value") if isinstance(v, dict) else v for name, v in found.items()}
     return {str(name): x for name, v in plain.items() if (x := real(v)) is not None}
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.gains import gains
-from pipeline.submodels.least_squares import Certainty, certainty
+from pipeline.submodels.statistics import Certainty, certainty, gains
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import (
     TARGET,
@@ -26,8 +25,8 @@ from pipeline.twin.spindle import (
     free_run,
     from_measured,
     heat_of,
+    window_starts,
 )
-from pipeline.twin.spindle_model import window_starts
 
 RATE_BOUNDS = (1 / (7 * 86400), 1 / 20)  # [1/s]: a week to 20 s covers any spindle's time constants
 RATIO_BOUNDS = (1e-3, 10.0)  # [1] of the measured node's capacity to the body's

@@ -51,8 +51,7 @@ from pipeline.submodels.spindle.figures import (
     frame,
     golden_figure,
 )
-from pipeline.twin.spindle import TARGET
-from pipeline.twin.spindle_model import SpindleModelFile
+from pipeline.twin.spindle import TARGET, SpindleModelFile
 
 WINDOWS, FREE_RUN = "windows", "free run"
 MOST_GOLDEN = 14  # days drawn; more days stand in the table only

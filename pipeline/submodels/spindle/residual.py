@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.gains import gains
+from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import Forest, features, smoothed_inputs
 from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
@@ -140,7 +140,7 @@ def train_residual_forest(
     """Train on all days, and tell from days left out whether the forest helps.
 
     It is used only when it lowers the squared error of days left out, significantly over the days
-    (:func:`~pipeline.submodels.gains.gains`).
+    (:func:`~pipeline.submodels.statistics.gains`).
 
     Returns
     -------

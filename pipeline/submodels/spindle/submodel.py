@@ -35,12 +35,14 @@ from pipeline.submodels.spindle.fit import (
 from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import save_forest
-from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
-from pipeline.twin.spindle_model import (
+from pipeline.twin.spindle import (
+    TARGET,
     SpindleFitFacts,
     SpindleModel,
     SpindleModelFile,
+    SpindleRecords,
     load_spindle_model,
+    spindle_stretches,
 )
 
 METHOD = "bounded least squares (soft L1) on free runs over the training days"

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool
 from pipeline.submodels.cutting.spindle_load.records import LoadCut, LoadItems, SpindleLoadRecords
-from tests.identification.control.polled_logs import Said, write_log
+from tests.submodels.control.polled_logs import Said, write_log
 
 DRIVE = SpindleDrive(
     rated_power_kW=12.0, base_speed_rpm=3000.0, top_speed_rpm=12000.0, efficiency=0.9

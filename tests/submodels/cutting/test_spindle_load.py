@@ -23,7 +23,7 @@ from pipeline.submodels.cutting.spindle_load.power import cut_rates
 from pipeline.submodels.cutting.spindle_load.program import Lines, program_lines
 from pipeline.submodels.cutting.spindle_load.readings import cut_log, read_log
 from pipeline.submodels.cutting.spindle_load.records import LoadCut, SpindleLoadRecords
-from tests.identification.control.polled_logs import Said
+from tests.submodels.control.polled_logs import Said
 from tests.submodels.cutting.spindle_load_logs import (
     CLEAR,
     CUT_LOG,

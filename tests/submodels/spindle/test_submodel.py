@@ -27,8 +27,7 @@ from pipeline.submodels.spindle.submodel import (
     SpindleLimits,
 )
 from pipeline.thermal.network import SOURCES
-from pipeline.twin.spindle import TARGET
-from pipeline.twin.spindle_model import SpindleModelFile
+from pipeline.twin.spindle import TARGET, SpindleModelFile
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, state_table
 
 IDENTITY = MachineIdentity(name="mill", description="a mill", origin="simulated")

@@ -3,8 +3,8 @@
 P eta = P_0(n) + K_tc Q + K_te w, with the no-load power P_0(n) = p0 + p1 n + p2 n^2: the motor's
 power P times the efficiency eta covers the spindle running without load, the volume Q removed per
 second, and the width of chip times cutting speed w of the edges.  K_tc and K_te are those of the
-linear-edge model; P_0 is that of :class:`pipeline.cutting.economics.spindle_power.SpindleDrive`.  All of it
-scales with rated power, efficiency and meaning of the load, which are premises.
+linear-edge model; P_0 is that of :class:`pipeline.cutting.economics.spindle_power.SpindleDrive`.
+All of it scales with rated power, efficiency and meaning of the load, which are premises.
 """
 
 from dataclasses import dataclass

@@ -45,8 +45,9 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
     program : str
         Path of the program there.
     stock : str
-        Blank in the program's work coordinates, as :func:`pipeline.cutting.engagement.stock.stock_of` reads
-        it; the path of an .stl file is one below the machine's folder.
+        Blank in the program's work coordinates, as
+        :func:`pipeline.cutting.engagement.stock.stock_of` reads it; the path of an .stl file is one
+        below the machine's folder.
     tools : mapping of int to Tool
         Those that cut, by their number in the program.
     resolution_mm : float

@@ -59,7 +59,7 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.least_squares import Certainty
+from pipeline.submodels.statistics import Certainty
 
 NARROWER = 5.0
 """Bounds of least squares over those of the genetic algorithm, which needs a smaller box [1]."""

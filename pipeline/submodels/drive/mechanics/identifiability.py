@@ -31,7 +31,7 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
     position_disturbance,
 )
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.least_squares import Certainty
+from pipeline.submodels.statistics import Certainty
 
 OTHER_BANDWIDTHS = (0.5, 2.0)
 """Bandwidths of repeated fits over the chosen one [1]; their differences widen the intervals."""

@@ -1,6 +1,6 @@
 """Uncertainty of the inverse dynamics: clusters, position-dependent disturbance, noise bias.
 
-* Residuals of a record are autocorrelated; :func:`~pipeline.submodels.least_squares.certainty`
+* Residuals of a record are autocorrelated; :func:`~pipeline.submodels.statistics.certainty`
   clusters them in blocks, each ``BLOCK`` times as long as their autocorrelation reaches.
 * Cogging, pitch errors and the guideway disturb the force as a function of position, not of time.
   A slow stroke stays at one position: all of its samples share one disturbance, and so does every
@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.drive.mechanics.inverse_dynamics import LOGS, Dynamics, Regressors, jacobian
-from pipeline.submodels.least_squares import Certainty, certainty
+from pipeline.submodels.statistics import Certainty, certainty
 
 BLOCK = 8.0
 """Length of a block of residuals over their autocorrelation length [1]."""

@@ -27,7 +27,7 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoEquation,
 )
-from pipeline.submodels.least_squares import certainty
+from pipeline.submodels.statistics import certainty
 
 SHARES = (0.0, 0.5, 0.9)
 """Shares of velocity feed-forward where a search begins [1]."""

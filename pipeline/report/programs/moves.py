@@ -1,0 +1,264 @@
+"""Moves of a part program: rows of a table, paths as straight pieces, classes of feed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
+
+COLUMNS = (
+    "kind", "x", "y", "z", "cx", "cy", "cz", "angle", "plane",
+    "programmed_feed", "reached_feed", "time", "tool",
+)  # fmt: skip
+
+CUTTING = ("feed", "arc", "probe", "thread")
+IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
+"""First and second axis of a plane: XY, ZX, YZ."""
+MOST_PIECES = 720  # of one arc or helix
+COLOURS = 6  # of the scale in style.css, f0 slow to f5 fast
+SERIES = ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
+"""Round bounds within a decade, the finest first."""
+UNKNOWN = -1  # class of a cutting move whose feed is not known
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgramMoves:
+    """M moves.
+
+    Parameters
+    ----------
+    start, end, centre : array (M, 3)
+        In the machine's frame [mm]; ``centre`` is NaN unless the move is an arc.
+    angle : array (M,)
+        That an arc sweeps about its plane's normal, anticlockwise positive [rad].
+    plane : array (M,)
+        17, 18 or 19.
+    kind : array (M,) of str
+        What the move is, in lower case.
+    programmed, reached : array (M,)
+        Feed asked for, and the greatest that the block reaches [mm/min]; NaN where there is none.
+    time : array (M,)
+        What the move takes [s].
+    tool : array (M,)
+        Number of the tool.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    centre: np.ndarray
+    angle: np.ndarray
+    plane: np.ndarray
+    kind: np.ndarray
+    programmed: np.ndarray
+    reached: np.ndarray
+    time: np.ndarray
+    tool: np.ndarray
+
+    @property
+    def cutting(self) -> np.ndarray:
+        """Which moves go at a feed; shape (M,)."""
+        found: np.ndarray = np.isin(self.kind, CUTTING)
+        return found
+
+    @property
+    def rapid(self) -> np.ndarray:
+        """Which moves are rapids; shape (M,)."""
+        found: np.ndarray = self.kind == "rapid"
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pieces:
+    """Straight pieces from ``a`` to ``b`` (S, 3) [mm], each of the move ``row`` (S,)."""
+
+    a: np.ndarray
+    b: np.ndarray
+    row: np.ndarray
+
+    def of(self, rows: np.ndarray) -> "Pieces":
+        """Those pieces whose move is chosen by ``rows`` (M,) of bool."""
+        keep = rows[self.row]
+        return Pieces(a=self.a[keep], b=self.b[keep], row=self.row[keep])
+
+
+def program_moves(table: pa.Table, origin: tuple[float, float, float] | None) -> ProgramMoves:
+    """Rows of ``table`` with :data:`COLUMNS`; ``origin`` is where the first move starts [mm].
+
+    Raises
+    ------
+    pyarrow.ArrowException
+        When a column of numbers holds something else.
+    """
+    end, centre = (
+        np.stack([_floats(table, name) for name in names], axis=1)
+        for names in (("x", "y", "z"), ("cx", "cy", "cz"))
+    )
+    kind = pc.fill_null(table.column("kind").cast(pa.string()), "")
+    time = _floats(table, "time")
+    return ProgramMoves(
+        start=np.vstack([_point(origin, end), end[:-1]]) if len(end) else end,
+        end=end,
+        centre=centre,
+        angle=np.nan_to_num(_floats(table, "angle"), posinf=0.0, neginf=0.0),
+        plane=_floats(table, "plane"),
+        kind=np.char.replace(np.char.lower(np.array(kind.to_pylist(), dtype=str)), "_", " "),
+        programmed=_feeds(table, "programmed_feed"),
+        reached=_feeds(table, "reached_feed"),
+        time=np.where(np.isfinite(time) & (time > 0), time, 0.0),
+        tool=np.nan_to_num(_floats(table, "tool"), nan=-1.0).astype(int),
+    )
+
+
+def _floats(table: pa.Table, name: str) -> np.ndarray:
+    column = pc.fill_null(table.column(name).cast(pa.float64()), np.nan)
+    return np.array(column.to_numpy())
+
+
+def _feeds(table: pa.Table, name: str) -> np.ndarray:
+    feed = _floats(table, name)
+    return np.where(np.isfinite(feed) & (feed > 0), feed, np.nan)
+
+
+def _point(origin: tuple[float, float, float] | None, end: np.ndarray) -> np.ndarray:
+    """The origin, or the first known end without one: then nothing is drawn before it."""
+    return end[0] if origin is None else np.array(origin)
+
+
+def pieces(moves: ProgramMoves, tolerance: float) -> Pieces:
+    """Paths of the moves, arcs cut so that no piece leaves its arc by more than ``tolerance`` [mm].
+
+    Moves with an unknown end are left out; an arc without a centre is drawn straight.
+    """
+    arcs = _arcs(moves)
+    count = np.where(arcs, _counts(moves, tolerance), 1)
+    row = np.repeat(np.arange(len(count)), count)
+    first = np.cumsum(count) - count
+    share = np.stack([np.arange(len(row)) - first[row] + i for i in (0, 1)]) / count[row]
+    start, end = moves.start[row], moves.end[row]
+    a, b = (start + s[:, None] * (end - start) for s in share)
+    for plane, axes in IN_PLANE.items():
+        here = (arcs & (moves.plane == plane))[row]
+        for points, s in ((a, share[0]), (b, share[1])):
+            points[here] = _on_arc(moves, row[here], s[here], axes, points[here])
+    good = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    return Pieces(a=a[good], b=b[good], row=row[good])
+
+
+def _arcs(moves: ProgramMoves) -> np.ndarray:
+    """Which moves can be drawn as arcs; shape (M,)."""
+    known = np.isfinite(moves.centre).all(axis=1) & np.isin(moves.plane, list(IN_PLANE))
+    found: np.ndarray = known & (moves.angle != 0)
+    return found
+
+
+def _counts(moves: ProgramMoves, tolerance: float) -> np.ndarray:
+    """Pieces of each move, were it an arc: by the sagitta of a piece, at least eight a turn."""
+    radius = np.fmax(*radii(moves))
+    flat = np.clip(tolerance / np.maximum(np.nan_to_num(radius), 1e-9), 0.0, 1.0)
+    step = np.clip(2 * np.arccos(1 - flat), 1e-6, np.pi / 4)
+    return np.clip(np.ceil(np.abs(moves.angle) / step), 1, MOST_PIECES).astype(int)
+
+
+def radii(moves: ProgramMoves) -> tuple[np.ndarray, np.ndarray]:
+    """Radius in its plane at the start and at the end of each arc [mm]; NaN in other moves."""
+    ends = []
+    for point in (moves.start, moves.end):
+        found = np.full(len(moves.angle), np.nan)
+        for plane, (u, v) in IN_PLANE.items():
+            here = moves.plane == plane
+            arm = point[here] - moves.centre[here]
+            found[here] = np.hypot(arm[:, u], arm[:, v])
+        ends.append(found)
+    return ends[0], ends[1]
+
+
+def _on_arc(
+    moves: ProgramMoves, row: np.ndarray, share: np.ndarray, axes: tuple[int, int],
+    straight: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Points at a ``share`` of arcs; the radius goes linearly, and so does the plane's normal."""
+    u, v = axes
+    near, far = moves.start[row] - moves.centre[row], moves.end[row] - moves.centre[row]
+    r_0, r_1 = np.hypot(near[:, u], near[:, v]), np.hypot(far[:, u], far[:, v])
+    radius = r_0 + share * (r_1 - r_0)
+    angle = np.arctan2(near[:, v], near[:, u]) + share * moves.angle[row]
+    points = straight.copy()
+    points[:, u] = moves.centre[row, u] + radius * np.cos(angle)
+    points[:, v] = moves.centre[row, v] + radius * np.sin(angle)
+    return points
+
+
+def lengths(moves: ProgramMoves) -> np.ndarray:
+    """Path of X, Y, Z in each move [mm]; shape (M,), NaN where an end is not known.
+
+    Exact for lines, arcs and helices; a spiral counts as an arc of its mean radius.
+    """
+    step = moves.end - moves.start
+    length = np.linalg.norm(step, axis=1)
+    r_0, r_1 = radii(moves)
+    normal = np.select([moves.plane == 18, moves.plane == 19], [step[:, 1], step[:, 0]], step[:, 2])
+    turned = np.abs(moves.angle) * (r_0 + r_1) / 2
+    return np.where(_arcs(moves), np.sqrt(turned**2 + normal**2 + (r_1 - r_0) ** 2), length)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedClasses:
+    """Classes of reached feed between ``bounds`` [mm/min], ascending; the first is the slowest."""
+
+    bounds: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.bounds) + 1
+
+    def of(self, feed: np.ndarray) -> np.ndarray:
+        """Class of each feed; :data:`UNKNOWN` where it is not known."""
+        found = np.searchsorted(np.array(self.bounds), feed, side="right")
+        return np.where(np.isfinite(feed), found, UNKNOWN)
+
+    def colour(self, index: int) -> str:
+        """CSS name of a class's colour; few classes lie as far apart as many."""
+        if index == UNKNOWN:
+            return "f-none"
+        return f"f{round(index * (COLOURS - 1) / max(1, len(self) - 1))}"
+
+    def words(self, index: int) -> str:
+        """What a class holds, in words."""
+        ends = [number(round(b) if b >= 1 else b) for b in self.bounds]
+        if index == UNKNOWN:
+            return "feed not known"
+        if not ends:
+            return "at one feed"
+        if index == 0:
+            return f"below {ends[0]} mm/min"
+        if index == len(ends):
+            return f"{ends[-1]} mm/min and more"
+        return f"{ends[index - 1]} to {ends[index]}"
+
+
+def feed_classes(programs: list[ProgramMoves]) -> FeedClasses:
+    """At most six classes over the feeds that take 95 of 100 seconds of cutting."""
+    chosen = [m.cutting & np.isfinite(m.reached) & (m.time > 0) for m in programs]
+    feed = np.concatenate([*(m.reached[c] for m, c in zip(programs, chosen, strict=True)), []])
+    time = np.concatenate([*(m.time[c] for m, c in zip(programs, chosen, strict=True)), []])
+    if len(feed) == 0:
+        return FeedClasses(bounds=())
+    order = np.argsort(feed)
+    passed = np.cumsum(time[order]) / time.sum()
+    low, high = (float(feed[order][np.searchsorted(passed, q)]) for q in (0.025, 0.97))
+    return FeedClasses(bounds=tuple(_bounds(low, high)))
+
+
+def _bounds(low: float, high: float) -> list[float]:
+    """Round feeds inside ``low`` to ``high``: evenly spaced within a span, else by ratio."""
+    if high < 4 * low:
+        even = [b for b in svg.ticks(low, high, most=5) if low < b < high]
+        return even[: COLOURS - 1] if high > 1.02 * low else []
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    for series in SERIES:
+        inside = [m * 10.0**k for k in decades for m in series if low < m * 10.0**k < high]
+        if len(inside) <= COLOURS + 1:  # one or two too many: what is slowest is one class
+            break
+    return inside[-(COLOURS - 1) :]

@@ -1,0 +1,52 @@
+"""Standalone page of one program: its parts, and how it is written; the templates of all pages."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+
+from pipeline.charts.sections import Section
+from pipeline.charts.sources import Source, shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandalonePage:
+    """Head, verdict, key figures (name, value, aside) and sections of the page.
+
+    ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.
+    """
+
+    program: str
+    machine: str
+    about: str
+    origin: str
+    status: str
+    word: str
+    sentences: list[str]
+    key_figures: list[tuple[str, str, str]]
+    sections: list[Section] = field(default_factory=list)
+    credit: str = ""
+
+
+def renderer() -> Callable[..., str]:
+    """Function of a template's name and its variables that gives HTML; all text is escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return lambda name, **variables: environment.get_template(name).render(**variables)
+
+
+def rendered(page: StandalonePage, template: str) -> str:
+    """HTML of a standalone page."""
+    return renderer()(template, page=page)
+
+
+def source_of(path: Path) -> Source:
+    """The file that a page stands on, with its hash."""
+    return Source(path=shown(path), sha256=sha256(path.read_bytes()).hexdigest())

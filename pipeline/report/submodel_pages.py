@@ -1,0 +1,207 @@
+"""Sub-models of a machine: their stored files, and the page that each makes of them.
+
+A sub-model that makes no page of its own gets the default section: parameters, scores, typical and
+worst case, provenance, with a verdict in general words.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.charts.default_section import default_blocks
+from pipeline.charts.numbers import TOGETHER, number, powers, unit_words
+from pipeline.charts.sections import PartVerdict, Section, SubModelPage, absent
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import sources
+from pipeline.report.folders import MachineFolders
+from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.model import Model
+from pipeline.schema.verdict import Figures, Score, Verdict
+from pipeline.submodels.contract import Shown, submodel
+
+TRAINING = "the raw files that it names"
+JUDGED = "the model and records that it was not fitted on"
+WORDS = {"mae": "mean error", "rmse": "RMS error", "max": "largest error"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelledPart:
+    """One sub-model of a machine: its name, its title, its files, its page."""
+
+    name: str
+    title: str
+    shown: Shown[Any]
+    page: SubModelPage
+
+    @property
+    def model(self) -> Model | None:
+        """The stored model; None where there is none."""
+        return self.shown.model
+
+    @property
+    def judged(self) -> Verdict | None:
+        """The stored verdict; None where there is none."""
+        return self.shown.verdict
+
+    def leaked(self, sets: GoldenSets | None) -> list[str]:
+        """Cases or frozen files to judge by that the model was also fitted on."""
+        if self.model is None:
+            return []
+        fitted = self.model.training_files
+        frozen = () if sets is None or sets.golden is None else sets.golden.files
+        found = [one.file for one in frozen if one.sha256 in fitted]
+        trained = {one.case for one in self.model.trained_on}
+        cases = () if self.judged is None else self.judged.cases
+        return found or [
+            one.case for one in cases if one.role in ("golden", "held_out") and one.case in trained
+        ]
+
+
+def modelled_parts(
+    folders: MachineFolders, shelf: SourceRegistry, truth: Mapping[str, Any] | None
+) -> list[ModelledPart]:
+    """Sub-models of a machine, in the order of the fleet."""
+    return [_part(name, folders, shelf, truth) for name in folders.submodels]
+
+
+def _part(
+    name: str, folders: MachineFolders, shelf: SourceRegistry, truth: Mapping[str, Any] | None
+) -> ModelledPart:
+    one, folder = submodel(name), folders.models / name
+    shown: Shown[Any] = Shown(
+        machine=folders.name,
+        origin=folders.origin,
+        model=shelf.read(folder / "model.json", one.model, TRAINING),
+        verdict=shelf.read(folder / "verdict.json", Verdict, JUDGED),
+        predictions=shelf.predictions(folder / "predictions.parquet", JUDGED),
+        truth=truth,
+        shelf=shelf,
+        folder=folder,
+        clean=folders.clean,
+        truth_file=folders.truth,
+    )
+    page = one.page(shown)
+    return ModelledPart(
+        name=name,
+        title=one.title,
+        shown=shown,
+        page=page if page is not None else default_page(shown, name, one.title, one.needs),
+    )
+
+
+def default_page(shown: Shown[Any], name: str, title: str, needs: str) -> SubModelPage:
+    """Page of a sub-model that makes none of its own.
+
+    Parameters
+    ----------
+    shown : Shown
+        Its files.
+    name, title, needs : str
+        Of the sub-model.
+    """
+    files = [shown.folder / f for f in ("model.json", "verdict.json", "predictions.parquet")]
+    text = [absent(path, f"It needs {needs}.") for path in files[:1] if shown.model is None]
+    if shown.verdict is not None and shown.verdict.reasons:
+        text.append("Reasons as the judge gave them: " + "; ".join(shown.verdict.reasons) + ".")
+    blocks = default_blocks(
+        shown.model, shown.verdict, shown.predictions, sources(shown.shelf, *files)
+    )
+    section = Section(key=name, title=title[:1].upper() + title[1:], text=text, blocks=blocks)
+    return SubModelPage(verdict=_verdict(shown, title, needs), sections=[section])
+
+
+def _verdict(shown: Shown[Any], title: str, needs: str) -> PartVerdict | None:
+    """Status, the worst score that decided against its limit and best baseline, what to do."""
+    v = shown.verdict
+    if v is None and shown.model is None:
+        return None
+    if v is None or v.status == "not judged":
+        why = "; ".join(v.reasons) if v is not None and v.reasons else "no record to judge it by"
+        return PartVerdict(
+            status="unknown",
+            sentence=f"The model of the {title} has not been judged: {why.rstrip('.')}.",
+            todo=f"Record {needs}.",
+        )
+    by = "golden records" if v.judged_role == "golden" else "records held out of its fit"
+    sentence = f"The model of the {title} {v.status} on {by}{_worst_words(v)}."
+    if v.status == "failed":
+        todo = f"Do not use this model; to mend it, record {needs}."
+        return PartVerdict(status="failed", sentence=sentence, todo=todo)
+    return PartVerdict(
+        status="passed", sentence=sentence, todo="Nothing to repair: the model may serve."
+    )
+
+
+def _worst_words(verdict: Verdict) -> str:
+    """The score that takes the largest share of a limit, beside that limit and a baseline."""
+    shares = [
+        (abs(value) / limit, score, name, value, limit)
+        for score in verdict.scores if score.role == verdict.judged_role
+        for name, limit in score.limits.items()
+        if limit > 0 and (value := getattr(score, name)) is not None
+    ]  # fmt: skip
+    if not shares:
+        return ""
+    _, score, name, value, limit = max(shares, key=lambda row: row[0])
+    unit = "%" if name.endswith("percent") else powers(unit_words(score.unit))
+    words = WORDS.get(name, name.removesuffix("_percent").replace("_", " ") + " error")
+    where = "over all" if score.group == "all" else f"worst in {score.group}"
+    return (
+        f": {score.quantity}, {words} {number(abs(value))}{TOGETHER}{unit} {where} "
+        f"(limit {limit:g}{TOGETHER}{unit}{_baseline_words(score, name, unit)})"
+    )
+
+
+def _baseline_words(score: Score, name: str, unit: str) -> str:
+    """The best baseline by the same error."""
+    errors: list[tuple[float, str]] = [
+        (abs(value), other) for other, figures in score.baselines.items()
+        if (value := _error(figures, name)) is not None
+    ]  # fmt: skip
+    if not errors:
+        return ""
+    value, other = min(errors)
+    return f"; {other.replace('_', ' ')} {number(value)}{TOGETHER}{unit}"
+
+
+def _error(figures: Figures, name: str) -> float | None:
+    value: float | None = getattr(figures, name)
+    return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serving:
+    """The champion beside the latest models.
+
+    Parameters
+    ----------
+    path : Path
+        Of the champion's bundle.
+    bundle : Bundle
+        What serves.
+    older : tuple of str
+        Sub-models of which the champion and the latest are not the same model.
+    """
+
+    path: Path
+    bundle: Bundle
+    older: tuple[str, ...]
+
+
+def serving(
+    folders: MachineFolders, shelf: SourceRegistry, parts: list[ModelledPart]
+) -> Serving | None:
+    """The champion of a machine; None where none serves."""
+    if folders.champion is None:
+        return None
+    path = folders.champion / BUNDLE
+    bundle = shelf.read(path, Bundle, "the promotion of a registered version")
+    if bundle is None:
+        return None
+    latest = {one.name: model_hash(one.shown.folder) for one in parts if one.model is not None}
+    champion = {name: one.sha256 for name, one in bundle.submodels.items()}
+    names = dict.fromkeys([*(one.name for one in parts), *champion])
+    older = tuple(name for name in names if latest.get(name) != champion.get(name))
+    return Serving(path=path, bundle=bundle, older=older)

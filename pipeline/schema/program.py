@@ -1,0 +1,73 @@
+"""A simulated part program as it is stored: predicted times by tool, block type and limit.
+
+``data/programs/<machine>/<program>.json`` holds one :class:`SimulatedProgram`; the moves stand in
+the Parquet file of the same name beside it.  Times are in [s], lengths in [mm].
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolTime:
+    """Predicted times and path length of one tool.
+
+    Parameters
+    ----------
+    tool : int
+        Number of the tool; -1 before the first is in the spindle.
+    time_s, cutting_s, rapid_s : float
+        In all, in moves at a feed, in rapids [s].
+    length_mm : float
+        Path length [mm].
+    """
+
+    tool: int
+    time_s: float
+    cutting_s: float = 0.0
+    rapid_s: float = 0.0
+    length_mm: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedProgram:
+    """The summary of a part program that was run through an identified control.
+
+    Parameters
+    ----------
+    program : str
+        Name of the program.
+    refused : str or None
+        Why the program cannot be followed; then no time is known.
+    machine, origin : str
+        Whose control it is, and whether its records are simulated or recorded.
+    file, sha256 : str
+        The program below ``data/raw/<machine>``, and the hash of its bytes.
+    total_time_s, cutting_time_s : float or None
+        Predicted time, and that of moves at a feed [s].
+    path_length_mm : float or None
+        Path length [mm].
+    origin_mm : tuple of float or None
+        X, Y, Z where the first move starts, in the machine's frame [mm].
+    by_tool : tuple of ToolTime
+        In the order in which the tools are used.
+    by_type, by_limit : mapping of str to float
+        Time [s] by type of block, and of cutting by what limits the speed of the block.
+    blocks : int or None
+        Number of moves.
+    """
+
+    program: str
+    refused: str | None = None
+    machine: str = ""
+    origin: str = ""
+    file: str = ""
+    sha256: str = ""
+    total_time_s: float | None = None
+    path_length_mm: float | None = None
+    cutting_time_s: float | None = None
+    origin_mm: tuple[float, float, float] | None = None
+    by_tool: tuple[ToolTime, ...] = ()
+    by_type: Mapping[str, float] = field(default_factory=dict)
+    by_limit: Mapping[str, float] = field(default_factory=dict)
+    blocks: int | None = None

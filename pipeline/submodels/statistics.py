@@ -1,0 +1,98 @@
+"""Statistics of fits: covariance of least squares in blocks, gain of a richer model over days."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.schema.arrays import Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certainty:
+    """How well a fit determines its parameters.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (D, D)
+        Of the parameters, robust against residuals that hang together within a block.
+    half_width : ndarray, shape (D,)
+        Half of the 95 % interval; infinite when there are no more blocks than parameters.
+    condition : float
+        Condition number of the Jacobian with columns scaled to length one.
+    correlation : ndarray, shape (D, D)
+        Of the parameters.
+    """
+
+    covariance: Floats
+    half_width: Floats
+    condition: float
+    correlation: Floats
+
+
+def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Certainty:
+    """Certainty of a least-squares optimum from its Jacobian, residuals and blocks.
+
+    The residuals of a fitted recording hang together over minutes to hours, so that the textbook
+    covariance s^2 (J'J)^-1 is far too narrow.  This one is clustered: H^-1 (sum_b g_b g_b') H^-1
+    with g_b = J_b' r_b over blocks (Liang and Zeger 1986), scaled by B / (B - D), with Student's t
+    of B - D degrees of freedom.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (N, D)
+        Of the residuals.
+    residuals : ndarray, shape (N,)
+        At the optimum.
+    blocks : ndarray of int, shape (N,)
+        Which block each residual belongs to.
+    """
+    from scipy.stats import t as student
+
+    n_blocks, n = len(np.unique(blocks)), jacobian.shape[1]
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    scaled = jacobian / scale
+    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else float("inf")
+    inverse = (right.T / np.maximum(singular, 1e-12 * singular[0]) ** 2) @ right
+    scores = scaled * residuals[:, None]
+    order = np.argsort(blocks, kind="stable")
+    starts = np.flatnonzero(np.diff(blocks[order], prepend=blocks[order][0] - 1))
+    sums = np.add.reduceat(scores[order], starts, axis=0)
+    # B blocks span at most B - 1 directions at an optimum: without more than D of them the middle
+    # of the sandwich knows nothing of some direction, and would call it certain
+    enough = n_blocks > n
+    freedom = max(n_blocks - n, 1)
+    covariance = inverse @ (sums.T @ sums) @ inverse * (n_blocks / freedom)
+    covariance /= np.outer(scale, scale)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
+    safe = np.where(deviation > 0, deviation, 1.0)
+    return Certainty(
+        covariance=covariance,
+        half_width=student.ppf(0.975, freedom) * deviation if enough else np.full(n, np.inf),
+        condition=condition,
+        correlation=covariance / np.outer(safe, safe),
+    )
+
+
+LEVEL = 0.05
+"""Chance of keeping a richer model that is no better [1]."""
+
+
+def gains(simple: NDArray[np.float64], rich: NDArray[np.float64]) -> bool:
+    """Whether ``rich`` has significantly lower squared errors than ``simple``, day by day.
+
+    A paired one-sided t-test over days: samples within a day hang together, days hardly do.  With
+    fewer than three days nothing is significant and the simpler model stays.
+
+    Parameters
+    ----------
+    simple, rich : ndarray, shape (days,)
+        Mean squared errors of the same days, none of them learnt from.
+    """
+    from scipy.stats import ttest_rel
+
+    if len(simple) < 3 or np.allclose(simple, rich):
+        return False
+    return bool(ttest_rel(simple, rich, alternative="greater").pvalue < LEVEL)
