@@ -5,6 +5,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -300,6 +301,35 @@ def test_an_identified_law_is_taken_for_its_tool(project: Path) -> None:
     assert "cutting/model.json is no JSON" in refused(project, "simulate", "part.nc", *CUT)
     path.write_text("[]")
     assert "is not what this version stores" in refused(project, "simulate", "part.nc", *CUT)
+
+
+def forces(said: str) -> str:
+    """The line that says which law the tool has."""
+    (line,) = [line for line in said.splitlines() if line.strip().startswith("forces of T4")]
+    return line
+
+
+def test_a_law_of_another_tool_or_material_or_of_the_latest_model_is_not_taken(
+    project: Path,
+) -> None:
+    path = project / "data/champion/mill01/cutting/model.json"
+    tool: dict[str, Any] = {"kind": "flat", "diameter_mm": 12, "flutes": 3}
+    known = {"": {"K_tc": cutting_files.parameter(900.0, "N/mm^2")}, "spindle": None}
+    unknown = {"": {"K_tc": cutting_files.parameter(None, "N/mm^2")}, "spindle": None}
+    model = cutting_files.model(known, material="A6061", tool=tool)
+    others = (
+        replace(model, material="A7075"),
+        replace(model, tool=tool | {"diameter_mm": 16}),
+        cutting_files.model(unknown, material="A6061", tool=tool),
+    )
+    for other in others:
+        write_json(other, path)
+        assert "identified" not in forces(kerf(project, "simulate", "part.nc", *CUT).stdout)
+    path.unlink()
+    write_json(model, project / "data/models/mill01/cutting/model.json")
+    assert "identified" not in forces(kerf(project, "simulate", "part.nc", *CUT).stdout)
+    done = kerf(project, "simulate", "part.nc", *CUT, "--model", "latest")
+    assert "identified: K_tc 900" in forces(done.stdout)
 
 
 def _energy(project: Path) -> float:

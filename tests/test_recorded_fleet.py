@@ -74,6 +74,10 @@ def test_every_golden_day_is_within_the_limits_and_better_than_persistence(proje
         assert day.mae < 2.0
         assert day.rmse < 3.0
         assert day.rmse < day.baselines["persistence"].rmse
+    metrics = json.loads((project / "data/metrics/mazak01_spindle.json").read_text())
+    (total,) = [s for s in scores if s.regime == "windows" and s.group == "all"]
+    assert metrics["status"] == "passed" and metrics["cases_judged"] == len(days)
+    assert metrics["spindle_temperature, windows"]["mae"] == total.mae
 
 
 def test_the_forest_that_does_not_help_is_not_used(project):

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.part_loads import draws_of
 from pipeline.optimisation.reliability.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
-from pipeline.schema.cutting import MAGNITUDE, CuttingModel, StoredCutModel, ToolGeometry
+from pipeline.schema.cutting import MAGNITUDE, OTHERS, CuttingModel, StoredCutModel, ToolGeometry
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.twin.cut_coefficients import ToolCoefficients
@@ -156,6 +158,11 @@ def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
         )
         for role, error in (("held_out", 3.0), ("golden", -5.0), ("training", 90.0))
     )  # fmt: skip
+    # of all recordings together, and by a fit without it: neither is a recording of its own
+    scores += (
+        replace(scores[0], group="all", peak_percent=50.0),
+        replace(scores[0], regime=OTHERS, peak_percent=60.0),
+    )
     verdict = Verdict(
         submodel="cutting", machine="mill", origin="simulated", status="passed", reasons=(),
         judged_role="golden", golden=None, scores=scores,
@@ -188,6 +195,42 @@ def test_a_law_without_its_tool_is_named():
     law = ToolCoefficients(law=LAW, kind="measured", source="A")
     with pytest.raises(ValueError, match="T4 has a force law and is no tool"):
         uncertainty({4: law}, {1: MILL}, None, None, ReliabilitySettings())
+
+
+NUMBERS = st.none() | st.floats(
+    allow_nan=False, allow_infinity=False, min_value=-1e9, max_value=1e9
+)
+
+
+@st.composite
+def parameters(draw: st.DrawFn) -> Parameter:
+    """A parameter that says little: without a value, without an interval, or not determined."""
+    low, high = sorted(draw(st.tuples(*2 * (st.floats(-1e9, 1e9),))))
+    return Parameter(
+        value=draw(NUMBERS), unit="", interval_95=draw(st.sampled_from([None, (low, high)])),
+        determined=draw(st.booleans()), method="",
+    )  # fmt: skip
+
+
+CORRELATIONS = st.just(Correlation()) | st.permutations(NAMES).flatmap(
+    lambda names: st.lists(
+        st.lists(st.none() | st.floats(-1, 1), min_size=6, max_size=6), min_size=6, max_size=6
+    ).map(lambda rows: Correlation(names=tuple(names), values=tuple(map(tuple, rows))))
+)
+FITTED = st.none() | st.lists(st.floats(-1e9, 1e9), min_size=6, max_size=8).map(
+    lambda values: replace(cutting_files.PLAIN_MODEL, values=tuple(values))
+)
+ROWS = st.dictionaries(st.sampled_from([*NAMES, "runout", "helix"]), parameters())
+
+
+@given(rows=ROWS, correlation=CORRELATIONS, fitted=FITTED)
+@settings(max_examples=60, deadline=None)
+def test_a_model_that_says_little_is_drawn_from_all_the_same(rows, correlation, fitted):
+    law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
+    found = cutting_files.model({"": rows}, correlation=correlation, prediction=fitted)
+    known = uncertainty({1: law}, {1: MILL}, found, cutting_files.verdict(), ReliabilitySettings())
+    drawn = draws_of(known, 16, 0).tools[1]
+    assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()
 
 
 def test_a_cut_without_a_fit_is_not_known():
