@@ -153,8 +153,10 @@ def _client(root: Path) -> "MlflowClient":
     import logging
 
     import mlflow
+    from mlflow.utils.logging_utils import disable_logging
     from sqlalchemy.exc import SQLAlchemyError
 
+    disable_logging()  # what goes wrong is raised; a command says one sentence
     for noisy in ("mlflow", "alembic"):
         logging.getLogger(noisy).setLevel(logging.ERROR)
     named = os.environ.get("MLFLOW_TRACKING_URI")
