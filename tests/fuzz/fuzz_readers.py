@@ -85,8 +85,8 @@ def check(read: Callable[..., Any], path: Path, form: str) -> int | None:
     return n
 
 
-def fuzz(name: str, runs: int, seed: int, crashes: Path) -> None:
-    """Fuzz one reader; ends the process."""
+def fuzz(name: str, runs: int, *, seed: int, limit: int, crashes: Path) -> None:
+    """Fuzz one reader, ``limit`` seconds an input (0: no limit); ends the process."""
     import atheris
 
     compiled = [f"{room}.{module}" for room, modules in COMPILED.items() for module in modules]
@@ -117,7 +117,7 @@ def fuzz(name: str, runs: int, seed: int, crashes: Path) -> None:
             sys.stdout.flush()
 
     crashes.mkdir(parents=True, exist_ok=True)
-    options = [f"-atheris_runs={runs}", f"-max_len={LONGEST}", f"-seed={seed}", "-timeout=20",
+    options = [f"-atheris_runs={runs}", f"-max_len={LONGEST}", f"-seed={seed}", f"-timeout={limit}",
                f"-dict={folder / 'words'}", f"-artifact_prefix={crashes}/{name}-",
                "-print_final_stats=1", "-verbosity=0"]  # fmt: skip
     atheris.Setup([sys.argv[0], *options, str(corpus)], one_input)
@@ -130,14 +130,18 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=100_000, help="inputs for each reader")
     parser.add_argument("--reader", choices=READERS, help="only this one")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--limit", type=int, default=20, help="seconds for one input; 0: no limit")
     parser.add_argument("--crashes", type=Path, default=Path(tempfile.gettempdir()) / "kerf-fuzz")
     asked = parser.parse_args()
     if asked.reader:
-        fuzz(asked.reader, asked.runs, asked.seed, asked.crashes)
+        fuzz(
+            asked.reader, asked.runs, seed=asked.seed, limit=asked.limit, crashes=asked.crashes
+        )  # fmt: skip
     broken = 0
     for name in READERS:
         start = perf_counter()
-        options = ["--runs", asked.runs, "--seed", asked.seed, "--crashes", asked.crashes]
+        options = ["--runs", asked.runs, "--seed", asked.seed, "--limit", asked.limit,
+                   "--crashes", asked.crashes]  # fmt: skip
         done = subprocess.run(
             [sys.executable, __file__, "--reader", name, *map(str, options)],
             capture_output=True, text=True, errors="replace", check=False,

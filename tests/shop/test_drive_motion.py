@@ -223,7 +223,8 @@ def by_another_solver(axis: Axis, moves: tuple[Move, ...], times: np.ndarray) ->
 
 
 @pytest.mark.parametrize("letter", ["X", "Z"])
-def test_another_solver_finds_the_same_motion(letter: str) -> None:
+@pytest.mark.parametrize("seconds", [0.25, pytest.param(0.9, marks=pytest.mark.proof)])
+def test_another_solver_finds_the_same_motion(letter: str, seconds: float) -> None:
     """Stroke and reversal of mill01 by LSODA with loops in continuous time.
 
     With loops at 40 kHz what is left is their delay of 25 to 50 us and the steps of the encoder:
@@ -235,7 +236,7 @@ def test_another_solver_finds_the_same_motion(letter: str) -> None:
     )  # fmt: skip
     moves = (Move(length=12.0, speed=150.0, pause=0.02), Move(length=-12.0, speed=150.0))
     out = run(axis, way(axis, *moves))
-    times = np.arange(0, 0.9, 1e-3)
+    times = np.arange(0, seconds, 1e-3)
     rows = np.round(times * 40000).astype(int)
     carriage, current = by_another_solver(axis, moves, times)
     assert out.carriage[rows] == pytest.approx(carriage, abs=1e-6)

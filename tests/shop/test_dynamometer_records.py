@@ -1,5 +1,6 @@
 """Recordings of the dynamometer: what a plain reader finds in them is what is true of them."""
 
+import json
 import re
 from dataclasses import replace
 from math import pi
@@ -216,15 +217,19 @@ def test_the_truth_is_whole(cuts: Simulated) -> None:
     assert "least squares" in more["definition"]["K_tc K_rc K_ac K_te K_re K_ae"]
 
 
+@pytest.mark.parametrize(
+    "cuts", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
+)
 def test_the_same_bytes_every_time(cuts: Simulated, tmp_path: Path) -> None:
-    """Of short recordings; the whole ones are compared with those of a week."""
-    tests = cuts.parameters.cutting
-    series = replace(tests.dynamometer.series, seconds=0.1, block=20.0)
-    short = replace(tests, dynamometer=replace(tests.dynamometer, series=series))
-    parameters = replace(cuts.parameters, cutting=short)
-    one, two = (write_cutting(tmp_path / name, parameters) for name in ("one", "two"))
-    assert one == two
-    assert digests(tmp_path / "one") == digests(tmp_path / "two") != {}
+    again = write_cutting(tmp_path, cuts.parameters)
+    assert json.loads(json.dumps(again)) == cuts.truth
+    assert digests(tmp_path) == digests(cuts.folder)
+
+
+def test_a_recording_too_short_for_the_tool_is_named(tmp_path: Path) -> None:
+    short = {"dynamometer": {"series": {"seconds": 0.1, "block": 20.0}}}
+    with pytest.raises(ValueError, match=r"Series.seconds = 0.1 s is too short.*12.0 mm"):
+        write_cutting(tmp_path, shop_parameters("mill01", cutting=short))
 
 
 def test_nothing_is_written_unless_recorded(tmp_path: Path) -> None:

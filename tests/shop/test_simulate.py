@@ -19,6 +19,11 @@ from pipeline.shop.simulate import simulate
 
 from .conftest import NO_CUTS, NO_DRIVES, Simulated, digests, run, shop_parameters
 
+one_machine = pytest.mark.parametrize(
+    "week", ["mill02", pytest.param("mill01", marks=pytest.mark.proof)], indirect=True
+)
+"""One machine in the ordinary suite, the other one as proof."""
+
 
 @pytest.mark.proof
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
@@ -34,6 +39,7 @@ def test_a_week_with_all_records_has_the_bytes_of_its_parts(machine: str, tmp_pa
     assert different == {"cutting", "parameters"} and first.truth["cutting"] == cuts
 
 
+@one_machine
 def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> None:
     """Once more, without the servo tool, which none of the other records knows of."""
     whole = digests(week.folder)
@@ -44,13 +50,14 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
     assert different == {"drives", "parameters"}
 
 
+@one_machine
 @pytest.mark.parametrize(
     "parts", [NO_CUTS | NO_DRIVES, pytest.param({}, marks=pytest.mark.proof)], ids=["plain", "all"]
 )
 def test_another_seed_is_another_week(
-    parts: dict[str, Any], plain_week: Simulated, tmp_path: Path
+    parts: dict[str, Any], week: Simulated, plain_week: Simulated, tmp_path: Path
 ) -> None:
-    machine = plain_week.parameters.machine
+    machine = week.parameters.machine
     other = run(tmp_path / "other", machine, weeks=1, seed=3, **parts)
     same_parts = run(tmp_path / "ours", machine, weeks=1) if not parts else plain_week
     ours, theirs = digests(same_parts.folder), digests(other.folder)

@@ -351,6 +351,11 @@ def _motion_truth(motion: Motion, force: Floats, lead: int, cutting: Cutting) ->
     # the front half cuts: all of it is in once the centre is, and the front leaves first
     last = cutting.dynamometer.series.block * 1e-3 - cutting.tool.radius
     inside = np.flatnonzero((x >= 0) & (x <= last))
+    if not inside.size:
+        raise ValueError(
+            f"Series.seconds = {cutting.dynamometer.series.seconds} s is too short: at no time of "
+            f"a recording is the whole tool of {cutting.tool.diameter} mm in the material"
+        )
     seconds = inside[[0, -1]] / (RATE * FINE)
     turned = (angle[-1] - angle[0]) / (angle.size - 1) * RATE * FINE
     return {

@@ -180,15 +180,17 @@ def write_cutting(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     cutting = parameters.cutting
     if not cutting.recorded:
         return {}
+    tool = _tool(parameters)
     recorded = write_dynamometer(folder, parameters)
     truth = dynamometer_truth(cutting, recorded)
-    spindle = _write_spindle(folder, parameters, recorded.cut)
+    spindle = _write_spindle(folder, parameters, tool, recorded.cut)
     return {**truth, "spindle": spindle}
 
 
-def _write_spindle(folder: Path, parameters: ShopParameters, cut: float) -> dict[str, Any]:
+def _write_spindle(
+    folder: Path, parameters: ShopParameters, tool: Tool, cut: float
+) -> dict[str, Any]:
     cutting, spindle = parameters.cutting, parameters.spindle
-    tool = _tool(parameters)
     milling, passes = cutting_program(cutting, tool, parameters.control)
     powers = pass_powers(passes, cutting, cut)
     idle = warm_up(cutting, tool, parameters.control)
