@@ -13,6 +13,7 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.lobes import lobes
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
+from pipeline.schema.model import Parameter
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_coefficients import (
     ToolCoefficients,
@@ -22,6 +23,7 @@ from pipeline.twin.cut_coefficients import (
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_limits import cut_limits
 from pipeline.twin.cut_stability import lobe_figures, stability
+from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
 
 DRIVE = SpindleDrive(
@@ -219,16 +221,19 @@ def test_cuts_below_the_blank_and_beyond_the_flutes_are_said():
     assert any("underside" in what for what in told) and any("flutes" in what for what in told)
 
 
-FOUND = {
-    "material": "A6061",
-    "tool": {"kind": "flat", "diameter_mm": 10.0, "flutes": 2},
-    "parameters": {
-        "K_tc": {"value": 700.0, "determined": True},
-        "K_rc": {"value": 250.0, "determined": True},
-        "K_te": {"value": 12.0, "determined": True},
-        "K_ac": {"value": 90.0, "determined": False},
-    },
-}
+def found_cut(**coefficients: Parameter):
+    """An identified cut of a tool of 10 mm in A6061; values as a machinist writes them."""
+    model = cutting_files.model({"": coefficients})
+    return replace(model, material="A6061", tool={"kind": "flat", "diameter_mm": 10.0, "flutes": 2})
+
+
+NOT_DETERMINED = replace(cutting_files.parameter(90.0, "N/mm^2"), determined=False)
+FOUND = found_cut(
+    K_tc=cutting_files.parameter(700.0, "N/mm^2"),
+    K_rc=cutting_files.parameter(250.0, "N/mm^2"),
+    K_te=cutting_files.parameter(12.0, "N/mm"),
+    K_ac=NOT_DETERMINED,
+)
 
 
 class TestLaws:
@@ -248,7 +253,12 @@ class TestLaws:
         }), identified_coefficients(FOUND))  # fmt: skip
         assert laws[1].kind == "catalogue"
 
-    @pytest.mark.parametrize("value", [{}, {"K_tc": None}, {"K_tc": {"value": None}},
-                                       {"K_tc": {"value": 5.0, "determined": False}}])  # fmt: skip
-    def test_what_was_not_determined_is_no_law(self, value):
-        assert identified_coefficients({"parameters": value, "material": "A6061"}) is None
+    @pytest.mark.parametrize("coefficients", [
+        {}, {"K_rc": cutting_files.parameter(250.0, "N/mm^2")},
+        {"K_tc": cutting_files.parameter(None, "N/mm^2")}, {"K_tc": NOT_DETERMINED},
+    ], ids=["none", "another", "without a value", "not determined"])  # fmt: skip
+    def test_what_was_not_determined_is_no_law(self, coefficients):
+        assert identified_coefficients(found_cut(**coefficients)) is None
+
+    def test_a_machine_without_an_identified_cut_has_no_law(self):
+        assert identified_coefficients(None) is None
