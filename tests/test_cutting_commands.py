@@ -348,7 +348,7 @@ def test_the_page_and_the_numbers_are_the_same_each_time(project: Path) -> None:
 @pytest.mark.slow
 def test_a_recorded_program_faces_what_lies_above_its_zero(project: Path, tmp_path: Path) -> None:
     """NIST / MTC plate: a face mill takes 0.5 mm off 127 x 76.2 mm, and no rapid cuts."""
-    program = Path(RECORDINGS or "", "nist_box/programs/NIST_MTC_CRADA_PLATE-1.NC")
+    program = Path(RECORDINGS or "", "nist_box/programs/NIST_MTC_CRADA_PLATE-1.NC").resolve()
     if RECORDINGS is None or not program.exists():
         pytest.skip("KERF_RECORDINGS does not name the folder of nist_box")
     diameters = {15: 76.2, 3: 12.7, 4: 6.35, 5: 3.175, 1: 2.3622, 7: 12.7, 23: 3.175}
