@@ -66,7 +66,7 @@ def change(project: Path, section: str, **values: Any) -> None:
     for key in section.split("."):
         found = found[key]
     found.update(values)
-    path.write_text(yaml.safe_dump(params))
+    path.write_text(yaml.safe_dump(params, sort_keys=False))  # sub-models have an order
 
 
 def build(project: Path, *stages: str) -> None:

@@ -206,9 +206,9 @@ def test_status_without_a_registry(project: Path) -> None:
     fleet = {name: [MACHINE] for name in SUBMODELS} | {"spindle": [MACHINE, "mill02"]}
     change(project, "fleet", machines=[MACHINE, "mill02"], submodels=fleet)
     rows = rows_of(kerf(project, "status"))
-    assert sorted((row["machine"], row["sub-model"]) for row in rows) == sorted([
+    assert [(row["machine"], row["sub-model"]) for row in rows] == [
         *((MACHINE, name) for name in SUBMODELS), ("mill02", "spindle"),
-    ])  # fmt: skip
+    ]  # fmt: skip
     for row in rows:
         assert row["latest"] == "not built: run `dvc repro`"
         assert {row[name] for name in ("champion", "serving", "challenger")} == {"-"}

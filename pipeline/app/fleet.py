@@ -247,11 +247,11 @@ def freeze_set(
         file, or a file is in the other set already.
     """
     machine_parameters(machine)  # refuses one that is not known
+    days = _days(first, last)
     manifest = DATA / "signals" / machine / "manifest.json"
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
     known = _document(manifest)["files"]
-    days = _days(first, last)
     names = set() if days is None else {
         name for name, entry in known.items()
         if entry.get("last") and str(entry["last"])[:10] in days

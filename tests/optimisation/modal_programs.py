@@ -3,7 +3,10 @@
 And random answers of an optimiser for them: any feeds of blocks, any stretches of S.
 """
 
+from typing import Any
+
 import numpy as np
+import pytest
 
 from pipeline.gcode.moves import Moves
 from pipeline.optimisation.problem.arrays import Editable
@@ -159,3 +162,8 @@ def any_answer(
             assert speed is not None, "a stretch begins where no S word may stand"
             speeds[row] = speed
     return feeds, speeds
+
+
+def seeds(few: int, many: int) -> list[Any]:
+    """Seeds of a parametrised test: ``few`` in the ordinary suite, the rest as proof."""
+    return [*range(few), *(pytest.param(k, marks=pytest.mark.proof) for k in range(few, many))]

@@ -5,12 +5,13 @@
 
 import os
 import sys
+from functools import cache, partial
 
 import pytest
 
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.optimise import optimise
-from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings
+from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.part import Objective
 from pipeline.shop.trial.trials import trials
 from tests.optimisation.paper_part import MACHINE, PROGRAM, TRIAL, paper_job, paper_knowledge
@@ -18,7 +19,7 @@ from tests.optimisation.paper_part import MACHINE, PROGRAM, TRIAL, paper_job, pa
 SEEDS = int(os.environ.get("KERF_TRIAL_SEEDS", "20"))
 CERTAIN, EVEN = 0.01, 0.5
 
-pytestmark = pytest.mark.slow
+OBJECTIVES = pytest.mark.parametrize("objective", ["time", "cost"])
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +29,8 @@ def knowledge(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(knowledge):
-    cases: list[tuple[Objective, float]] = [("time", CERTAIN), ("cost", CERTAIN), ("time", EVEN)]
-    return {case: _optimised(knowledge, *case) for case in cases}
+    """Parts by objective and demand of certainty, each optimised when it is first asked for."""
+    return cache(partial(_optimised, knowledge))
 
 
 def _optimised(knowledge, objective: Objective, epsilon: float) -> Result:
@@ -41,9 +42,21 @@ def _cut(result: Result):
     return trials(PROGRAM.encode(), result.answer.text, TRIAL, MACHINE, range(SEEDS))
 
 
-@pytest.mark.parametrize("objective", ["time", "cost"])
+def test_a_short_search_is_faster_and_inside_the_limit_where_it_is_cut():
+    """With coefficients that others measured, which err by 10 %, and a search of a moment."""
+    search = SearchSettings(population=8, generations=3, baseline=50, paper_generations=2, front=8)
+    settings = OptimisationSettings(certainty=ReliabilitySettings(draws=64), search=search)
+    result = optimise(paper_job("time", None, settings))
+    cut = trials(PROGRAM.encode(), result.answer.text, TRIAL, MACHINE, range(3))
+    assert cut["after"]["above"] == 0
+    assert cut["after"]["time_s"]["mean"] < cut["before"]["time_s"]["mean"]
+
+
+@pytest.mark.proof
+@pytest.mark.slow
+@OBJECTIVES
 def test_faster_and_cheaper_and_inside_the_limit_where_it_is_cut(found, objective):
-    result = found[objective, CERTAIN]
+    result = found(objective, CERTAIN)
     before, after = (
         next(one.objectives for one in result.methods if one.name == name)
         for name in ("as programmed", "answer")
@@ -62,20 +75,26 @@ def test_faster_and_cheaper_and_inside_the_limit_where_it_is_cut(found, objectiv
     assert cut["after"]["time_s"]["mean"] == pytest.approx(after[0], rel=0.05)
 
 
+@pytest.mark.proof
+@pytest.mark.slow
 def test_without_a_demand_of_certainty_the_limit_is_passed(found):
-    above = _cut(found["time", EVEN])["after"]["above"]
+    above = _cut(found("time", EVEN))["after"]["above"]
     sys.stdout.write(f"\ntime, epsilon 50 %: {above} of {SEEDS} above 60 N (simulated)")
     assert above > SEEDS // 10
 
 
+@pytest.mark.proof
+@pytest.mark.slow
 def test_certainty_has_its_price(found):
-    certain, even = (found["time", epsilon].answer.objectives[0] for epsilon in (CERTAIN, EVEN))
+    certain, even = (found("time", epsilon).answer.objectives[0] for epsilon in (CERTAIN, EVEN))
     assert certain > even
 
 
-@pytest.mark.parametrize("objective", ["time", "cost"])
+@pytest.mark.proof
+@pytest.mark.slow
+@OBJECTIVES
 def test_never_worse_than_direct_and_as_good_as_5000_evaluations(found, objective):
-    result = found[objective, CERTAIN]
+    result = found(objective, CERTAIN)
     index = ("time", "cost").index(objective)
     value = {one.name: float(one.objectives[index]) for one in result.methods}
     assert value["answer"] <= value["direct"]
@@ -84,7 +103,9 @@ def test_never_worse_than_direct_and_as_good_as_5000_evaluations(found, objectiv
     assert result.evaluated <= 50
 
 
+@pytest.mark.proof
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(found, knowledge):
     again = _optimised(knowledge, "time", CERTAIN)
-    assert again.answer.text == found["time", CERTAIN].answer.text
-    assert vars(again.risk) == vars(found["time", CERTAIN].risk)
+    assert again.answer.text == found("time", CERTAIN).answer.text
+    assert vars(again.risk) == vars(found("time", CERTAIN).risk)
