@@ -53,8 +53,8 @@ def project(tmp_path: Path) -> Path:
     for number, day in enumerate(DAYS):
         time = pd.date_range(day, periods=7200, freq="s", tz="UTC")
         air = 20 + number + np.sin(np.arange(7200) / 900)
-        coolant = air + 3 + rng.normal(0, 0.3, 7200)
-        table = {"time": time, "ambient_temperature": air, "coolant_temperature": coolant}
+        winding = air + 3 + rng.normal(0, 0.3, 7200)
+        table = {"time": time, "ambient_temperature": air, "spindle_temperature": winding}
         pd.DataFrame(table).to_parquet(clean / f"{day}.parquet")
         manifest[f"{day}.txt"] = {
             "sha256": sha256(day.encode()).hexdigest(), "last": f"{day}T02:00:00Z"
@@ -75,29 +75,46 @@ def test_the_page_makes_a_sub_model_that_is_identified_and_judged(project: Path)
 
     run("compose", "conf", "params.yaml")
     reads = ["data/signals/mill01/manifest.json", "data/clean/mill01"]
-    folder = project / "data/models/mill01/coolant"
-    run("identify_coolant@mill01", *reads, str(folder))
-    run("judge_coolant@mill01", *reads, str(folder), "data/golden", "metrics.json")
+    folder = project / "data/models/mill01/winding"
+    run("identify_winding@mill01", *reads, str(folder))
+    run("judge_winding@mill01", *reads, str(folder), "data/golden", "metrics.json")
     found = read_json(folder / "verdict.json", Verdict)
     assert (found.status, found.judged_role) == ("passed", "held_out")
-    (total,) = found.of("coolant_temperature", group="all", role="held_out")
+    (total,) = found.of("spindle_temperature", group="all", role="held_out")
     assert total.rmse == pytest.approx(0.3, rel=0.1)
     assert total.baselines["air"].rmse == pytest.approx(3.0, rel=0.05)
     assert {one.case for one in found.cases if one.role == "held_out"} == set(DAYS[3:])
+
+
+def test_its_files_pass_the_house_rules(project: Path) -> None:
+    shutil.copy(ROOT / "pyproject.toml", project)
+    folder = "pipeline/submodels/winding"
+    for words in (["check"], ["format", "--check"]):
+        answer = subprocess.run(
+            [sys.executable, "-m", "ruff", *words, "--no-cache", folder], cwd=project, text=True,
+            capture_output=True, check=False,
+        )  # fmt: skip
+        assert answer.returncode == 0, answer.stdout + answer.stderr
+
+
+def test_its_columns_are_mapped_by_the_machines_of_the_page() -> None:
+    for name in ("mill01", "mill02"):
+        machine = yaml.safe_load((ROOT / f"conf/machine/{name}.yaml").read_text())
+        assert {"ambient_temperature", "spindle_temperature"} <= set(machine["mapping"]["signals"])
 
 
 def test_its_stages_are_those_of_the_page() -> None:
     (stages,) = re.findall(r"Its two stages in `dvc\.yaml`:\n\n```yaml\n(.*?)```", TEXT, re.DOTALL)
     added = yaml.safe_load("stages:\n" + stages)["stages"]
     known = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-    assert set(added) == {"identify_coolant", "judge_coolant"}
+    assert set(added) == {"identify_winding", "judge_winding"}
     for name, stage in added.items():  # the same words as the spindle's, but for the name
-        like = known[name.replace("coolant", "spindle")]["do"]
-        assert stage["do"]["cmd"] == like["cmd"].replace("spindle", "coolant")
+        like = known[name.replace("winding", "spindle")]["do"]
+        assert stage["do"]["cmd"] == like["cmd"].replace("spindle", "winding")
 
 
 def test_at_most_five_files_lie_outside_of_its_folder() -> None:
-    outside = [path for path in files() if not path.startswith("pipeline/submodels/coolant/")]
+    outside = [path for path in files() if not path.startswith("pipeline/submodels/winding/")]
     touched = {*outside, "conf/config.yaml", "conf/fleet/simulated.yaml", "dvc.yaml",
                "conf/fleet/active.yaml"}  # fmt: skip
     assert len(touched) <= 5
