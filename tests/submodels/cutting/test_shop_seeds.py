@@ -24,10 +24,10 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 from pipeline.stages.compose import composed
-from pipeline.submodels.cases import Records, Roles, role_of
+from pipeline.submodels.cases import Roles, role_of
 from pipeline.submodels.cutting.coefficients import parameters
 from pipeline.submodels.cutting.identify import identify_cutting_force
-from pipeline.submodels.cutting.recordings import RecordingReader
+from pipeline.submodels.cutting.recordings import read_recordings
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
 from tests.small_project import ROOT
 
@@ -48,12 +48,11 @@ def held(machine, folder, seed):
     known = section(f"machine.{machine}.cutting", CuttingSetup)
     roles = section(f"machine.{machine}.roles", Roles)
     settings = CuttingFitSettings(compare=False)
-    reader = RecordingReader(
-        signals=signals, files=Records(signals=signals).files, setup=known, settings=settings,
-        records=section(f"machine.{machine}.cutting_records", CuttingRecords),
-        role=lambda name: role_of([name], roles),
-    )  # fmt: skip
-    found = identify_cutting_force(reader.recordings(), known, settings)
+    records = section(f"machine.{machine}.cutting_records", CuttingRecords)
+    recordings = read_recordings(
+        signals, records, known, settings, lambda name: role_of([name], roles)
+    )
+    found = identify_cutting_force(recordings, known, settings)
     waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
     inside, told = [], []
     for way, some in (("waveform", waveform), ("mean force", found.mean_force)):
