@@ -200,17 +200,19 @@ def paper_job(
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
     table = _table()
     material = _conf("material/A6061.yaml", Material)
-    laws = tool_coefficients(table.tools, MATERIAL, material, identified_coefficients(knowledge))
+    coefficients = tool_coefficients(
+        table.tools, MATERIAL, material, identified_coefficients(knowledge)
+    )
     return Job(
         program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP, control=CONTROL,
         cut=CutJob(
             stock=stock_of(STOCK), tools=table.tools,
-            laws={number: one.law for number, one in laws.items()}, resolution=0.1e-3,
+            force_laws={number: one.law for number, one in coefficients.items()}, resolution=0.1e-3,
             offsets=SETUP.work_offsets,
         ),
         basis=CutBasis(
-            stock=STOCK, table=TABLE, material=material, laws=laws, limit_load=LIMITS.load_N,
-            rates=_conf("cost/default.yaml", CostRates),
+            stock=STOCK, table=TABLE, material=material, coefficients=coefficients,
+            limit_load=LIMITS.load_N, rates=_conf("cost/default.yaml", CostRates),
         ),
         limits=LIMITS, objective=objective, settings=settings or OptimisationSettings(),
         identified=knowledge,
