@@ -256,8 +256,8 @@ def cut_of(
     )  # fmt: skip
     basis = CutBasis(
         stock=part.stock, table=part.tool_table, material=workshop.material,
-        coefficients=coefficients, limit_load=part.limits.load_N, rates=workshop.rates, energy=workshop.energy,
-        drive=drive, drive_source=source, dynamics=workshop.dynamics,
+        coefficients=coefficients, limit_load=part.limits.load_N, rates=workshop.rates,
+        energy=workshop.energy, drive=drive, drive_source=source, dynamics=workshop.dynamics,
     )  # fmt: skip
     return job, basis
 

@@ -54,7 +54,8 @@ def cut():
 def document(cut, **changes):
     law = ToolCoefficients(law=LAW, kind="catalogue", source="made up")
     basis = {"stock": "box", "table": "made up", "material": MATERIAL,
-             "coefficients": {1: law, 2: law}, "rates": RATES, "energy": ENERGY, "drive": DRIVE}  # fmt: skip
+             "coefficients": {1: law, 2: law}, "rates": RATES, "energy": ENERGY,
+             "drive": DRIVE}  # fmt: skip
     return document_of(cut, CutBasis(**(basis | changes)))
 
 
