@@ -139,9 +139,8 @@ def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
     cuts = _cuts(levels, idle)
     power, covariance = _above_no_load(cuts, idle)
     alone = regression(cuts.removal[:, None], power, covariance, np.abs(power))
-    design = (
-        np.stack([cuts.removal, cuts.edge], axis=1) if cuts.edge.any() else cuts.removal[:, None]
-    )
+    terms = 2 if cuts.edge.any() else 1
+    design = np.stack([cuts.removal, cuts.edge], axis=1)[:, :terms]
     fit = regression(design, power, covariance, np.abs(power))
     weight = np.full(len(cuts), 1.0 / cuts.removal.sum())
     return SpecificForce(
