@@ -54,16 +54,16 @@ def held(machine, folder, seed):
     )
     found = identify_cutting_force(recordings, known, settings)
     waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
-    inside, told = [], []
-    for way, some in (("waveform", waveform), ("mean force", found.mean_force)):
+    inside, determined = [], []
+    for method, some in (("waveform", waveform), ("mean force", found.mean_force)):
         for one in some:
             if one.name not in (*COEFFICIENTS, "runout") or one.half_width is None:
                 continue
-            told.append((way, one.name))
+            determined.append((method, one.name))
             true = truth["parameters"][one.name]
             if abs(one.value - true) <= one.half_width:
-                inside.append((way, one.name))
-    return inside, told
+                inside.append((method, one.name))
+    return inside, determined
 
 
 @pytest.mark.slow
@@ -72,10 +72,10 @@ def test_intervals_hold_the_truth_of_the_shop(machine, tmp_path):
     with threadpool_limits(1), Pool(2) as pool:
         found = pool.map(partial(held, machine, tmp_path), range(FIRST, FIRST + SEEDS), chunksize=1)
     inside = Counter(name for some, _ in found for name in some)
-    told = Counter(name for _, some in found for name in some)
-    lines = [f"{machine} {way} {name}: {inside[way, name]} of {n}\n" for (way, name), n in
-             sorted(told.items())]  # fmt: skip
+    determined = Counter(name for _, some in found for name in some)
+    lines = [f"{machine} {method} {name}: {inside[method, name]} of {n}\n" for (method, name), n in
+             sorted(determined.items())]  # fmt: skip
     sys.stdout.writelines(lines)
     names = [("waveform", k) for k in COEFFICIENTS]
-    assert all(name in told for name in names)
-    assert sum(inside[n] for n in names) >= 0.9 * sum(told[n] for n in names)
+    assert all(name in determined for name in names)
+    assert sum(inside[n] for n in names) >= 0.9 * sum(determined[n] for n in names)
