@@ -205,7 +205,7 @@ def simulate(
 
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
-    from pipeline.app.cut import cut_document, cut_lines, cut_options, write_page
+    from pipeline.app.cut import cut_document, cut_lines, cut_options
     from pipeline.app.fleet import check_outputs
     from pipeline.app.programs import (
         simulate_program,
@@ -224,19 +224,25 @@ def simulate(
         with share_bar("planning") as share:
             simulated = simulate_program(program, machine, unit, share, model)
         document = simulated_document(simulated, program.stem, machine)
-        if options is not None:
-            document["cut"] = cut_document(simulated, machine, options)
+        cut = None if options is None else cut_document(simulated, machine, options)
+        if cut is not None:
+            document["cut"] = cut
         if json is not None:
             write_document(document, json)
         if out is not None:
             with share_bar("writing positions") as share:
                 write_trace(simulated.plan, out, share)
-        if page is not None:
-            write_page(document, page, json)
+        if cut is not None and page is not None:
+            from pipeline.report.cut.page import SimulatedCut, write_cut_page
+
+            shown = SimulatedCut(
+                program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut
+            )
+            write_cut_page(shown, page, json)
     for line in simulated_lines(document, program):
         typer.echo(line)
-    if options is not None:
-        for line in cut_lines(document["cut"]):
+    if cut is not None:
+        for line in cut_lines(cut):
             typer.echo(line)
 
 

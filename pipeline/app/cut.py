@@ -1,6 +1,6 @@
 """The cut of a program by hand: from options to loads, stability and cost, and to printed lines."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,6 +19,7 @@ from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
+from pipeline.schema.program_cut import CutCost, CutTotals, ProgramCut
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
 
@@ -35,7 +36,7 @@ REMEDY = {
 
 @dataclass(frozen=True, kw_only=True)
 class CutOptions:
-    """What ``kerf simulate`` is told of a cut, as it is told.
+    """Options of ``kerf simulate`` that describe a cut.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dict[str, Any]:
+def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> ProgramCut:
     """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``.
 
     Raises
@@ -128,7 +129,7 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> dic
 
 
 def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
-    """The cut, and the prices, laws and limits that it is evaluated by.
+    """The cut, and the prices, coefficients and limits that it is evaluated by.
 
     Raises
     ------
@@ -272,46 +273,39 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
     return None if modes is None else TipDynamics.of_modes(modes)
 
 
-def write_page(document: dict[str, Any], page: Path, source: Path | None) -> None:
-    """Write the page of a document; ``source`` is the file that holds it, where one does."""
-    from pipeline.report.cut.page import write_cut_page
-
-    write_cut_page(document, page, source)
-
-
-def cut_lines(cut: Mapping[str, Any]) -> Iterator[str]:
+def cut_lines(cut: ProgramCut) -> Iterator[str]:
     """What ``kerf simulate`` says of a cut: tools, cost, warnings, what is not known."""
-    total = cut["summary"]
+    total = cut.summary
     yield (
-        f"cut of {cut['stock']['text']} mm ({cut['stock']['work_offset']}) in "
-        f"{cut['material']['name']}: {_number(total['volume_cm3'])} cm3 removed, "
-        f"{_percent(total['air_share'])} of the time at feed in air"
+        f"cut of {cut.stock.text} mm ({cut.stock.work_offset}) in {cut.material.name}: "
+        f"{_number(total.volume_cm3)} cm3 removed, {_percent(total.air_share)} of the time at "
+        "feed in air"
     )
-    for row in cut["basis"]:
-        if row["what"].startswith("forces of"):
-            yield f"  {row['what']}: {row['value']} ({row['source']})"
+    for row in cut.basis:
+        if row.what.startswith("forces of"):
+            yield f"  {row.what}: {row.value} ({row.source})"
     yield from _table(cut)
-    if total["cost"] is not None:
-        parts = ", ".join(f"{name} {_number(value)}" for name, value in total["cost"].items())
-        yield f"  cost of the part, {cut['currency']}: {parts}"
-    for warning in cut["warnings"]:
-        lines = ", ".join(map(str, warning["lines"][:SAID]))
-        more = ", ..." if len(warning["lines"]) > SAID else ""
-        where = f", {_many(warning['blocks'], 'block')}, line {lines}{more}" if lines else ""
-        yield f"  warning: {warning['what']}{where}. {warning['do']}"
-    for one in cut["left_out"]:
-        moves = _many(one["rows"], "move")
-        yield f"  left out: {one['reason']}, {moves}, the first in {one['first']}"
-    for one in cut["not_known"]:
-        yield f"  not known: {one['what']}, {one['why']}"
+    if total.cost is not None:
+        parts = ", ".join(f"{name} {_number(value)}" for name, value in vars(total.cost).items())
+        yield f"  cost of the part, {cut.currency}: {parts}"
+    for warning in cut.warnings:
+        lines = ", ".join(map(str, warning.lines[:MOST_LINES]))
+        more = ", ..." if len(warning.lines) > MOST_LINES else ""
+        where = f", {_many(warning.blocks or 0, 'block')}, line {lines}{more}" if lines else ""
+        yield f"  warning: {warning.what}{where}. {warning.do}"
+    for moves in cut.left_out:
+        many = _many(moves.rows, "move")
+        yield f"  left out: {moves.reason}, {many}, the first in {moves.first}"
+    for one in cut.not_known:
+        yield f"  not known: {one.what}, {one.why}"
 
 
 def _many(count: int, what: str) -> str:
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
-SAID = 6
-"""Lines of the program that a warning names."""
+MOST_LINES = 6
+"""Lines of the program that a warning names, at most."""
 COLUMNS: tuple[tuple[str, str, str, float], ...] = (
     ("f_z", "mm", "feed_per_tooth_mm", 1),
     ("a_p", "mm", "axial_depth_mm", 1),
@@ -332,14 +326,14 @@ COLUMNS: tuple[tuple[str, str, str, float], ...] = (
 """Head, unit, key and factor of what is said of each tool."""
 
 
-def _table(cut: Mapping[str, Any]) -> Iterator[str]:
+def _table(cut: ProgramCut) -> Iterator[str]:
     heads = ["tool", *(head for head, *_ in COLUMNS)]
-    units = ["", *(unit for _, unit, *_ in COLUMNS[:-1]), str(cut["currency"] or "")]
+    units = ["", *(unit for _, unit, *_ in COLUMNS[:-1]), cut.currency or ""]
     rows = [
         [name, *(_number(_value(row, key), factor) for *_, key, factor in COLUMNS)]
         for name, row in (
-            *((f"T{row['tool']}", row) for row in cut["by_tool"]),
-            ("part", cut["summary"]),
+            *((f"T{row.tool}", row) for row in cut.by_tool),
+            ("part", cut.summary),
         )
     ]
     table = [heads, units, *rows]
@@ -348,9 +342,9 @@ def _table(cut: Mapping[str, Any]) -> Iterator[str]:
         yield "  " + "  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True))
 
 
-def _value(row: Mapping[str, Any], key: str) -> float | None:
-    value = row[key]
-    return value["sum"] if isinstance(value, dict) else value
+def _value(row: CutTotals, key: str) -> float | None:
+    value: float | CutCost | None = getattr(row, key)
+    return value.sum if isinstance(value, CutCost) else value
 
 
 def _number(value: float | None, factor: float = 1) -> str:

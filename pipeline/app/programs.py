@@ -2,7 +2,6 @@
 that two of them differ in F and S alone.
 """
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.parameters import structure
-from pipeline.schema.store import read_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.drive import read_drives
@@ -341,7 +340,7 @@ def _axis_line(axis: dict[str, Any]) -> str:
 
 def write_document(document: dict[str, Any], path: Path) -> None:
     """Write the JSON of ``kerf simulate``."""
-    path.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n")
+    write_json(document, path)
 
 
 def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -> int:

@@ -3,13 +3,12 @@
 Catalogues speak millimetre and degree, so do the fields; the properties are in SI, for formulas.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
@@ -214,27 +213,6 @@ class ToolTable:
                 "another table"
             )
         return self.tools[number]
-
-    def chosen(self, numbers: Sequence[int]) -> tuple[list[Tool], NDArray[np.int32]]:
-        """The tools that a program uses and, for each of its numbers, the index among them.
-
-        Parameters
-        ----------
-        numbers : sequence of int, length Q
-            Tool numbers in the order of the program.
-
-        Returns
-        -------
-        list of Tool, ndarray of int32 of shape (Q,)
-            Tools in the order of their numbers.
-
-        Raises
-        ------
-        ValueError
-            When the table lacks one.
-        """
-        used, index = np.unique(np.asarray(numbers, dtype=np.int64), return_inverse=True)
-        return [self.tool(int(number)) for number in used], index.astype(np.int32).reshape(-1)
 
 
 FLUTED = 0.8

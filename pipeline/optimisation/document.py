@@ -107,7 +107,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         verified=_verified(result),
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
-        notes=tuple(notes(after.of, basis)),
+        notes=notes(after.of, basis),
     )
 
 
@@ -124,15 +124,15 @@ def _sides(result: Result) -> tuple[Side, Side]:
 
 def _totals(side: Side, result: Result) -> Totals:
     sums = summary(side.of.found)
-    cost, limits = sums["cost"], result.job.limits
+    cost, limits = sums.cost, result.job.limits
     beyond = {name: int(of.sum()) for name, of in passed_by_limit(side.of, limits).items()}
     return Totals(
-        time_s=sums["time_s"],
-        cost=None if cost is None else cost["sum"],
-        energy_kWh=sums["energy_kWh"],
-        tool_life_share=sums["tool_life_share"],
-        peak_load_N=sums["peak_load_N"],
-        peak_line=sums["peak_line"],
+        time_s=sums.time_s,
+        cost=None if cost is None else cost.sum,
+        energy_kWh=sums.energy_kWh,
+        tool_life_share=sums.tool_life_share,
+        peak_load_N=sums.peak_load_N,
+        peak_line=sums.peak_line,
         beyond=int(passed(side.of, limits).sum()),
         beyond_of={name: many for name, many in beyond.items() if many},
     )
@@ -319,7 +319,7 @@ def _verified(result: Result) -> TwinCheck:
 
 
 def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
-    rows = [NotKnown(**row) for row in not_known(after.of, result.job.basis)]
+    rows = not_known(after.of, result.job.basis)
     why = result.answer.verified.following_reason
     return (*rows, *([NotKnown(what="following errors", why=why)] if why else []))
 

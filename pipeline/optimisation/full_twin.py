@@ -313,7 +313,7 @@ def _loads(cut: Cut, station: int, f_z: float, angles: Floats) -> Floats:
     engagement = cut.engagement
     index = int(engagement.tool[station])
     forces = profile_waveform(
-        cut.laws[index], cut.tools[index], f_z=f_z, lower=engagement.lower[station],
+        cut.force_laws[index], cut.tools[index], f_z=f_z, lower=engagement.lower[station],
         upper=engagement.upper[station], angles=angles,
         slope=float(np.clip(engagement.slope[station], -1.0, 1.0)),
     )  # fmt: skip

@@ -49,7 +49,7 @@ class Job:
     cut : CutJob
         Blank, tools and force laws.
     basis : CutBasis
-        Prices, laws and limits of the cut.
+        Prices, cutting coefficients and limits of the cut.
     limits : CutLimit
         Of the part.
     objective : str
@@ -226,7 +226,7 @@ def part_job(
 def cut_of(
     part: Part, workshop: Workshop, cutting: CuttingModel | None, setup: Setup
 ) -> tuple[CutJob, CutBasis]:
-    """Cut of a part, and the prices, laws and limits that it is evaluated by.
+    """Cut of a part, and the prices, cutting coefficients and limits that it is evaluated by.
 
     Parameters
     ----------
@@ -244,20 +244,20 @@ def cut_of(
     ValueError
         When the blank is none.
     """
-    laws = tool_coefficients(
+    coefficients = tool_coefficients(
         workshop.table.tools, part.material, workshop.material, identified_coefficients(cutting)
     )
     drive, source = spindle_drive(workshop.drive, workshop.drive_source, cutting)
     job = CutJob(
         stock=stock_of(part.stock), tools=workshop.table.tools,
-        laws={number: one.law for number, one in laws.items()},
+        force_laws={number: one.law for number, one in coefficients.items()},
         resolution=part.resolution_mm * 1e-3, offsets=setup.work_offsets,
         offset=part.work_offset,
     )  # fmt: skip
     basis = CutBasis(
-        stock=part.stock, table=part.tool_table, material=workshop.material, laws=laws,
-        limit_load=part.limits.load_N, rates=workshop.rates, energy=workshop.energy,
-        drive=drive, drive_source=source, dynamics=workshop.dynamics,
+        stock=part.stock, table=part.tool_table, material=workshop.material,
+        coefficients=coefficients, limit_load=part.limits.load_N, rates=workshop.rates,
+        energy=workshop.energy, drive=drive, drive_source=source, dynamics=workshop.dynamics,
     )  # fmt: skip
     return job, basis
 

@@ -120,7 +120,11 @@ class _Course:
         if self.ends("drawing what is uncertain", 0.05):
             raise Interrupted
         uncertain = uncertainty(
-            self.job.basis.laws, self.job.cut.tools, self.job.identified, self.job.judged, settings
+            self.job.basis.coefficients,
+            self.job.cut.tools,
+            self.job.identified,
+            self.job.judged,
+            settings,
         )
         margin = self.job.limits.margins.load
         feeds = chance_constrained_feeds(self.before, limit, margin, uncertain, settings)
@@ -246,5 +250,5 @@ def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
 
 def _nothing_cut(job: Job, cut: Cut) -> str:
     said = missed_blank(cut, job.basis.stock)
-    why = "no move at feed is in the material" if said is None else said["what"]
+    why = "no move at feed is in the material" if said is None else said.what
     return f"{job.program.name}: nothing is cut: {why}: give the blank that the program cuts"

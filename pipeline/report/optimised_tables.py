@@ -5,7 +5,7 @@ import re
 from pipeline.charts.numbers import NARROW, asked, counted, number, signed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers
-from pipeline.report.cut.tables import NONE, sentence, share, tool_name
+from pipeline.report.cut.tables import NONE, sentence, share
 from pipeline.schema.limits import limit_words
 from pipeline.schema.part import BlockGroup, MethodResult, OptimisedPart
 
@@ -131,7 +131,7 @@ def _group(row: BlockGroup) -> list[Cell]:
     first, last = row.first_line, row.last_line
     return cells(
         str(first) if first == last else f"{first}–{last}",
-        tool_name(row.tool),
+        f"T{row.tool}",
         limit_name(row.binds) if row.binds else NONE,
         *(figure(feed, 4) + unit for feed in (row.feed_before, row.feed_after)),
         *(figure(_whole(speed)) for speed in (row.speed_before, row.speed_after)),

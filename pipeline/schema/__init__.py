@@ -17,6 +17,7 @@ __all__ = [
     "part",
     "predictions",
     "program",
+    "program_cut",
     "ranges",
     "store",
     "structure",

@@ -147,7 +147,7 @@ class Recording:
     constants : mapping of str to object
         Values beside the channels of its file (a sampling rate, a gain), as the file has them.
     declared : mapping of str to Channel
-        Channels that it may be asked for.
+        Channels that :meth:`load` reads.
     reason : str
         Why it cannot be used, ``""`` where it can.
     notes : tuple of str

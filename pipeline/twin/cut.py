@@ -45,7 +45,7 @@ class CutJob:
         Blank, in the coordinates of the work offset ``offset``.
     tools : mapping of int to Tool
         By number.
-    laws : mapping of int to ForceLaw
+    force_laws : mapping of int to ForceLaw
         Of each of them in the blank's material.
     resolution : float
         Of the blank [m].
@@ -57,7 +57,7 @@ class CutJob:
 
     stock: Stock
     tools: Mapping[int, Tool]
-    laws: Mapping[int, ForceLaw]
+    force_laws: Mapping[int, ForceLaw]
     resolution: float
     offsets: Mapping[str, Vector] = field(default_factory=dict)
     offset: str | None = None
@@ -73,7 +73,7 @@ class Cut:
         Speeds as the control reaches them.
     path : CuttingPath
         Through the blank.
-    numbers, tools, laws : tuple
+    numbers, tools, force_laws : tuple
         Of the tools that cut.
     engagement : Engagement
         N stations.
@@ -87,7 +87,7 @@ class Cut:
     path: CuttingPath = field(repr=False)
     numbers: tuple[int, ...]
     tools: tuple[Tool, ...] = field(repr=False)
-    laws: tuple[ForceLaw, ...] = field(repr=False)
+    force_laws: tuple[ForceLaw, ...] = field(repr=False)
     engagement: Engagement = field(repr=False)
     blank: HeightMap = field(repr=False)
     left: HeightMap = field(repr=False)
@@ -202,16 +202,16 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
         rapid_speeds=_rapid_speeds(plan.path.control),
     )  # fmt: skip
     tools = tuple(job.tools[number] for number in listed)
-    laws = tuple(job.laws[number] for number in listed)
+    force_laws = tuple(job.force_laws[number] for number in listed)
     blank = height_map(job.stock, job.resolution)
     swept, left = engage(path.pieces, tools, blank)
     if not len(swept) and not path.pieces.feed.any():
         raise ValueError(nothing_cut_message(moves, path.left_out))
     engagement = replace(swept, blocks=len(moves))
     return Cut(
-        plan=plan, path=path, numbers=tuple(listed), tools=tools, laws=laws,
+        plan=plan, path=path, numbers=tuple(listed), tools=tools, force_laws=force_laws,
         engagement=engagement, blank=blank, left=left,
-        table=load_table(engagement, tools, laws, _greatest(plan, engagement, tools)),
+        table=load_table(engagement, tools, force_laws, _greatest(plan, engagement, tools)),
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Document of a program's cut: what ``kerf simulate`` writes, prints and draws."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -11,13 +11,27 @@ from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.schema.part import NotKnown
+from pipeline.schema.program_cut import (
+    BasisRow,
+    Blank,
+    CutBlock,
+    CutWarning,
+    DriveCurve,
+    DrivePoint,
+    LoadLimit,
+    MaterialName,
+    ProgramCut,
+    ToolTotals,
+    WorstBlock,
+)
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
 from pipeline.twin.cut_coefficients import ToolCoefficients
 from pipeline.twin.cut_cost import cost_of, electricity, tool_life
 from pipeline.twin.cut_limits import cut_limits, cut_warnings
-from pipeline.twin.cut_stability import Stability, lobe_figures, stability
-from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, summary
+from pipeline.twin.cut_stability import Stability, stability, stability_lobes
+from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
 
 WORST = 15
 """Number of blocks in the table of those nearest to their limit."""
@@ -41,7 +55,7 @@ class CutBasis:
         Blank and tool table as they were named.
     material : Material
         Of the blank.
-    laws : mapping of int to ToolCoefficients
+    coefficients : mapping of int to ToolCoefficients
         Cutting coefficients of each tool, by number.
     limit_load : float or None
         Of the load in the plane [N].
@@ -54,7 +68,7 @@ class CutBasis:
     stock: str
     table: str
     material: Material
-    laws: Mapping[int, ToolCoefficients]
+    coefficients: Mapping[int, ToolCoefficients]
     limit_load: float | None = None
     rates: CostRates | None = None
     energy: EnergyParameters | None = None
@@ -102,88 +116,85 @@ def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:
     return AssessedCut(found=found, arcs=arcs, stable=stable)
 
 
-def document_of(cut: Cut, basis: CutBasis) -> dict[str, Any]:
+def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
     """The cut as it stands under ``cut`` in the JSON of ``kerf simulate``."""
     of = assessed(cut, basis)
-    found, blocks, arcs, stable = of.found, of.found.blocks, of.arcs, of.stable
-    rows = block_rows(found)
-    return {
-        "stock": {
-            "text": basis.stock, "work_offset": cut.path.frame.name,
-            "resolution_mm": round(cut.blank.cell * 1e3, 6), "notice": cut.blank.notice or None,
-        },
-        "material": {"name": basis.material.name},
-        "currency": None if basis.rates is None else basis.rates.currency,
-        "limits": {"load_N": basis.limit_load},
-        "dynamics": None if basis.dynamics is None else basis.dynamics.source,
-        "dynamics_measured": basis.dynamics is not None and basis.dynamics.measured,
-        "feeds": FEEDS,
-        "summary": summary(found),
-        "by_tool": by_tool(found),
-        "worst": _worst(rows),
-        "warnings": [
-            *cut_warnings(
-                cut, blocks, found.limits, basis.limit_load,
-                dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
-            ),
-            *_worn(found),
-        ],
-        "not_known": not_known(of, basis),
-        "left_out": [vars(one) for one in cut.path.left_out],
-        "basis": _basis(cut, blocks, basis),
-        "notes": notes(of, basis),
-        "trace": cut_trace(cut, arcs),
-        "lobes": [] if stable is None else lobe_figures(cut, stable),
-        "drive": None if basis.drive is None else _drive(blocks, rows, basis.drive),
-        "blocks": rows,
-    }  # fmt: skip
+    found, stable = of.found, of.stable
+    rows, tools = block_rows(found), by_tool(found)
+    warnings = cut_warnings(
+        cut, found.blocks, found.limits, basis.limit_load,
+        dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
+    )  # fmt: skip
+    return ProgramCut(
+        stock=Blank(
+            text=basis.stock,
+            work_offset=cut.path.frame.name,
+            resolution_mm=round(cut.blank.cell * 1e3, 6),
+            notice=cut.blank.notice or None,
+        ),
+        material=MaterialName(name=basis.material.name),
+        currency=None if basis.rates is None else basis.rates.currency,
+        limits=LoadLimit(load_N=basis.limit_load),
+        dynamics=None if basis.dynamics is None else basis.dynamics.source,
+        dynamics_measured=basis.dynamics is not None and basis.dynamics.measured,
+        feeds=FEEDS,
+        summary=summary(found),
+        by_tool=tools,
+        worst=_worst(rows),
+        warnings=(*warnings, *_worn(tools)),
+        not_known=not_known(of, basis),
+        left_out=cut.path.left_out,
+        basis=_basis(cut, found.blocks, basis),
+        notes=notes(of, basis),
+        trace=cut_trace(cut, of.arcs),
+        lobes=() if stable is None else stability_lobes(cut, stable),
+        drive=None if basis.drive is None else _drive(found.blocks, rows, basis.drive),
+        blocks=rows,
+    )
 
 
-def _worst(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The worst rows, those nearest to what binds them first, each for all that are alike.
+def _worst(rows: Sequence[CutBlock]) -> tuple[WorstBlock, ...]:
+    """The worst blocks, the greatest utilisation first, each for all that are alike.
 
-    Alike are rows one after the other that have the same tool and limit, all within or all beyond
-    it, and other such runs that come as near.  Where no limit is known the load decides.
+    Alike are blocks one after the other that have the same tool and limit, all within or all beyond
+    it, and other such runs with nearly the same utilisation and load.  Where no limit is known the
+    load decides.
     """
 
-    def nearness(row: dict[str, Any]) -> tuple[float, float]:
-        return (row["used"] or 0.0, row["peak_load_N"] or 0.0)
+    def utilisation(row: CutBlock) -> tuple[float, float]:
+        return (row.used or 0.0, row.peak_load_N or 0.0)
 
-    def kind(row: dict[str, Any]) -> tuple[Any, ...]:
-        return row["tool"], row["binds"], (row["used"] or 0.0) > 1
+    def kind(row: CutBlock) -> tuple[Any, ...]:
+        return row.tool, row.binds, (row.used or 0.0) > 1
+
+    def close(one: CutBlock, other: CutBlock) -> bool:
+        pairs = zip(utilisation(one), utilisation(other), strict=True)
+        return kind(one) == kind(other) and all(abs(a - b) <= NEAR * max(a, b) for a, b in pairs)
 
     runs = [list(run) for _, run in groupby(rows, kind)]
-    worst: list[dict[str, Any]] = []
-    for row in sorted(
-        (max(run, key=nearness) | {"alike": len(run)} for run in runs), key=nearness, reverse=True
-    ):
-        same = (one for one in worst if kind(one) == kind(row) and _as_near(one, row))
-        if (one := next(same, None)) is not None:
-            one["alike"] += row["alike"]
+    peaks = [WorstBlock(**vars(max(run, key=utilisation)), alike=len(run)) for run in runs]
+    worst: list[WorstBlock] = []
+    for row in sorted(peaks, key=utilisation, reverse=True):
+        same = next((k for k, one in enumerate(worst) if close(one, row)), None)
+        if same is not None:
+            worst[same] = replace(worst[same], alike=worst[same].alike + row.alike)
         elif len(worst) < WORST:
             worst.append(row)
-    return worst
+    return tuple(worst)
 
 
-def _as_near(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    pairs = [(one[key] or 0.0, other[key] or 0.0) for key in ("used", "peak_load_N")]
-    return all(abs(a - b) <= NEAR * max(a, b) for a, b in pairs)
+def _worn(tools: Sequence[ToolTotals]) -> list[CutWarning]:
+    return [
+        CutWarning(
+            what=f"T{one.tool} wears out {share:.1f} times in one part",
+            do="Lower its speed, or take a sister tool.",
+        )
+        for one in tools
+        if (share := one.tool_life_share) is not None and share > 1
+    ]
 
 
-def _worn(found: CutResults) -> list[dict[str, Any]]:
-    warnings: list[dict[str, Any]] = []
-    for tool in by_tool(found):
-        share = tool["tool_life_share"]
-        if share is not None and share > 1:
-            warnings.append({
-                "what": f"T{tool['tool']} wears out {share:.1f} times in one part",
-                "do": "Lower its speed, or take a sister tool.", "lines": [], "blocks": None,
-                "grave": False,
-            })  # fmt: skip
-    return warnings
-
-
-def not_known(of: AssessedCut, basis: CutBasis) -> list[dict[str, str]]:
+def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
     """Quantities that are not known of a cut, with the reason of each."""
     found, stable = of.found, of.stable
     cut = found.cut
@@ -206,7 +217,7 @@ def not_known(of: AssessedCut, basis: CutBasis) -> list[dict[str, str]]:
     for why in dict.fromkeys(unknown.values()):
         alike = ", ".join(names[tool] for tool, reason in unknown.items() if reason == why)
         reasons.append((f"tool life of {alike}", True, why))
-    return [{"what": what, "why": why} for what, missing, why in reasons if missing]
+    return tuple(NotKnown(what=what, why=why) for what, missing, why in reasons if missing)
 
 
 def _why_no_margin(found: CutResults, basis: CutBasis, stable: Stability | None) -> str:
@@ -224,7 +235,7 @@ def _why_no_margin(found: CutResults, basis: CutBasis, stable: Stability | None)
     return "no tool that mills has known dynamics"
 
 
-def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> list[dict[str, str]]:
+def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> tuple[BasisRow, ...]:
     rows = [
         ("blank", basis.stock, f"in mm, in the work coordinates of {cut.path.frame.name}"),
         ("resolution", f"{cut.blank.cell * 1e3:g} mm", ""),
@@ -233,9 +244,9 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> list[dict[str, str]]
     ]
     alike: dict[tuple[str, str], list[str]] = {}
     for tool in np.unique(blocks.tool).tolist():
-        law = basis.laws[cut.numbers[tool]]
+        law = basis.coefficients[cut.numbers[tool]]
         source = "; ".join(filter(None, (law.source, law.caution)))
-        alike.setdefault((f"{law.kind}: {_law_words(law)}", source), []).append(
+        alike.setdefault((f"{law.kind}: {_coefficient_words(law)}", source), []).append(
             f"T{cut.numbers[tool]}"
         )
     rows += [(f"forces of {', '.join(named)}", *said) for said, named in alike.items()]
@@ -246,10 +257,10 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> list[dict[str, str]]
         rows.append(("spindle’s drive", power, basis.drive_source))
     if basis.dynamics is not None:
         rows.append(("dynamics of the tools’ tips", "stability lobes", basis.dynamics.source))
-    return [{"what": what, "value": value, "source": source} for what, value, source in rows]
+    return tuple(BasisRow(what=what, value=value, source=why) for what, value, why in rows)
 
 
-def _law_words(coefficients: ToolCoefficients) -> str:
+def _coefficient_words(coefficients: ToolCoefficients) -> str:
     law = coefficients.law
     if law.m_c > 0:
         specific = law.K_tc / 1e6 * 1e-3**-law.m_c
@@ -262,32 +273,36 @@ def _law_words(coefficients: ToolCoefficients) -> str:
     )
 
 
-def notes(of: AssessedCut, basis: CutBasis) -> list[str]:
+def notes(of: AssessedCut, basis: CutBasis) -> tuple[str, ...]:
     """Notes on the numbers of a cut, for its reader."""
     found, cut = of.found, of.found.cut
     cautions = dict.fromkeys(
-        basis.laws[cut.numbers[tool]].caution for tool in np.unique(found.blocks.tool).tolist()
+        basis.coefficients[cut.numbers[tool]].caution
+        for tool in np.unique(found.blocks.tool).tolist()
     )
-    return [
+    return (
         FEEDS,
         *(f"Forces: {caution}." for caution in cautions if caution),
         *([f"Blank: {cut.blank.notice}."] if cut.blank.notice else []),
-        *(f"T{cut.numbers[tool]} {said}." for tool, said in found.life.beyond.items()),
-    ]
+        *(f"T{cut.numbers[tool]} {why}." for tool, why in found.life.beyond.items()),
+    )
 
 
-def _drive(
-    blocks: CutBlocks, rows: list[dict[str, Any]], drive: SpindleDrive
-) -> dict[str, Any]:  # fmt: skip
+def _drive(blocks: CutBlocks, rows: Sequence[CutBlock], drive: SpindleDrive) -> DriveCurve:
     running = blocks.spindle_speed[blocks.spindle_speed > 0]
     fastest = max(float(running.max(initial=0.0)), drive.top_speed_rpm)
     speeds = np.linspace(min(drive.minimum_speed_rpm, 0.5 * fastest), fastest, SPEEDS)
     power = available_power(speeds / 60, drive) * drive.efficiency
     power = (power - no_load_power(speeds / 60, drive)) / 1e3
-    keys = ("line", "tool", "speed_rpm", "power_kW", "drive_share")
-    points = sorted(rows, key=lambda row: row["power_kW"] or 0.0, reverse=True)
-    return {
-        "speeds_rpm": np.round(speeds, 1).tolist(),
-        "power_kW": [float(f"{p:.4g}") if np.isfinite(p) else None for p in power.tolist()],
-        "points": [{key: row[key] for key in keys} for row in points[: WORST * 10]],
-    }
+    points = sorted(rows, key=lambda row: row.power_kW or 0.0, reverse=True)
+    return DriveCurve(
+        speeds_rpm=tuple(np.round(speeds, 1).tolist()),
+        power_kW=tuple(figure(p, 4) for p in power.tolist()),
+        points=tuple(
+            DrivePoint(
+                line=row.line, tool=row.tool, speed_rpm=row.speed_rpm, power_kW=row.power_kW,
+                drive_share=row.drive_share,
+            )
+            for row in points[: WORST * 10]
+        ),
+    )  # fmt: skip

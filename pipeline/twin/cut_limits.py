@@ -1,7 +1,6 @@
 """Limits of a cut (load, spindle drive, stability), and warnings before the part is cut."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +9,7 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive, available_pow
 from pipeline.cutting.stability.tip_dynamics import TipDynamics, rigid_directions
 from pipeline.cutting.tool import tip_deflection
 from pipeline.schema.arrays import Floats
+from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
 
@@ -106,8 +106,8 @@ Rows = NDArray[np.intp]
 def cut_warnings(
     cut: Cut, blocks: CutBlocks, limits: CutLimits, limit_load: float | None, *,
     dynamics: TipDynamics | None, drive: SpindleDrive | None, stock: str,
-) -> list[dict[str, Any]]:  # fmt: skip
-    """Each with ``what`` it is, what to ``do``, its ``lines``, and whether it is ``grave``.
+) -> list[CutWarning]:  # fmt: skip
+    """Warnings before the part is cut.
 
     Chatter is grave only where the tips' ``dynamics`` were measured.
     """
@@ -145,16 +145,14 @@ def cut_warnings(
     return [one for one in warnings if one is not None]
 
 
-def _warning(
-    cut: Cut, rows: Rows, what: str, do: str, *, grave: bool = False
-) -> dict[str, Any] | None:
+def _warning(cut: Cut, rows: Rows, what: str, do: str, *, grave: bool = False) -> CutWarning | None:
     if not len(rows):
         return None
-    lines = list(dict.fromkeys(cut.plan.path.moves.line[np.sort(rows)].tolist()))
-    return {"what": what, "do": do, "lines": lines, "blocks": len(rows), "grave": grave}
+    lines = tuple(dict.fromkeys(cut.plan.path.moves.line[np.sort(rows)].tolist()))
+    return CutWarning(what=what, do=do, lines=lines, blocks=len(rows), grave=grave)
 
 
-def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> dict[str, Any] | None:
+def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> CutWarning | None:
     if drive is None:
         return None
     over = blocks.spindle_speed > drive.top_speed_rpm * (1 + 1e-9)
@@ -163,7 +161,7 @@ def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> dict[s
     return _warning(cut, blocks.row[over], what, "Lower S.", grave=True)
 
 
-def missed_blank(cut: Cut, stock: str) -> dict[str, Any] | None:
+def missed_blank(cut: Cut, stock: str) -> CutWarning | None:
     """Said where moves at feed exist and none of them meets the blank."""
     blank, pieces = cut.blank, cut.path.pieces
     if (cut.tool >= 0).any() or not pieces.feed.any():
@@ -176,13 +174,13 @@ def missed_blank(cut: Cut, stock: str) -> dict[str, Any] | None:
     ]  # fmt: skip
     fed, held = _spans(ends.min(axis=0), ends.max(axis=0)), _spans(low, high)
     inch = " Is the STL in inch? It is read in mm." if stock.lower().endswith(".stl") else ""
-    return {
-        "what": f"the blank {stock} is not where the program cuts: feed moves span {fed} mm, "
-                f"the blank {held} mm",
-        "do": f"Give the blank in the coordinates of {cut.path.frame.name}, or name another work "
-              f"offset.{inch}",
-        "lines": [], "blocks": None, "grave": True,
-    }  # fmt: skip
+    return CutWarning(
+        what=f"the blank {stock} is not where the program cuts: feed moves span {fed} mm, the "
+        f"blank {held} mm",
+        do=f"Give the blank in the coordinates of {cut.path.frame.name}, or name another work "
+        f"offset.{inch}",
+        grave=True,
+    )
 
 
 def _spans(low: ArrayLike, high: ArrayLike) -> str:
@@ -191,7 +189,7 @@ def _spans(low: ArrayLike, high: ArrayLike) -> str:
     return ", ".join(f"{axis} {round(a, 2) + 0:g}..{round(b, 2) + 0:g}" for axis, a, b in ends)
 
 
-def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[dict[str, Any]]:
+def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[CutWarning]:
     """Tools whose tip is known along one axis only: the other counts as rigid."""
     if dynamics is None:
         return []
@@ -201,14 +199,13 @@ def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[di
         for name in rigid_directions(tip) if (tip := tips[tool]) else ():
             stiff.setdefault(name, []).append(f"T{cut.numbers[tool]}")
     return [
-        {
-            "what": f"the tips of {', '.join(tools)} have no modes along {name}: they count as "
-                    "rigid there, and the stability may be far off",
-            "do": f"Write the modes along {name} in the machine’s section dynamics too.",
-            "lines": [], "blocks": None, "grave": False,
-        }
+        CutWarning(
+            what=f"the tips of {', '.join(tools)} have no modes along {name}: they count as rigid "
+            "there, and the stability may be far off",
+            do=f"Write the modes along {name} in the machine’s section dynamics too.",
+        )
         for name, tools in stiff.items()
-    ]  # fmt: skip
+    ]
 
 
 def _too_deep(cut: Cut, blocks: CutBlocks) -> Rows:

@@ -1,7 +1,6 @@
 """Stability of a program's blocks, and the lobes of each tool's least stable engagement."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,10 @@ from pipeline.cutting.stability.margins import StabilityTable, margin, stability
 from pipeline.cutting.stability.tip_dynamics import Dynamics, TipDynamics
 from pipeline.gcode.moves import RADIAN
 from pipeline.schema.arrays import Floats
+from pipeline.schema.program_cut import LobePoint, Lobes
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_tables import figure
 
 SLOWEST, FASTEST = 0.5, 1.3
 """Range of the stability table, over the least and the greatest spindle speed of the program."""
@@ -31,7 +32,7 @@ class Stability:
     margin: Floats
     table: StabilityTable
     stations: Immersions
-    laws: tuple[ForceLaw, ...]
+    force_laws: tuple[ForceLaw, ...]
     dynamics: tuple[Dynamics | None, ...]
     speeds: tuple[float, float]
 
@@ -53,13 +54,13 @@ def stability(
     # the tips move along the machine's axes, the path lies in those of the work offset
     rotation = cut.path.frame.rotation * RADIAN
     milled = replace(milled, feed_direction=milled.feed_direction + rotation)
-    laws = tuple(
-        _linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.laws)
+    force_laws = tuple(
+        _linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.force_laws)
     )  # fmt: skip
-    table = stability_table(milled, tips, laws, cut.tools, speed_rpm=speeds)
+    table = stability_table(milled, tips, force_laws, cut.tools, speed_rpm=speeds)
     spindle = np.clip(cut.plan.spindle_speed, *speeds)
     return Stability(
-        margin=table.margins(spindle), table=table, stations=milled, laws=laws,
+        margin=table.margins(spindle), table=table, stations=milled, force_laws=force_laws,
         dynamics=tuple(tips), speeds=speeds,
     )  # fmt: skip
 
@@ -76,7 +77,7 @@ def _linearised(law: ForceLaw, thickness: float) -> ForceLaw:
     return ForceLaw(K_tc=tangential, K_rc=radial, K_ac=law.K_ac * slope, K_te=law.K_te)
 
 
-def lobe_figures(cut: Cut, found: Stability) -> list[dict[str, Any]]:
+def stability_lobes(cut: Cut, found: Stability) -> tuple[Lobes, ...]:
     """Lobes of the least stable engagement of each tool, and its blocks with that engagement."""
     table, stations = found.table, found.stations
     known = np.array([one is not None for one in found.dynamics])
@@ -85,47 +86,42 @@ def lobe_figures(cut: Cut, found: Stability) -> list[dict[str, Any]]:
     cell = ((spindle / 60 - table.lowest) / table.width).astype(np.intp)
     cell = np.clip(cell, 0, table.limit.shape[1] - 1)
     margins = margin(table.depth, table.limit[table.kind, cell])
-    figures = []
+    lobes = []
     for tool in np.unique(stations.tool[kept]).tolist():
         mine = np.flatnonzero((stations.tool[kept] == tool) & (spindle > 0))
         if not len(mine):
             continue
         worst = int(mine[np.argmin(margins[mine])])
         same = mine[table.kind[mine] == table.kind[worst]]
-        head = {
-            "tool": cut.numbers[tool],
-            "label": f"T{cut.numbers[tool]} {cut.tools[tool].name}".strip(),
-            "line": int(cut.plan.path.moves.line[table.block[worst]]),
-            "entry_deg": round(float(np.degrees(stations.entry[kept[worst]])), 1),
-            "exit_deg": round(float(np.degrees(stations.exit[kept[worst]])), 1),
-        }
-        figures.append(head | _curve(table, int(table.kind[worst])) | {
-            "points": _points(cut, found, same[np.argsort(margins[same])], margins),
-        })  # fmt: skip
-    return figures
-
-
-def _curve(table: StabilityTable, kind: int) -> dict[str, Any]:
-    limit = table.limit[kind] * 1e3
-    middles = 60 * (table.lowest + table.width * (np.arange(len(limit)) + 0.5))
-    return {
-        "speeds_rpm": np.round(middles, 1).tolist(),
-        "depth_limit_mm": [float(f"{v:.4g}") if np.isfinite(v) else None for v in limit.tolist()],
-    }
+        limit = table.limit[int(table.kind[worst])] * 1e3
+        middles = 60 * (table.lowest + table.width * (np.arange(len(limit)) + 0.5))
+        lobes.append(
+            Lobes(
+                tool=cut.numbers[tool],
+                label=f"T{cut.numbers[tool]} {cut.tools[tool].name}".strip(),
+                line=int(cut.plan.path.moves.line[table.block[worst]]),
+                entry_deg=round(float(np.degrees(stations.entry[kept[worst]])), 1),
+                exit_deg=round(float(np.degrees(stations.exit[kept[worst]])), 1),
+                speeds_rpm=tuple(np.round(middles, 1).tolist()),
+                depth_limit_mm=tuple(figure(v, 4) for v in limit.tolist()),
+                points=_points(cut, found, same[np.argsort(margins[same])], margins),
+            )
+        )
+    return tuple(lobes)
 
 
 def _points(
     cut: Cut, found: Stability, entries: NDArray[np.intp], margins: Floats
-) -> list[dict[str, Any]]:
+) -> tuple[LobePoint, ...]:
     """Speed and depth of the blocks of the table's ``entries``, each block once."""
     table = found.table
     _, first = np.unique(table.block[entries], return_index=True)
-    return [
-        {
-            "line": int(cut.plan.path.moves.line[table.block[e]]),
-            "speed_rpm": round(float(cut.plan.spindle_speed[table.block[e]]), 1),
-            "axial_depth_mm": float(f"{table.depth[e] * 1e3:.4g}"),
-            "margin": float(f"{margins[e]:.4g}") if np.isfinite(margins[e]) else None,
-        }
+    return tuple(
+        LobePoint(
+            line=int(cut.plan.path.moves.line[table.block[e]]),
+            speed_rpm=round(float(cut.plan.spindle_speed[table.block[e]]), 1),
+            axial_depth_mm=float(f"{table.depth[e] * 1e3:.4g}"),
+            margin=figure(margins[e], 4),
+        )
         for e in entries[np.sort(first)][:MOST_POINTS].tolist()
-    ]
+    )

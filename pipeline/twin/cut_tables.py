@@ -10,6 +10,14 @@ from numpy.typing import NDArray
 from pipeline.cutting.economics.cost import Energy, PartCost
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.program_cut import (
+    Curve,
+    CutBlock,
+    CutCost,
+    EngagementTrace,
+    PartTotals,
+    ToolTotals,
+)
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks, StationArcs
 from pipeline.twin.cut_cost import Life
@@ -36,36 +44,35 @@ def figure(value: float, digits: int = 6) -> float | None:
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 
 
-def by_tool(found: CutResults) -> list[dict[str, Any]]:
+def by_tool(found: CutResults) -> tuple[ToolTotals, ...]:
     """Each tool that cuts, in the order of the program."""
     cut, blocks = found.cut, found.blocks
     order = dict.fromkeys(blocks.tool.tolist())
     number = cut.plan.path.moves.tool
-    return [
-        {
-            "tool": cut.numbers[tool],
-            "name": cut.tools[tool].name,
-            **_values(found, blocks.tool == tool, number == cut.numbers[tool]),
-        }
+    return tuple(
+        ToolTotals(
+            tool=cut.numbers[tool], name=cut.tools[tool].name,
+            **_totals(found, blocks.tool == tool, number == cut.numbers[tool]),
+        )
         for tool in order
-    ]
+    )  # fmt: skip
 
 
-def summary(found: CutResults) -> dict[str, Any]:
+def summary(found: CutResults) -> PartTotals:
     """The part as a whole; rows without a tool that cuts count too."""
     every = np.ones(len(found.blocks), dtype=bool)
     rows = np.ones(found.cut.engagement.blocks, dtype=bool)
     worst = int(np.argmax(found.blocks.peak)) if len(found.blocks) else 0
     line = int(found.blocks.line[worst]) if len(found.blocks) else None
-    return {
-        **_values(found, every, rows),
-        "peak_line": line,
-        "blank_cm3": figure(found.cut.blank.volume * CM3),
-        "left_cm3": figure(found.cut.left.volume * CM3),
-    }
+    return PartTotals(
+        peak_line=line,
+        blank_cm3=figure(found.cut.blank.volume * CM3),
+        left_cm3=figure(found.cut.left.volume * CM3),
+        **_totals(found, every, rows),
+    )
 
 
-def _values(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
+def _totals(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
     """Worst values of the blocks ``mine`` (K,) and sums over the ``rows`` (M,)."""
     b, limits, plan = found.blocks, found.limits, found.cut.plan
     turning = b.spindle_speed > 0
@@ -119,20 +126,16 @@ def _sum(values: Floats, rows: Bools) -> float:
     return float(values[rows].sum())
 
 
-def _cost(cost: PartCost, rows: Bools, energy: bool) -> dict[str, float | None]:
+def _cost(cost: PartCost, rows: Bools, energy: bool) -> CutCost:
     """Time, tools with their changes, energy, and the sum of what is known."""
-    tools = figure(_sum(cost.tool + cost.change, rows))
-    parts = {
-        "time": figure(_sum(cost.time, rows)),
-        "tools": tools,
-        "energy": figure(_sum(cost.energy, rows)) if energy else None,
-    }
-    known = [_sum(cost.time, rows), _sum(cost.energy, rows)]
-    whole = None if tools is None else figure(sum(known) + _sum(cost.tool + cost.change, rows))
-    return {**parts, "sum": whole}
+    time, used, worn = (_sum(c, rows) for c in (cost.time, cost.energy, cost.tool + cost.change))
+    return CutCost(
+        time=figure(time), tools=figure(worn), energy=figure(used) if energy else None,
+        sum=figure(time + used + worn),
+    )  # fmt: skip
 
 
-def block_rows(found: CutResults) -> list[dict[str, Any]]:
+def block_rows(found: CutResults) -> tuple[CutBlock, ...]:
     """Every block that cuts, in the order of the program."""
     b, limits, cut = found.blocks, found.limits, found.cut
     columns: dict[str, list[Any]] = {
@@ -170,27 +173,21 @@ def block_rows(found: CutResults) -> list[dict[str, Any]]:
     ):
         spread = np.broadcast_to(values, len(b)).tolist()
         columns[name] = [figure(value) for value in spread]
-    return [
-        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
-    ]
+    return tuple(
+        CutBlock(**dict(zip(columns, values, strict=True)))
+        for values in zip(*columns.values(), strict=True)
+    )
 
 
 COLUMNS = 900
 """Columns of equal time; about as many as a page has pixels."""
 
 
-def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> dict[str, Any]:
+def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> EngagementTrace:
     """Lowest and highest load, depths and arc in each column of time.
 
     A station counts in every column that it lies in, so that neither a short peak nor a long
     stretch is lost.
-
-    Returns
-    -------
-    dict
-        ``total_s``; ``load_N``, ``axial_depth_mm``, ``radial_depth_mm``, each with ``_low`` and
-        ``_high``; ``entry_deg``, ``exit_deg``: lists of ``columns`` values, None in air; ``tools``:
-        [number, start, end] as shares of the time.
     """
     plan, engagement = cut.plan, cut.engagement
     total = plan.total
@@ -208,23 +205,27 @@ def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> dict[str, 
     low = np.clip((start * scale).astype(np.intp), 0, columns - 1)
     high = np.clip(((start + cut.in_material) * scale).astype(np.intp), low, columns - 1)
     kept = engagement.feed
-    place = _spread(low[kept], high[kept])
-    document: dict[str, Any] = {"total_s": round(total, 3)}
-    for name, values in (
-        ("load_N", cut.station_loads.peak),
-        ("axial_depth_mm", engagement.axial_depth * 1e3),
-        ("radial_depth_mm", arcs.radial * 1e3),
-    ):
-        many = values[kept][place[0]]
-        document[f"{name}_low"] = _column(np.minimum, many, place[1], columns)
-        document[f"{name}_high"] = _column(np.maximum, many, place[1], columns)
-    for name, function, values in (
-        ("entry_deg", np.minimum, arcs.entry),
-        ("exit_deg", np.maximum, arcs.exit),
-    ):
-        many = np.degrees(values[kept][place[0]])
-        document[name] = _column(function, many, place[1], columns)
-    return document | {"tools": _tools(cut, begin, total)}
+    station, column = _spread(low[kept], high[kept])
+
+    def lowest(values: Floats) -> Curve:
+        return _column(np.minimum, values[kept][station], column, columns)
+
+    def highest(values: Floats) -> Curve:
+        return _column(np.maximum, values[kept][station], column, columns)
+
+    load, axial, radial = cut.station_loads.peak, engagement.axial_depth * 1e3, arcs.radial * 1e3
+    return EngagementTrace(
+        total_s=round(total, 3),
+        load_N_low=lowest(load),
+        load_N_high=highest(load),
+        axial_depth_mm_low=lowest(axial),
+        axial_depth_mm_high=highest(axial),
+        radial_depth_mm_low=lowest(radial),
+        radial_depth_mm_high=highest(radial),
+        entry_deg=lowest(np.degrees(arcs.entry)),
+        exit_deg=highest(np.degrees(arcs.exit)),
+        tools=_tools(cut, begin, total),
+    )
 
 
 def _spread(low: NDArray[np.intp], high: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
@@ -237,17 +238,19 @@ def _spread(low: NDArray[np.intp], high: NDArray[np.intp]) -> tuple[NDArray[np.i
 
 def _column(
     function: np.ufunc, values: Floats, place: NDArray[np.intp], columns: int
-) -> list[float | None]:
+) -> Curve:  # fmt: skip
     out = np.full(columns, np.inf if function is np.minimum else -np.inf)
     function.at(out, place, values)
-    return [float(f"{v:.4g}") if np.isfinite(v) else None for v in out.tolist()]
+    return tuple(figure(v, 4) for v in out.tolist())
 
 
-def _tools(cut: Cut, begin: Floats, total: float) -> list[list[float]]:
+def _tools(
+    cut: Cut, begin: Floats, total: float
+) -> tuple[tuple[int, float, float], ...]:  # fmt: skip
     tool = cut.plan.path.moves.tool
     edges = np.flatnonzero(np.diff(tool, prepend=tool[0] - 1 if len(tool) else 0))
     ends = [*(begin[edges[1:]] / total).tolist(), 1.0]
-    return [
-        [int(tool[row]), round(float(begin[row] / total), 5), round(end, 5)]
+    return tuple(
+        (int(tool[row]), round(float(begin[row] / total), 5), round(end, 5))
         for row, end in zip(edges.tolist(), ends, strict=True) if tool[row] >= 0
-    ]  # fmt: skip
+    )  # fmt: skip

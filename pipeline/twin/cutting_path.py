@@ -21,6 +21,7 @@ from pipeline.gcode.moves import METRE, RADIAN, Frame, Kind, Moves
 from pipeline.gcode.setup import ZERO, Vector
 from pipeline.machine.control.path import where
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.program_cut import LeftOutMoves
 
 LENGTH = "G43"
 
@@ -167,15 +168,6 @@ TURNED = 1e-6
 IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOut:
-    """Moves that are not computed: why, how many, and the first of them as ``file:line``."""
-
-    reason: str
-    rows: int
-    first: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CuttingPath:
     """A program's tool path; its blocks are the rows of its moves.
@@ -186,13 +178,13 @@ class CuttingPath:
         In the coordinates of ``frame`` [m].
     frame : WorkFrame
         Work offset that the stock is measured in.
-    left_out : tuple of LeftOut
+    left_out : tuple of LeftOutMoves
         Moves that are not in it.
     """
 
     pieces: ToolPath = field(repr=False)
     frame: WorkFrame = field(repr=False)
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[LeftOutMoves, ...]
 
 
 def cutting_path(
@@ -251,7 +243,7 @@ def cutting_path(
     return CuttingPath(pieces=pieces, frame=frame, left_out=tuple(reasons))
 
 
-def nothing_cut_message(moves: Moves, left_out: Sequence[LeftOut]) -> str:
+def nothing_cut_message(moves: Moves, left_out: Sequence[LeftOutMoves]) -> str:
     """Message for a program that has nothing in the material."""
     if not np.isin(moves.kind, MOVES).any():
         name = moves.files[0] if len(moves.files) else "the program"
@@ -262,7 +254,7 @@ def nothing_cut_message(moves: Moves, left_out: Sequence[LeftOut]) -> str:
 
 def _not_computed(
     moves: Moves, moving: Bools, cutting: Bools
-) -> tuple[Bools, list[LeftOut]]:  # fmt: skip
+) -> tuple[Bools, list[LeftOutMoves]]:  # fmt: skip
     """Rows that are left out, shape (M,), and the reasons."""
     milling: Bools = cutting & ~moves.constant_surface_speed
     upright = moves.end[np.argmax(milling), 3:] if milling.any() else moves.origin[3:]
@@ -280,7 +272,7 @@ def _not_computed(
         if rows.any():
             left_out |= rows
             first = where(moves, int(np.argmax(rows)))
-            reasons.append(LeftOut(reason=reason, rows=int(rows.sum()), first=first))
+            reasons.append(LeftOutMoves(reason=reason, rows=int(rows.sum()), first=first))
     return left_out, reasons
 
 

@@ -195,7 +195,7 @@ def _run(
 def servo_reference(
     reference: Floats, period: float, inner: int = 1, velocity: float = 0.0
 ) -> Floats:
-    """Position, velocity and acceleration asked for at the servo's samples.
+    """Commanded position, velocity and acceleration at the servo's samples.
 
     Parameters
     ----------

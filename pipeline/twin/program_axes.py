@@ -80,12 +80,12 @@ def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[st
             f"{plan.total:.0f} s at {period} s are more than {MOST} positions: simulate a shorter "
             "program, or raise control.interpolation_period"
         )
-    asked = trace(plan)
+    commanded = trace(plan)
     found = {}
     for letter, drive in drives.items():
         if drive.servo is None or letter not in "XYZ":
             continue
-        reference = asked.position[:, AXES.index(letter)]
+        reference = commanded.position[:, AXES.index(letter)]
         if np.ptp(reference) == 0:
             continue
         row = drive_row(drive.servo, drive.feed_drive)
@@ -94,7 +94,7 @@ def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[st
         if not np.isfinite(position).all():
             raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
         found[letter] = AxisFollowing(
-            time=asked.time, error=reference - position, command=command, row=asked.row,
+            time=commanded.time, error=reference - position, command=command, row=commanded.row,
             command_unit=drive.command_unit,
         )  # fmt: skip
     return found

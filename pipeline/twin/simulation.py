@@ -88,7 +88,7 @@ def block_table(plan: Plan) -> pd.DataFrame:
 
 
 def programmed_feed(plan: Plan) -> Floats:
-    """Speed along the path that the program asks for [mm/min]; shape (M,)."""
+    """Programmed speed along the path [mm/min]; shape (M,)."""
     path = plan.path
     per_turn = np.where(path.motion == Motion.PER_TURN, plan.spindle_speed, 1.0)
     speed: Floats = path.factor * plan.feed * per_turn / METRE_PER_SECOND
@@ -168,7 +168,7 @@ def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None
     path : Path
         File to write.
     progress : callable, optional
-        Told the share that is written.
+        Called with the share that is written.
 
     Returns
     -------

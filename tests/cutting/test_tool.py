@@ -43,15 +43,6 @@ def test_a_tool_that_is_not_there_is_said_with_those_that_are() -> None:
         table("shop").tool(7)
 
 
-def test_tools_that_a_program_uses_and_their_places() -> None:
-    found = table("shop")
-    tools, index = found.chosen([12, 2, 2, 12, 4])
-    assert [tool.name for tool in tools] == ["16MM ENDMILL", "12MM ENDMILL", "6.8MM DRILL"]
-    np.testing.assert_array_equal(index, [2, 0, 0, 2, 1])
-    none, nowhere = found.chosen([])
-    assert none == [] and nowhere.shape == (0,)
-
-
 @pytest.mark.parametrize(
     ("values", "words"),
     [

@@ -67,11 +67,11 @@ def problem(
     moves = interpret(program, Setup() if setup is None else setup)
     plan = planned_program(moves, control() if machine is None else machine)
     job = CutJob(
-        stock=blank, tools=tools, laws=dict.fromkeys(tools, LAW), resolution=resolution * 1e-3
+        stock=blank, tools=tools, force_laws=dict.fromkeys(tools, LAW), resolution=resolution * 1e-3
     )
     law = ToolCoefficients(law=LAW, kind="measured", source="Sim2023")
     basis = CutBasis(
-        stock="box", table="one", material=material(taylor), laws=dict.fromkeys(tools, law),
+        stock="box", table="one", material=material(taylor), coefficients=dict.fromkeys(tools, law),
         rates=rates, drive=drive, energy=energy,
     )  # fmt: skip
     limits = replace(limits, margins=FREE)

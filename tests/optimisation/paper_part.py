@@ -49,9 +49,9 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
-from pipeline.submodels.cases import Records, Roles, role_of
+from pipeline.submodels.cases import Roles, role_of
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
-from pipeline.submodels.cutting.recordings import RecordingReader
+from pipeline.submodels.cutting.recordings import read_recordings
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
@@ -181,12 +181,11 @@ def paper_knowledge(folder: Path) -> CuttingModel:
                   "dynamometer/slot-n5000f600ap1.csv", "dynamometer/down-n5000*"),
     )  # fmt: skip
     settings = CuttingFitSettings(compare=False)
-    reader = RecordingReader(
-        signals=signals, files=Records(signals=signals).files, records=records, setup=known,
-        settings=settings, role=lambda name: role_of([name], roles),
-    )  # fmt: skip
+    recordings = read_recordings(
+        signals, records, known, settings, lambda name: role_of([name], roles)
+    )
     with threadpool_limits(1):  # small matrices: threads cost more than they save
-        found = identify_cutting_force(reader.recordings(), known, settings)
+        found = identify_cutting_force(recordings, known, settings)
     head = Model(
         submodel="cutting", machine=identity.name, origin=identity.origin, parameters={},
         trained_on=(),
@@ -201,17 +200,19 @@ def paper_job(
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
     table = _table()
     material = _conf("material/A6061.yaml", Material)
-    laws = tool_coefficients(table.tools, MATERIAL, material, identified_coefficients(knowledge))
+    coefficients = tool_coefficients(
+        table.tools, MATERIAL, material, identified_coefficients(knowledge)
+    )
     return Job(
         program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP, control=CONTROL,
         cut=CutJob(
             stock=stock_of(STOCK), tools=table.tools,
-            laws={number: one.law for number, one in laws.items()}, resolution=0.1e-3,
+            force_laws={number: one.law for number, one in coefficients.items()}, resolution=0.1e-3,
             offsets=SETUP.work_offsets,
         ),
         basis=CutBasis(
-            stock=STOCK, table=TABLE, material=material, laws=laws, limit_load=LIMITS.load_N,
-            rates=_conf("cost/default.yaml", CostRates),
+            stock=STOCK, table=TABLE, material=material, coefficients=coefficients,
+            limit_load=LIMITS.load_N, rates=_conf("cost/default.yaml", CostRates),
         ),
         limits=LIMITS, objective=objective, settings=settings or OptimisationSettings(),
         identified=knowledge,

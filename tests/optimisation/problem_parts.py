@@ -83,7 +83,7 @@ def cut_on(text: str, *, control=CONTROL, tools=None, laws=None, resolution=0.5,
     laws = dict.fromkeys(tools, LAW) if laws is None else laws
     plan = planned_program(follow(text, **setup), control)
     job = CutJob(
-        stock=BLOCK, tools=tools, laws=laws, resolution=resolution * 1e-3,
+        stock=BLOCK, tools=tools, force_laws=laws, resolution=resolution * 1e-3,
         offsets=setup.get("work_offsets", {}),
     )  # fmt: skip
     return cut_program(plan, job)
@@ -93,11 +93,11 @@ def basis_of(cut: Cut, **changes) -> CutBasis:
     """Everything known, with ``changes``."""
     laws = {
         number: ToolCoefficients(law=law, kind="catalogue", source="made up")
-        for number, law in zip(cut.numbers, cut.laws, strict=True)
+        for number, law in zip(cut.numbers, cut.force_laws, strict=True)
     }
     values = {
-        "stock": "box", "table": "made up", "material": MATERIAL, "laws": laws, "rates": RATES,
-        "energy": ENERGY, "drive": DRIVE,
+        "stock": "box", "table": "made up", "material": MATERIAL, "coefficients": laws,
+        "rates": RATES, "energy": ENERGY, "drive": DRIVE,
     }  # fmt: skip
     return CutBasis(**(values | changes))
 

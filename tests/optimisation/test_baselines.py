@@ -46,10 +46,10 @@ def test_they_stand_in_their_order() -> None:
 
 
 def test_as_programmed_is_what_the_cut_tells_of_the_program() -> None:
-    summary = document_of(problem().cut, basis_of(problem().cut))["summary"]
+    summary = document_of(problem().cut, basis_of(problem().cut)).summary
     told = [
-        summary["time_s"], summary["cost"]["sum"], summary["energy_kWh"],
-        summary["tool_life_share"],
+        summary.time_s, summary.cost.sum, summary.energy_kWh,
+        summary.tool_life_share,
     ]  # fmt: skip
     # the document gives four digits and more
     assert found()[0].objectives == pytest.approx(np.array(told), rel=1e-4)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
-from pipeline.cutting.economics.tool_life import Taylor, maximum_rate_speed, minimum_cost_speed
+from pipeline.cutting.economics.tool_life import Taylor, minimum_cost_speed
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.program import parse_program
@@ -357,7 +357,7 @@ def test_speed_of_the_most_parts_in_an_hour():
         slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 20000)),
         tool=tool, rates=rates,
     )  # fmt: skip
-    speed = turns(maximum_rate_speed(TAYLOR, rates.tool_change * INSIDE))
+    speed = turns(minimum_cost_speed(TAYLOR, rates.tool_change * INSIDE, 0.0, 1.0))
     feed, S, _ = optimum(found, "cost")
     assert pytest.approx(speed, rel=NEAR) == S
     assert feed == pytest.approx(load_f_z(60.0) * FLUTES * speed, rel=NEAR)

@@ -81,9 +81,9 @@ def test_the_program_itself_costs_what_its_document_says(cut):
     """Documents have six digits."""
     feeds, speeds = own(problem := problem_on(cut))
     objectives = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis]).objectives[0]
-    summary = document_of(cut, basis_of(cut))["summary"]
-    said = [summary["time_s"], summary["cost"]["sum"], summary["energy_kWh"]]
-    np.testing.assert_allclose(objectives, [*said, summary["tool_life_share"]], rtol=5e-6)
+    summary = document_of(cut, basis_of(cut)).summary
+    said = [summary.time_s, summary.cost.sum, summary.energy_kWh]
+    np.testing.assert_allclose(objectives, [*said, summary.tool_life_share], rtol=5e-6)
 
 
 def test_what_is_not_known_is_no_number():

@@ -44,10 +44,10 @@ def test_what_is_stored_is_read_as_the_same_part(result: Result, document: dict)
 
 def test_totals_are_those_of_the_two_cuts(result: Result, document: dict) -> None:
     for which, cut in (("before", result.before), ("after", result.answer.cut)):
-        told = document_of(cut, result.job.basis)["summary"]
-        assert document[which]["time_s"] == told["time_s"]
-        assert document[which]["cost"] == told["cost"]["sum"]
-        assert document[which]["peak_load_N"] == told["peak_load_N"]
+        told = document_of(cut, result.job.basis).summary
+        assert document[which]["time_s"] == told.time_s
+        assert document[which]["cost"] == told.cost.sum
+        assert document[which]["peak_load_N"] == told.peak_load_N
 
 
 def test_the_answer_among_the_methods_is_what_is_written(document: dict) -> None:

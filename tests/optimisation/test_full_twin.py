@@ -46,7 +46,7 @@ def test_with_runout_the_waveform_is_that_of_every_tooth(thrown):
         peaks = []
         for station in here[:: max(len(here) // 12, 1)]:
             forces = profile_waveform(
-                thrown.laws[0], thrown.tools[0], f_z=f_z[row], angles=angles,
+                thrown.force_laws[0], thrown.tools[0], f_z=f_z[row], angles=angles,
                 lower=engagement.lower[station], upper=engagement.upper[station],
                 slope=engagement.slope[station],
             )  # fmt: skip
@@ -74,7 +74,7 @@ def test_a_table_that_promises_too_little_is_found(slot):
     found = verify(replace(slot, tools=tools))
     # the tooth that stands out takes 50 um and what the other leaves, along the feed 2 x 15 um
     assert found.ratio[found.peak_row] == pytest.approx(1 + 30 / 50, rel=0.02)
-    table = load_table(slot.engagement, tools, slot.laws, 1e-4)
+    table = load_table(slot.engagement, tools, slot.force_laws, 1e-4)
     again = verify(replace(slot, tools=tools, table=table))
     assert again.ratio[again.peak_row] == pytest.approx(1.0, abs=0.1)
 
@@ -86,7 +86,7 @@ def test_angles_next_to_the_peak_are_finer(slot):
     station = int(np.flatnonzero(down.engagement.block == row)[5])
     f_z = float(down.feed_per_tooth[row])
     forces = profile_waveform(
-        down.laws[0], TEN, f_z=f_z, lower=down.engagement.lower[station],
+        down.force_laws[0], TEN, f_z=f_z, lower=down.engagement.lower[station],
         upper=down.engagement.upper[station], angles=np.arange(28800) * np.pi / 14400,
     )  # fmt: skip
     exact = np.hypot(forces[:, 0], forces[:, 1]).max()

@@ -107,15 +107,15 @@ def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:
     bare = job_of(tmp_path, MachineModels(control=CONTROL))
     assert bare.basis.limit_load == bare.limits.load_N == 60.0
     assert bare.cut.resolution == pytest.approx(2e-4)
-    assert bare.basis.laws[4].kind == "measured"  # by Sim2023
+    assert bare.basis.coefficients[4].kind == "measured"  # by Sim2023
     assert bare.basis.drive == DRIVE and bare.basis.dynamics is None
     assert bare.setup.folders == (tmp_path / "parts",)  # where subprograms lie
     known = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting()))
-    assert known.basis.laws[4].kind == "identified"
+    assert known.basis.coefficients[4].kind == "identified"
     assert known.basis.drive.no_load_W == (55.0, 1.5)
     assert "no-load power identified" in known.basis.drive_source
     other = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting("C45")))
-    assert other.basis.laws[4].kind == "measured"
+    assert other.basis.coefficients[4].kind == "measured"
 
 
 def test_without_a_drive_nothing_is_made_of_its_no_load_power() -> None:

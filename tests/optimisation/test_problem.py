@@ -237,10 +237,10 @@ def test_an_added_word_is_waited_for_as_if_it_stood_in_the_program(wait):
     assert moves.line[problem.blocks.row[-1]] == 6
     found = problem.evaluate_rows(moves.feed[np.newaxis], speeds[np.newaxis]).objectives[0]
     written = cut_on(exact(SLOT).replace("X70", "S7500 X70"), control=control)
-    summary = document_of(written, basis_of(written))["summary"]
+    summary = document_of(written, basis_of(written)).summary
     assert found[0] == pytest.approx(written.plan.total, rel=1e-9)
     assert found[[2, 3]] == pytest.approx(
-        [summary["energy_kWh"], summary["tool_life_share"]], rel=5e-6
+        [summary.energy_kWh, summary.tool_life_share], rel=5e-6
     )  # documents have six digits
     before = problem.evaluate_rows(moves.feed[np.newaxis], moves.speed[np.newaxis]).objectives[0, 0]
     longer = float(problem.speed_change_time(6000.0, 7500.0))

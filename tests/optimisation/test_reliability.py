@@ -45,7 +45,7 @@ def known(cut, certainty, *, kind="measured", sources=None):
         number: ToolCoefficients(
             law=law, kind=kind, source="one" if sources is None else sources[number]
         )
-        for number, law in zip(cut.numbers, cut.laws, strict=True)
+        for number, law in zip(cut.numbers, cut.force_laws, strict=True)
     }
     tools = dict(zip(cut.numbers, cut.tools, strict=True))
     return uncertainty(laws, tools, None, None, certainty)

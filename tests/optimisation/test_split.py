@@ -102,7 +102,7 @@ def test_a_step_in_the_blank_is_where_the_block_is_split() -> None:
         "G0 Z5\nM30\n"
     )
     program, moves = read(text)
-    job = CutJob(stock=BLOCK, tools={1: SIX}, laws={1: LAW}, resolution=0.25e-3)
+    job = CutJob(stock=BLOCK, tools={1: SIX}, force_laws={1: LAW}, resolution=0.25e-3)
     cut = cut_program(planned_program(moves, CONTROL), job)
     after = split_blocks(program, moves, cut, Grouping(split=True))
     put_in = [line for line in after.decode("ascii").splitlines() if line not in text.splitlines()]

@@ -44,6 +44,6 @@ def cut_of(text: str, *, resolution=0.5, tools=None, laws=None, stock=BLOCK, **s
     tools = {1: TEN, 2: SIX} if tools is None else tools
     laws = dict.fromkeys(tools, LAW) if laws is None else laws
     plan = planned_program(follow(text, **setup), CONTROL)
-    job = CutJob(stock=stock, tools=tools, laws=laws, resolution=resolution * 1e-3,
+    job = CutJob(stock=stock, tools=tools, force_laws=laws, resolution=resolution * 1e-3,
                  offsets=setup.get("work_offsets", {}))  # fmt: skip
     return cut_program(plan, job)

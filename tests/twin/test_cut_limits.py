@@ -22,7 +22,7 @@ from pipeline.twin.cut_coefficients import (
 )
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_limits import cut_limits
-from pipeline.twin.cut_stability import lobe_figures, stability
+from pipeline.twin.cut_stability import stability, stability_lobes
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
 
@@ -53,8 +53,9 @@ def cut():
 
 def document(cut, **changes):
     law = ToolCoefficients(law=LAW, kind="catalogue", source="made up")
-    basis = {"stock": "box", "table": "made up", "material": MATERIAL, "laws": {1: law, 2: law},
-             "rates": RATES, "energy": ENERGY, "drive": DRIVE}  # fmt: skip
+    basis = {"stock": "box", "table": "made up", "material": MATERIAL,
+             "coefficients": {1: law, 2: law}, "rates": RATES, "energy": ENERGY,
+             "drive": DRIVE}  # fmt: skip
     return document_of(cut, CutBasis(**(basis | changes)))
 
 
@@ -65,16 +66,16 @@ def test_the_drive_is_asked_for_the_cut_and_for_turning(cut):
     asked = (blocks.torque * 2 * np.pi * n + 20 + 0.5 * n) / 0.8
     assert limits.drive == pytest.approx(asked / 400)
     assert (limits.binds == "spindle drive").all()
-    warned = [w["what"] for w in document(cut)["warnings"]]
+    warned = [w.what for w in document(cut).warnings]
     assert any("drive cannot" in what for what in warned) == (limits.drive > 1).any()
 
 
 def test_a_spindle_cannot_turn_faster_than_its_top_speed(cut):
     slow = SpindleDrive(rated_power_kW=50.0, base_speed_rpm=1500, top_speed_rpm=7000)
     found = document(cut, drive=slow)
-    (warning,) = [w for w in found["warnings"] if "drive" in w["what"]]
-    assert warning["lines"] == [11] and warning["grave"]  # the slot of T2 at 8000 rev/min
-    assert warning["what"].startswith("8000 rev/min is above the top speed 7000")
+    (warning,) = [w for w in found.warnings if "drive" in w.what]
+    assert warning.lines == (11,) and warning.grave  # the slot of T2 at 8000 rev/min
+    assert warning.what.startswith("8000 rev/min is above the top speed 7000")
 
 
 def test_deflection_is_that_of_a_cantilever(cut):
@@ -95,30 +96,30 @@ def test_what_binds_is_what_is_used_most(cut):
 
 def test_life_is_time_over_taylors(cut):
     blocks = cut_blocks(cut)
-    found = document(cut)["blocks"]
+    found = document(cut).blocks
     for block, seconds, tool, turns in zip(
         found, blocks.seconds, (TEN, SIX), (6000, 8000), strict=True
     ):
         v_c = np.pi * tool.diameter_mm * 1e-3 * turns
         life = 60 * (500 / v_c) ** 4
-        assert block["tool_life_share"] == pytest.approx(seconds / life, rel=1e-5)
+        assert block.tool_life_share == pytest.approx(seconds / life, rel=1e-5)
 
 
 def test_the_cost_of_the_part_is_the_sum_of_its_causes(cut):
     found = document(cut)
-    total, plan = found["summary"], cut.plan
+    total, plan = found.summary, cut.plan
     worn = sum(
-        block["tool_life_share"] * (price + 2 * 60 * 36 / 3600)
-        for block, price in zip(found["blocks"], (10.0, 20.0), strict=True)
+        block.tool_life_share * (price + 2 * 60 * 36 / 3600)
+        for block, price in zip(found.blocks, (10.0, 20.0), strict=True)
     )
-    assert total["cost"]["time"] == pytest.approx(plan.total * 36 / 3600, rel=1e-5)
-    assert total["cost"]["tools"] == pytest.approx(worn, rel=1e-5)
-    assert total["cost"]["energy"] == pytest.approx(total["energy_kWh"] * 0.5, rel=1e-5)
-    parts = sum(total["cost"][key] for key in ("time", "tools", "energy"))
-    assert total["cost"]["sum"] == pytest.approx(parts, rel=1e-5)
+    assert total.cost.time == pytest.approx(plan.total * 36 / 3600, rel=1e-5)
+    assert total.cost.tools == pytest.approx(worn, rel=1e-5)
+    assert total.cost.energy == pytest.approx(total.energy_kWh * 0.5, rel=1e-5)
+    parts = total.cost.time + total.cost.tools + total.cost.energy
+    assert total.cost.sum == pytest.approx(parts, rel=1e-5)
     outside = plan.time[plan.path.moves.tool < 0].sum() * 36 / 3600
-    by_tool = sum(row["cost"]["time"] for row in found["by_tool"])
-    assert by_tool + outside == pytest.approx(total["cost"]["time"], rel=1e-5)
+    by_tool = sum(row.cost.time for row in found.by_tool)
+    assert by_tool + outside == pytest.approx(total.cost.time, rel=1e-5)
 
 
 def test_energy_is_that_of_spindle_drives_coolant_and_standing_by(cut):
@@ -134,7 +135,7 @@ def test_energy_is_that_of_spindle_drives_coolant_and_standing_by(cut):
         spindle + 1500 * plan.total + 400 * plan.motion.time.sum()
         + 800 * plan.time[coolant_on].sum()
     )  # fmt: skip
-    found = document(cut)["summary"]["energy_kWh"]
+    found = document(cut).summary.energy_kWh
     assert found == pytest.approx(joule / 3.6e6, rel=1e-5)
 
 
@@ -142,19 +143,19 @@ def test_what_is_not_known_is_no_number(cut):
     bare = Material(name="X", group=22, iso="N", k_c11=800, m_c=0.2, radial=0.3, source="-",
                     ratio_source="-")  # fmt: skip
     found = document(cut, material=bare, drive=None, energy=None, rates=None)
-    total = found["summary"]
+    total = found.summary
     unknown = ("tool_life_share", "energy_kWh", "cost", "drive_share", "stability_margin")
-    assert all(total[key] is None for key in unknown)
-    told = " ".join(f"{one['what']}: {one['why']}" for one in found["not_known"])
+    assert all(getattr(total, key) is None for key in unknown)
+    words = " ".join(f"{one.what}: {one.why}" for one in found.not_known)
     for word in ("drive", "stability", "cost", "energy", "tool life of T1, T2"):
-        assert word in told
+        assert word in words
 
 
 def test_a_cost_without_tool_life_has_no_sum(cut):
     bare = Material(name="X", group=22, iso="N", k_c11=800, m_c=0.2, radial=0.3, source="-",
                     ratio_source="-")  # fmt: skip
-    cost = document(cut, material=bare)["summary"]["cost"]
-    assert cost["sum"] is None and cost["tools"] is None and cost["time"] > 0
+    cost = document(cut, material=bare).summary.cost
+    assert cost.sum is None and cost.tools is None and cost.time > 0
 
 
 def test_the_margin_of_a_slot_is_that_of_its_lobes(cut):
@@ -171,21 +172,21 @@ def test_the_axial_coefficient_of_a_law_counts_for_stability(cut):
     """A ball's axial force has a part in the plane; all three rise with the chip alike."""
     law = ForceLaw.kienzle(k_c11=800.0, m_c=0.25, radial=0.5, axial=0.3)
     tips = TipDynamics(source="made up", every=MODES)
-    found = stability(replace(cut, laws=(law, law)), cut_blocks(cut), tips)
-    for one in found.laws:
+    found = stability(replace(cut, force_laws=(law, law)), cut_blocks(cut), tips)
+    for one in found.force_laws:
         assert one.K_rc / one.K_tc == pytest.approx(0.5)
         assert one.K_ac / one.K_tc == pytest.approx(0.3)
 
 
 def test_points_above_the_lobes_are_those_that_chatter(cut):
     found = stability(cut, cut_blocks(cut), TipDynamics(source="made up", every=MODES))
-    figures = lobe_figures(cut, found)
-    assert [one["tool"] for one in figures] == [1, 2]
-    for one in figures:
-        limit = np.array([np.inf if v is None else v for v in one["depth_limit_mm"]])
-        for point in one["points"]:
-            cell = np.argmin(np.abs(np.array(one["speeds_rpm"]) - point["speed_rpm"]))
-            assert (point["axial_depth_mm"] > limit[cell]) == (point["margin"] < 0)
+    found_lobes = stability_lobes(cut, found)
+    assert [one.tool for one in found_lobes] == [1, 2]
+    for one in found_lobes:
+        limit = np.array([np.inf if v is None else v for v in one.depth_limit_mm])
+        for point in one.points:
+            cell = np.argmin(np.abs(np.array(one.speeds_rpm) - point.speed_rpm))
+            assert (point.axial_depth_mm > limit[cell]) == (point.margin < 0)
 
 
 def test_tools_without_dynamics_are_not_judged(cut):
@@ -201,24 +202,24 @@ def test_chatter_of_dynamics_that_nobody_measured_is_no_verdict(cut):
             for d in ("x", "y")]  # fmt: skip
     for measured, what in ((True, "blocks chatter"), (False, "blocks may chatter")):
         tips = TipDynamics(source="made up", every=soft, measured=measured)
-        (found,) = [w for w in document(cut, dynamics=tips)["warnings"] if "chatter" in w["what"]]
-        assert found["what"] == what and found["grave"] == measured
+        (found,) = [w for w in document(cut, dynamics=tips).warnings if "chatter" in w.what]
+        assert found.what == what and found.grave == measured
 
 
 def test_lines_of_warnings_are_those_of_the_program(cut):
     peak = cut_blocks(cut).peak
     found = document(cut, limit_load=float(peak.min() + peak.max()) / 2)
-    (over,) = [w for w in found["warnings"] if "load" in w["what"]]
+    (over,) = [w for w in found.warnings if "load" in w.what]
     expected = cut_blocks(cut).line[peak > (peak.min() + peak.max()) / 2]
-    assert over["lines"] == expected.tolist() and over["grave"]
+    assert over.lines == tuple(expected.tolist()) and over.grave
 
 
 def test_cuts_below_the_blank_and_beyond_the_flutes_are_said():
     short = {1: type(TEN)(kind="flat", diameter_mm=10.0, flutes=2, flute_length_mm=8.0)}
     cut = cut_of(SLOT.replace("Z-2.0", "Z-11"), tools=short)
     law = ToolCoefficients(law=LAW, kind="catalogue", source="made up")
-    told = [w["what"] for w in document(cut, laws={1: law})["warnings"]]
-    assert any("underside" in what for what in told) and any("flutes" in what for what in told)
+    words = [w.what for w in document(cut, coefficients={1: law}).warnings]
+    assert any("underside" in what for what in words) and any("flutes" in what for what in words)
 
 
 def found_cut(**coefficients: Parameter):

@@ -214,45 +214,6 @@ class PartCost:
         total: Floats = self.block.sum(axis=-1)
         return total
 
-    @property
-    def machine(self) -> Floats:
-        """Of the part without its tools: time and electricity.  Shape (...)."""
-        total: Floats = (self.time + self.energy).sum(axis=-1)
-        return total
-
-    def by_tool(self, tool: ArrayLike, tools: int) -> Floats:
-        """Cost of the blocks of each tool.
-
-        Parameters
-        ----------
-        tool : array_like of int, shape (B,)
-            Index of the tool that each block is cut with.
-        tools : int
-            How many there are, K.
-
-        Returns
-        -------
-        ndarray, shape (..., K)
-
-        Raises
-        ------
-        ValueError
-            When there is not one tool for each block, or an index is none of a tool.
-        """
-        block, index = self.block, np.asarray(tool)
-        if index.shape != block.shape[-1:]:
-            raise ValueError(
-                f"tool has the shape {index.shape}, there are {block.shape[-1]} blocks: give each "
-                "the index of its tool"
-            )
-        strange = ~np.isin(index, np.arange(tools))
-        if strange.any():
-            raise ValueError(
-                f"tool {index[strange][0]} of a block is none of {tools} tools: their indices are "
-                f"0 to {tools - 1}"
-            )
-        return np.stack([block[..., index == k].sum(axis=-1) for k in range(tools)], axis=-1)
-
 
 def life_price(tool: Tool) -> float:
     """Cost of one life of the tool, P_t: its price over its edges."""

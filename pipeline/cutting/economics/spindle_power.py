@@ -13,7 +13,6 @@ from typing import Annotated, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.cutting.economics.tool_life import cutting_speed
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Finite, Positive, Range, Ranged
 
@@ -118,13 +117,6 @@ def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
     return np.where(speed <= drive.top_speed * (1 + 1e-9), power, np.nan)
 
 
-def available_torque(n: ArrayLike, drive: SpindleDrive) -> Floats:
-    """Of the motor [N m], P_rated / (2 pi max(n, n_base)); NaN above the top speed."""
-    speed = np.abs(np.asarray(n, dtype=np.float64))
-    torque = drive.rated_power / (2 * np.pi * np.maximum(speed, drive.base_speed))
-    return np.where(speed <= drive.top_speed * (1 + 1e-9), torque, np.nan)
-
-
 def no_load_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
     """P_0, no-load power of the turning spindle [W].
 
@@ -149,38 +141,3 @@ def shaft_power(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> 
 def motor_power(torque: ArrayLike, n: ArrayLike, drive: SpindleDrive) -> Floats:
     """Power of the motor for a cut of torque T, (2 pi n T + P_0(n)) / efficiency [W]."""
     return shaft_power(cutting_power(torque, n), no_load_power(n, drive), drive)
-
-
-def tangential_force(power: ArrayLike, n: ArrayLike, D: ArrayLike, drive: SpindleDrive) -> Floats:
-    """F_t = (P efficiency - P_0(n)) / v_c [N], the mean over all teeth.
-
-    Parameters
-    ----------
-    power : array_like
-        Of the motor [W].
-    n : array_like
-        Speed [rev/s], its sign does not count.
-    D : array_like
-        Diameter of the tool [m].
-    drive : SpindleDrive
-        Of the machine.
-
-    Returns
-    -------
-    ndarray
-        NaN below the drive's least speed; negative where less power is taken than without a cut.
-
-    Raises
-    ------
-    ValueError
-        When a diameter is not positive and finite.
-    """
-    diameter = np.asarray(D, dtype=np.float64)
-    bad = ~((diameter > 0.0) & (diameter < np.inf))
-    if bad.any():
-        raise ValueError(f"D = {diameter[bad].flat[0]} of the tool must be positive and finite")
-    speed = np.abs(np.asarray(n, dtype=np.float64))
-    known = speed >= drive.minimum_speed
-    v_c = cutting_speed(diameter, np.where(known, speed, 1.0))
-    force = np.asarray(power) * drive.efficiency - no_load_power(speed, drive)
-    return np.where(known, force / v_c, np.nan)

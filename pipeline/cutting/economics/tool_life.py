@@ -212,15 +212,6 @@ def speed_for_life(taylor: Taylor, lasting: ArrayLike) -> Floats:
     return speed
 
 
-def maximum_rate_speed(taylor: Taylor, change_time: float) -> float:
-    """Cutting speed that makes the most parts in an hour [m/s].
-
-    The tool then lasts (1/n - 1) T_c (Gilbert 1950), with the time T_c of a change of a worn tool
-    [s].  Without a change time there is none: the faster the better, infinity.
-    """
-    return minimum_cost_speed(taylor, change_time, 0.0, 1.0)
-
-
 def minimum_cost_speed(taylor: Taylor, change_time: float, life_price: float, rate: float) -> float:
     """Cutting speed that makes the cheapest part [m/s].
 

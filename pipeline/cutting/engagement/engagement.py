@@ -238,19 +238,6 @@ class Engagement:
         width = np.cos(begin) - np.cos(np.minimum(end, np.pi))
         return np.nan_to_num(radius * width)
 
-    @property
-    def block_volume(self) -> Floats:
-        """Material that each block removes [m^3]; shape (B,)."""
-        volume: Floats = np.bincount(self.block, self.volume, self.blocks).astype(float)
-        return volume
-
-    def block_air(self, path: ToolPath) -> Floats:
-        """Path length of each block at feed without material [m]; shape (B,)."""
-        whole = np.bincount(path.block, path.length * path.feed, self.blocks)
-        cut = np.bincount(self.block, self.length * self.feed, self.blocks)
-        # lengths are added in another order
-        return np.maximum(whole - cut, 0.0)
-
 
 def engage(
     path: ToolPath, tools: Sequence[Tool], stock: HeightMap, *, bins: int = 72

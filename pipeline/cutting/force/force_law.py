@@ -187,22 +187,6 @@ def in_plane_forces(
     return np.stack([along.sum(axis=-1), across.sum(axis=-1)], axis=-1)
 
 
-def cutting_load(forces: ArrayLike) -> Floats:
-    """sqrt(F_x^2 + F_y^2) [N] of forces whose last axis begins with x and y.
-
-    Raises
-    ------
-    ValueError
-        When the last axis has less than both.
-    """
-    forces = np.asarray(forces)
-    if not (forces.ndim and forces.shape[-1] >= 2):
-        raise ValueError(
-            f"force: forces have shape {forces.shape}: the last axis must hold F_x and F_y"
-        )
-    return cast(Floats, np.hypot(forces[..., 0], forces[..., 1]))
-
-
 def slot_peak_load(K_t: ArrayLike, K_e: ArrayLike, d: ArrayLike, f_z: ArrayLike) -> Floats:
     """K_t d f_z sqrt(1 + K_e^2) [N]: the peak in a slot, of one or two teeth without helix.
 

@@ -182,8 +182,8 @@ class LoadTable:
 
 
 def load_table(
-    engagement: Engagement, tools: Sequence[Tool], laws: Sequence[ForceLaw], f_z_max: ArrayLike, *,
-    nodes: int = NODES,
+    engagement: Engagement, tools: Sequence[Tool], force_laws: Sequence[ForceLaw],
+    f_z_max: ArrayLike, *, nodes: int = NODES,
 ) -> LoadTable:  # fmt: skip
     """Tabulate the loads of all blocks.
 
@@ -198,7 +198,7 @@ def load_table(
         Stations of the program.
     tools : sequence of Tool
         That its indices point to.
-    laws : sequence of ForceLaw
+    force_laws : sequence of ForceLaw
         One for each tool.
     f_z_max : array_like
         Greatest feed for each tooth that will be looked up [m], one for all tools or one for each.
@@ -210,16 +210,16 @@ def load_table(
     ValueError
         When the arguments do not go together, or a value is out of its range.
     """
-    most = _greatest(engagement, tools, laws, f_z_max, nodes)
+    most = _greatest(engagement, tools, force_laws, f_z_max, nodes)
     order, station, tool = _different(engagement)
     values = np.zeros((len(order), nodes + 1, 6))
     for index in np.unique(tool):
         these = np.flatnonzero(tool == index)
         rows = order[these]
         values[these] = _station_values(
-            engagement, rows, tools[index], laws[index], most[index], nodes
+            engagement, rows, tools[index], force_laws[index], most[index], nodes
         )
-    exponents = np.array([1.0 - law.m_c for law in laws] + [1.0])
+    exponents = np.array([1.0 - law.m_c for law in force_laws] + [1.0])
     scales = (nodes - 1) ** 2 / np.append(most, nodes - 1.0) ** exponents
     of_block = _tools(engagement)
     length = engagement.length * (engagement.upper > engagement.lower).any(axis=1)
@@ -235,12 +235,14 @@ def load_table(
 
 
 def _greatest(
-    engagement: Engagement, tools: Sequence[Tool], laws: Sequence[ForceLaw], f_z_max: ArrayLike,
-    nodes: int,
+    engagement: Engagement, tools: Sequence[Tool], force_laws: Sequence[ForceLaw],
+    f_z_max: ArrayLike, nodes: int,
 ) -> Floats:  # fmt: skip
     """f_z_max of each tool, when all arguments go together."""
-    if len(tools) != len(laws):
-        raise ValueError(f"load table: {len(tools)} tools have {len(laws)} laws: give one for each")
+    if len(tools) != len(force_laws):
+        raise ValueError(
+            f"load table: {len(tools)} tools have {len(force_laws)} force laws: give one for each"
+        )
     unknown = (engagement.tool < 0) | (engagement.tool >= len(tools))
     if unknown.any():
         raise ValueError(

@@ -280,23 +280,3 @@ def read_frf(path: Path, *, direction: Direction | None = None) -> FrequencyResp
     raise ValueError(
         f"{path}: its ending {ending!r} says no known form: give .csv, .txt, .uff, .unv or .uf"
     )
-
-
-def write_frf(path: Path, response: FrequencyResponse, *, direction: Direction) -> None:
-    """Write one direction of a response as CSV, real and imaginary part [m/N].
-
-    Raises
-    ------
-    ValueError
-        When there is no such direction, or the file cannot be written, in one sentence.
-    """
-    if direction not in PLACES:
-        raise ValueError(f"direction = {direction!r} is none: write x, y, xy or yx")
-    values = response.receptance[(slice(None), *PLACES[direction])]
-    rows = zip(response.frequency_Hz, values.real, values.imag, strict=True)
-    lines = ["frequency [Hz],real [m/N],imaginary [m/N]"]
-    lines += [",".join(repr(float(number)) for number in row) for row in rows]
-    try:
-        path.write_text("\n".join(lines) + "\n")
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -192,7 +192,7 @@ class StabilityTable:
 
 
 def stability_table(
-    stations: Immersions, dynamics: Sequence[Dynamics | None], laws: Sequence[ForceLaw],
+    stations: Immersions, dynamics: Sequence[Dynamics | None], force_laws: Sequence[ForceLaw],
     tools: Sequence[Tool], *, speed_rpm: tuple[float, float], cells: int = 512,
     angle_step_deg: float = 5.0, thickness: float | None = None, method: Method = "zero_order",
 ) -> StabilityTable:  # fmt: skip
@@ -202,7 +202,7 @@ def stability_table(
     ----------
     stations : Immersions
         Of the program.
-    dynamics, laws, tools : sequence
+    dynamics, force_laws, tools : sequence
         One for each tool; a tool whose dynamics are not known (None) is not judged.
     speed_rpm : (float, float)
         Least and greatest spindle speed [rev/min].
@@ -231,7 +231,7 @@ def stability_table(
     if not 0.1 <= angle_step_deg <= 45.0:
         raise ValueError(f"angle_step_deg = {angle_step_deg} is out of its range, 0.1 to 45")
     many = int(stations.tool.max(initial=-1)) + 1
-    for name, given in (("dynamics", dynamics), ("laws", laws), ("tools", tools)):
+    for name, given in (("dynamics", dynamics), ("force_laws", force_laws), ("tools", tools)):
         if len(given) < many:
             raise ValueError(
                 f"{name} has {len(given)} entries, and the stations name tool {many - 1}: give one "
@@ -244,7 +244,7 @@ def stability_table(
     judged[stations.block[~kept]] = False
     # classes of the stations
     step = np.deg2rad(angle_step_deg)
-    radial = _radial(stations, laws, tools, kept, thickness)
+    radial = _radial(stations, force_laws, tools, kept, thickness)
     kinds, kind = np.unique(classes(stations, radial, step)[kept], axis=0, return_inverse=True)
     limit = np.full((len(kinds), cells), np.inf)
     # limit of each class: the least of the cuts that stand for it, each computed once
@@ -254,7 +254,7 @@ def stability_table(
         for corner in corners(marks, step):
             key = tool, sense, corner
             if key not in done:
-                cut = _cut(laws[tool], tools[tool], sense, corner, thickness)
+                cut = _cut(force_laws[tool], tools[tool], sense, corner, thickness)
                 tip = dynamics[tool] or ()
                 if method == "zero_order":
                     done[key] = _zero_order(tip, cut, low, high, cells)
@@ -268,7 +268,7 @@ def stability_table(
 
 
 def _radial(
-    stations: Immersions, laws: Sequence[ForceLaw], tools: Sequence[Tool],
+    stations: Immersions, force_laws: Sequence[ForceLaw], tools: Sequence[Tool],
     kept: Bools, thickness: float | None,
 ) -> Floats:  # fmt: skip
     """Least and greatest radial coefficient less the side's, over the tangential one; (N, 2).
@@ -283,13 +283,13 @@ def _radial(
         mine = stations.tool == tool
         a, b, length = low[mine], high[mine], depth[mine]
         ends = [(a, a + length), (np.maximum(b - length, a), np.maximum(b, a + length))]
-        tangential, side = stiffness(laws[tool], thickness)
+        tangential, side = stiffness(force_laws[tool], thickness)
         if not tangential > 0.0:
             raise ValueError(
-                f"laws[{tool}].K_tc = {laws[tool].K_tc} must be positive: a force that does not "
-                "grow with the chip's thickness says nothing of chatter"
+                f"force_laws[{tool}].K_tc = {force_laws[tool].K_tc} must be positive: a force that "
+                "does not grow with the chip's thickness says nothing of chatter"
             )
-        both = [in_plane(laws[tool], tools[tool], *end, thickness)[1] - side for end in ends]
+        both = [in_plane(force_laws[tool], tools[tool], *end, thickness)[1] - side for end in ends]
         radial[mine] = np.sort(np.transpose(both), axis=1) / tangential
     return radial
 

@@ -327,7 +327,7 @@ def _fill(
 ) -> None:
     """Fill ``expected`` of shape (K,) and ``out`` of shape (K, D) for one station."""
     engagement = cut.engagement
-    tool, law = cut.tools[engagement.tool[station]], cut.laws[engagement.tool[station]]
+    tool, law = cut.tools[engagement.tool[station]], cut.force_laws[engagement.tool[station]]
     slope = float(engagement.slope[station])
     lower = engagement.lower[station].astype(np.float64)
     upper = engagement.upper[station].astype(np.float64)

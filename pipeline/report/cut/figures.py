@@ -1,24 +1,22 @@
 """Figures of a cut: load and engagement over time, blocks against stability lobes and drive."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import number, real
+from pipeline.charts.numbers import number
 from pipeline.charts.svg import anchor
-from pipeline.report.cut.tables import entry, rows_of
 from pipeline.schema.arrays import Floats
+from pipeline.schema.program_cut import Curve, DriveCurve, EngagementTrace, Lobes
 
 WIDE = 10  # units of a column
 NAMES = 11  # px: where the tools' names stand
 NAMED = 0.035  # share of the program's time above which a tool's span is named
 STEPS = ((120, 1), (7200, 60), (1e300, 3600))
 """Up to how many seconds the clock counts in seconds, minutes, hours."""
-BANDS = ("load_N", "axial_depth_mm", "radial_depth_mm")
-"""Quantities of which a column holds the lowest and the highest value."""
 TOP = 42  # px: tools and head above the first panel
 LOAD_HEIGHT = 210  # px
 DEPTH_HEIGHT, DEPTH_GAP = 88, 30  # px
@@ -94,73 +92,9 @@ class Panel:
         return svg.band(self.top, self.height, WIDE * columns, content)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CutTrace:
-    """N columns of equal time; NaN where nothing is cut.
-
-    Parameters
-    ----------
-    total : float
-        Time of the program [s].
-    low, high : dict of str to array (N,)
-        Lowest and highest value in each column, by the names of :data:`BANDS`.
-    entry, exit : array (N,)
-        Least angle of entry and greatest of exit [deg].
-    tools : list of (number, start, end)
-        Spans of one tool as shares of the time [1].
-    """
-
-    total: float
-    low: dict[str, Floats]
-    high: dict[str, Floats]
-    entry: Floats
-    exit: Floats
-    tools: list[tuple[int, float, float]]
-
-    def __len__(self) -> int:
-        return len(self.entry)
-
-    @property
-    def cut(self) -> Floats:
-        """Which columns cut; shape (N,)."""
-        found: Floats = np.isfinite(self.entry)
-        return found
-
-
-def cut_trace(document: dict[str, Any]) -> CutTrace | None:
-    """The trace of a document of ``kerf simulate``; None when it has none that can be drawn."""
-    found = entry(document, "cut", "trace")
-    total = real(entry(found, "total_s"))
-    enter = _column(entry(found, "entry_deg"))
-    if total is None or total <= 0 or not np.isfinite(enter).any():
-        return None
-    low = {name: _column(entry(found, f"{name}_low")) for name in BANDS}
-    high = {name: _column(entry(found, f"{name}_high")) for name in BANDS}
-    leave = _column(entry(found, "exit_deg"))
-    if any(len(c) != len(enter) for c in (*low.values(), *high.values(), leave)):
-        return None
-    return CutTrace(
-        total=total,
-        low=low,
-        high=high,
-        entry=enter,
-        exit=leave,
-        tools=_tools(entry(found, "tools")),
-    )
-
-
-def _column(values: Any) -> Floats:
-    known = values if isinstance(values, list) else []
-    return np.array([np.nan if real(v) is None else float(v) for v in known])
-
-
-def _tools(spans: Any) -> list[tuple[int, float, float]]:
-    known = spans if isinstance(spans, list) else []
-    return [
-        (int(number), float(start), float(end))
-        for number, start, end in (s for s in known if isinstance(s, list) and len(s) == 3)
-        if None not in (real(number), real(start), real(end))
-    ]
+def values_of(curve: Curve) -> Floats:
+    """A stored curve as an array; NaN where it has no value."""
+    return np.array(curve, dtype=np.float64)
 
 
 def clock(total: float, top: float, bottom: float) -> list[Markup]:
@@ -175,7 +109,7 @@ def clock(total: float, top: float, bottom: float) -> list[Markup]:
     return parts
 
 
-def tool_spans(trace: CutTrace, bottom: float) -> list[Markup]:
+def tool_spans(trace: EngagementTrace, bottom: float) -> list[Markup]:
     """Where each tool begins, and its name above all heads where its span is wide enough."""
     parts = []
     for tool, start, end in trace.tools:
@@ -185,9 +119,9 @@ def tool_spans(trace: CutTrace, bottom: float) -> list[Markup]:
     return parts
 
 
-def load_figure(trace: CutTrace, limit: float | None, label: str) -> Markup:
+def load_figure(trace: EngagementTrace, limit: float | None, label: str) -> Markup:
     """Peak load, lowest to highest in each column; what is above ``limit`` [N] stands out."""
-    high, low = trace.high["load_N"], trace.low["load_N"]
+    high, low = values_of(trace.load_N_high), values_of(trace.load_N_low)
     known = high[np.isfinite(high)]
     top_value = max(float(known.max(initial=0.0)), limit or 0.0, 1e-6)
     panel = Panel(head="Load in the plane, N", top=TOP, height=LOAD_HEIGHT, most=1.08 * top_value)
@@ -199,9 +133,9 @@ def load_figure(trace: CutTrace, limit: float | None, label: str) -> Markup:
         over = np.where(high > limit, high, np.nan)
         drawn.append(panel.columns(np.maximum(low, limit), over, "s-over"))
     parts = [
-        *clock(trace.total, panel.top, panel.bottom),
+        *clock(trace.total_s, panel.top, panel.bottom),
         *panel.frame(),
-        panel.band(drawn, len(trace)),
+        panel.band(drawn, len(high)),
         *tool_spans(trace, panel.bottom),
     ]
     if limit is not None:
@@ -211,63 +145,56 @@ def load_figure(trace: CutTrace, limit: float | None, label: str) -> Markup:
     return svg.figure(parts, height=panel.bottom + 36, label=label, kind="golden")
 
 
-def engagement_figure(trace: CutTrace, label: str) -> Markup:
+def engagement_figure(trace: EngagementTrace, label: str) -> Markup:
     """Axial depth, radial depth, and the arc from entry to exit."""
     top: float = TOP
     parts: list[Markup] = []
     first = top
-    for name, head in (
-        ("axial_depth_mm", "Axial depth, mm"),
-        ("radial_depth_mm", "Radial depth, mm"),
+    for head, *ends in (
+        ("Axial depth, mm", trace.axial_depth_mm_low, trace.axial_depth_mm_high),
+        ("Radial depth, mm", trace.radial_depth_mm_low, trace.radial_depth_mm_high),
     ):
-        panel = _depth_panel(trace.high[name], head, top)
-        columns = panel.columns(trace.low[name], trace.high[name], "s-cut")
-        parts += [*panel.frame(), panel.band([columns], len(trace))]
+        low, high = (values_of(end) for end in ends)
+        most = float(high[np.isfinite(high)].max(initial=0.0))
+        panel = Panel(head=head, top=top, height=DEPTH_HEIGHT, most=1.08 * max(most, 1e-3))
+        parts += [*panel.frame(), panel.band([panel.columns(low, high, "s-cut")], len(high))]
         top = panel.bottom + DEPTH_GAP
+    entry, leave = values_of(trace.entry_deg), values_of(trace.exit_deg)
+    whole = np.nanmax(leave) > 180.5
     angles = Panel(
-        head="Engaged arc, °",
-        top=top, height=DEPTH_HEIGHT, most=360.0 if np.nanmax(trace.exit) > 180.5 else 180.0,
-        marks=(0, 90, 180, 270, 360) if np.nanmax(trace.exit) > 180.5 else (0, 45, 90, 135, 180),
+        head="Engaged arc, °", top=top, height=DEPTH_HEIGHT, most=360.0 if whole else 180.0,
+        marks=(0, 90, 180, 270, 360) if whole else (0, 45, 90, 135, 180),
     )  # fmt: skip
-    arc = angles.columns(trace.entry, trace.exit, "s-rapid")
-    parts += [*angles.frame(), angles.band([arc], len(trace))]
-    behind = [*clock(trace.total, first, angles.bottom), *tool_spans(trace, angles.bottom)]
+    arc = angles.columns(entry, leave, "s-rapid")
+    parts += [*angles.frame(), angles.band([arc], len(entry))]
+    behind = [*clock(trace.total_s, first, angles.bottom), *tool_spans(trace, angles.bottom)]
     return svg.figure([*behind, *parts], height=angles.bottom + 36, label=label, kind="golden")
 
 
-def _depth_panel(high: np.ndarray, head: str, top: float) -> Panel:
-    most = float(high[np.isfinite(high)].max(initial=0.0))
-    return Panel(head=head, top=top, height=DEPTH_HEIGHT, most=1.08 * max(most, 1e-3))
-
-
-def lobes_figure(lobes: dict[str, Any], label: str) -> Markup | None:
+def lobes_figure(lobes: Lobes, label: str) -> Markup | None:
     """Limit of the axial depth over speed, with the blocks that have this engagement."""
-    speeds, limit = _column(entry(lobes, "speeds_rpm")), _column(entry(lobes, "depth_limit_mm"))
-    if len(speeds) < 2 or len(speeds) != len(limit) or not np.isfinite(speeds).all():
+    speeds, limit = values_of(lobes.speeds_rpm), values_of(lobes.depth_limit_mm)
+    if len(speeds) < 2:
         return None
-    rows = rows_of(lobes, "points")[:MOST_POINTS]
     points = [
-        (real(r.get("speed_rpm")), real(r.get("axial_depth_mm")), (real(r.get("margin")) or 0) < 0)
-        for r in rows
+        (p.speed_rpm, p.axial_depth_mm, (p.margin or 0) < 0) for p in lobes.points[:MOST_POINTS]
     ]
-    depths = [d for _, d, _ in points if d is not None]
-    finite = limit[np.isfinite(limit)]
-    lowest = float(finite.min(initial=np.inf))
-    most = max([1.3 * max(depths, default=0.0), 2.5 * lowest if np.isfinite(lowest) else 0.0, 1e-3])
+    deepest = max((depth for _, depth, _ in points), default=0.0)
+    lowest = float(limit[np.isfinite(limit)].min(initial=np.inf))
+    most = max(1.3 * deepest, 2.5 * lowest if np.isfinite(lowest) else 0.0, 1e-3)
     panel = Panel(head="Axial depth, mm", top=POINT_TOP, height=POINT_HEIGHT, most=most)
     return _points_figure(
         panel, speeds, np.where(np.isnan(limit), most, limit), points, label, above=True
     )
 
 
-def drive_figure(drive: dict[str, Any], rows: list[dict[str, Any]], label: str) -> Markup | None:
+def drive_figure(drive: DriveCurve, label: str) -> Markup | None:
     """Cutting power of blocks against what the drive can give at their speed."""
-    speeds, power = _column(entry(drive, "speeds_rpm")), _column(entry(drive, "power_kW"))
-    if len(speeds) < 2 or len(speeds) != len(power) or not np.isfinite(power).any():
+    speeds, power = values_of(drive.speeds_rpm), values_of(drive.power_kW)
+    if not np.isfinite(power).any():
         return None
     points = [
-        (real(r.get("speed_rpm")), real(r.get("power_kW")), (real(r.get("drive_share")) or 0) > 1)
-        for r in rows[:MOST_POINTS]
+        (p.speed_rpm, p.power_kW, (p.drive_share or 0) > 1) for p in drive.points[:MOST_POINTS]
     ]
     found = [p for _, p, _ in points if p is not None]
     most = 1.15 * max([float(np.nanmax(power)), *found])
@@ -277,7 +204,7 @@ def drive_figure(drive: dict[str, Any], rows: list[dict[str, Any]], label: str) 
 
 def _points_figure(
     panel: Panel, speeds: np.ndarray, level: np.ndarray,
-    points: list[tuple[float | None, float | None, bool]], label: str, *, above: bool,
+    points: Sequence[tuple[float | None, float | None, bool]], label: str, *, above: bool,
 ) -> Markup:  # fmt: skip
     """A curve over speed with points; what lies ``above`` it is shaded."""
     low, high = float(speeds[0]), float(speeds[-1])

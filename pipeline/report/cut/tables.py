@@ -1,6 +1,7 @@
 """Tables of a cut: loads and cost by tool, blocks nearest to a limit, sources of the numbers."""
 
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from pipeline.charts.numbers import (
     NARROW,
@@ -10,65 +11,46 @@ from pipeline.charts.numbers import (
     duration,
     fixed,
     number,
-    real,
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers
+from pipeline.schema.program_cut import CutCost, CutTotals, ProgramCut, ToolTotals, WorstBlock
 
 NOTHING = 1e-6  # of the greatest of its kind: less is rounding
-FORCES = ("peak_load_N", "axial_force_N")
 MOST_SPANS = 8  # stretches of lines that a warning names
 NONE = "–"
+NO_COST = CutCost(time=None, tools=None, energy=None, sum=None)
 
 
-def entry(document: Any, *keys: str) -> Any:
-    """An entry of a cut's document under nested keys; None as soon as one is absent."""
-    for key in keys:
-        if not isinstance(document, dict):
-            return None
-        document = document.get(key)
-    return document
-
-
-def rows_of(document: Any, *keys: str) -> list[dict[str, Any]]:
-    """Rows of a cut's document under nested keys; empty when there are none."""
-    rows = entry(document, *keys)
-    return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
-
-
-def share(value: Any) -> str:
+def share(value: float | None) -> str:
     """A share [1] in percent; a dash where there is none."""
-    known = real(value)
-    if known is None:
+    if value is None:
         return NONE
-    if abs(known) >= 0.1:
-        return f"{fixed(100 * known, 0)}{NARROW}%"
-    return f"{number(100 * known, 2)}{NARROW}%"
+    if abs(value) >= 0.1:
+        return f"{fixed(100 * value, 0)}{NARROW}%"
+    return f"{number(100 * value, 2)}{NARROW}%"
 
 
-def _figure(value: Any, digits: int = 3) -> str:
-    known = real(value)
-    return NONE if known is None else number(value if isinstance(value, int) else known, digits)
+def _figure(value: float | None) -> str:
+    return NONE if value is None else number(value)
 
 
-def _cleared(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _cleared(rows: Sequence[ToolTotals]) -> list[ToolTotals]:
     """The rows with 0 for forces that are nothing but rounding beside the greatest."""
-    sizes = [abs(x) for row in rows for key in FORCES if (x := real(row.get(key))) is not None]
-    least = NOTHING * max(sizes, default=0.0)
+    pairs = [(row.peak_load_N, row.axial_force_N) for row in rows]
+    least = NOTHING * max((abs(x) for pair in pairs for x in pair if x is not None), default=0.0)
+
+    def cleared(value: float | None) -> float | None:
+        return 0 if value is not None and abs(value) < least else value
+
     return [
-        row | {key: 0 for key in FORCES if (x := real(row.get(key))) is not None and abs(x) < least}
-        for row in rows
+        replace(row, peak_load_N=cleared(peak), axial_force_N=cleared(axial))
+        for row, (peak, axial) in zip(rows, pairs, strict=True)
     ]
 
 
-def tool_name(number_: Any, name: Any = "") -> str:
-    """``T4 12MM ENDMILL``."""
-    return f"T{number_} {name}".strip()
-
-
-def forces_table(document: dict[str, Any], sources: list[Source]) -> Table:
+def forces_table(cut: ProgramCut, sources: list[Source]) -> Table:
     """By tool: chip, load, torque, power, deflection, stability, at the worst of its blocks."""
-    rows = _cleared(rows_of(document, "cut", "by_tool"))
     return Table(
         caption="By tool: the worst of its blocks, at the highest feed that a block reaches",
         heads=[
@@ -82,43 +64,36 @@ def forces_table(document: dict[str, Any], sources: list[Source]) -> Table:
             ),
             *numbers(("deflection", "µm"), ("stability", "")),
         ],
-        rows=[_force_row(row) for row in rows],
+        rows=[_force_row(row) for row in _cleared(cut.by_tool)],
         sources=sources,
         note="Stability is how much deeper the block could cut before it chatters; negative where "
         "it does. Deflection is of the tool alone, clamped in its holder.",
     )
 
 
-def _force_row(row: dict[str, Any]) -> list[Cell]:
+def _force_row(row: ToolTotals) -> list[Cell]:
     return cells(
-        tool_name(row.get("tool"), row.get("name")),
-        _figure(row.get("blocks")),
-        duration(row.get("in_material_s")),
-        share(row.get("air_share")),
-        _figure(row.get("feed_per_tooth_mm")),
-        _figure(row.get("chip_thickness_mm")),
-        _figure(row.get("axial_depth_mm")),
-        _figure(row.get("radial_depth_mm")),
-        _figure(row.get("peak_load_N")),
-        _figure(row.get("axial_force_N")),
-        _figure(row.get("torque_Nm")),
-        _figure(row.get("power_kW")),
-        share(row.get("drive_share")),
-        _figure(row.get("deflection_um")),
-        share(row.get("stability_margin")),
+        f"T{row.tool} {row.name}".strip(),
+        number(row.blocks),
+        duration(row.in_material_s),
+        share(row.air_share),
+        _figure(row.feed_per_tooth_mm),
+        _figure(row.chip_thickness_mm),
+        _figure(row.axial_depth_mm),
+        _figure(row.radial_depth_mm),
+        _figure(row.peak_load_N),
+        _figure(row.axial_force_N),
+        _figure(row.torque_Nm),
+        _figure(row.power_kW),
+        share(row.drive_share),
+        _figure(row.deflection_um),
+        share(row.stability_margin),
     )
 
 
-def cost_table(document: dict[str, Any], sources: list[Source]) -> Table:
+def cost_table(cut: ProgramCut, sources: list[Source]) -> Table:
     """By tool: time, volume, share of its life, cost by cause, energy."""
-    rows, currency = (
-        rows_of(document, "cut", "by_tool"),
-        str(entry(document, "cut", "currency") or ""),
-    )
-    total = entry(document, "cut", "summary")
-    every = [_cost_row(row, tool_name(row.get("tool"), row.get("name"))) for row in rows]
-    if isinstance(total, dict):
-        every.append(_cost_row(total, "the part"))
+    currency = cut.currency or ""
     return Table(
         caption="By tool: what the part costs",
         heads=[
@@ -131,30 +106,31 @@ def cost_table(document: dict[str, Any], sources: list[Source]) -> Table:
             ),
             *numbers(("energy", "kWh")),
         ],
-        rows=every,
+        rows=[
+            *(_cost_row(row, f"T{row.tool} {row.name}".strip()) for row in cut.by_tool),
+            _cost_row(cut.summary, "the part"),
+        ],
         sources=sources,
     )  # fmt: skip
 
 
-def _cost_row(row: dict[str, Any], name: str) -> list[Cell]:
-    cost = row.get("cost") if isinstance(row.get("cost"), dict) else {}
+def _cost_row(row: CutTotals, name: str) -> list[Cell]:
+    cost = row.cost or NO_COST
     return cells(
         name,
-        duration(row.get("time_s")),
-        _figure(row.get("volume_cm3")),
-        _figure(row.get("removal_rate_cm3_min")),
-        share(row.get("tool_life_share")),
-        *(_figure(entry(cost, key)) for key in ("time", "tools", "energy", "sum")),
-        _figure(row.get("energy_kWh")),
+        duration(row.time_s),
+        _figure(row.volume_cm3),
+        _figure(row.removal_rate_cm3_min),
+        share(row.tool_life_share),
+        *(_figure(one) for one in (cost.time, cost.tools, cost.energy, cost.sum)),
+        _figure(row.energy_kWh),
     )
 
 
-def worst_table(document: dict[str, Any], sources: list[Source]) -> Table | None:
+def worst_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
     """The blocks that come nearest to a limit, or beyond it."""
-    rows = rows_of(document, "cut", "worst")
-    if not rows:
+    if not cut.worst:
         return None
-    measured = entry(document, "cut", "dynamics_measured") is True
     return Table(
         caption="The blocks that come nearest to what binds them: the worst of each run of blocks",
         heads=[
@@ -164,56 +140,50 @@ def worst_table(document: dict[str, Any], sources: list[Source]) -> Table | None
                      ("axial depth", "mm"), ("radial depth", "mm"), ("power", "kW"),
                      ("deflection", "µm")),
         ],
-        rows=[_worst_row(row, measured=measured) for row in rows],
+        rows=[_worst_row(row, measured=cut.dynamics_measured) for row in cut.worst],
         sources=sources,
     )  # fmt: skip
 
 
-def _worst_row(row: dict[str, Any], *, measured: bool) -> list[Cell]:
-    used = real(row.get("used"))
-    binds = str(row.get("binds") or NOT_KNOWN)
+def _worst_row(row: WorstBlock, *, measured: bool) -> list[Cell]:
+    used, binds = row.used, row.binds or NOT_KNOWN
     grave = measured or binds != "stability"
     status = "" if used is None or used <= 1 else "failed" if grave else "attention"
     return cells(
-        str(row.get("line")),
-        f"T{row.get('tool')}",
+        str(row.line),
+        f"T{row.tool}",
         Cell(text=binds, status=status),
         share(used),
-        _figure(row.get("alike")),
-        _figure(row.get("peak_load_N")),
-        _figure(row.get("reached_feed_mm_min")),
-        _figure(round(real(row.get("speed_rpm")) or 0)),
-        _figure(row.get("feed_per_tooth_mm")),
-        _figure(row.get("axial_depth_mm")),
-        _figure(row.get("radial_depth_mm")),
-        _figure(row.get("power_kW")),
-        _figure(row.get("deflection_um")),
+        number(row.alike),
+        _figure(row.peak_load_N),
+        _figure(row.reached_feed_mm_min),
+        number(round(row.speed_rpm or 0)),
+        _figure(row.feed_per_tooth_mm),
+        _figure(row.axial_depth_mm),
+        _figure(row.radial_depth_mm),
+        _figure(row.power_kW),
+        _figure(row.deflection_um),
     )
 
 
-def warnings_pairs(document: dict[str, Any]) -> list[tuple[str, str]]:
+def warnings_pairs(cut: ProgramCut) -> list[tuple[str, str]]:
     """What to look at before the part is cut: what, and in which lines."""
     found = []
-    for row in rows_of(document, "cut", "warnings"):
-        spans = spans_of(row.get("lines"))
+    for row in cut.warnings:
+        spans = spans_of(row.lines)
         words = f"Line{'s' if len(spans) > 1 or '–' in ''.join(spans) else ''} " if spans else ""
         words += ", ".join(spans[:MOST_SPANS])
         if len(spans) > MOST_SPANS:
             words += f" and {counted(len(spans) - MOST_SPANS, 'stretch', 'stretches')} more"
-        blocks = row.get("blocks")
-        many = f" {counted(blocks, 'block')}." if isinstance(blocks, int) else ""
-        found.append((
-            sentence(str(row.get("what") or "")),
-            f"{row.get('do') or ''}{many} {words}{'.' if words else ''}".strip(),
-        ))  # fmt: skip
+        many = "" if row.blocks is None else f" {counted(row.blocks, 'block')}."
+        found.append((sentence(row.what), f"{row.do}{many} {words}{'.' if words else ''}".strip()))
     return found
 
 
-def spans_of(lines: Any) -> list[str]:
+def spans_of(lines: Iterable[int]) -> list[str]:
     """Lines as stretches: ``33``, ``111–118``."""
-    known = [n for n in lines if isinstance(n, int)] if isinstance(lines, list) else []
     spans: list[list[int]] = []
-    for line in sorted(set(known)):
+    for line in sorted(set(lines)):
         if spans and line == spans[-1][1] + 1:
             spans[-1][1] = line
         else:
@@ -226,13 +196,8 @@ def sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def basis_table(document: dict[str, Any], sources: list[Source]) -> Table:
+def basis_table(cut: ProgramCut, sources: list[Source]) -> Table:
     """What the numbers rest on: stock, force law of each tool, limits, what is not known."""
-    rows = [
-        cells(
-            str(row.get("what") or ""), str(row.get("value") or ""), str(row.get("source") or NONE)
-        )
-        for row in rows_of(document, "cut", "basis")
-    ]
+    rows = [cells(row.what, row.value, row.source or NONE) for row in cut.basis]
     heads = [Head(name="What"), Head(name="value"), Head(name="where it comes from")]
     return Table(caption="What these numbers rest on", heads=heads, rows=rows, sources=sources)

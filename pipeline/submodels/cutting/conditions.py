@@ -1,20 +1,25 @@
 """Cutting conditions of a recording: from its name, from a list by pattern, or common to all."""
 
-import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from fnmatch import fnmatchcase
+from dataclasses import asdict, dataclass
 from math import acos, isfinite, pi
-from typing import Literal
+from typing import Any, Literal
 
 from pipeline.cutting.tool import Tool
 from pipeline.schema.cutting import CutConditions
+from pipeline.signals.conditions import Condition, ConditionSources
 
 MM = 1e-3
 SAME = 1e-6
 """Relative difference below which two statements agree [1]."""
 Immersion = Literal["slot", "up", "down"]
 IMMERSIONS = ("slot", "up", "down")
+UNITS: Mapping[str, str | None] = {
+    "speed_rpm": "rev/min", "feed_mm_min": "mm/min", "feed_per_tooth_mm": "mm",
+    "axial_depth_mm": "mm", "radial_depth_mm": "mm", "immersion": None, "entry_deg": "deg",
+    "exit_deg": "deg",
+}  # fmt: skip
+"""Fields of :class:`StatedConditions` with their units; None for a word."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,98 +47,67 @@ class StatedConditions:
     exit_deg: float | None = None
 
 
-def stated_conditions(
-    recording: str,
-    pattern: str | None,
+def condition_sources(
+    name: str | None,
     by_pattern: Mapping[str, StatedConditions],
     all_of_them: StatedConditions,
-) -> StatedConditions:
-    """All that is stated about ``recording``: by its name, by the list, and for all recordings.
+) -> ConditionSources:
+    """Where the cutting conditions of recordings stand, as the shared reader takes it.
+
+    Parameters
+    ----------
+    name : str, optional
+        Regular expression whose named groups are conditions in a recording's name.
+    by_pattern : mapping of str to StatedConditions
+        Of the recordings whose names match a pattern.
+    all_of_them : StatedConditions
+        Common to all recordings.
+    """
+    return ConditionSources(
+        everywhere=_present(all_of_them), name=name, units=UNITS, section="cutting_records",
+        by_pattern={pattern: _present(one) for pattern, one in by_pattern.items()},
+    )  # fmt: skip
+
+
+def _present(stated: StatedConditions) -> dict[str, float | str]:
+    return {name: value for name, value in asdict(stated).items() if value is not None}
+
+
+def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
+    """What the sources state, in the units of the names; other conditions are left out.
 
     Raises
     ------
     ValueError
-        When the pattern is no regular expression or names what is no condition, or two sources
-        contradict each other.
+        When a value is none of the condition.
     """
-    statements = _present(all_of_them, "cutting_records.conditions")
-    for name, one in by_pattern.items():
-        if fnmatchcase(recording, name):
-            _add(statements, _present(one, f"cutting_records.by_pattern, {name!r}"))
-    if pattern is not None:
-        _add(statements, _from_name(recording, pattern))
-    stated = {name: value for name, (value, _) in statements.items()}
-    return StatedConditions(**stated)  # type: ignore[arg-type]
-
-
-def _present(stated: StatedConditions, source: str) -> dict[str, tuple[float | str, str]]:
-    return {name: (value, source) for name, value in asdict(stated).items() if value is not None}
-
-
-def _add(
-    statements: dict[str, tuple[float | str, str]], new: Mapping[str, tuple[float | str, str]]
-) -> None:
-    for name, (value, source) in new.items():
-        if name in statements and not _same(statements[name][0], value):
-            earlier, other = statements[name]
-            raise ValueError(
-                f"its {name} is {earlier} by {other} and {value} by {source}: correct one of them"
-            )
-        statements[name] = (value, source)
-
-
-def _same(one: float | str, other: float | str) -> bool:
-    if isinstance(one, str) or isinstance(other, str):
-        return one == other
-    return abs(one - other) <= SAME * max(abs(one), abs(other))
-
-
-def _from_name(recording: str, pattern: str) -> dict[str, tuple[float | str, str]]:
-    try:
-        expression = re.compile(pattern)
-    except re.error as error:
-        raise ValueError(
-            f"cutting_records.name = {pattern!r} is no regular expression: {error}"
-        ) from error
-    names = [one.name for one in fields(StatedConditions)]
-    if unknown := sorted(set(expression.groupindex) - set(names)):
-        raise ValueError(
-            f"cutting_records.name has the group {unknown[0]!r}, which is no condition: use "
-            f"{', '.join(names)}"
-        )
-    match = expression.search(recording)
-    if match is None:
-        return {}
-    statements: dict[str, tuple[float | str, str]] = {}
-    for name, text in match.groupdict().items():
-        if text is None:
+    stated: dict[str, Any] = {}
+    for name, unit in UNITS.items():
+        one = conditions.get(name)
+        if one is None:
             continue
-        if name == "immersion":
-            if text not in IMMERSIONS:
-                raise ValueError(f"its name says the immersion {text!r}: slot, up or down")
-            statements[name] = (text, "its name")
-        else:
-            statements[name] = (_number(name, text), "its name")
-    return statements
+        if unit is None and one.value not in IMMERSIONS:
+            raise ValueError(f"its {name} by {one.source} is {one.value!r}: slot, up or down")
+        stated[name] = one.value if unit is None or one.unit == unit else one.to(unit)
+    return StatedConditions(**stated)
 
 
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text.strip(".").replace(",", "."))
-    except ValueError as error:
-        raise ValueError(
-            f"its name says {name} = {text!r}, which is no number: correct cutting_records.name"
-        ) from error
+def conditions_of(conditions: Mapping[str, Condition], tool: Tool) -> CutConditions:
+    """Conditions of a cut in SI, from what its sources state.
 
-
-def conditions_of(stated: StatedConditions, tool: Tool) -> CutConditions:
-    """CutConditions in SI.
+    Parameters
+    ----------
+    conditions : mapping of str to Condition
+        As :class:`~pipeline.signals.conditions.ConditionSources` gives them.
+    tool : Tool
+        That cut.
 
     Raises
     ------
     ValueError
         When something is missing, out of its range or contradicts the rest.
     """
+    stated = _stated(conditions)
     speed = _positive("speed_rpm", stated.speed_rpm) / 60
     a_p = _positive("axial_depth_mm", stated.axial_depth_mm) * MM
     phi_st, phi_ex = _arc(stated, tool)

@@ -75,7 +75,7 @@ def _revolution(facts: CuttingFacts, ranked: CutRun, trace: CutTrace, rank: str)
         caption=f"{words}.",
         sources=verdict_sources(facts, "predictions.parquet"),
         status=run.status,
-        status_words="learnt from" if run.learnt else STATUS[run.status],
+        status_words="learnt from" if run.is_training else STATUS[run.status],
     )
 
 

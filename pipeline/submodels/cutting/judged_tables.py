@@ -124,7 +124,7 @@ def _run_row(facts: CuttingFacts, run: CutRun, cross: bool, alone: bool, why: bo
         return Cell(text=words, status="failed" if run.beyond(kind) else "")
 
     status = Cell(text="not judged" if run.status == "unknown" else run.status, status=run.status)
-    if run.learnt:
+    if run.is_training:
         status = Cell(text=USES["training"], status="unknown")
     return cells(
         Cell(text=run.recording, code=True),
@@ -153,7 +153,7 @@ def _fitted_on(facts: CuttingFacts, run: CutRun) -> str:
 
 def _why(run: CutRun) -> str:
     """Why it was not judged, unless the marks beside it say so already."""
-    return "" if run.learnt or any(run.beyond(kind) for kind in ERRORS) else run.reason
+    return "" if run.is_training or any(run.beyond(kind) for kind in ERRORS) else run.reason
 
 
 def _or_void(value: float | None) -> str:

@@ -1,28 +1,21 @@
 """Dynamometer recordings: from the Parquet of a recording to its mean revolution."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CHANNELS, CutConditions
 from pipeline.schema.verdict import Role
-from pipeline.signals.units import conversion
-from pipeline.submodels.cutting.conditions import conditions_of, stated_conditions
+from pipeline.signals import recordings
+from pipeline.signals.recordings import Channel, Recording, Samples
+from pipeline.submodels.cutting.conditions import conditions_of
 from pipeline.submodels.cutting.revolution import Revolution, mean_revolution, steady_part
-from pipeline.submodels.cutting.settings import (
-    CuttingFitSettings,
-    CuttingRecords,
-    CuttingSetup,
-    named_channels,
-)
+from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
 from pipeline.submodels.cutting.waveform import CutHarmonics
 
 JITTER = 0.02
@@ -66,6 +59,8 @@ class CuttingRecording:
         Why it is left out.
     notes : tuple of str
         Changes made to its rows.
+    file : Recording, optional
+        As the ingest wrote it.
     """
 
     name: str
@@ -76,6 +71,7 @@ class CuttingRecording:
     zero_measured: bool = False
     reason: str = ""
     notes: tuple[str, ...] = ()
+    file: Recording | None = None
 
     @property
     def is_training(self) -> bool:
@@ -96,16 +92,19 @@ class CuttingRecording:
         return self.conditions, self.revolution
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordingReader:
-    """Reader of a machine's dynamometer recordings.
+def read_recordings(
+    signals: Path, records: CuttingRecords, setup: CuttingSetup, settings: CuttingFitSettings,
+    role: Callable[[str], Role],
+) -> list[CuttingRecording]:  # fmt: skip
+    """Every dynamometer recording that the records name, in the order of their names.
+
+    One that cannot be used has the reason; a sealed one is not looked into.  The list is empty
+    without a dynamometer.
 
     Parameters
     ----------
     signals : Path
         As ``ingest`` wrote them.
-    files : mapping of str to mapping
-        Entries of the manifest by raw file.
     records : CuttingRecords
         Which recordings, their channels and conditions.
     setup : CuttingSetup
@@ -114,98 +113,59 @@ class RecordingReader:
         Settings of the fit, for the highest harmonic.
     role : callable
         Role of a recording by its name.
-    """
-
-    signals: Path
-    files: Mapping[str, Mapping[str, Any]]
-    records: CuttingRecords
-    setup: CuttingSetup
-    settings: CuttingFitSettings
-    role: Callable[[str], Role]
-
-    def recordings(self) -> list[CuttingRecording]:
-        """Every recording that the records name, in the order of their names.
-
-        One that cannot be used has the reason; a sealed one is not looked into.  The list is empty
-        without a dynamometer.
-
-        Raises
-        ------
-        ValueError
-            When none of the files fits ``cutting_records.recordings``.
-        """
-        pattern = self.records.recordings
-        if not pattern:
-            return []
-        names = [name for name in sorted(self.files) if fnmatchcase(name, pattern)]
-        if not names:
-            raise ValueError(
-                f"no recording in {self.signals} fits cutting_records.recordings = {pattern!r}: "
-                "put recordings of the dynamometer there or correct the pattern"
-            )
-        # of copies the one that is learnt from counts
-        first: dict[str, str] = {}
-        for name in sorted(names, key=lambda one: (self.role(one) != "training", one)):
-            first.setdefault(self._content(name), name)
-        recordings = []
-        for name in names:
-            original = first[self._content(name)]
-            blank = self._named(name)
-            if name != original:
-                copied = f"it is a copy of {original}: record another"
-                blank = replace(blank, conditions=None, reason=copied)
-            sealed = blank.role == "sealed" or blank.reason
-            recordings.append(blank if sealed else self.read(blank))
-        return recordings
-
-    def _content(self, name: str) -> str:
-        """What copies share: the hash of the bytes, else the name."""
-        return str(self.files[name].get("sha256") or name)
-
-    def _named(self, name: str) -> CuttingRecording:
-        """A recording before its forces are read: role and conditions, or why it is left out."""
-        sha256 = str(self.files[name].get("sha256") or "")
-        blank = CuttingRecording(name=name, sha256=sha256, role=self.role(name))
-        for pattern, reason in self.records.left_out.items():
-            if fnmatchcase(name, pattern):
-                return replace(blank, reason=reason)
-        try:
-            return replace(blank, conditions=named_conditions(name, self.records, self.setup.tool))
-        except ValueError as error:
-            return replace(blank, reason=str(error))
-
-    def read(self, blank: CuttingRecording) -> CuttingRecording:
-        """A recording with its mean revolution; left out with the reason when it cannot be used."""
-        entry, conditions = self.files[blank.name], blank.conditions
-        output = entry.get("output")
-        if conditions is None:
-            return blank
-        if not (isinstance(output, str) and output.startswith("traces/")):
-            return replace(blank, reason=entry.get("reason") or "it is no table")
-        try:
-            table = pq.read_table(self.signals / output)
-        except (OSError, pa.ArrowException):
-            return replace(blank, reason=f"{output} cannot be read: run `dvc repro`")
-        try:
-            force, rate, notes = forces(table, named_channels(self.records.channels))
-            revolution, zero_measured = steady_revolution(
-                force, rate, conditions, self.setup, self.settings
-            )
-        except ValueError as error:
-            return replace(blank, reason=str(error))
-        return replace(blank, revolution=revolution, zero_measured=zero_measured, notes=notes)
-
-
-def named_conditions(name: str, records: CuttingRecords, tool: Tool) -> CutConditions:
-    """Conditions of a recording by what is stated about it.
 
     Raises
     ------
     ValueError
-        When something is missing or contradicts the rest.
+        When none of the files fits ``cutting_records.recordings``.
     """
-    stated = stated_conditions(name, records.name, records.by_pattern, records.conditions)
-    return conditions_of(stated, tool)
+    if not records.recordings:
+        return []
+    files = recordings.read_recordings(
+        signals,
+        {name: Channel(column=column, quantity="force")
+         for name, column in records.channels.items()},
+        patterns=[records.recordings],
+        conditions=records.sources,
+        preferred=lambda name: role(name) == "training",
+        section="cutting_records.recordings",
+    )  # fmt: skip
+    blanks = [_unread(file, records, setup.tool, role(file.name)) for file in files]
+    return [
+        one if one.role == "sealed" or one.reason else with_revolution(one, setup, settings)
+        for one in blanks
+    ]
+
+
+def _unread(
+    file: Recording, records: CuttingRecords, tool: Tool, role: Role
+) -> CuttingRecording:  # fmt: skip
+    """A recording before its forces are read: role and conditions, or why it is left out."""
+    left_out = (why for of, why in records.left_out.items() if fnmatchcase(file.name, of))
+    reason = next(left_out, "" if file.conditions else file.reason)
+    one = CuttingRecording(
+        name=file.name, sha256=file.sha256, role=role, reason=reason or file.reason, file=file
+    )
+    if reason:
+        return one
+    try:
+        return replace(one, conditions=conditions_of(file.conditions, tool))
+    except ValueError as error:
+        return replace(one, reason=str(error))
+
+
+def with_revolution(
+    one: CuttingRecording, setup: CuttingSetup, settings: CuttingFitSettings
+) -> CuttingRecording:
+    """A recording with its mean revolution; left out with the reason when it cannot be used."""
+    if one.conditions is None or one.file is None:
+        return one
+    try:
+        force, rate, notes = forces(one.file.load())
+        revolution, zero_measured = steady_revolution(force, rate, one.conditions, setup, settings)
+    except ValueError as error:
+        return replace(one, reason=str(error))
+    return replace(one, revolution=revolution, zero_measured=zero_measured, notes=notes)
 
 
 def cut_harmonics(recording: CuttingRecording, settings: CuttingFitSettings) -> CutHarmonics:
@@ -269,17 +229,18 @@ def entry_time(conditions: CutConditions, tool: Tool) -> float:
     return tool.radius / conditions.feed
 
 
-def forces(table: pa.Table, channels: list[str]) -> tuple[Floats, float, tuple[str, ...]]:
-    """Channels [N], shape (T, 3), the sampling rate [1/s], and the changes made.
+def forces(samples: Samples) -> tuple[Floats, float, tuple[str, ...]]:
+    """Channels x, y, z [N], shape (T, 3), the sampling rate [1/s], and the changes made.
 
     Raises
     ------
     ValueError
         When a channel or the time is missing or unusable.
     """
-    values = np.stack([_channel(table, name) for name in channels], axis=1)
-    time = _time(table)
-    whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    if samples.lacking:
+        raise UnusableRecording(next(iter(samples.lacking.values())))
+    values = np.stack([samples.channels[name] for name in CHANNELS], axis=1)
+    time, whole = samples.time, samples.complete()
     if whole.sum() < 2:
         raise UnusableRecording("it holds no row with all three forces")
     first, last = np.flatnonzero(whole)[[0, -1]]
@@ -298,34 +259,6 @@ def forces(table: pa.Table, channels: list[str]) -> tuple[Floats, float, tuple[s
     lost = len(whole) - int(whole.sum())
     notes = (f"{lost} rows without a value at its ends left out",) if lost else ()
     return values[within], 1 / period, notes
-
-
-def _channel(table: pa.Table, name: str) -> Floats:
-    if name not in table.column_names:
-        raise UnusableRecording(f"it has no channel {name!r}: record it or correct its name")
-    field = table.schema.field(name)
-    if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
-        raise UnusableRecording(f"its channel {name!r} holds words: name a channel of numbers")
-    unit = (field.metadata or {}).get(b"unit", b"").decode()
-    try:
-        factor, offset = conversion(unit, "N")
-    except ValueError as error:
-        raise UnusableRecording(
-            f"its channel {name!r} is in {unit or 'no unit'}: {error}"
-        ) from error
-    values: Floats = table[name].cast(pa.float64()).to_numpy(zero_copy_only=False)
-    return values * factor + offset
-
-
-def _time(table: pa.Table) -> Floats:
-    if "t" in table.column_names:
-        return np.array(table["t"].to_numpy(zero_copy_only=False), np.float64)
-    if "time" not in table.column_names:
-        raise UnusableRecording(
-            "it has no time: name its time column or its rate in the table's layout"
-        )
-    ns = table["time"].cast(pa.int64()).to_numpy()
-    return np.asarray((ns - ns[0]) * 1e-9, np.float64)
 
 
 def _check_range(force: Floats) -> None:

@@ -61,7 +61,7 @@ class CutRun:
         return self.row.recording
 
     @property
-    def learnt(self) -> bool:
+    def is_training(self) -> bool:
         """Whether the fit that predicts it was made on it."""
         return self.waveform.role == "training" and not self.fitted_on
 
@@ -100,7 +100,7 @@ class CutRun:
     def beyond(self, kind: str) -> bool:
         """Whether an error of what was not learnt from is above its limit."""
         error, limit = self.size(kind), self.limit(kind)
-        return not self.learnt and error is not None and limit is not None and error > limit
+        return not self.is_training and error is not None and limit is not None and error > limit
 
     def plain_better(self, kind: str = "rms") -> bool:
         """Whether the plain guess comes closer than the model."""

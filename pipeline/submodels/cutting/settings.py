@@ -11,7 +11,8 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CHANNELS
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.search.genetic import GeneticSettings
-from pipeline.submodels.cutting.conditions import StatedConditions
+from pipeline.signals.conditions import ConditionSources
+from pipeline.submodels.cutting.conditions import StatedConditions, condition_sources
 from pipeline.submodels.cutting.spindle_load.records import SpindleLoadRecords
 
 
@@ -140,21 +141,6 @@ class CuttingSetup:
             )
 
 
-def named_channels(channels: Mapping[str, str]) -> list[str]:
-    """Names of the channels x, y, z in the recordings.
-
-    Raises
-    ------
-    ValueError
-        When one is missing, or there is another.
-    """
-    if sorted(channels) != list(CHANNELS):
-        raise ValueError(
-            f"cutting_records.channels has {', '.join(sorted(channels)) or 'none'}: name x, y and z"
-        )
-    return [channels[one] for one in CHANNELS]
-
-
 @dataclass(frozen=True, kw_only=True)
 class CuttingLimits(Ranged, section="cutting_limits"):
     """Limits on the error of predicted cutting forces.
@@ -210,9 +196,18 @@ class CuttingRecords:
     spindle: SpindleLoadRecords | None = None
 
     def __post_init__(self) -> None:
-        named_channels(self.channels)
+        if sorted(self.channels) != list(CHANNELS):
+            raise ValueError(
+                f"cutting_records.channels has {', '.join(sorted(self.channels)) or 'none'}: name "
+                "x, y and z"
+            )
         if not self.recordings and self.spindle is None:
             raise ValueError(
                 "cutting_records names neither recordings of a dynamometer nor logs of the "
                 "spindle's load: write recordings or spindle"
             )
+
+    @property
+    def sources(self) -> ConditionSources:
+        """Where the conditions of a recording stand."""
+        return condition_sources(self.name, self.by_pattern, self.conditions)

@@ -17,13 +17,14 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.cutting.conditions import MM
+from pipeline.submodels.cutting.conditions import conditions_of as cut_conditions
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
 from pipeline.submodels.cutting.model import restored
 from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
 from pipeline.submodels.cutting.recordings import (
     CuttingRecording,
-    RecordingReader,
-    named_conditions,
+    read_recordings,
+    with_revolution,
 )
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.settings import (
@@ -121,20 +122,16 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         def role(name: str) -> Role:
             return role_of([name], settings.roles, sets)
 
-        reader = RecordingReader(
-            signals=signals, files=files, records=wanted, setup=settings.cutting,
-            settings=settings.cutting_fit, role=role,
-        )  # fmt: skip
         cases: list[Case] = []
         left_out: list[LeftOut] = []
-        for one in reader.recordings():
+        for one in read_recordings(signals, wanted, settings.cutting, settings.cutting_fit, role):
             if one.reason:
                 left_out.append(LeftOut(case=one.name, reason=one.reason))
                 continue
             cases.append(
                 Case(
                     name=one.name, group=one.name, role=one.role, files=sources(files, [one.name]),
-                    load=_loader(reader, one), conditions=_facts(one.conditions),
+                    load=_loader(one, settings), conditions=_facts(one.conditions),
                 )
             )  # fmt: skip
         for log in load_logs(files, wanted.spindle) if wanted.spindle is not None else []:
@@ -222,9 +219,13 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         return cutting_page(shown)
 
 
-def _loader(reader: RecordingReader, one: CuttingRecording) -> Callable[[], CuttingRecording]:
-    """Content of a recording; a sealed one is read when it is asked for."""
-    return lambda: reader.read(one) if one.revolution is None else one
+def _loader(
+    one: CuttingRecording, settings: Fitting | Judging
+) -> Callable[[], CuttingRecording]:  # fmt: skip
+    """Content of a recording; a sealed one is read when it is needed."""
+    if one.revolution is not None:
+        return lambda: one
+    return lambda: with_revolution(one, settings.cutting, settings.cutting_fit)
 
 
 def _constant(content: LoadLog) -> Callable[[], LoadLog]:
@@ -256,10 +257,8 @@ def _recordings(cases: Cases, settings: Fitting) -> list[CuttingRecording]:
         role: Role = "training" if settings.roles.is_training(lost.case) else "held_out"
         one = CuttingRecording(name=lost.case, sha256="", role=role, reason=lost.reason)
         try:
-            conditions = named_conditions(
-                lost.case, settings.cutting_records, settings.cutting.tool
-            )
-            one = replace(one, conditions=conditions)
+            stated = settings.cutting_records.sources.of(lost.case)
+            one = replace(one, conditions=cut_conditions(stated, settings.cutting.tool))
         except ValueError:  # the reason says so where it matters
             pass
         recordings.append(one)

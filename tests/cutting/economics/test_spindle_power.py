@@ -1,4 +1,4 @@
-"""Power and torque of a spindle over its speed, and force out of power."""
+"""Power of a spindle over its speed."""
 
 from dataclasses import replace
 
@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from pipeline.cutting.economics.spindle_power import (
     SpindleDrive,
     available_power,
-    available_torque,
     cutting_power,
     motor_power,
     no_load_power,
-    tangential_force,
 )
 
 DRIVE = SpindleDrive(
@@ -23,17 +21,17 @@ DRIVE = SpindleDrive(
 )  # fmt: skip
 
 
-@given(st.floats(0.01, 8000 / 60))
-def test_power_is_torque_times_speed(n: float) -> None:
-    power = 2 * np.pi * n * available_torque(n, DRIVE)
-    assert available_power(n, DRIVE) == pytest.approx(power, rel=1e-12)
-
-
-def test_torque_is_constant_below_and_power_above_the_base_speed() -> None:
-    assert available_torque(1.0, DRIVE) == available_torque(25.0, DRIVE)
-    assert available_torque(25.0, DRIVE) == pytest.approx(11e3 / (2 * np.pi * 25))
+def test_power_rises_with_speed_up_to_the_base_speed_and_stays() -> None:
+    assert available_power(5.0, DRIVE) == pytest.approx(11e3 * 5 / 25)
     assert available_power(25.0, DRIVE) == available_power(130.0, DRIVE) == 11e3
-    assert np.isnan(available_power(134.0, DRIVE)) and np.isnan(available_torque(134.0, DRIVE))
+    assert np.isnan(available_power(134.0, DRIVE))
+
+
+@given(st.floats(0.0, 50.0), st.floats(5.0, 130.0))
+def test_the_motor_gives_the_cut_and_the_turning_without_it(torque: float, n: float) -> None:
+    given_ = DRIVE.efficiency * motor_power(torque, n, DRIVE)
+    cut, none = cutting_power(torque, n), no_load_power(n, DRIVE)
+    assert given_ == pytest.approx(float(cut + none), rel=1e-12)
 
 
 def test_no_load_power_is_its_polynomial() -> None:
@@ -41,40 +39,15 @@ def test_no_load_power_is_its_polynomial() -> None:
     assert no_load_power(-20.0, DRIVE) == no_load_power(20.0, DRIVE)
 
 
-@given(st.floats(0.0, 50.0), st.floats(5.0, 130.0), st.floats(1e-3, 0.1))
-def test_force_comes_back_from_the_power_that_it_takes(torque: float, n: float, D: float) -> None:
-    force = tangential_force(motor_power(torque, n, DRIVE), n, D, DRIVE)
-    assert force == pytest.approx(2 * torque / D, rel=1e-9, abs=1e-6 / D)
-    assert cutting_power(torque, n) == pytest.approx(float(force) * np.pi * D * n, abs=1e-6)
-
-
-def test_power_and_force_of_a_worked_example() -> None:
-    """10 N m at 1200 rpm: 1256.64 W cut, 100 + 80 + 20 W to turn, 85 % of 1713.69 W at the shaft.
-
-    A mill of 20 mm then runs at 75.398 m/min; 1000 N at 10 mm are those 10 N m.
-    """
+def test_power_of_a_worked_example() -> None:
+    """10 N m at 1200 rpm: 1256.64 W cut, 200 W to turn, 85 % of 1713.69 W at the shaft."""
     assert cutting_power(10.0, 20.0) == pytest.approx(1256.637, abs=1e-3)
     assert motor_power(10.0, 20.0, DRIVE) == pytest.approx(1713.691, abs=1e-3)
-    assert tangential_force(1713.691, 20.0, 0.02, DRIVE) == pytest.approx(1000.0, abs=1e-3)
 
 
 def test_turning_never_gives_power_whatever_its_polynomial() -> None:
     falling = replace(DRIVE, no_load_W=(100.0, -10.0))
     assert no_load_power([5.0, 20.0], falling).tolist() == [50.0, 0.0]
-
-
-@pytest.mark.parametrize("D", [0.0, -0.01, np.nan, np.inf])
-def test_a_tool_without_a_diameter_has_no_force(D: float) -> None:
-    with pytest.raises(ValueError, match=f"D = {D} of the tool must be positive and finite"):
-        tangential_force(500.0, 20.0, [0.01, D], DRIVE)
-
-
-def test_near_standstill_there_is_no_force_to_tell() -> None:
-    """As printed it is P / v_c, which grows without bound."""
-    n = np.array([0.0, 1e-9, 4.9, 5.0])
-    force = tangential_force(500.0, n, 0.01, DRIVE)
-    assert np.isnan(force).tolist() == [True, True, True, False]
-    assert np.array_equal(force[3], tangential_force(500.0, -5.0, 0.01, DRIVE))
 
 
 @pytest.mark.parametrize(

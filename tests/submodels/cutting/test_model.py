@@ -96,7 +96,7 @@ def conditions(f_z, **changed):
     })  # fmt: skip
 
 
-def learnt(feeds=(5e-5, 1e-4), phases=(0.3, 1.9)):
+def residuals_of(feeds=(5e-5, 1e-4), phases=(0.3, 1.9)):
     """Recordings of A f_z + B at some phases, of which the model says nothing."""
     order = np.arange(9)[:, None]
     cuts = [
@@ -110,18 +110,18 @@ def learnt(feeds=(5e-5, 1e-4), phases=(0.3, 1.9)):
 
 
 def test_it_is_affine_in_the_feed():
-    (found,) = learnt()
+    (found,) = residuals_of()
     exact = 100 * LINES[0] + 1e6 * 7e-5 * LINES[1]
     assert found.at(7e-5, 8) == pytest.approx(exact)
 
 
 def test_one_feed_makes_it_constant():
-    (found,) = learnt((5e-5, 5.1e-5))
+    (found,) = residuals_of((5e-5, 5.1e-5))
     assert np.abs(found.slope).max() == 0.0
 
 
 def test_far_beyond_the_feeds_it_does_not_run_away():
-    (found,) = learnt()
+    (found,) = residuals_of()
     assert found.at(3e-4, 8) == pytest.approx(found.at(1.25e-4, 8))
 
 
@@ -134,7 +134,7 @@ def test_far_beyond_the_feeds_it_does_not_run_away():
     ],
 )  # fmt: skip
 def test_it_says_nothing_of_other_conditions(other):
-    (found,) = learnt()
+    (found,) = residuals_of()
     assert not found.covers(other)
     assert found.covers(conditions(7e-5, speed=100.5))
 

@@ -10,9 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.cutting.tool import Tool
-from pipeline.submodels.cases import Records, Roles, role_of
-from pipeline.submodels.cutting.conditions import StatedConditions, conditions_of, stated_conditions
-from pipeline.submodels.cutting.recordings import RecordingReader
+from pipeline.submodels.cases import Roles, role_of
+from pipeline.submodels.cutting.conditions import StatedConditions, condition_sources, conditions_of
+from pipeline.submodels.cutting.recordings import read_recordings
 from pipeline.submodels.cutting.settings import CuttingRecords, CuttingSetup, Dynamometer
 from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import RATE, SETTINGS, clean, known_of
@@ -29,7 +29,7 @@ def conditions_by(
     said: StatedConditions = StatedConditions(),  # noqa: B008 - it is frozen
     **patterns: StatedConditions,
 ):
-    return conditions_of(stated_conditions(name, NAME, patterns, said), TOOL)
+    return conditions_of(condition_sources(NAME, patterns, said).of(name), TOOL)
 
 
 def test_a_name_tells_all():
@@ -108,7 +108,7 @@ def test_a_pattern_adds_to_a_name():
 @pytest.mark.parametrize("pattern", ["(?P<speed>", "(?P<revs>x)"])
 def test_a_wrong_expression_is_named(pattern):
     with pytest.raises(ValueError, match=r"cutting_records\.name"):
-        stated_conditions("x", pattern, {}, StatedConditions())
+        condition_sources(pattern, {}, StatedConditions()).of("x")
 
 
 TRUTH = Truth(flutes=2, runout=0.003, runout_angle=0.0)
@@ -144,12 +144,10 @@ def write(folder, files, unit="NEWTON", names="xyz", time=None):
 
 def read(folder, records=RECORDS, known=None):
     """All recordings of a folder; those named slot are learnt from."""
-    reader = RecordingReader(
-        signals=folder, files=Records(signals=folder).files, records=records,
-        setup=known or known_of(TRUTH), settings=SETTINGS,
-        role=lambda name: role_of([name], Roles(training=("slot*",))),
+    return read_recordings(
+        folder, records, known or known_of(TRUTH), SETTINGS,
+        lambda name: role_of([name], Roles(training=("slot*",))),
     )  # fmt: skip
-    return reader.recordings()
 
 
 def test_roles_and_copies(tmp_path):
@@ -205,7 +203,7 @@ def drifting(force):
         (drifting, "drifts by"),
         (lambda force: force[:300], "6 are the least"),
         (lambda force: 0 * force, "there is no cut in it"),
-        (lambda force: force[:0], "no row with all three forces"),
+        (lambda force: force[:0], "it has no rows: record it again"),
     ],
 )
 def test_what_cannot_be_used_is_left_out_with_its_reason(tmp_path, change, reason):
@@ -241,7 +239,7 @@ def test_a_pattern_without_recordings_is_an_error(tmp_path):
     with pytest.raises(ValueError, match=r"cutting_records\.recordings = '\*\.txt'"):
         read(tmp_path, other)
     (tmp_path / "manifest.json").unlink()
-    with pytest.raises(ValueError, match="is no manifest: run `dvc repro ingest`"):
+    with pytest.raises(ValueError, match=r"manifest\.json cannot be read: run `dvc repro`"):
         read(tmp_path)
 
 

@@ -24,10 +24,10 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 from pipeline.stages.compose import composed
-from pipeline.submodels.cases import Records, Roles, role_of
+from pipeline.submodels.cases import Roles, role_of
 from pipeline.submodels.cutting.coefficients import parameters
 from pipeline.submodels.cutting.identify import identify_cutting_force
-from pipeline.submodels.cutting.recordings import RecordingReader
+from pipeline.submodels.cutting.recordings import read_recordings
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
 from tests.small_project import ROOT
 
@@ -48,23 +48,22 @@ def held(machine, folder, seed):
     known = section(f"machine.{machine}.cutting", CuttingSetup)
     roles = section(f"machine.{machine}.roles", Roles)
     settings = CuttingFitSettings(compare=False)
-    reader = RecordingReader(
-        signals=signals, files=Records(signals=signals).files, setup=known, settings=settings,
-        records=section(f"machine.{machine}.cutting_records", CuttingRecords),
-        role=lambda name: role_of([name], roles),
-    )  # fmt: skip
-    found = identify_cutting_force(reader.recordings(), known, settings)
+    records = section(f"machine.{machine}.cutting_records", CuttingRecords)
+    recordings = read_recordings(
+        signals, records, known, settings, lambda name: role_of([name], roles)
+    )
+    found = identify_cutting_force(recordings, known, settings)
     waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
-    inside, told = [], []
-    for way, some in (("waveform", waveform), ("mean force", found.mean_force)):
+    inside, determined = [], []
+    for method, some in (("waveform", waveform), ("mean force", found.mean_force)):
         for one in some:
             if one.name not in (*COEFFICIENTS, "runout") or one.half_width is None:
                 continue
-            told.append((way, one.name))
+            determined.append((method, one.name))
             true = truth["parameters"][one.name]
             if abs(one.value - true) <= one.half_width:
-                inside.append((way, one.name))
-    return inside, told
+                inside.append((method, one.name))
+    return inside, determined
 
 
 @pytest.mark.slow
@@ -73,10 +72,10 @@ def test_intervals_hold_the_truth_of_the_shop(machine, tmp_path):
     with threadpool_limits(1), Pool(2) as pool:
         found = pool.map(partial(held, machine, tmp_path), range(FIRST, FIRST + SEEDS), chunksize=1)
     inside = Counter(name for some, _ in found for name in some)
-    told = Counter(name for _, some in found for name in some)
-    lines = [f"{machine} {way} {name}: {inside[way, name]} of {n}\n" for (way, name), n in
-             sorted(told.items())]  # fmt: skip
+    determined = Counter(name for _, some in found for name in some)
+    lines = [f"{machine} {method} {name}: {inside[method, name]} of {n}\n" for (method, name), n in
+             sorted(determined.items())]  # fmt: skip
     sys.stdout.writelines(lines)
     names = [("waveform", k) for k in COEFFICIENTS]
-    assert all(name in told for name in names)
-    assert sum(inside[n] for n in names) >= 0.9 * sum(told[n] for n in names)
+    assert all(name in determined for name in names)
+    assert sum(inside[n] for n in names) >= 0.9 * sum(determined[n] for n in names)

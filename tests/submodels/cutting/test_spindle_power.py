@@ -301,22 +301,6 @@ def test_more_samples_of_one_level_do_not_make_rounding_smaller() -> None:
         assert float(found.deviation[0]) == pytest.approx(150.0 / np.sqrt(12), rel=1e-9)
 
 
-def test_a_known_edge_force_takes_its_uncertainty_along() -> None:
-    random = np.random.default_rng(3)
-    free = load_levels(no_load_log(random, SPEEDS, step=0.1, noise=0.1), SCALE)
-    cuts = load_levels(cut_log(random, CUTS, step=0.1, noise=0.1, spread=0.01), SCALE)
-    idle = no_load(free)
-    sure, loose, sought = (
-        specific_force(cuts, idle, edge=(K_TE, 0.0)).fit,
-        specific_force(cuts, idle, edge=(K_TE, 0.3 * K_TE)).fit,
-        specific_force(cuts, idle).fit,
-    )
-    assert sure.half_width[0] < loose.half_width[0]
-    assert sure.half_width[0] < sought.half_width[0]
-    for fit in (sure, loose, sought):
-        assert abs(fit.values[0] - K_TC) <= fit.half_width[0]
-
-
 def test_cuts_beyond_the_speeds_of_the_no_load_record_do_not_count() -> None:
     random = np.random.default_rng(4)
     free = load_levels(no_load_log(random, SPEEDS[:4], step=0.1, noise=0.1), SCALE)

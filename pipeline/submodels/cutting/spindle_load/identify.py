@@ -312,8 +312,6 @@ def power_parameters(
         force.value / N_MM2, half / N_MM2, unit="N/mm^2", widest=widest, method=method
     )
     method = f"least squares on {force.cuts} levels of cutting, no-load power taken off"
-    if force.edge is not None:
-        method += f", edge force of {force.edge[0] / N_MM:.3g} N/mm known"
     terms = (("K_tc", N_MM2, "N/mm^2"), ("K_te", N_MM, "N/mm"))
     for k, (name, scale, unit) in enumerate(terms[: len(force.fit.values)]):
         rows[name] = fitted_parameter(

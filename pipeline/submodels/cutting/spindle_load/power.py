@@ -111,20 +111,15 @@ class SpecificForce:
         Of K_tc [N/m^2], then of K_te [N/m] where the cuts were to determine it.
     cuts : int
         Number of levels.
-    edge : tuple of float, optional
-        K_te and its standard deviation [N/m], where it was given.
     """
 
     value: float
     half_width: float
     fit: Regression
     cuts: int
-    edge: tuple[float, float] | None
 
 
-def specific_force(
-    levels: Levels, idle: NoLoad, *, edge: tuple[float, float] | None = None
-) -> SpecificForce:
+def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
     """Specific cutting force from levels with a cut at speeds of the no-load record.
 
     The no-load power's own uncertainty is counted, common to cuts at the same speed.
@@ -135,8 +130,6 @@ def specific_force(
         Those without removal are left out.
     idle : NoLoad
         Of the same spindle.
-    edge : tuple of float, optional
-        K_te and its standard deviation [N/m] from elsewhere; otherwise it is estimated too.
 
     Raises
     ------
@@ -146,20 +139,15 @@ def specific_force(
     cuts = _cuts(levels, idle)
     power, covariance = _above_no_load(cuts, idle)
     alone = regression(cuts.removal[:, None], power, covariance, np.abs(power))
-    total, total_covariance = power, covariance
-    terms = 2 if edge is None and cuts.edge.any() else 1
-    if edge is not None:
-        power = power - edge[0] * cuts.edge
-        covariance = covariance + edge[1] ** 2 * np.outer(cuts.edge, cuts.edge)
+    terms = 2 if cuts.edge.any() else 1
     design = np.stack([cuts.removal, cuts.edge], axis=1)[:, :terms]
     fit = regression(design, power, covariance, np.abs(power))
     weight = np.full(len(cuts), 1.0 / cuts.removal.sum())
     return SpecificForce(
-        value=float(weight @ total),
-        half_width=_together(weight, total_covariance, total, (fit, alone)),
+        value=float(weight @ power),
+        half_width=_together(weight, covariance, power, (fit, alone)),
         fit=fit,
         cuts=len(cuts),
-        edge=edge,
     )
 
 

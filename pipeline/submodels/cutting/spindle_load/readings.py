@@ -142,13 +142,13 @@ STEADY = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Visits:
-    """V stays in one line each, of T readings.
+class _LineRuns:
+    """V runs of readings in one line each, of T readings.
 
     Parameters
     ----------
     first : ndarray of int, shape (V + 1,)
-        First reading of each stay, and T.
+        First reading of each run, and T.
     line : ndarray of int, shape (V,)
         Line; 0 outside of the program.
     programmed, travelled : ndarray, shape (V,)
@@ -215,18 +215,18 @@ def cut_log(log: Readings, lines: Lines, *, settle_s: float, name: str, program:
     ValueError
         When the log is not of this program.
     """
-    visits = _visits(log, lines)
-    _check_program(log, lines, visits, name, program)
-    cut = runs(_in_air(log, lines, visits, settle_s))
+    line_runs = _line_runs(log, lines)
+    _check_program(log, lines, line_runs, name, program)
+    cut = runs(_in_air(log, lines, line_runs, settle_s))
     number = int(cut.max(initial=-1)) + 1
     area, edge = np.zeros(len(cut)), np.zeros(len(cut))
     step = np.nan_to_num(log.feed) * log.period
-    for visit in np.flatnonzero(visits.matching & visits.conclusive).tolist():
-        here = slice(int(visits.first[visit]), int(visits.first[visit + 1]))
-        difference = visits.programmed[visit] - visits.travelled[visit]
+    for k in np.flatnonzero(line_runs.matching & line_runs.conclusive).tolist():
+        here = slice(int(line_runs.first[k]), int(line_runs.first[k + 1]))
+        difference = line_runs.programmed[k] - line_runs.travelled[k]
         position = np.cumsum(step[here]) - step[here] + difference / 2
-        uncertainty = float(abs(difference) / 2 + visits.per_period[visit])
-        for one in lines.stretches.get(int(visits.line[visit]), ()):
+        uncertainty = float(abs(difference) / 2 + line_runs.per_period[k])
+        for one in lines.stretches.get(int(line_runs.line[k]), ()):
             run = runs(_steady_within(one, position, uncertainty, log.feed[here]))
             rows = np.flatnonzero(run >= 0) + here.start
             cut[rows] = number + run[run >= 0]
@@ -254,12 +254,12 @@ def unused_lines(
     return [number for number in logged if number not in used]
 
 
-def _visits(log: Readings, lines: Lines) -> _Visits:
+def _line_runs(log: Readings, lines: Lines) -> _LineRuns:
     line = np.where((log.line > 0) & (log.line < len(lines.length)), log.line, 0)
     begins = np.diff(line, prepend=-1) != 0
     first = np.flatnonzero(begins)
     feed = np.nan_to_num(log.feed)
-    return _Visits(
+    return _LineRuns(
         first=np.append(first, len(line)),
         line=line[first],
         programmed=lines.length[line[first]],
@@ -270,7 +270,7 @@ def _visits(log: Readings, lines: Lines) -> _Visits:
 
 
 def _check_program(
-    log: Readings, lines: Lines, visits: _Visits, name: str, program: str
+    log: Readings, lines: Lines, line_runs: _LineRuns, name: str, program: str
 ) -> None:  # fmt: skip
     highest = int(log.line.max())
     if highest >= len(lines.length):
@@ -278,25 +278,25 @@ def _check_program(
             f"{name} is not of {program}: it was in line {highest}, the program's last is "
             f"{len(lines.length) - 1}; name the program that ran"
         )
-    conclusive = visits.conclusive
+    conclusive = line_runs.conclusive
     if not conclusive.any():
         raise ValueError(
             f"{name} stays in no line of {program} long enough to tell where the tool is: log the "
             "line more often, or cut longer passes"
         )
-    if visits.matching[conclusive].mean() < AGREE:
-        worst = int(np.argmax(np.abs(visits.programmed - visits.travelled) * conclusive))
+    if line_runs.matching[conclusive].mean() < AGREE:
+        worst = int(np.argmax(np.abs(line_runs.programmed - line_runs.travelled) * conclusive))
         raise ValueError(
-            f"{name} is not of {program}: in line {visits.line[worst]} it went "
-            f"{1e3 * visits.travelled[worst]:.0f} mm, the program "
-            f"{1e3 * visits.programmed[worst]:.0f} mm; name the program that ran"
+            f"{name} is not of {program}: in line {line_runs.line[worst]} it went "
+            f"{1e3 * line_runs.travelled[worst]:.0f} mm, the program "
+            f"{1e3 * line_runs.programmed[worst]:.0f} mm; name the program that ran"
         )
 
 
-def _in_air(log: Readings, lines: Lines, visits: _Visits, settle_s: float) -> Bools:
+def _in_air(log: Readings, lines: Lines, line_runs: _LineRuns, settle_s: float) -> Bools:
     """Readings of a spindle without load at one speed for ``settle_s``."""
-    free = (visits.line > 0) & ~lines.cuts[visits.line]
-    air = np.repeat(free, np.diff(visits.first))
+    free = (line_runs.line > 0) & ~lines.cuts[line_runs.line]
+    air = np.repeat(free, np.diff(line_runs.first))
     last = np.maximum.accumulate(np.where(air, -np.inf, log.times))  # reading that was not in air
     since: Bools = air & (log.times - last >= settle_s)
     return since & settled(log.times, log.speed, settle_s=settle_s)
