@@ -9,7 +9,7 @@ from pipeline.schema.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
-class Certainty:
+class Uncertainty:
     """How well a fit determines its parameters.
 
     Parameters
@@ -30,8 +30,8 @@ class Certainty:
     correlation: Floats
 
 
-def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Certainty:
-    """Certainty of a least-squares optimum from its Jacobian, residuals and blocks.
+def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
+    """Uncertainty of a least-squares optimum from its Jacobian, residuals and blocks.
 
     The residuals of a fitted recording hang together over minutes to hours, so that the textbook
     covariance s^2 (J'J)^-1 is far too narrow.  This one is clustered: H^-1 (sum_b g_b g_b') H^-1
@@ -68,7 +68,7 @@ def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) ->
     covariance /= np.outer(scale, scale)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     safe = np.where(deviation > 0, deviation, 1.0)
-    return Certainty(
+    return Uncertainty(
         covariance=covariance,
         half_width=student.ppf(0.975, freedom) * deviation if enough else np.full(n, np.inf),
         condition=condition,

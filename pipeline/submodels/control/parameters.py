@@ -32,7 +32,7 @@ class FreeParameter:
     start : float
         Where the search begins.
     log_scale : bool
-        Whether it is sought on a logarithmic scale; times are not, they may be 0.
+        Whether it is fitted on a logarithmic scale; times are not, they may be 0.
     remedy : str
         What to record when it is not determined.
     units : tuple of str
@@ -98,9 +98,9 @@ _SPINDLE: dict[str, Quantity] = {
 
 
 def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[FreeParameter]:
-    """What is sought: rates and accelerations in the plane and of Z, corners, waiting times.
+    """Parameters to fit: rates and accelerations in the plane and of Z, corners, waiting times.
 
-    Rapid rates and corners, which shops set, are sought for each of ``units``, everything else for
+    Rapid rates and corners, which shops set, are fitted for each of ``units``, everything else for
     all together.  Limits of cutting are the same for X, Y and Z.
 
     Parameters
@@ -157,7 +157,7 @@ def control_of(
     Parameters
     ----------
     start : ControlParameters
-        Of what is not sought.
+        Of what is not fitted.
     free : sequence of FreeParameter
         What ``values`` are of.
     values : ndarray, shape (D,)

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import Range, Ranged
-from pipeline.submodels.statistics import Certainty, certainty
+from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,19 +222,19 @@ def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
         )  # fmt: skip
     scale = np.sqrt(products[excited])
     halves = regressors[:, :, excited] / scale
-    found, sure, rms = _two_stage(halves, y, blocks)
+    found, uncertainty, rms = _two_stage(halves, y, blocks)
     free = _free(halves, least)
     values[excited] = found / scale
-    half_width[excited] = np.where(free, np.inf, sure.half_width / scale)
+    half_width[excited] = np.where(free, np.inf, uncertainty.half_width / scale)
     interchangeable[excited] = free
-    correlation[np.ix_(excited, excited)] = sure.correlation
+    correlation[np.ix_(excited, excited)] = uncertainty.correlation
     return SplitFit(
         values=values, half_width=half_width, excited=excited, interchangeable=interchangeable,
-        condition=sure.condition, correlation=correlation, rms=rms,
+        condition=uncertainty.condition, correlation=correlation, rms=rms,
     )  # fmt: skip
 
 
-def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Certainty, float]:
+def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Uncertainty, float]:
     both = np.concatenate([halves[0], halves[1]])
     swapped = np.concatenate([halves[1], halves[0]])
     twice = np.concatenate([y, y])
@@ -242,8 +242,8 @@ def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Certain
     stage = swapped @ np.linalg.lstsq(swapped, both, rcond=_ROUNDING)[0]
     found = np.linalg.lstsq(stage, twice, rcond=_ROUNDING)[0]
     residuals = twice - both @ found
-    sure = certainty(stage, residuals, np.concatenate([blocks, blocks]))
-    return found, sure, float(np.sqrt(np.mean(residuals**2)))
+    uncertainty = uncertainty_of(stage, residuals, np.concatenate([blocks, blocks]))
+    return found, uncertainty, float(np.sqrt(np.mean(residuals**2)))
 
 
 def _free(halves: Floats, least: float) -> Bools:

@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.statistics import Certainty, certainty, gains
+from pipeline.submodels.statistics import Uncertainty, gains, uncertainty_of
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import (
     TARGET,
@@ -178,7 +178,7 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFit:
-    """The network found, and how sure it is.
+    """The network found, and its uncertainty.
 
     ``names``, ``values`` and ``half_width`` are in the order of the fit, in the units of
     the fit: the logarithm of rates and of the capacity ratio, a source's heating [K/s] at its root
@@ -188,7 +188,7 @@ class SpindleFit:
     parameters: SpindleThermalParameters
     names: tuple[str, ...]
     values: Floats
-    sure: Certainty
+    uncertainty: Uncertainty
     cost: float
     rmse_K: float
     evaluations: int
@@ -201,7 +201,7 @@ def excited(pieces: Sequence[StateSegment], sources: Sequence[str]) -> list[str]
 
 
 def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
-    """Best end of several starts, with its certainty."""
+    """Best end of several starts, with its uncertainty."""
     from scipy.optimize import approx_fprime, least_squares
 
     settings = problem.settings
@@ -226,7 +226,7 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
         parameters=problem.parameters(best.x),
         names=tuple(problem.names),
         values=best.x,
-        sure=certainty(jacobian, r * (1 + z) ** 0.25, problem.blocks),
+        uncertainty=uncertainty_of(jacobian, r * (1 + z) ** 0.25, problem.blocks),
         cost=float(best.cost),
         rmse_K=float(np.sqrt(np.mean(r**2))),
         evaluations=sum(end.nfev for end in ends) * (len(problem.names) + 1),
@@ -263,7 +263,7 @@ def fit_network(
         if weakest is None or ratio > 1:
             return replace(fit, left_out=left_out)
         i = fit.names.index(weakest)
-        width = fit.sure.half_width[i] / problem.scale[weakest]
+        width = fit.uncertainty.half_width[i] / problem.scale[weakest]
         value = max(fit.parameters.heating[weakest], 0.0)
         shown = 0.0 if value < 1e-3 * width else value  # a value at its bound is 0, not 1e-20
         left_out[weakest] = (
@@ -277,7 +277,7 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
     ratios = {}
     for name in sources:
         i = fit.names.index(name)
-        width = fit.sure.half_width[i]
+        width = fit.uncertainty.half_width[i]
         at_bound = fit.values[i] < 1e-9
         unknown = at_bound or not np.isfinite(width)
         ratios[name] = 0.0 if unknown else fit.values[i] / max(width, 1e-300)
@@ -355,8 +355,8 @@ def identify_spindle_network(
     errors = {n: days_left_out(pieces, records, settings, fit) for n, fit in fits.items()}
     scores = {n: float(np.sqrt(e.mean())) for n, e in errors.items() if len(e)}
     enough = gains(errors[1], errors[2])
-    sure = all(is_determined(fits[2], name) for name in fits[2].names)
-    return fits[2 if enough and sure else 1], scores
+    determined = all(is_determined(fits[2], name) for name in fits[2].names)
+    return fits[2 if enough and determined else 1], scores
 
 
 def is_determined(fit: SpindleFit, name: str) -> bool:
@@ -366,7 +366,7 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     surround when it is known within 5 K.  Heat sources that are not determined were left out.
     """
     i = fit.names.index(name)
-    width, value = fit.sure.half_width[i], fit.values[i]
+    width, value = fit.uncertainty.half_width[i], fit.values[i]
     if name in SOURCES:
         return True
     if name in ("ambient", "ambient_offset"):

@@ -246,7 +246,7 @@ def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
     units = {"capacity_ratio": "1", "ambient": "CELSIUS", "ambient_offset": "K"}
     found = {}
     for i, name in enumerate(fit.names):
-        value, width = float(fit.values[i]), min(float(fit.sure.half_width[i]), 50.0)
+        value, width = float(fit.values[i]), min(float(fit.uncertainty.half_width[i]), 50.0)
         if name in logs:
             low, high, value = np.exp([value - width, value + width, value]).tolist()
         elif name in SOURCES:
@@ -290,13 +290,15 @@ def _facts(
     pieces: Sequence[StateSegment],
     settings: SpindleFitSettings,
 ) -> SpindleFitFacts:
-    correlation: list[list[float]] = np.round(fit.sure.correlation, 3).tolist()
+    correlation: list[list[float]] = np.round(fit.uncertainty.correlation, 3).tolist()
     return SpindleFitFacts(
         step_s=settings.step_s,
         nodes=fit.parameters.nodes,
         rmse_K=round(fit.rmse_K, 4),
         rmse_days_left_out_K={str(n): round(s, 4) for n, s in scores.items()},
-        condition=round(fit.sure.condition, 3) if np.isfinite(fit.sure.condition) else None,
+        condition=round(fit.uncertainty.condition, 3)
+        if np.isfinite(fit.uncertainty.condition)
+        else None,
         correlation=Correlation(names=fit.names, values=tuple(map(tuple, correlation))),
         evaluations=fit.evaluations,
         seconds=round(sum(len(p.frame) * p.step for p in pieces)),

@@ -17,7 +17,7 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
     PositionDisturbance,
     block_numbers,
     correlation_rows,
-    dynamics_certainty,
+    dynamics_uncertainty,
     instrumental,
     is_better,
     position_disturbance,
@@ -102,10 +102,10 @@ def test_the_genetic_algorithm_sees_the_same_sum_of_squares():
 
 def test_instruments_find_the_mass_that_noise_hides():
     rows, found = found_on(moved(noise=1.0, noisy_acceleration=1.0))
-    sure = dynamics_certainty(rows, found)
+    uncertainty = dynamics_uncertainty(rows, found)
     assert found.value("mass") < 0.8 * TRUE["mass"]  # errors in variables
     better = instrumental(rows, found)
-    assert better is not None and is_better(better, found, sure.half_width, 0.5)
+    assert better is not None and is_better(better, found, uncertainty.half_width, 0.5)
     at = found.names.index("mass")
     assert better.half_width[at] < 0.1 * TRUE["mass"]
     # Huber's weights, of residuals that hold the same noise, leave a part of the bias
@@ -116,7 +116,7 @@ def test_instruments_are_not_taken_where_nothing_is_gained():
     rows, found = found_on(moved(noise=1.0))
     better = instrumental(rows, found)
     assert better is not None
-    assert not is_better(better, found, dynamics_certainty(rows, found).half_width, 0.5)
+    assert not is_better(better, found, dynamics_uncertainty(rows, found).half_width, 0.5)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.8, 0.95])

@@ -68,7 +68,7 @@ def test_the_95_percent_interval_holds_the_truth(nodes: int, seeds: int, days: i
         pieces = days_of(truth, seed, days, noise_K=1.5, whole_degrees=True, gap=True)
         problem = Problem(pieces, RECORDS, QUICK, sources, nodes)
         fit = solve(problem, [problem.start(1500.0)])
-        held += np.abs(fit.values - problem.position(truth)) <= fit.sure.half_width
+        held += np.abs(fit.values - problem.position(truth)) <= fit.uncertainty.half_width
     wanted = 0.85 if nodes == 1 else 0.78  # blocks of an hour are short against a body's hours
     assert (held >= wanted * seeds).all(), dict(zip(problem.names, held, strict=True))
 

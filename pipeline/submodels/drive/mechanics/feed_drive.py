@@ -59,7 +59,7 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.statistics import Certainty
+from pipeline.submodels.statistics import Uncertainty
 
 NARROWER = 5.0
 """Bounds of least squares over those of the genetic algorithm, which needs a smaller box [1]."""
@@ -210,28 +210,38 @@ def identify_feed_drive(
     bandwidth = settings.bandwidth_Hz or parallel_bandwidth(training, axis, settings.shortest_s)
     motions, rows, delay = aligned(training, axis, bandwidth)
     points = friction_points(constant_speed_segments(motions, settings.shortest_s))
-    found, sure = determined_dynamics(rows, [one.velocity for one in points], settings.widest)
+    found, uncertainty = determined_dynamics(
+        rows, [one.velocity for one in points], settings.widest
+    )
     # forces in newton, where a recorded load determines the force constant
     constant = None
     if record.force_unit != "N":
-        constant = force_constant_by_load(found, sure, settings.widest)
+        constant = force_constant_by_load(found, uncertainty, settings.widest)
     if constant is not None:
         training = with_force_constant(training, axis, constant.value)
         record = training[0].axes[axis]
         motions, rows, delay = aligned(training, axis, bandwidth)
         points = friction_points(constant_speed_segments(motions, settings.shortest_s))
-        found, sure = determined_dynamics(rows, [one.velocity for one in points], settings.widest)
+        found, uncertainty = determined_dynamics(
+            rows, [one.velocity for one in points], settings.widest
+        )
     # the effect of the filter, and the other methods
     others = at_other_bandwidths(training, axis, bandwidth, delay, found)
     methods, blind = _compared(rows, found, points, record.force_unit, settings)
-    factor = None if constant is not None else load_factor(found, sure)
-    found, sure, others, how = _chosen(
-        rows, found, sure, others, blind, bandwidth=bandwidth, settings=settings
+    factor = None if constant is not None else load_factor(found, uncertainty)
+    found, uncertainty, others, how = _chosen(
+        rows, found, uncertainty, others, blind, bandwidth=bandwidth, settings=settings
     )
     # from Coulomb levels to named parameters with intervals
     split = gravity_split(found, known.axis(axis).coulomb)
     estimated = estimates(
-        found, sure.half_width, sure.correlation, others, split, widest=settings.widest, how=how
+        found,
+        uncertainty.half_width,
+        uncertainty.correlation,
+        others,
+        split,
+        widest=settings.widest,
+        how=how,
     )
     estimated = with_load(estimated, constant, factor, settings.widest)
     return FeedDriveFit(
@@ -242,8 +252,8 @@ def identify_feed_drive(
         feed_drive=feed_drive_of(estimated, record.force_constant),
         points=tuple(points), methods=methods, samples=len(rows.force), delay=delay,
         relative_error_percent=_percent(found.residuals, rows.force),
-        bandwidth_Hz=np.nan if bandwidth is None else bandwidth, condition=sure.condition,
-        rank=_rank(rows, found), correlation=sure.correlation,
+        bandwidth_Hz=np.nan if bandwidth is None else bandwidth, condition=uncertainty.condition,
+        rank=_rank(rows, found), correlation=uncertainty.correlation,
         correlated=tuple(n for n, s in zip(found.names, found.fitted, strict=True) if s),
         recordings=tuple(one.name for one in training),
     )  # fmt: skip
@@ -252,24 +262,26 @@ def identify_feed_drive(
 def _chosen(
     rows: Regressors,
     found: Dynamics,
-    sure: Certainty,
+    uncertainty: Uncertainty,
     others: list[Dynamics],
     blind: Dynamics | None,
     *,
     bandwidth: float | None,
     settings: DriveFitSettings,
-) -> tuple[Dynamics, Certainty, list[Dynamics], str]:
+) -> tuple[Dynamics, Uncertainty, list[Dynamics], str]:
     """Optimum of the chosen method, by instruments where these are better; and its name."""
     if settings.method == "genetic" and blind is not None:
-        return blind, sure, others, GENETIC
+        return blind, uncertainty, others, GENETIC
     better = instrumental(rows, found)
     if better is None:
-        return found, sure, others, FITTED
-    if is_better(better, found, sure.half_width, settings.widest):
-        return *replaced(rows, found, sure, better), [], INSTRUMENTAL
+        return found, uncertainty, others, FITTED
+    if is_better(better, found, uncertainty.half_width, settings.widest):
+        return *replaced(rows, found, uncertainty, better), [], INSTRUMENTAL
     if bandwidth is None:
-        sure = replace(sure, half_width=biased_half_width(better, found, sure.half_width))
-    return found, sure, others, FITTED
+        uncertainty = replace(
+            uncertainty, half_width=biased_half_width(better, found, uncertainty.half_width)
+        )
+    return found, uncertainty, others, FITTED
 
 
 def _training(recordings: Sequence[Recording], axis: str) -> list[Recording]:

@@ -27,11 +27,11 @@ from pipeline.submodels.drive.mechanics.motion import Motion, motion
 from pipeline.submodels.drive.mechanics.uncertainty import (
     Instrumental,
     disturbance_weights,
-    dynamics_certainty,
+    dynamics_uncertainty,
     position_disturbance,
 )
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.statistics import Certainty
+from pipeline.submodels.statistics import Uncertainty
 
 OTHER_BANDWIDTHS = (0.5, 2.0)
 """Bandwidths of repeated fits over the chosen one [1]; their differences widen the intervals."""
@@ -78,7 +78,7 @@ def _enough(rows: Regressors, axis: str) -> Regressors:
 
 def determined_dynamics(
     rows: Regressors, steady: Sequence[float], widest: float
-) -> tuple[Dynamics, Certainty]:
+) -> tuple[Dynamics, Uncertainty]:
     """Optimum in the parameters that the rows determine.
 
     A direction whose v_s or F_s - F_c is too uncertain is fitted without either, and so is one
@@ -102,11 +102,11 @@ def determined_dynamics(
     found = least_squares_dynamics(rows, fitted)
     shares = weights_by_position(rows, found)
     found = least_squares_dynamics(rows, fitted, shares)
-    sure = dynamics_certainty(rows, found)
-    while (loose := _loosest(found, sure, slowest, widest)).any():
+    uncertainty = dynamics_uncertainty(rows, found)
+    while (loose := _loosest(found, uncertainty, slowest, widest)).any():
         found = least_squares_dynamics(rows, found.fitted & ~loose, shares)
-        sure = dynamics_certainty(rows, found)
-    return found, sure
+        uncertainty = dynamics_uncertainty(rows, found)
+    return found, uncertainty
 
 
 def weights_by_position(rows: Regressors, found: Dynamics) -> Floats | None:
@@ -133,10 +133,12 @@ def _steady(rows: Regressors, steady: Sequence[float]) -> tuple[dict[str, float]
     return slowest, single
 
 
-def _loosest(found: Dynamics, sure: Certainty, slowest: dict[str, float], widest: float) -> Bools:
+def _loosest(
+    found: Dynamics, uncertainty: Uncertainty, slowest: dict[str, float], widest: float
+) -> Bools:
     """Parameters to take out next; shape (D,)."""
     half = np.full(len(found.values), np.inf)
-    half[found.fitted] = sure.half_width
+    half[found.fitted] = uncertainty.half_width
     width = dict(zip(found.names, half.tolist(), strict=True))
     amplitudes = {}
     for direction in DIRECTIONS:
@@ -190,17 +192,17 @@ def at_other_bandwidths(
 
 
 def replaced(
-    rows: Regressors, found: Dynamics, sure: Certainty, better: Instrumental
-) -> tuple[Dynamics, Certainty]:
+    rows: Regressors, found: Dynamics, uncertainty: Uncertainty, better: Instrumental
+) -> tuple[Dynamics, Uncertainty]:
     """The optimum with the instrumental estimates in place of those of least squares."""
     values, half = found.values.copy(), np.zeros(len(found.values))
     values[better.index] = better.values
-    half[found.fitted] = sure.half_width
+    half[found.fitted] = uncertainty.half_width
     half[better.index] = better.half_width
     residuals = rows.force - modelled_force(rows, values)
     return (
         replace(found, values=values, residuals=residuals),
-        replace(sure, half_width=half[found.fitted]),
+        replace(uncertainty, half_width=half[found.fitted]),
     )
 
 
@@ -208,17 +210,19 @@ ROWS = 30
 """Least number of rows of a recording for a load factor [1]."""
 
 
-def load_factor(found: Dynamics, sure: Certainty) -> Factor | None:
+def load_factor(found: Dynamics, uncertainty: Uncertainty) -> Factor | None:
     """Factor c of the load in training recordings; None where none has a load."""
     if "load" not in found.names or not found.fitted[found.names.index("load")]:
         return None
     at = int(np.count_nonzero(found.fitted[: found.names.index("load")]))
-    return Factor(value=found.value("load"), half_width=float(sure.half_width[at]))
+    return Factor(value=found.value("load"), half_width=float(uncertainty.half_width[at]))
 
 
-def force_constant_by_load(found: Dynamics, sure: Certainty, widest: float) -> Factor | None:
+def force_constant_by_load(
+    found: Dynamics, uncertainty: Uncertainty, widest: float
+) -> Factor | None:
     """K = 1 / c [N/A] of a fit in the command's unit; None where the load does not determine it."""
-    factor = load_factor(found, sure)
+    factor = load_factor(found, uncertainty)
     if factor is None or not factor.is_determined(widest) or factor.value < 0:
         return None
     k = 1 / factor.value
@@ -288,7 +292,7 @@ def held_out_load_factor(
         values=whole, fitted=only, weights=np.ones(len(own)), residuals=own - slopes @ values,
         evaluations=1,
     )  # fmt: skip
-    factor = load_factor(found, dynamics_certainty(rows, found))
+    factor = load_factor(found, dynamics_uncertainty(rows, found))
     return None if factor is None else replace(factor, zero=float(values[1]))
 
 

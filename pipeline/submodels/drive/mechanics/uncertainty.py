@@ -1,6 +1,6 @@
 """Uncertainty of the inverse dynamics: clusters, position-dependent disturbance, noise bias.
 
-* Residuals of a record are autocorrelated; :func:`~pipeline.submodels.statistics.certainty`
+* Residuals of a record are autocorrelated; :func:`~pipeline.submodels.statistics.uncertainty_of`
   clusters them in blocks, each ``BLOCK`` times as long as their autocorrelation reaches.
 * Cogging, pitch errors and the guideway disturb the force as a function of position, not of time.
   A slow stroke stays at one position: all of its samples share one disturbance, and so does every
@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.drive.mechanics.inverse_dynamics import LOGS, Dynamics, Regressors, jacobian
-from pipeline.submodels.statistics import Certainty, certainty
+from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 BLOCK = 8.0
 """Length of a block of residuals over their autocorrelation length [1]."""
@@ -61,21 +61,21 @@ def block_numbers(rows: Regressors, residuals: Floats, parameters: int) -> Ints:
     return numbers
 
 
-def dynamics_certainty(rows: Regressors, found: Dynamics) -> Certainty:
-    """Certainty of the parameters that were fitted, in their order."""
+def dynamics_uncertainty(rows: Regressors, found: Dynamics) -> Uncertainty:
+    """Uncertainty of the parameters that were fitted, in their order."""
     weights = np.sqrt(found.weights)
     slopes = jacobian(rows, found.values)[:, found.fitted] * weights[:, None]
     residuals = found.residuals * weights
     blocks = block_numbers(rows, residuals, int(found.fitted.sum()))
-    sure = certainty(slopes, residuals, blocks)
+    uncertainty = uncertainty_of(slopes, residuals, blocks)
     # clusters underestimate the variance in a direction that only few blocks excite
-    least = np.maximum(sure.half_width, _textbook(slopes, residuals))
+    least = np.maximum(uncertainty.half_width, _textbook(slopes, residuals))
     added, quantile = _by_position(rows, found, slopes * weights[:, None])
-    covariance = sure.covariance + added
+    covariance = uncertainty.covariance + added
     widened = np.hypot(least, quantile * np.sqrt(np.diag(added)))
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-200))
     return replace(
-        sure, covariance=covariance, half_width=widened,
+        uncertainty, covariance=covariance, half_width=widened,
         correlation=covariance / np.outer(deviation, deviation),
     )  # fmt: skip
 

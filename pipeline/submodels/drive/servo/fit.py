@@ -39,13 +39,13 @@ from pipeline.submodels.drive.servo.equation import (
     servo_records,
 )
 from pipeline.submodels.drive.servo.search import (
-    ServoCertainty,
     ServoOptimum,
+    ServoUncertainty,
     genetic_servo,
     greatest_unseen,
     least_squares_servo,
     selected_servo,
-    servo_certainty,
+    servo_uncertainty,
 )
 
 FITTED = "the servo's own equation on recorded reference, position and command"
@@ -146,14 +146,16 @@ def identify_servo(
         equation, slower = (servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
     except ValueError as error:
         return _without(nominal, unit, f"axis {axis}: {error}")
-    best, sure, determined = _determined(
+    best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest
     )
     methods, best = _methods(equation, best, settings, unit)
-    found = _Terms.of(nominal, best, sure, determined)
+    found = _Terms.of(nominal, best, uncertainty, determined)
     found.add_rounding(nominal, constants, records[0].period)
     found.take_none_seen(equation, slower, best)
-    return replace(_fit(equation, found, sure, methods, unit, bandwidth), left_out=tuple(others))
+    return replace(
+        _fit(equation, found, uncertainty, methods, unit, bandwidth), left_out=tuple(others)
+    )
 
 
 @dataclass(kw_only=True)
@@ -169,14 +171,14 @@ class _Terms:
 
     @classmethod
     def of(
-        cls, nominal: Nominal, best: ServoOptimum, sure: ServoCertainty, determined: Bools
+        cls, nominal: Nominal, best: ServoOptimum, uncertainty: ServoUncertainty, determined: Bools
     ) -> "_Terms":
         values = best.values.copy()
         values[TX] = max(values[TX] - values[TH], 0.0)
         values[[TX, TV]] = np.where(values[[TX, TV]] < SHORTEST, 0.0, values[[TX, TV]])
         return cls(
-            values=values, low=np.maximum(values - sure.half_width, 0.0),
-            high=values + sure.half_width, determined=determined.copy(),
+            values=values, low=np.maximum(values - uncertainty.half_width, 0.0),
+            high=values + uncertainty.half_width, determined=determined.copy(),
             how=[
                 _how(nominal, k, bool(determined[k]), bool(best.fitted[k]))
                 for k in range(len(TERMS))
@@ -221,18 +223,20 @@ def _without(nominal: Nominal, unit: str, reason: str) -> ServoFit:
 
 def _determined(
     equation: ServoEquation, slower: ServoEquation, best: ServoOptimum, widest: float
-) -> tuple[ServoOptimum, ServoCertainty, Bools]:
+) -> tuple[ServoOptimum, ServoUncertainty, Bools]:
     """Optimum with the listed value of scales that are not determined, and which are."""
     while True:
-        sure = servo_certainty(equation, slower, best)
+        uncertainty = servo_uncertainty(equation, slower, best)
         least = np.zeros(len(TERMS))
         least[[TX, TV]] = equation.period
-        determined: Bools = 2 * sure.half_width <= widest * np.maximum(np.abs(best.values), least)
+        determined: Bools = 2 * uncertainty.half_width <= widest * np.maximum(
+            np.abs(best.values), least
+        )
         open_ = [k for k in SCALES if best.fitted[k] and not determined[k]
                  and equation.nominal.named(TERMS[k])]  # fmt: skip
         if not open_:
-            return best, sure, determined
-        worst = max(open_, key=lambda k: sure.half_width[k] / best.values[k])
+            return best, uncertainty, determined
+        worst = max(open_, key=lambda k: uncertainty.half_width[k] / best.values[k])
         values, fitted = best.values.copy(), best.fitted.copy()
         values[worst], fitted[worst] = 1.0, False
         again = least_squares_servo(equation, values, fitted)
@@ -264,7 +268,7 @@ def _how(nominal: Nominal, term: int, determined: bool, fitted: bool) -> str:
 
 
 def _fit(
-    equation: ServoEquation, found: _Terms, sure: ServoCertainty,
+    equation: ServoEquation, found: _Terms, uncertainty: ServoUncertainty,
     methods: tuple[dict[str, Any], ...], unit: str, bandwidth: float,
 ) -> ServoFit:  # fmt: skip
     nominal = equation.nominal
@@ -282,6 +286,6 @@ def _fit(
         servo=None if open_ else nominal.servo(found.values), reason=lacking if open_ else "",
         methods=methods, samples=equation.rows, bandwidth_Hz=bandwidth,
         relative_error_percent=100 * found.error / equation.spread,
-        condition=sure.condition, rank=sure.rank, correlated=sure.correlated,
-        correlation=sure.correlation,
+        condition=uncertainty.condition, rank=uncertainty.rank, correlated=uncertainty.correlated,
+        correlation=uncertainty.correlation,
     )  # fmt: skip

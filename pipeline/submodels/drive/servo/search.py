@@ -1,4 +1,4 @@
-"""Search for the servo that explains the command best, and the certainty of its parameters.
+"""Search for the servo that explains the command best, and the uncertainty of its parameters.
 
 Least squares from several starts and a genetic algorithm minimise the same error, the RMSE of the
 command in :class:`ServoEquation`.  Optional terms are added one after the other while they improve
@@ -27,7 +27,7 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoEquation,
 )
-from pipeline.submodels.statistics import certainty
+from pipeline.submodels.statistics import uncertainty_of
 
 SHARES = (0.0, 0.5, 0.9)
 """Shares of velocity feed-forward where a search begins [1]."""
@@ -185,8 +185,8 @@ _FEWEST = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServoCertainty:
-    """Certainty of the terms of a servo.
+class ServoUncertainty:
+    """Uncertainty of the terms of a servo.
 
     Parameters
     ----------
@@ -253,10 +253,10 @@ def _with(
     return replace(found, evaluations=found.evaluations + best.evaluations)
 
 
-def servo_certainty(
+def servo_uncertainty(
     equation: ServoEquation, slower: ServoEquation, found: ServoOptimum
-) -> ServoCertainty:
-    """Certainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
+) -> ServoUncertainty:
+    """Uncertainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
 
     Parameters
     ----------
@@ -275,15 +275,15 @@ def servo_certainty(
     length = BLOCK * correlation_rows(residuals, equation.stretch)
     length = max(min(length, len(residuals) / (_FEWEST * max(int(inside.sum()), 1))), 1.0)
     blocks = (np.arange(len(residuals)) / length).astype(np.int64)
-    sure = certainty(slopes, residuals, blocks)
+    uncertainty = uncertainty_of(slopes, residuals, blocks)
     again = least_squares_servo(slower, found.values, found.fitted, found.values)
     half = np.full(len(TERMS), np.inf)
-    half[inside] = sure.half_width + np.abs(again.values - found.values)[inside]
+    half[inside] = uncertainty.half_width + np.abs(again.values - found.values)[inside]
     half[inside] += CLOCK * np.abs(found.values[inside])
     scaled = slopes / np.where((norm := np.linalg.norm(slopes, axis=0)) > 0, norm, 1.0)
-    return ServoCertainty(
-        half_width=half, condition=sure.condition, rank=int(np.linalg.matrix_rank(scaled)),
-        correlation=sure.correlation,
+    return ServoUncertainty(
+        half_width=half, condition=uncertainty.condition, rank=int(np.linalg.matrix_rank(scaled)),
+        correlation=uncertainty.correlation,
         correlated=tuple(t for t, i in zip(TERMS, inside, strict=True) if i),
     )  # fmt: skip
 
@@ -295,6 +295,6 @@ def greatest_unseen(
     fitted = best.fitted.copy()
     fitted[term] = True
     tried = least_squares_servo(equation, best.values, fitted, best.values)
-    half = servo_certainty(equation, slower, tried).half_width[term]
+    half = servo_uncertainty(equation, slower, tried).half_width[term]
     most = float(tried.values[term] + half) if np.isfinite(half) else np.inf
     return most if most <= NONE_SEEN * (1.0 if term == FV else equation.steepest) else None
