@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
 
-from pipeline.schema.model import Model
+from pipeline.schema.model import Model, Parameter
 from pipeline.schema.verdict import Fact, Verdict
 from pipeline.submodels.cases import Case, Cases, Records
 
@@ -177,8 +177,6 @@ class Shown(Generic[M]):
         What is true of a simulated machine.
     clean : Path or None
         Folder of the machine's clean records.
-    truth_file : Path or None
-        Of the truth.
     shelf : object
         Through which further files are read, so that the page can name its sources.
     folder : Path
@@ -194,7 +192,10 @@ class Shown(Generic[M]):
     shelf: Any = None
     folder: Path = Path()
     clean: Path | None = None
-    truth_file: Path | None = None
+
+    def parameters(self, group: str = "") -> Mapping[str, Parameter]:
+        """Parameters of a group by name; none without a model."""
+        return {} if self.model is None else self.model.parameters.get(group, {})
 
 
 def submodels() -> list[str]:

@@ -9,7 +9,7 @@ from pipeline.schema.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
-class Certainty:
+class Uncertainty:
     """How well a fit determines its parameters.
 
     Parameters
@@ -30,8 +30,8 @@ class Certainty:
     correlation: Floats
 
 
-def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Certainty:
-    """Certainty of a least-squares optimum from its Jacobian, residuals and blocks.
+def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
+    """Uncertainty of a least-squares optimum from its Jacobian, residuals and blocks.
 
     The residuals of a fitted recording hang together over minutes to hours, so that the textbook
     covariance s^2 (J'J)^-1 is far too narrow.  This one is clustered: H^-1 (sum_b g_b g_b') H^-1
@@ -68,12 +68,37 @@ def certainty(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) ->
     covariance /= np.outer(scale, scale)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     safe = np.where(deviation > 0, deviation, 1.0)
-    return Certainty(
+    return Uncertainty(
         covariance=covariance,
         half_width=student.ppf(0.975, freedom) * deviation if enough else np.full(n, np.inf),
         condition=condition,
         correlation=covariance / np.outer(safe, safe),
     )
+
+
+def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
+    """Half of the 95 % interval if residuals were independent, of standard deviation ``noise``.
+
+    Clustered residuals underestimate the variance in a direction that only few blocks excite: where
+    two parameters do the same to these, the residuals have no part along their difference.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (N, D)
+        Of the residuals.
+    noise : float
+        In the unit of the residuals.
+
+    Returns
+    -------
+    ndarray, shape (D,)
+    """
+    length = np.linalg.norm(jacobian, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
+    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
+    half_width: Floats = 2 * noise * spread / length
+    return half_width
 
 
 LEVEL = 0.05

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from pipeline.submodels.statistics import certainty
+from pipeline.submodels.statistics import uncertainty_of
 
 
 def problem(n: int, d: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -25,7 +25,7 @@ def test_it_is_the_sandwich_written_out_block_by_block() -> None:
         meat += np.outer(score, score)
     n_blocks = len(np.unique(blocks))
     wanted = bread @ meat @ bread * n_blocks / (n_blocks - 3)
-    found = certainty(jacobian, residuals, blocks)
+    found = uncertainty_of(jacobian, residuals, blocks)
     np.testing.assert_allclose(found.covariance, wanted, rtol=1e-8)
     deviation = np.sqrt(np.diag(wanted))
     np.testing.assert_allclose(
@@ -40,8 +40,8 @@ def test_the_order_and_the_names_of_blocks_do_not_matter() -> None:
     jacobian, residuals = problem(60, 2, 2)
     blocks = np.repeat(np.arange(12), 5)
     shuffled = np.random.default_rng(3).permutation(60)
-    first = certainty(jacobian, residuals, blocks)
-    second = certainty(jacobian[shuffled], residuals[shuffled], 7 * blocks[shuffled] + 100)
+    first = uncertainty_of(jacobian, residuals, blocks)
+    second = uncertainty_of(jacobian[shuffled], residuals[shuffled], 7 * blocks[shuffled] + 100)
     np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-10)
 
 
@@ -49,15 +49,15 @@ def test_of_independent_samples_it_is_the_textbook_covariance() -> None:
     """s^2 (J'J)^-1: at 40 000 samples the two differ by a few of sqrt(2 / N)."""
     jacobian, residuals = problem(40_000, 3, 4)
     textbook = np.linalg.inv(jacobian.T @ jacobian) * (residuals @ residuals) / (40_000 - 3)
-    found = certainty(jacobian, residuals, np.arange(40_000))
+    found = uncertainty_of(jacobian, residuals, np.arange(40_000))
     np.testing.assert_allclose(np.diag(found.covariance), np.diag(textbook), rtol=0.04)
 
 
 def test_repeating_every_sample_does_not_make_it_surer() -> None:
     """The textbook's interval would be narrower by sqrt(10)."""
     jacobian, residuals = problem(200, 2, 5)
-    once = certainty(jacobian, residuals, np.arange(200))
-    repeated = certainty(
+    once = uncertainty_of(jacobian, residuals, np.arange(200))
+    repeated = uncertainty_of(
         np.repeat(jacobian, 10, axis=0), np.repeat(residuals, 10), np.repeat(np.arange(200), 10)
     )
     np.testing.assert_allclose(once.half_width, repeated.half_width, rtol=1e-9)
@@ -66,21 +66,21 @@ def test_repeating_every_sample_does_not_make_it_surer() -> None:
 def test_the_condition_does_not_depend_on_units() -> None:
     jacobian, residuals = problem(50, 3, 6)
     blocks = np.arange(50)
-    scaled = certainty(jacobian * [1e-6, 1.0, 1e6], residuals, blocks)
-    assert scaled.condition == pytest.approx(certainty(jacobian, residuals, blocks).condition)
+    scaled = uncertainty_of(jacobian * [1e-6, 1.0, 1e6], residuals, blocks)
+    assert scaled.condition == pytest.approx(uncertainty_of(jacobian, residuals, blocks).condition)
     assert scaled.condition >= 1
 
 
 def test_a_direction_that_nothing_determines_shows() -> None:
     jacobian, _ = problem(50, 2, 7)
     twice = np.column_stack([jacobian[:, 0], jacobian[:, 0], jacobian[:, 1]])
-    found = certainty(twice, np.random.default_rng(8).normal(size=50), np.arange(50))
+    found = uncertainty_of(twice, np.random.default_rng(8).normal(size=50), np.arange(50))
     assert found.condition > 1e12
     assert (found.half_width[:2] > 1e6 * found.half_width[2]).all()
 
 
 @pytest.mark.parametrize("blocks", [1, 2, 3])
-def test_no_more_blocks_than_parameters_are_no_certainty(blocks: int) -> None:
+def test_no_more_blocks_than_parameters_give_no_interval(blocks: int) -> None:
     jacobian, residuals = problem(30, 3, 9)
-    found = certainty(jacobian, residuals, np.arange(30) % blocks)
+    found = uncertainty_of(jacobian, residuals, np.arange(30) % blocks)
     assert np.isinf(found.half_width).all()

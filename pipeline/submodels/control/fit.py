@@ -16,7 +16,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Count, Positive, Ranged
 from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
-from pipeline.submodels.statistics import Certainty, certainty
+from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
 from pipeline.twin.program import planned_program
 
 Residuals = Callable[[Floats], Floats]
@@ -29,7 +29,7 @@ class SearchSettings(Ranged, section="control_fit"):
     Parameters
     ----------
     loose_s : float
-        Waiting times are sought about their start as loosely as this [s]; rates within a factor e.
+        Width about the start of the weak prior on waiting times [s]; that of rates is a factor e.
     step : float
         Of the differences that the Jacobian is made of [1 on the logarithmic scale, s].
     evaluations : int
@@ -50,7 +50,7 @@ class Optimum:
     values : ndarray, shape (D,)
         Of all parameters, in their units.
     jacobian : ndarray, shape (N, S)
-        Of the residuals by the S parameters that were sought, on the scale of the search [1].
+        Of the residuals by the S parameters that were fitted, on the scale of the search [1].
     residuals : ndarray, shape (N,)
         In units of the scale beyond which they count linearly [1].
     """
@@ -78,22 +78,22 @@ def optimum(
     values : ndarray, shape (D,)
         Where the search begins.
     active : ndarray of bool, shape (D,)
-        Which are sought.
+        Which are fitted.
     scale_s : float
         Residuals above count linearly [s].
     settings : SearchSettings
-        How it is sought.
+        Of the search.
     """
     from scipy.optimize import least_squares
 
-    sought = [one for one, used in zip(free, active, strict=True) if used]
-    low, high = np.array([one.bounds for one in sought]).T
-    begin = np.clip([one.coordinate(one.start) for one in sought], low, high)
-    pull = np.array([1.0 if one.log_scale else 1 / settings.loose_s for one in sought])
+    fitted = [one for one, used in zip(free, active, strict=True) if used]
+    low, high = np.array([one.bounds for one in fitted]).T
+    begin = np.clip([one.coordinate(one.start) for one in fitted], low, high)
+    pull = np.array([1.0 if one.log_scale else 1 / settings.loose_s for one in fitted])
 
     def full(x: Floats) -> Floats:
         out = values.copy()
-        out[active] = [one.value(v) for one, v in zip(sought, x.tolist(), strict=True)]
+        out[active] = [one.value(v) for one, v in zip(fitted, x.tolist(), strict=True)]
         return out
 
     def scaled(x: Floats) -> Floats:
@@ -108,7 +108,7 @@ def optimum(
     def pulled_jacobian(x: Floats) -> Floats:
         return np.vstack([jacobian(x), np.diag(pull)])
 
-    x = [one.coordinate(v) for one, v in zip(sought, values[active].tolist(), strict=True)]
+    x = [one.coordinate(v) for one, v in zip(fitted, values[active].tolist(), strict=True)]
     found = least_squares(
         pulled, np.clip(x, low, high), jac=pulled_jacobian, bounds=(low, high), loss="soft_l1",
         max_nfev=settings.evaluations,
@@ -161,7 +161,7 @@ class ControlFit:
     Parameters
     ----------
     free : tuple of FreeParameter
-        The parameters that were sought.
+        The parameters that were fitted.
     values : ndarray, shape (D,)
         In the units of ``free``.
     low, high : ndarray, shape (D,)
@@ -172,7 +172,7 @@ class ControlFit:
         Whether it was read from logged speeds, not fitted to durations.
     control : dict of str to ControlParameters
         Of each unit; what is not determined near its start, where a weak pull left it.
-    sure : Certainty
+    uncertainty : Uncertainty
         Of those fitted to durations, on the scale of the search.
     rmse_s : float
         Of the residuals, without outliers beyond 10 times the noise [s].
@@ -187,7 +187,7 @@ class ControlFit:
     determined: Bools
     from_speeds: Bools
     control: dict[str, ControlParameters]
-    sure: Certainty
+    uncertainty: Uncertainty
     rmse_s: float
     segments: int
 
@@ -230,33 +230,35 @@ def identify_control(
     begin = np.array([one.start for one in free])
     begin[list(rates)] = [rate.value for rate in rates.values()]
     fitted = ~np.isin(np.arange(len(free)), list(rates))
-    found, active, sure = _determined(residuals, free, begin, fitted, clusters(observed), settings)
+    found, active, uncertainty = _determined(
+        residuals, free, begin, fitted, clusters(observed), settings
+    )
     if not active.any():
         raise ValueError(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
             "control: log more runs of programs"
         )
     control = {unit: control_of(start, free, found.values, unit) for unit in units}
-    return _fit(free, found, rates, active, sure, control, scale_s=settings.scales_s[-1])
+    return _fit(free, found, rates, active, uncertainty, control, scale_s=settings.scales_s[-1])
 
 
 def _determined(
     residuals: Residuals, free: Sequence[FreeParameter], begin: Floats, active: Bools,
     blocks: NDArray[np.int64], settings: ControlFitSettings,
-) -> tuple[Optimum, Bools, Certainty]:  # fmt: skip
+) -> tuple[Optimum, Bools, Uncertainty]:  # fmt: skip
     """The optimum of what the logs determine of the ``active`` parameters, and which these are."""
     values = begin
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
         found = optimum(residuals, free, values, active, scale, settings)
         values = found.values
-    sure = _sure(found, blocks)
-    while (loose := _loosest(free, found, sure, active, settings)).any():
+    uncertainty = _uncertainty(found, blocks)
+    while (loose := _loosest(free, found, uncertainty, active, settings)).any():
         active = active & ~loose
         if not active.any():
             break
         found = optimum(residuals, free, found.values, active, settings.scales_s[-1], settings)
-        sure = _sure(found, blocks)
-    return found, active, sure
+        uncertainty = _uncertainty(found, blocks)
+    return found, active, uncertainty
 
 
 def _rates(
@@ -272,32 +274,18 @@ def _rates(
     }
 
 
-def _sure(found: Optimum, blocks: NDArray[np.int64]) -> Certainty:
+def _uncertainty(found: Optimum, blocks: NDArray[np.int64]) -> Uncertainty:
     """Of the optimum, each residual weighted as the loss did; on the scale of the search."""
     weight = (1 + found.residuals**2) ** -0.25  # square root of soft L1's derivative
     jacobian, residuals = found.jacobian * weight[:, None], found.residuals * weight
-    sure = certainty(jacobian, residuals, blocks)
+    uncertainty = uncertainty_of(jacobian, residuals, blocks)
     noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
-    half_width = np.maximum(sure.half_width, _textbook_half_width(jacobian, noise))
-    return replace(sure, half_width=half_width)
-
-
-def _textbook_half_width(jacobian: Floats, noise: float) -> Floats:
-    """Half of the 95 % interval if residuals were independent; shape (S,).
-
-    Where two parameters do the same to few stretches, clustered residuals have no part along their
-    difference and would call it certain.
-    """
-    length = np.linalg.norm(jacobian, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
-    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
-    half_width: Floats = 2 * noise * spread / length
-    return half_width
+    half_width = np.maximum(uncertainty.half_width, textbook_half_width(jacobian, noise))
+    return replace(uncertainty, half_width=half_width)
 
 
 def _loosest(
-    free: Sequence[FreeParameter], found: Optimum, sure: Certainty, active: Bools,
+    free: Sequence[FreeParameter], found: Optimum, uncertainty: Uncertainty, active: Bools,
     settings: ControlFitSettings,
 ) -> Bools:  # fmt: skip
     """Which active parameters the logs do not determine: those unfelt, else the loosest one.
@@ -307,9 +295,9 @@ def _loosest(
     felt = np.linalg.norm(found.jacobian, axis=0)
     # half width if all others were known, which clustered residuals may call narrower
     alone = np.divide(2.0, felt, out=np.full(len(felt), np.inf), where=felt > 0)
-    enough = bool(np.isfinite(sure.half_width).all())
+    enough = bool(np.isfinite(uncertainty.half_width).all())
     width = np.zeros(len(free))
-    width[active] = np.maximum(sure.half_width, alone) if enough else alone
+    width[active] = np.maximum(uncertainty.half_width, alone) if enough else alone
     for i, one in enumerate(free):
         value = found.values[i]
         if not one.log_scale:
@@ -323,10 +311,12 @@ def _loosest(
 
 def _fit(
     free: Sequence[FreeParameter], found: Optimum, rates: dict[int, Rate], active: Bools,
-    sure: Certainty, control: dict[str, ControlParameters], *, scale_s: float,
+    uncertainty: Uncertainty, control: dict[str, ControlParameters], *, scale_s: float,
 ) -> ControlFit:  # fmt: skip
     low, high = np.full(len(free), np.nan), np.full(len(free), np.nan)
-    for i, width in zip(np.flatnonzero(active).tolist(), sure.half_width.tolist(), strict=True):
+    for i, width in zip(
+        np.flatnonzero(active).tolist(), uncertainty.half_width.tolist(), strict=True
+    ):
         one, middle = free[i], free[i].coordinate(found.values[i])
         low[i] = max(one.value(middle - width), one.low)
         high[i] = min(one.value(middle + width), one.high)
@@ -342,7 +332,7 @@ def _fit(
         determined=active | from_speeds,
         from_speeds=from_speeds,
         control=control,
-        sure=sure,
+        uncertainty=uncertainty,
         rmse_s=float(np.sqrt(np.mean(usual**2))) * scale_s if len(usual) else np.nan,
         segments=len(found.residuals),
     )

@@ -258,11 +258,11 @@ def _parameters(fit: ControlFit) -> dict[str, Parameter]:
 
 def _facts(fit: ControlFit) -> ControlFitFacts:
     fitted = fit.determined & ~fit.from_speeds
-    correlation: list[list[float]] = np.round(fit.sure.correlation, 3).tolist()
+    correlation: list[list[float]] = np.round(fit.uncertainty.correlation, 3).tolist()
     return ControlFitFacts(
         rmse_s=_rounded(fit.rmse_s, 4),
         segments=fit.segments,
-        condition=_rounded(fit.sure.condition, 3),
+        condition=_rounded(fit.uncertainty.condition, 3),
         correlation=Correlation(
             names=tuple(one.name for one, f in zip(fit.free, fitted, strict=True) if f),
             values=tuple(map(tuple, correlation)),

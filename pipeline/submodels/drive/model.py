@@ -15,20 +15,15 @@ from pipeline.schema.drive import (
     FeedDrive,
     FitFacts,
     FrictionPoint,
-    Method,
     RecursiveMass,
     Servo,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter
 from pipeline.schema.structure import structured
 from pipeline.submodels.drive.comparison import compared_force, constant_level
+from pipeline.submodels.drive.mechanics.estimates import AxisFit
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
-from pipeline.submodels.drive.motor import (
-    ModulatingSettings,
-    MotorFit,
-    MotorFitSettings,
-    identify_motor,
-)
+from pipeline.submodels.drive.motor import MotorFit, identify_motor
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
@@ -39,10 +34,6 @@ if TYPE_CHECKING:
 
 CURVE = 40
 """Number of speeds of the stored friction curve in each direction [1]."""
-MOTOR_METHOD = "least squares on voltage equations integrated over windows"
-MOTOR_REMEDY = (
-    "record voltages, currents and speed of the motor under steps of speed and load, i_d among them"
-)
 MOTOR_NAMES = {"resistance": "R", "inductance_d": "L_d", "inductance_q": "L_q"}
 """Symbols by which a motor's parameters are stored."""
 
@@ -136,10 +127,8 @@ def _motor(
     try:
         motor = identify_motor(
             signals["u_d"], signals["u_q"], signals["i_d"], signals["i_q"],
-            records.pole_pairs * signals["speed"], period=longest.period,
-            settings=MotorFitSettings(
-                widest=widest, modulating=ModulatingSettings(held=records.held)
-            ),
+            records.pole_pairs * signals["speed"], period=longest.period, widest=widest,
+            held=records.held,
         )  # fmt: skip
     except ValueError as error:
         return None, f"{longest.name}: {error}"
@@ -177,7 +166,7 @@ def stored_axis(
         ),
         friction_curve=_curve(fit),
         methods=tuple(
-            Method(**{**one, "error": _known(one["error"])})
+            replace(one, error=None if one.error is None else _known(one.error))
             for one in (*fit.methods, *(() if servo is None else servo.methods))
         ),
         fit=replace(_facts(fit), delay_s=_known(fit.delay)),
@@ -204,25 +193,15 @@ def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
 
 def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parameter]:
     """Parameters of an axis: of its mechanics, then of its servo."""
-    fits: list[FeedDriveFit | ServoFit] = [found.feed_drives[letter]]
+    fits: list[AxisFit] = [found.feed_drives[letter]]
     if letter in found.servos:
         fits.append(found.servos[letter])
-    return {
-        name: _parameter(fit, i, method=fit.how[i], remedy=fit.remedy[i])
-        for fit in fits
-        for i, name in enumerate(fit.names)
-    }
+    return {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
 
 
 def motor_parameters(fit: MotorFit) -> dict[str, Parameter]:
     """Parameters of the motor by their symbols."""
-    return {
-        MOTOR_NAMES.get(name, name): _parameter(
-            fit, i, remedy=MOTOR_REMEDY,
-            method=MOTOR_METHOD if fit.determined[i] else fit.reasons.get(name, "not determined"),
-        )
-        for i, name in enumerate(fit.names)
-    }  # fmt: skip
+    return {MOTOR_NAMES.get(name, name): _parameter(fit, i) for i, name in enumerate(fit.names)}
 
 
 def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tuple[LeftOut, ...]:
@@ -254,21 +233,16 @@ def _servo(servo: ServoParameters) -> Servo:
     return Servo(**{k: v for k, v in asdict(servo).items() if not np.isinf(v)})
 
 
-def _parameter(
-    fit: FeedDriveFit | ServoFit | MotorFit, i: int, *, method: str, remedy: str
-) -> Parameter:
+def _parameter(fit: AxisFit | MotorFit, i: int) -> Parameter:
     known = bool(fit.determined[i])
     return Parameter(
-        value=_known(fit.values[i]) if known else None,
-        unit=fit.units[i],
+        value=_known(fit.values[i]) if known else None, unit=fit.units[i],
         interval_95=(_significant(fit.low[i]), _significant(fit.high[i])) if known else None,
-        determined=known,
-        method=method,
-        remedy="" if known else remedy,
-    )
+        determined=known, method=fit.how[i], remedy="" if known else fit.remedy[i],
+    )  # fmt: skip
 
 
-def _facts(fit: FeedDriveFit | ServoFit) -> FitFacts:
+def _facts(fit: AxisFit) -> FitFacts:
     correlation: list[list[float]] = np.round(fit.correlation, 3).tolist()
     return FitFacts(
         samples=fit.samples,

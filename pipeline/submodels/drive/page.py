@@ -1,10 +1,12 @@
 """Page of the feed drives in the words of the shop floor: verdict, recordings against the twin."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
+from pipeline.charts import sections, tables
 from pipeline.charts.bands import readings
 from pipeline.charts.numbers import (
     NOT_KNOWN,
@@ -14,25 +16,6 @@ from pipeline.charts.numbers import (
     joined,
     number,
     real,
-)
-from pipeline.charts.sections import (
-    Compared,
-    Figure,
-    Figures,
-    PartVerdict,
-    Section,
-    SubModelPage,
-    present,
-)
-from pipeline.charts.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
 )
 from pipeline.schema.drive import (
     COMMAND,
@@ -76,12 +59,14 @@ FOLLOWING_NOTE = (
 
 @dataclass(frozen=True, kw_only=True)
 class DriveRun:
-    """One axis in one recording, held against the twin; a score is None where it is not shown."""
+    """One axis in one recording, held against the twin.
+
+    ``scores`` are those that are shown, of the force and of the following error.
+    """
 
     axis: str
     case: JudgedCase
-    force: Score | None
-    following: Score | None
+    scores: Mapping[str, Score]
 
     @property
     def training(self) -> bool:
@@ -91,23 +76,18 @@ class DriveRun:
     @property
     def status(self) -> str:
         """``passed``, ``failed``, or ``unknown`` where it does not count."""
-        found = {one.status for one in (self.force, self.following) if one is not None}
+        found = {one.status for one in self.scores.values()}
         return "failed" if "failed" in found else "passed" if "passed" in found else "unknown"
 
     @property
     def judged(self) -> bool:
-        """Whether it counts: nothing was learnt from it, and it could be judged."""
+        """Whether it counts: no training recording, and it could be judged."""
         return not self.training and self.status != "unknown"
 
-    @property
-    def force_error(self) -> float | None:
-        """Error of the force over the measured force [%]."""
-        return None if self.force is None else self.force.relative_percent
-
-    @property
-    def following_error(self) -> float | None:
-        """RMS error of the following error over its own RMS [%]."""
-        return None if self.following is None else self.following.relative_percent
+    def error(self, kind: str) -> float | None:
+        """Error of the force or the following error, RMS over its own RMS [%]."""
+        score = self.scores.get(kind)
+        return None if score is None else score.relative_percent
 
     def fact(self, name: str) -> float | None:
         """A number that was said of the recording."""
@@ -153,34 +133,30 @@ def _runs(verdict: Verdict) -> list[DriveRun]:
     runs = []
     for letter in letters:
         for case in verdict.cases:
-            force, following = (
-                scores.get((f"{kind} {letter}", case.group, case.role))
+            found = {
+                kind: score
                 for kind in (FORCE, FOLLOWING)
-            )
-            if force is not None or following is not None or _named(case, letter):
-                run = DriveRun(axis=letter, case=case, force=force, following=following)
-                runs.append(run)
+                if (score := scores.get((f"{kind} {letter}", case.group, case.role))) is not None
+            }
+            # an axis that a recording shows has a highest speed there
+            if found or f"highest speed {letter}" in case.conditions:
+                runs.append(DriveRun(axis=letter, case=case, scores=found))
     return sorted(runs, key=lambda r: (r.axis, r.training, r.case.case))
 
 
-def _named(case: JudgedCase, letter: str) -> bool:
-    """Whether a recording shows an axis, which has a highest speed there."""
-    return f"highest speed {letter}" in case.conditions
+def worst(runs: list[DriveRun], kind: str) -> tuple[DriveRun, float] | None:
+    """The run with the greatest error of the force or the following error, and that error [%]."""
+    known = [(run, error) for run in runs if (error := run.error(kind)) is not None]
+    return max(known, key=lambda one: one[1], default=None)
 
 
-def worst(runs: list[DriveRun], error: str) -> DriveRun | None:
-    """The run with the greatest ``force_error`` or ``following_error``; None without any."""
-    known = [run for run in runs if getattr(run, error) is not None]
-    return max(known, key=lambda run: float(getattr(run, error)), default=None)
-
-
-def drive_page(shown: Shown[DriveModel]) -> SubModelPage | None:
+def drive_page(shown: Shown[DriveModel]) -> sections.SubModelPage | None:
     """Verdict, key figures and sections on the feed drives; None where nothing is known of them."""
     if shown.model is None and shown.verdict is None:
         return None
     drives = Driven.of(shown)
     truth = truth_table(shown)
-    return SubModelPage(
+    return sections.SubModelPage(
         verdict=drives_verdict(drives),
         key_figures=_key_figures(drives),
         notes=[words] if (words := undetermined_words(shown)) else [],
@@ -190,7 +166,7 @@ def drive_page(shown: Shown[DriveModel]) -> SubModelPage | None:
     )
 
 
-def drives_verdict(drives: Driven) -> PartVerdict | None:
+def drives_verdict(drives: Driven) -> sections.PartVerdict | None:
     """Whether the twin's axes move as the machine's do; None when they were never compared."""
     verdict = drives.shown.verdict
     if verdict is None:
@@ -202,7 +178,7 @@ def drives_verdict(drives: Driven) -> PartVerdict | None:
         return _unjudged(drives, verdict)
     axes = _axes_of(drives.judged)
     follow = "axis follows its" if len(axes) == 1 else "axes follow their"
-    return PartVerdict(
+    return sections.PartVerdict(
         status="passed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on "
         f"{counted(_recordings(drives.judged), 'judged recording')} "
@@ -211,13 +187,13 @@ def drives_verdict(drives: Driven) -> PartVerdict | None:
     )
 
 
-def _failed(drives: Driven, failed: list[DriveRun]) -> PartVerdict:
+def _failed(drives: Driven, failed: list[DriveRun]) -> sections.PartVerdict:
     axes = _axes_of(failed)
     good = [axis for axis in _axes_of(drives.judged) if axis not in axes]
     follow = "axis does not follow its" if len(axes) == 1 else "axes do not follow their"
     judged = [run for run in drives.judged if run.axis in axes]
     rest = f"; {joined(good)} {'does' if len(good) == 1 else 'do'}" if good else ""
-    return PartVerdict(
+    return sections.PartVerdict(
         status="failed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on {_recordings(failed)} of "
         f"{counted(_recordings(judged), 'judged recording')} "
@@ -228,18 +204,18 @@ def _failed(drives: Driven, failed: list[DriveRun]) -> PartVerdict:
     )
 
 
-def _unjudged(drives: Driven, verdict: Verdict) -> PartVerdict:
+def _unjudged(drives: Driven, verdict: Verdict) -> sections.PartVerdict:
     why = "; ".join(verdict.reasons) or "no recording of an axis was left to judge by"
     part = ""
     if drives.judged:
         part = f" On the judged recordings {errors_words(drives, drives.judged)}."
     if verdict.status == "failed":
-        return PartVerdict(
+        return sections.PartVerdict(
             status="failed",
             sentence=f"The verdict on the twin’s drives does not hold: {why.rstrip('.')}.{part}",
             todo="Put the records right that it names, and judge again.",
         )
-    return PartVerdict(
+    return sections.PartVerdict(
         status="unknown",
         sentence=f"The twin’s drives were not judged: {why.rstrip('.')}.{part}",
         todo="Keep one recording of each axis out of roles.training, to judge the drives by.",
@@ -248,16 +224,11 @@ def _unjudged(drives: Driven, verdict: Verdict) -> PartVerdict:
 
 def errors_words(drives: Driven, runs: list[DriveRun]) -> str:
     """The worst errors of ``runs`` against their limits; where runs failed only what is beyond."""
-    force, following = worst(runs, "force_error"), worst(runs, "following_error")
-    every = [
-        ("the force", force.force_error if force else None, drives.limit(FORCE)),
-        (
-            "the following error",
-            following.following_error if following else None,
-            drives.limit(FOLLOWING),
-        ),
+    known = [
+        (words, found[1], drives.limit(kind))
+        for kind, words in ((FORCE, "the force"), (FOLLOWING, "the following error"))
+        if (found := worst(runs, kind)) is not None
     ]
-    known = [(words, error, limit) for words, error, limit in every if error is not None]
     beyond = [one for one in known if one[2] is not None and one[1] > one[2]]
     said = [
         f"{words} {'' if place else 'is wrong '}by up to {number(error, 2)}{TOGETHER}%"
@@ -277,97 +248,98 @@ def _recordings(runs: list[DriveRun]) -> int:
 
 def _key_figures(drives: Driven) -> list[tuple[str, str, str]]:
     """The worst errors of judged recordings, and whose they are."""
-    every = [
-        ("Force of the axes", "force_error", drives.limit(FORCE)),
-        ("Following errors", "following_error", drives.limit(FOLLOWING)),
+    found = [
+        (words, worst(drives.judged, kind), drives.limit(kind))
+        for kind, words in ((FORCE, "Force of the axes"), (FOLLOWING, "Following errors"))
     ]
     return [
-        (words, f"{fixed(getattr(run, error), 1)} %",
-         f"worst of judged recordings, axis {run.axis}"
+        (words, f"{fixed(one[1], 1)} %",
+         f"worst of judged recordings, axis {one[0].axis}"
          + (f", limit{TOGETHER}{limit:g}{TOGETHER}%" if limit is not None else ""))
-        for words, error, limit in every if (run := worst(drives.judged, error)) is not None
+        for words, one, limit in found if one is not None
     ]  # fmt: skip
 
 
-def _compared(drives: Driven) -> dict[str, Compared]:
-    force, following = (worst(drives.judged, f"{kind}_error") for kind in ("force", "following"))
+def _compared(drives: Driven) -> dict[str, sections.Compared]:
+    force, following = (worst(drives.judged, kind) for kind in (FORCE, FOLLOWING))
     judged = None if drives.shown.verdict is None else len(drives.judged)
     return {
-        "drive_force_percent": Compared(
+        "drive_force_percent": sections.Compared(
             name="Error of the axes’ force, worst judged recording", unit="%",
-            value=force.force_error if force else None,
+            value=force[1] if force else None,
         ),
-        "drive_following_percent": Compared(
+        "drive_following_percent": sections.Compared(
             name="Error of following errors, worst judged recording", unit="%",
-            value=following.following_error if following else None,
+            value=following[1] if following else None,
         ),
-        "drives_judged": Compared(name="Axes judged in recordings", unit="", value=judged),
+        "drives_judged": sections.Compared(name="Axes judged in recordings", unit="", value=judged),
     }  # fmt: skip
 
 
-def following_section(drives: Driven) -> Section | None:
+def following_section(drives: Driven) -> sections.Section | None:
     """Recordings against the twin: tables, then each axis in its most telling recording."""
     if drives.shown.verdict is None:
         return None
     verdict = drives_verdict(drives)
     text = [
         verdict.sentence if verdict is not None else "",
-        "Judged are recordings that nothing was learnt from. The force is rebuilt from the "
-        "recorded motion; the following error comes from the twin’s own closed loop, which is told "
-        "the reference alone, and the load where one was recorded.",
+        "Judged are recordings that the drives were not identified from. The force is rebuilt from "
+        "the recorded motion; the following error comes from the twin’s own closed loop under the "
+        "reference alone, and the load where one was recorded.",
     ]
     if not drives.runs:
         text.append("No axis was held against a recording.")
     drawn = [figures for axis in drives.axes if (figures := _trace_figures(drives, axis))]
-    return Section(
+    return sections.Section(
         key="following",
         title="The feed drives: records against the twin",
         text=[words for words in text if words],
-        blocks=[*present(runs_table(drives)), *drawn],
+        blocks=[*sections.present(runs_table(drives)), *drawn],
     )
 
 
-def runs_table(drives: Driven) -> Table | None:
+def runs_table(drives: Driven) -> tables.Table | None:
     """Every axis in every recording, the judged first, with the plain guesses beside."""
     runs = drives.runs
     if not runs:
         return None
-    force = any(run.force for run in runs)
-    following = any(run.following for run in runs)
+    force, following = (any(kind in run.scores for run in runs) for kind in (FORCE, FOLLOWING))
     reasons = any(_reason(run, drives) for run in runs)
     level = not following and any(run.fact(f"mean force {run.axis} measured") for run in runs)
-    unit = next((run.force.unit for run in runs if run.force), "")
+    unit = next((run.scores[FORCE].unit for run in runs if FORCE in run.scores), "")
     shown = (force, level, following, reasons)
     notes = zip((FORCE_NOTE, LEVEL_NOTE, FOLLOWING_NOTE), shown, strict=False)
-    return Table(
-        caption=f"Records against the twin{left_out(len(runs), MOST_ROWS)}",
+    return tables.Table(
+        caption=f"Records against the twin{tables.left_out(len(runs), tables.MOST_ROWS)}",
         note=" ".join(words for words, there in notes if there),
         heads=[
-            *names("Recording", "axis"), *numbers(("length", "s")),
-            *(numbers(("error", "%"), ("plain guess", "%"), group="Force") if force else []),
-            *(numbers(("mean", unit), ("modelled", unit)) if level else []),
-            *(numbers(("RMS", "µm"), ("max", "µm"), ("error RMS", "%"), ("error max", "%"),
+            *tables.names("Recording", "axis"), *tables.numbers(("length", "s")),
+            *(tables.numbers(("error", "%"), ("plain guess", "%"), group="Force") if force else []),
+            *(tables.numbers(("mean", unit), ("modelled", unit)) if level else []),
+            *(tables.numbers(("RMS", "µm"), ("max", "µm"), ("error RMS", "%"), ("error max", "%"),
                       ("error RMS", "µm"), ("plain guess", "µm"), group="Following error")
               if following else []),
-            Head(name="verdict"), *names(*(["why"] if reasons else [])),
+            tables.Head(name="verdict"), *tables.names(*(["why"] if reasons else [])),
         ],
-        rows=[_run_row(run, drives, shown) for run in runs[:MOST_ROWS]],
+        rows=[_run_row(run, drives, shown) for run in runs[:tables.MOST_ROWS]],
         sources=made_from(drives.shown, "verdict.json"),
         folded=len(runs) > 40,
     )  # fmt: skip
 
 
-def _run_row(run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]) -> list[Cell]:
-    guess = None if run.force is None else run.force.baselines.get(LEVEL)
-    forces = [_or_dash(run.force_error, 1), _or_dash(guess.relative_percent if guess else None, 1)]
+def _run_row(
+    run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]
+) -> list[tables.Cell]:
+    guess = run.scores[FORCE].baselines.get(LEVEL) if FORCE in run.scores else None
+    forces = [_or_dash(run.error(FORCE), 1), _or_dash(guess.relative_percent if guess else None, 1)]
     levels = [_or_dash(run.fact(f"mean force {run.axis} {w}")) for w in ("measured", "modelled")]
-    return cells(
-        Cell(text=run.case.case, code=True),
+    return tables.cells(
+        tables.Cell(text=run.case.case, code=True),
         run.axis,
         number(run.fact("length")),
         *(forces if shown[0] else []),
         *(levels if shown[1] else []),
-        *(_following_cells(run.following) if shown[2] else []),
+        *(_following_cells(run.scores.get(FOLLOWING)) if shown[2] else []),
         _status_cell(run),
         *([_reason(run, drives) or "–"] if shown[3] else []),
     )
@@ -399,10 +371,12 @@ def _or_dash(value: float | None, decimals: int | None = None) -> str:
     return number(value) if decimals is None else fixed(value, decimals)
 
 
-def _status_cell(run: DriveRun) -> Cell:
+def _status_cell(run: DriveRun) -> tables.Cell:
     if run.training:
-        return Cell(text="learnt from", status="unknown")
-    return Cell(text="not judged" if run.status == "unknown" else run.status, status=run.status)
+        return tables.Cell(text="fitted on", status="unknown")
+    return tables.Cell(
+        text="not judged" if run.status == "unknown" else run.status, status=run.status
+    )
 
 
 def _reason(run: DriveRun, drives: Driven) -> str:
@@ -411,7 +385,7 @@ def _reason(run: DriveRun, drives: Driven) -> str:
         return ""
     said = [
         reason.partition(": ")[2]
-        for score in (run.force, run.following) if score is not None
+        for score in run.scores.values()
         for reason in score.reasons
     ]  # fmt: skip
     own = drives.axes[run.axis].servo_reason if run.axis in drives.axes else ""
@@ -422,7 +396,7 @@ def _reason(run: DriveRun, drives: Driven) -> str:
     return "; ".join(said)
 
 
-def _trace_figures(drives: Driven, axis: str) -> Figures | None:
+def _trace_figures(drives: Driven, axis: str) -> sections.Figures | None:
     run = telling(drives, axis)
     trace = None if run is None else drive_trace(drives.shown.predictions, run)
     bands = [] if trace is None else drawn_bands(trace, drives.axes[axis].command_unit)
@@ -434,9 +408,9 @@ def _trace_figures(drives: Driven, axis: str) -> Figures | None:
         shown.append((close, f"Axis {axis} in {trace.recording} from {number(close[0])} to "
                              f"{number(close[1])} s, where the twin is farthest off."))  # fmt: skip
     status = _status_cell(run)
-    return Figures(
+    return sections.Figures(
         figures=[
-            Figure(svg=trace_figure(bands, span, words), caption=words,
+            sections.Figure(svg=trace_figure(bands, span, words), caption=words,
                    sources=made_from(drives.shown, "predictions.parquet"), status=status.status,
                    status_words=status.text)
             for span, words in shown
@@ -446,17 +420,16 @@ def _trace_figures(drives: Driven, axis: str) -> Figures | None:
 
 
 def telling(drives: Driven, axis: str) -> DriveRun | None:
-    """The run of an axis that shows most: judged before learnt from, then the longest."""
+    """The run of an axis that shows most: judged before fitted on, then the longest."""
     predictions = drives.shown.predictions
-    drawn = (
-        set() if predictions is None or not len(predictions) else set(predictions["case"].unique())
-    )
+    if predictions is None or not len(predictions):
+        return None
+    drawn = set(predictions["case"].unique())
     runs = [run for run in drives.runs if run.axis == axis and run.case.case in drawn]
     return max(
-        runs,
-        key=lambda run: (run.judged, not run.training, run.fact("length") or 0.0),
+        runs, key=lambda run: (run.judged, not run.training, run.fact("length") or 0.0),
         default=None,
-    )
+    )  # fmt: skip
 
 
 def drive_trace(predictions: pd.DataFrame | None, run: DriveRun) -> DriveTrace | None:
@@ -488,7 +461,7 @@ def _trace_words(run: DriveRun) -> str:
     words = f"Axis {run.axis} in {run.case.case or NOT_KNOWN}"
     errors = [
         f"{name} wrong by {number(error, 2)} %"
-        for name, error in (("following error", run.following_error), ("force", run.force_error))
-        if error is not None
+        for name, kind in (("following error", FOLLOWING), ("force", FORCE))
+        if (error := run.error(kind)) is not None
     ]
     return f"{words}: {', '.join(errors)}." if errors else f"{words}."

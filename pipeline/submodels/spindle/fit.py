@@ -16,23 +16,22 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.statistics import Certainty, certainty, gains
+from pipeline.submodels.statistics import Uncertainty, gains, uncertainty_of
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
-from pipeline.twin.spindle import (
-    TARGET,
-    SpindleRecords,
-    ambient_of,
-    free_run,
-    from_measured,
-    heat_of,
-    window_starts,
-)
+from pipeline.twin import spindle
 
-RATE_BOUNDS = (1 / (7 * 86400), 1 / 20)  # [1/s]: a week to 20 s covers any spindle's time constants
-RATIO_BOUNDS = (1e-3, 10.0)  # [1] of the measured node's capacity to the body's
-AMBIENT_BOUNDS = (-20.0, 60.0)  # [degC]
-OFFSET_BOUNDS = (-20.0, 30.0)  # [K]
-HEATING_BOUND = 1.0  # [K/s] at a source's root mean square: no motor heats faster
+_RATES = np.log((1 / (7 * 86400), 1 / 20))  # a week to 20 s covers any spindle's time constants
+BOUNDS = {
+    "cooling_rate": _RATES, "coupling_rate": _RATES, "body_cooling_rate": _RATES,
+    "capacity_ratio": np.log((1e-3, 10.0)),
+    "ambient": np.array((-20.0, 60.0)), "ambient_offset": np.array((-20.0, 30.0)),
+}  # fmt: skip
+"""Bounds of the unknowns but the heat sources: logarithms of rates [1/s] and of the measured node's
+capacity over the body's [1], then [degC] and [K]."""
+HEATING_BOUND = 1.0
+"""Greatest heating by a source at its root mean square [K/s]: no motor heats faster."""
+LOGARITHMIC = ("cooling_rate", "coupling_rate", "body_cooling_rate", "capacity_ratio")
+"""Unknowns that are fitted on a logarithmic scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,48 +82,37 @@ class Problem:
     def __init__(
         self,
         pieces: Sequence[StateSegment],
-        records: SpindleRecords,
+        records: spindle.SpindleRecords,
         settings: SpindleFitSettings,
         sources: Sequence[str],
         nodes: int,
     ) -> None:
         self.pieces, self.records, self.settings = pieces, records, settings
         self.sources, self.nodes = list(sources), nodes
-        heat = np.concatenate([heat_of(p.frame) for p in pieces])
+        heat = np.concatenate([spindle.heat_of(p.frame) for p in pieces])
         rms = np.sqrt(np.mean(heat**2, axis=0))
         self.scale = {name: float(rms[list(SOURCES).index(name)]) for name in self.sources}
         self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
         self.surround = "ambient_offset" if records.ambient else "ambient"
-        self.logs = [*self.rates, *([] if nodes == 1 else ["capacity_ratio"])]
-        self.names = [*self.logs, self.surround, *self.sources]
+        ratio = [] if nodes == 1 else ["capacity_ratio"]
+        self.names = [*self.rates, *ratio, self.surround, *self.sources]
         block = 0
         blocks, masks = [], []
         for piece in pieces:
             n = len(piece.frame)
             blocks.append(block + np.arange(n) * piece.step // settings.window_s)
             block = int(blocks[-1][-1]) + 1
-            masks.append(piece.frame[TARGET].notna().to_numpy())
-        self.measured = [p.frame[TARGET].to_numpy(float) for p in pieces]
-        self.heat = [heat_of(p.frame) for p in pieces]
-        self.surrounds = [ambient_of(p.frame, records) for p in pieces]
+            masks.append(piece.frame[spindle.TARGET].notna().to_numpy())
+        self.measured = [p.frame[spindle.TARGET].to_numpy(float) for p in pieces]
+        self.heat = [spindle.heat_of(p.frame) for p in pieces]
+        self.surrounds = [spindle.ambient_of(p.frame, records) for p in pieces]
         self.masks = masks
         self.blocks = np.concatenate([b[m] for b, m in zip(blocks, masks, strict=True)]).astype(int)
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Lowest and highest of every unknown."""
-        low, high = [], []
-        for name in self.names:
-            if name in self.rates:
-                a, b = np.log(RATE_BOUNDS)
-            elif name == "capacity_ratio":
-                a, b = np.log(RATIO_BOUNDS)
-            elif name == self.surround:
-                a, b = OFFSET_BOUNDS if self.records.ambient else AMBIENT_BOUNDS
-            else:
-                a, b = 0.0, HEATING_BOUND
-            low.append(a)
-            high.append(b)
-        return np.array(low), np.array(high)
+        low, high = np.array([BOUNDS.get(n, (0.0, HEATING_BOUND)) for n in self.names]).T
+        return low, high
 
     def start(self, time_constant: float) -> Floats:
         """Where to start from when the time constant [s] is about this."""
@@ -134,7 +122,7 @@ class Problem:
             "coupling_rate": -np.log(time_constant),
             "body_cooling_rate": -np.log(8 * time_constant),
             "capacity_ratio": np.log(0.2),
-            "ambient": np.clip(first, *AMBIENT_BOUNDS),
+            "ambient": np.clip(first, *BOUNDS["ambient"]),
             "ambient_offset": 0.0,
         }
         x = np.array([guess.get(name, 2.0 / time_constant) for name in self.names])
@@ -148,7 +136,7 @@ class Problem:
                 x.append(parameters.heating.get(name, 0.0) * self.scale[name])
             else:
                 value = getattr(parameters, name)
-                x.append(np.log(value) if name in self.logs else value)
+                x.append(np.log(value) if name in LOGARITHMIC else value)
         return self._inside(np.array(x))
 
     def _inside(self, x: Floats) -> Floats:
@@ -158,10 +146,9 @@ class Problem:
     def parameters(self, x: Floats) -> SpindleThermalParameters:
         """The network at ``x``."""
         value = dict(zip(self.names, x, strict=True))
-        plain = {k: float(np.exp(v) if k in self.logs else v) for k, v in value.items()}
-        heating = {s: plain.pop(s) / self.scale[s] for s in self.sources}
-        plain.setdefault("cooling_rate", 0.0)
-        return SpindleThermalParameters(heating=heating, **plain)
+        found = {k: float(np.exp(v) if k in LOGARITHMIC else v) for k, v in value.items()}
+        heating = {s: found.pop(s) / self.scale[s] for s in self.sources}
+        return SpindleThermalParameters(heating=heating, **{"cooling_rate": 0.0, **found})
 
     def residuals(self, x: Floats) -> Floats:
         """Modelled minus measured temperature [K] where it is known, shape (N,)."""
@@ -178,7 +165,7 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFit:
-    """The network found, and how sure it is.
+    """The network found, and its uncertainty.
 
     ``names``, ``values`` and ``half_width`` are in the order of the fit, in the units of
     the fit: the logarithm of rates and of the capacity ratio, a source's heating [K/s] at its root
@@ -188,7 +175,7 @@ class SpindleFit:
     parameters: SpindleThermalParameters
     names: tuple[str, ...]
     values: Floats
-    sure: Certainty
+    uncertainty: Uncertainty
     cost: float
     rmse_K: float
     evaluations: int
@@ -201,7 +188,7 @@ def excited(pieces: Sequence[StateSegment], sources: Sequence[str]) -> list[str]
 
 
 def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
-    """Best end of several starts, with its certainty."""
+    """Best end of several starts, with its uncertainty."""
     from scipy.optimize import approx_fprime, least_squares
 
     settings = problem.settings
@@ -226,7 +213,7 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
         parameters=problem.parameters(best.x),
         names=tuple(problem.names),
         values=best.x,
-        sure=certainty(jacobian, r * (1 + z) ** 0.25, problem.blocks),
+        uncertainty=uncertainty_of(jacobian, r * (1 + z) ** 0.25, problem.blocks),
         cost=float(best.cost),
         rmse_K=float(np.sqrt(np.mean(r**2))),
         evaluations=sum(end.nfev for end in ends) * (len(problem.names) + 1),
@@ -235,7 +222,7 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
 
 def fit_network(
     pieces: Sequence[StateSegment],
-    records: SpindleRecords,
+    records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
     nodes: int,
 ) -> SpindleFit:
@@ -263,7 +250,7 @@ def fit_network(
         if weakest is None or ratio > 1:
             return replace(fit, left_out=left_out)
         i = fit.names.index(weakest)
-        width = fit.sure.half_width[i] / problem.scale[weakest]
+        width = fit.uncertainty.half_width[i] / problem.scale[weakest]
         value = max(fit.parameters.heating[weakest], 0.0)
         shown = 0.0 if value < 1e-3 * width else value  # a value at its bound is 0, not 1e-20
         left_out[weakest] = (
@@ -277,7 +264,7 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
     ratios = {}
     for name in sources:
         i = fit.names.index(name)
-        width = fit.sure.half_width[i]
+        width = fit.uncertainty.half_width[i]
         at_bound = fit.values[i] < 1e-9
         unknown = at_bound or not np.isfinite(width)
         ratios[name] = 0.0 if unknown else fit.values[i] / max(width, 1e-300)
@@ -289,7 +276,7 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
 
 def window_errors(
     pieces: Sequence[StateSegment],
-    records: SpindleRecords,
+    records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
     parameters: SpindleThermalParameters,
 ) -> Floats:
@@ -297,11 +284,11 @@ def window_errors(
     errors = []
     for piece in pieces:
         length = max(round(settings.window_s / piece.step), 1)
-        nodes = free_run(piece, records, parameters)
+        nodes = spindle.free_run(piece, records, parameters)
         body = nodes[1] if len(nodes) == 2 else None
-        measured = piece.frame[TARGET].to_numpy(float)
-        for start in window_starts(measured, length):
-            found = from_measured(piece, start, length, records, parameters, body)
+        measured = piece.frame[spindle.TARGET].to_numpy(float)
+        for start in spindle.window_starts(measured, length):
+            found = spindle.from_measured(piece, start, length, records, parameters, body)
             errors.append(found - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])
     known: Floats = joined[np.isfinite(joined)]
@@ -310,7 +297,7 @@ def window_errors(
 
 def days_left_out(
     pieces: Sequence[StateSegment],
-    records: SpindleRecords,
+    records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
     whole: SpindleFit,
 ) -> Floats:
@@ -335,7 +322,7 @@ def days_left_out(
 
 
 def identify_spindle_network(
-    pieces: Sequence[StateSegment], records: SpindleRecords, settings: SpindleFitSettings
+    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
 ) -> tuple[SpindleFit, dict[int, float]]:
     """The network with as many nodes as days left out ask for.
 
@@ -355,8 +342,8 @@ def identify_spindle_network(
     errors = {n: days_left_out(pieces, records, settings, fit) for n, fit in fits.items()}
     scores = {n: float(np.sqrt(e.mean())) for n, e in errors.items() if len(e)}
     enough = gains(errors[1], errors[2])
-    sure = all(is_determined(fits[2], name) for name in fits[2].names)
-    return fits[2 if enough and sure else 1], scores
+    determined = all(is_determined(fits[2], name) for name in fits[2].names)
+    return fits[2 if enough and determined else 1], scores
 
 
 def is_determined(fit: SpindleFit, name: str) -> bool:
@@ -365,12 +352,9 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     A rate or ratio is determined when its 95 % interval spans less than a factor of nine, the
     surround when it is known within 5 K.  Heat sources that are not determined were left out.
     """
-    i = fit.names.index(name)
-    width, value = fit.sure.half_width[i], fit.values[i]
     if name in SOURCES:
         return True
-    if name in ("ambient", "ambient_offset"):
-        low, high = AMBIENT_BOUNDS if name == "ambient" else OFFSET_BOUNDS
-        return bool(width < 5.0 and low + 1e-3 < value < high - 1e-3)
-    low, high = np.log(RATIO_BOUNDS if name == "capacity_ratio" else RATE_BOUNDS)
-    return bool(width < np.log(3) and low + 1e-3 < value < high - 1e-3)
+    i, (low, high) = fit.names.index(name), BOUNDS[name]
+    widest = np.log(3) if name in LOGARITHMIC else 5.0
+    inside = low + 1e-3 < fit.values[i] < high - 1e-3
+    return bool(fit.uncertainty.half_width[i] < widest and inside)

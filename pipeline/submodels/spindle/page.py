@@ -2,19 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.charts.default_section import (
-    left_out_table,
-    outside_table,
-    parameters_table,
-    strongest_correlation,
-    training_table,
-)
+from pipeline.charts import default_section
 from pipeline.charts.numbers import (
     counted,
     day_list,
@@ -24,7 +17,6 @@ from pipeline.charts.numbers import (
     hours,
     number,
     quantity,
-    real,
 )
 from pipeline.charts.sections import (
     Compared,
@@ -38,19 +30,10 @@ from pipeline.charts.sections import (
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers, sources
-from pipeline.schema.model import Parameter
 from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.spindle.figures import (
-    BIN,
-    DAY,
-    Curves,
-    Spinning,
-    binned,
-    frame,
-    golden_figure,
-)
+from pipeline.submodels.spindle import figures
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
 WINDOWS, FREE_RUN = "windows", "free run"
@@ -90,7 +73,6 @@ def page(seen: Seen) -> SubModelPage:
         doubts=_doubts(verdict),
         notes=_notes(seen),
         sections=[_model_section(seen), _judged_section(seen)],
-        truth=present_tables(_truth_table(seen)),
         compared={
             "window_mae_K": _compared("Error over one hour (MAE)", total),
             "free_mae_K": _compared("Error running free (MAE)", free),
@@ -100,11 +82,6 @@ def page(seen: Seen) -> SubModelPage:
 
 def _compared(name: str, score: Score | None) -> Compared:
     return Compared(name=name, unit="K", value=None if score is None else score.mae)
-
-
-def present_tables(*tables: Table | None) -> list[Table]:
-    """Those tables that there are."""
-    return [table for table in tables if table is not None]
 
 
 def _kelvin(score: Score | None) -> str:
@@ -218,14 +195,10 @@ def _notes(seen: Seen) -> list[str]:
         golden = [c.case for c in seen.verdict.cases if c.role == "golden" and c.note]
         if golden:
             said.append(f"Golden days that are no working days: {day_list(golden)}.")
-    lost = [name for name, p in _parameters(seen).items() if not p.determined]
+    lost = [MEANINGS.get(name, name) for name, p in seen.parameters().items() if not p.determined]
     if lost:
-        said.append(f"The records do not determine {', '.join(lost)}.")
+        said.append(f"Of the spindle’s heat the records do not determine: {'; '.join(lost)}.")
     return said
-
-
-def _parameters(seen: Seen) -> dict[str, Parameter]:
-    return {} if seen.model is None else dict(seen.model.parameters.get("", {}))
 
 
 def _made(seen: Seen, *files: str) -> list[Source]:
@@ -249,9 +222,11 @@ def _model_section(seen: Seen) -> Section:
         title=title,
         text=[_found_from(seen), _model_words(seen.model), _forest_words(seen.model)],
         blocks=present(
-            parameters_table(caption, _parameters(seen), made, lambda n: MEANINGS.get(n, "–")),
+            default_section.parameters_table(
+                caption, seen.parameters(), made, lambda n: MEANINGS.get(n, "–")
+            ),
             _fit_table(seen.model, made),
-            training_table(seen.model, made),
+            default_section.training_table(seen.model, made),
         ),
     )
 
@@ -329,7 +304,7 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
         ("of them with inputs held over a gap", duration(fit.bridged_s)),
         ("simulations of the training days", number(fit.evaluations)),
     ]
-    pair = strongest_correlation(fit.correlation)
+    pair = default_section.strongest_correlation(fit.correlation)
     if pair is not None:
         words = f"{fixed(pair[2], 2)} between {pair[0]} and {pair[1]}"
         lines.append(("strongest correlation", words))
@@ -363,8 +338,8 @@ def _judged_section(seen: Seen) -> Section:
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
         _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
-        outside_table(v, made),
-        left_out_table(v, made),
+        default_section.outside_table(v, made),
+        default_section.left_out_table(v, made),
     )
     return Section(key="golden", title=title, text=text, blocks=blocks)
 
@@ -423,12 +398,12 @@ def _figures(seen: Seen) -> Figures | None:
         return None
     limit = _limits(seen.verdict).get("mae")
     days = {c.day: spinning for c in curves if (spinning := _spinning(seen, c.day)) is not None}
-    axes = frame(curves, list(days.values()), limit)
+    axes = figures.frame(curves, list(days.values()), limit)
     drawn = []
     for day in curves:
         words, status, status_words = _day_words(seen, day)
         drawn.append(Figure(
-            svg=golden_figure(day, days.get(day.day), axes, f"{words} {status_words}."),
+            svg=figures.golden_figure(day, days.get(day.day), axes, f"{words} {status_words}."),
             caption=words, status=status, status_words=status_words,
             sources=sources(seen.shelf, seen.folder / "predictions.parquet",
                             *([_state(seen, day.day)] if seen.clean else [])),
@@ -443,7 +418,7 @@ def _figures(seen: Seen) -> Figures | None:
     ])  # fmt: skip
 
 
-def _curves(seen: Seen) -> list[Curves]:
+def _curves(seen: Seen) -> list[figures.Curves]:
     """Measured and predicted temperatures of the days that decided."""
     if seen.predictions is None or seen.verdict is None or not len(seen.predictions):
         return []
@@ -459,7 +434,7 @@ def _curves(seen: Seen) -> list[Curves]:
         }
         if len(free) and len(free) == len(windows):
             seconds = free["t"].to_numpy(float)
-            found.append(Curves(day=str(day), seconds=seconds, values=values))
+            found.append(figures.Curves(day=str(day), seconds=seconds, values=values))
     return found
 
 
@@ -467,7 +442,7 @@ def _state(seen: Seen, day: str) -> Path:
     return (seen.clean or Path()) / "state" / f"{day}.parquet"
 
 
-def _spinning(seen: Seen, day: str) -> Spinning | None:
+def _spinning(seen: Seen, day: str) -> figures.Spinning | None:
     """Speed and position hold of a day, from its clean state table."""
     if seen.clean is None:
         return None
@@ -477,7 +452,7 @@ def _spinning(seen: Seen, day: str) -> Spinning | None:
     if table is None or "time" not in table.column_names:
         return None
     times = table.column("time").cast(pa.timestamp("ns", tz="UTC")).cast(pa.int64()).to_numpy()
-    place = (times // 1_000_000_000 % DAY) // BIN
+    place = (times // 1_000_000_000 % figures.DAY) // figures.BIN
 
     def values(name: str) -> np.ndarray:
         if name not in table.column_names:
@@ -485,12 +460,13 @@ def _spinning(seen: Seen, day: str) -> Spinning | None:
         found: np.ndarray = pc.fill_null(table.column(name).cast(pa.float64()), np.nan).to_numpy()
         return found
 
-    return Spinning(
-        speed=binned(np.abs(values(columns[1])), place), held=binned(values(columns[2]), place)
+    return figures.Spinning(
+        speed=figures.binned(np.abs(values(columns[1])), place),
+        held=figures.binned(values(columns[2]), place),
     )
 
 
-def _day_words(seen: Seen, day: Curves) -> tuple[str, str, str]:
+def _day_words(seen: Seen, day: figures.Curves) -> tuple[str, str, str]:
     """Caption of one judged day, its status and that in words."""
     measured = day.values["measured"]
     known = measured[np.isfinite(measured)]
@@ -507,35 +483,3 @@ def _day_words(seen: Seen, day: Curves) -> tuple[str, str, str]:
     )
     status = {"passed": "passed", "failed": "failed"}.get(one.status, "unknown")
     return text, status, {"unknown": "not known"}.get(status, status)
-
-
-def _truth_table(seen: Seen) -> Table | None:
-    """Parameters of the network that the simulated machine has by the same name."""
-    true = (seen.truth or {}).get("parameters", {})
-    rows = []
-    for name, p in _parameters(seen).items():
-        value = _true_value(true, name)
-        if value is not None:
-            inside = "not known"
-            if p.determined and p.interval_95 is not None:
-                low, high = p.interval_95
-                within = "inside" if low <= value <= high else "outside"
-                inside = f"truth {within} the 95 % interval"
-            rows.append(
-                cells(Cell(text=name, code=True), quantity(value, p.unit),
-                      quantity(p.value, p.unit), inside)
-            )  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        caption="Simulated and identified parameters of the spindle’s network",
-        heads=[Head(name="Parameter"), *numbers(("true", ""), ("identified", "")),
-               Head(name="difference")],
-        rows=rows,
-        sources=sources(seen.shelf, *([seen.truth_file] if seen.truth_file else [])),
-    )  # fmt: skip
-
-
-def _true_value(parameters: Any, name: str) -> float | None:
-    entry = parameters.get(name) if isinstance(parameters, dict) else None
-    return real(entry.get("value") if isinstance(entry, dict) else entry)

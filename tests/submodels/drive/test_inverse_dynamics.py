@@ -1,5 +1,7 @@
 """The table of regressors and what is searched on it, against direct evaluation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
     PositionDisturbance,
     block_numbers,
     correlation_rows,
-    dynamics_certainty,
+    dynamics_uncertainty,
     instrumental,
     is_better,
     position_disturbance,
@@ -102,10 +104,10 @@ def test_the_genetic_algorithm_sees_the_same_sum_of_squares():
 
 def test_instruments_find_the_mass_that_noise_hides():
     rows, found = found_on(moved(noise=1.0, noisy_acceleration=1.0))
-    sure = dynamics_certainty(rows, found)
+    uncertainty = dynamics_uncertainty(rows, found)
     assert found.value("mass") < 0.8 * TRUE["mass"]  # errors in variables
     better = instrumental(rows, found)
-    assert better is not None and is_better(better, found, sure.half_width, 0.5)
+    assert better is not None and is_better(better, found, uncertainty.half_width, 0.5)
     at = found.names.index("mass")
     assert better.half_width[at] < 0.1 * TRUE["mass"]
     # Huber's weights, of residuals that hold the same noise, leave a part of the bias
@@ -116,7 +118,7 @@ def test_instruments_are_not_taken_where_nothing_is_gained():
     rows, found = found_on(moved(noise=1.0))
     better = instrumental(rows, found)
     assert better is not None
-    assert not is_better(better, found, dynamics_certainty(rows, found).half_width, 0.5)
+    assert not is_better(better, found, dynamics_uncertainty(rows, found).half_width, 0.5)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.8, 0.95])
@@ -129,8 +131,7 @@ def test_blocks_are_as_long_as_residuals_hang_together(keep):
     stretch = np.zeros(len(noise), np.int64)
     # autocorrelation below 5 % is cut off, a tenth of it for a slow decay
     assert correlation_rows(noise, stretch) == pytest.approx(together, rel=0.15)
-    rows, _ = found_on(moved())
-    blocks = block_numbers(rows, noise[: len(rows.force)], 9)
+    blocks = block_numbers(noise, stretch, 9)
     assert np.bincount(blocks).max() <= np.ceil(max(9 * together, 1))
 
 
@@ -148,10 +149,9 @@ def test_pushes_by_the_place_are_told_from_noise_in_time():
 
 def test_rows_of_one_place_share_one_push():
     rows, _ = found_on(moved(samples=1000))
-    one_place = rows.of(rows.velocity > 0)
-    here = type(one_place)(**{**one_place.__dict__, "position": np.zeros(len(one_place.force)),
-                              "velocity": 1e-12 + np.zeros(len(one_place.force))})  # fmt: skip
-    slopes = np.ones((len(here.force), 1))
+    many = len(rows.force)
+    here = replace(rows, position=np.zeros(many), velocity=np.full(many, 1e-12))
+    slopes = np.ones((many, 1))
     disturbance = PositionDisturbance(variance=4.0, length=1e-3, strokes=9)
     covariance = scores_covariance(here, slopes, disturbance)
-    assert covariance[0, 0] == pytest.approx(4.0 * len(here.force) ** 2)
+    assert covariance[0, 0] == pytest.approx(4.0 * many**2)

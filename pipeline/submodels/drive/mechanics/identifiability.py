@@ -14,6 +14,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     AMPLITUDES,
+    DIRECTIONS,
     LOGS,
     Dynamics,
     Regressors,
@@ -27,11 +28,11 @@ from pipeline.submodels.drive.mechanics.motion import Motion, motion
 from pipeline.submodels.drive.mechanics.uncertainty import (
     Instrumental,
     disturbance_weights,
-    dynamics_certainty,
+    dynamics_uncertainty,
     position_disturbance,
 )
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.statistics import Certainty
+from pipeline.submodels.statistics import Uncertainty
 
 OTHER_BANDWIDTHS = (0.5, 2.0)
 """Bandwidths of repeated fits over the chosen one [1]; their differences widen the intervals."""
@@ -43,7 +44,6 @@ APART = 1.2
 """Least ratio of speeds that separates viscous from Coulomb friction [1]."""
 SLOW_END = 5
 """Percentile of the speeds that counts as slow [%]."""
-DIRECTIONS = ("positive", "negative")
 
 
 def aligned(
@@ -78,7 +78,7 @@ def _enough(rows: Regressors, axis: str) -> Regressors:
 
 def determined_dynamics(
     rows: Regressors, steady: Sequence[float], widest: float
-) -> tuple[Dynamics, Certainty]:
+) -> tuple[Dynamics, Uncertainty]:
     """Optimum in the parameters that the rows determine.
 
     A direction whose v_s or F_s - F_c is too uncertain is fitted without either, and so is one
@@ -97,16 +97,15 @@ def determined_dynamics(
     """
     slowest, single = _steady(rows, steady)
     fitted = all_observable(rows)
-    for direction in single:
-        fitted &= ~np.isin(parameter_names(rows), (f"viscous_{direction}",))
+    fitted &= ~np.isin(parameter_names(rows), [f"viscous_{direction}" for direction in single])
     found = least_squares_dynamics(rows, fitted)
     shares = weights_by_position(rows, found)
     found = least_squares_dynamics(rows, fitted, shares)
-    sure = dynamics_certainty(rows, found)
-    while (loose := _loosest(found, sure, slowest, widest)).any():
+    uncertainty = dynamics_uncertainty(rows, found)
+    while (loose := _loosest(found, uncertainty, slowest, widest)).any():
         found = least_squares_dynamics(rows, found.fitted & ~loose, shares)
-        sure = dynamics_certainty(rows, found)
-    return found, sure
+        uncertainty = dynamics_uncertainty(rows, found)
+    return found, uncertainty
 
 
 def weights_by_position(rows: Regressors, found: Dynamics) -> Floats | None:
@@ -122,7 +121,7 @@ def _steady(rows: Regressors, steady: Sequence[float]) -> tuple[dict[str, float]
     """
     held = np.asarray(steady)
     slowest, single = {}, []
-    for sign, direction in ((1.0, "positive"), (-1.0, "negative")):
+    for sign, direction in zip((1.0, -1.0), DIRECTIONS, strict=True):
         speeds = np.abs(held[held * sign > 0])
         passed = np.abs(rows.velocity[rows.velocity * sign > 0])
         if len(speeds) and speeds.max() < APART * speeds.min():
@@ -133,33 +132,28 @@ def _steady(rows: Regressors, steady: Sequence[float]) -> tuple[dict[str, float]
     return slowest, single
 
 
-def _loosest(found: Dynamics, sure: Certainty, slowest: dict[str, float], widest: float) -> Bools:
+def _loosest(
+    found: Dynamics, uncertainty: Uncertainty, slowest: dict[str, float], widest: float
+) -> Bools:
     """Parameters to take out next; shape (D,)."""
     half = np.full(len(found.values), np.inf)
-    half[found.fitted] = sure.half_width
+    half[found.fitted] = uncertainty.half_width
     width = dict(zip(found.names, half.tolist(), strict=True))
     amplitudes = {}
     for direction in DIRECTIONS:
-        amplitude, speed = (
-            found.value(f"stribeck_amplitude_{direction}"),
-            np.exp(found.value(f"log_velocity_{direction}")),
-        )
-        if found.fitted[found.names.index(f"stribeck_amplitude_{direction}")]:
-            share = (
-                width[f"stribeck_amplitude_{direction}"] / amplitude
-                if amplitude > 0 and speed > slowest[direction]
-                else np.inf
-            )
-            amplitudes[direction] = max(share, width[f"log_velocity_{direction}"])
+        name, log_velocity = f"stribeck_amplitude_{direction}", f"log_velocity_{direction}"
+        if found.is_fitted(name):
+            amplitude, speed = found.value(name), np.exp(found.value(log_velocity))
+            shown = amplitude > 0 and speed > slowest[direction]
+            share = width[name] / amplitude if shown else np.inf
+            amplitudes[direction] = max(share, width[log_velocity])
     if amplitudes and max(amplitudes.values()) > widest:
-        direction = max(amplitudes, key=lambda one: amplitudes[one])
-        return np.isin(
-            found.names, (f"stribeck_amplitude_{direction}", f"log_velocity_{direction}")
-        )
+        loosest = max(amplitudes, key=lambda one: amplitudes[one])
+        return np.isin(found.names, (f"stribeck_amplitude_{loosest}", f"log_velocity_{loosest}"))
     for direction in DIRECTIONS:
         level, viscous = f"coulomb_level_{direction}", f"viscous_{direction}"
         open_ = [width[n] > widest * abs(found.value(n)) for n in (level, viscous)]
-        if found.fitted[found.names.index(viscous)] and all(open_):
+        if found.is_fitted(viscous) and all(open_):
             return np.isin(found.names, (viscous,))
     return np.zeros(len(found.values), bool)
 
@@ -190,17 +184,17 @@ def at_other_bandwidths(
 
 
 def replaced(
-    rows: Regressors, found: Dynamics, sure: Certainty, better: Instrumental
-) -> tuple[Dynamics, Certainty]:
+    rows: Regressors, found: Dynamics, uncertainty: Uncertainty, better: Instrumental
+) -> tuple[Dynamics, Uncertainty]:
     """The optimum with the instrumental estimates in place of those of least squares."""
     values, half = found.values.copy(), np.zeros(len(found.values))
     values[better.index] = better.values
-    half[found.fitted] = sure.half_width
+    half[found.fitted] = uncertainty.half_width
     half[better.index] = better.half_width
     residuals = rows.force - modelled_force(rows, values)
     return (
         replace(found, values=values, residuals=residuals),
-        replace(sure, half_width=half[found.fitted]),
+        replace(uncertainty, half_width=half[found.fitted]),
     )
 
 
@@ -208,17 +202,19 @@ ROWS = 30
 """Least number of rows of a recording for a load factor [1]."""
 
 
-def load_factor(found: Dynamics, sure: Certainty) -> Factor | None:
+def load_factor(found: Dynamics, uncertainty: Uncertainty) -> Factor | None:
     """Factor c of the load in training recordings; None where none has a load."""
-    if "load" not in found.names or not found.fitted[found.names.index("load")]:
+    if "load" not in found.names or not found.is_fitted("load"):
         return None
     at = int(np.count_nonzero(found.fitted[: found.names.index("load")]))
-    return Factor(value=found.value("load"), half_width=float(sure.half_width[at]))
+    return Factor(value=found.value("load"), half_width=float(uncertainty.half_width[at]))
 
 
-def force_constant_by_load(found: Dynamics, sure: Certainty, widest: float) -> Factor | None:
+def force_constant_by_load(
+    found: Dynamics, uncertainty: Uncertainty, widest: float
+) -> Factor | None:
     """K = 1 / c [N/A] of a fit in the command's unit; None where the load does not determine it."""
-    factor = load_factor(found, sure)
+    factor = load_factor(found, uncertainty)
     if factor is None or not factor.is_determined(widest) or factor.value < 0:
         return None
     k = 1 / factor.value
@@ -288,7 +284,7 @@ def held_out_load_factor(
         values=whole, fitted=only, weights=np.ones(len(own)), residuals=own - slopes @ values,
         evaluations=1,
     )  # fmt: skip
-    factor = load_factor(found, dynamics_certainty(rows, found))
+    factor = load_factor(found, dynamics_uncertainty(rows, found))
     return None if factor is None else replace(factor, zero=float(values[1]))
 
 

@@ -1,4 +1,4 @@
-"""Search for the servo that explains the command best, and the certainty of its parameters.
+"""Search for the servo that explains the command best, and the uncertainty of its parameters.
 
 Least squares from several starts and a genetic algorithm minimise the same error, the RMSE of the
 command in :class:`ServoEquation`.  Optional terms are added one after the other while they improve
@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.search.genetic import GeneticSettings, minimise
-from pipeline.submodels.drive.mechanics.uncertainty import BLOCK, correlation_rows
+from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
 from pipeline.submodels.drive.servo.equation import (
     FA,
     FV,
@@ -27,7 +27,7 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoEquation,
 )
-from pipeline.submodels.statistics import certainty
+from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 SHARES = (0.0, 0.5, 0.9)
 """Shares of velocity feed-forward where a search begins [1]."""
@@ -180,33 +180,6 @@ CLOCK = 1e-4
 """Relative error of a recorder's clock, and with it of every gain [1]."""
 NONE_SEEN = 0.1
 """Greatest end of its interval up to which a feed-forward that is not fitted counts as 0 [1]."""
-_FEWEST = 3
-"""Least number of blocks for each parameter [1]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ServoCertainty:
-    """Certainty of the terms of a servo.
-
-    Parameters
-    ----------
-    half_width : ndarray, shape (D,)
-        Half of the 95 % interval; infinite where not fitted.
-    condition : float
-        Of the Jacobian with columns scaled to length one.
-    rank : int
-        Of the same.
-    correlation : ndarray, shape (S, S)
-        Of the terms that were fitted.
-    correlated : tuple of str
-        Their names.
-    """
-
-    half_width: Floats
-    condition: float
-    rank: int
-    correlation: Floats
-    correlated: tuple[str, ...]
 
 
 def always_fitted(nominal: Nominal) -> Bools:
@@ -253,10 +226,12 @@ def _with(
     return replace(found, evaluations=found.evaluations + best.evaluations)
 
 
-def servo_certainty(
+def servo_uncertainty(
     equation: ServoEquation, slower: ServoEquation, found: ServoOptimum
-) -> ServoCertainty:
-    """Certainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
+) -> Uncertainty:
+    """Uncertainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
+
+    Half widths are of all D terms, infinite where not fitted; the rest is of the S fitted ones.
 
     Parameters
     ----------
@@ -270,22 +245,15 @@ def servo_certainty(
     """
     # parameters at a bound count too: a lag of 0 has an interval like any other
     inside = found.fitted
-    slopes = (equation.columns @ equation.slopes(found.values))[:, inside]
+    slopes = equation.jacobian(found.values, inside)
     residuals = equation.columns @ equation.factors(found.values)
-    length = BLOCK * correlation_rows(residuals, equation.stretch)
-    length = max(min(length, len(residuals) / (_FEWEST * max(int(inside.sum()), 1))), 1.0)
-    blocks = (np.arange(len(residuals)) / length).astype(np.int64)
-    sure = certainty(slopes, residuals, blocks)
+    blocks = block_numbers(residuals, equation.stretch, int(inside.sum()))
+    uncertainty = uncertainty_of(slopes, residuals, blocks)
     again = least_squares_servo(slower, found.values, found.fitted, found.values)
     half = np.full(len(TERMS), np.inf)
-    half[inside] = sure.half_width + np.abs(again.values - found.values)[inside]
+    half[inside] = uncertainty.half_width + np.abs(again.values - found.values)[inside]
     half[inside] += CLOCK * np.abs(found.values[inside])
-    scaled = slopes / np.where((norm := np.linalg.norm(slopes, axis=0)) > 0, norm, 1.0)
-    return ServoCertainty(
-        half_width=half, condition=sure.condition, rank=int(np.linalg.matrix_rank(scaled)),
-        correlation=sure.correlation,
-        correlated=tuple(t for t, i in zip(TERMS, inside, strict=True) if i),
-    )  # fmt: skip
+    return replace(uncertainty, half_width=half)
 
 
 def greatest_unseen(
@@ -295,6 +263,6 @@ def greatest_unseen(
     fitted = best.fitted.copy()
     fitted[term] = True
     tried = least_squares_servo(equation, best.values, fitted, best.values)
-    half = servo_certainty(equation, slower, tried).half_width[term]
+    half = servo_uncertainty(equation, slower, tried).half_width[term]
     most = float(tried.values[term] + half) if np.isfinite(half) else np.inf
     return most if most <= NONE_SEEN * (1.0 if term == FV else equation.steepest) else None
