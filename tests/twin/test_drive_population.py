@@ -1,4 +1,4 @@
-"""Compiled traces and plain Python are one model; starts, rows and refusals."""
+"""Lanes, compiled traces and plain Python are one model; shapes, threads and refusals."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,12 @@ from pipeline.kernels import compiled
 from pipeline.machine.axis.drive_step import FARTHEST, decay
 from pipeline.machine.axis.feed_drive import DriveColumn, drive_of_row, drive_row
 from pipeline.twin.drive import DriveParameters, DriveStart, simulate_drive
-from pipeline.twin.drive_population import simulate_traces
+from pipeline.twin.drive_population import (
+    DriveErrors,
+    drive_table,
+    population_errors,
+    simulate_traces,
+)
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
 
 FULL = with_servo(
@@ -18,6 +23,7 @@ FULL = with_servo(
 )  # fmt: skip
 STEPS = 4000
 OPTIONS = [{}, {"substeps": 3}, {"substeps": 3, "servo_substeps": True}]
+NAMES = ("max_error", "rms_error", "max_command", "rms_command")
 
 
 def varied(individuals: int, axes: int) -> list[list[DriveParameters]]:
@@ -61,18 +67,82 @@ def test_compiled_trace_is_the_plain_one(options: dict[str, int]) -> None:
         assert ((plain.velocity == 0) == (fast.velocity[0] == 0)).all()
 
 
-def table_of(individuals: int) -> NDArray[np.float64]:
-    return np.array([drive_row(one.servo, one.feed_drive) for (one,) in varied(individuals, 1)])
+@pytest.mark.parametrize("load", [None, loads(3)], ids=["free", "loaded"])
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_lanes_are_the_plain_form(load: NDArray[np.float64] | None, substeps: int) -> None:
+    drives = varied(3, 3)
+    found = population_errors(references(3), T, drive_table(drives), load=load, substeps=substeps)
+    for p, axes in enumerate(drives):
+        for a, drive in enumerate(axes):
+            trace = simulate_drive(
+                references(3)[:, a], T, drive, load=None if load is None else load[:, a],
+                substeps=substeps,
+            )  # fmt: skip
+            e, A = np.abs(trace.following_error), np.abs(trace.command)
+            expected = (e.max(), np.sqrt(np.mean(e**2)), A.max(), np.sqrt(np.mean(A**2)))
+            got = tuple(getattr(found, name)[p, a] for name in NAMES)
+            assert got == pytest.approx(expected, rel=1e-9)
+
+
+def test_lanes_with_the_servo_in_substeps_are_lanes_of_its_period() -> None:
+    table, n = drive_table(varied(2, 3)), 4
+    fine = np.stack(
+        [np.interp(np.arange(STEPS * n) / n, np.arange(STEPS), r) for r in references(3).T], axis=1
+    )
+    coarse = population_errors(references(3), T, table, substeps=n, servo_substeps=True)
+    whole = population_errors(fine, T / n, table)
+    # interpolation rounds differently, and the second difference of 0.25 ms sees it
+    same(coarse, whole, 1e-8)
+
+
+def same(one: DriveErrors, other: DriveErrors, rel: float) -> None:
+    for name in NAMES:
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=rel, abs=0)
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_own_references_are_followed_as_a_common_one(options: dict[str, int]) -> None:
+    table = drive_table(varied(19, 2))
+    reference, load = references(2), loads(2)
+    common = population_errors(reference, T, table, load=load, **options)
+    own = population_errors(np.tile(reference, (19, 1, 1)), T, table, load=load, **options)
+    # the same operations in the same order
+    same(own, common, 1e-15)
+    same(population_errors(reference, T, table, load=np.tile(load, (19, 1, 1)), **options), common,
+         1e-15)  # fmt: skip
+
+
+def test_each_individual_follows_its_own_reference() -> None:
+    table = np.tile(drive_table(varied(1, 2)), (20, 1, 1))
+    scale = np.linspace(0.5, 1.5, 20)
+    own = scale[:, np.newaxis, np.newaxis] * references(2)
+    found = population_errors(own, T, table)
+    for p in (0, 7, 15, 16, 19):
+        alone = population_errors(own[p], T, table[p : p + 1])
+        for name in NAMES:
+            assert getattr(found, name)[p] == pytest.approx(getattr(alone, name)[0], rel=1e-15)
+
+
+@pytest.mark.parametrize("individuals", [1, 15, 16, 17, 50])
+@pytest.mark.parametrize("axes", [1, 2, 5])
+def test_results_do_not_depend_on_company_or_threads(individuals: int, axes: int) -> None:
+    table = drive_table(varied(individuals, axes))
+    reference = references(axes, 300)
+    found = population_errors(reference, T, table, threads=1)
+    same(population_errors(reference, T, table, threads=3), found, 0)
+    last = population_errors(reference, T, table[-1:])
+    for name in NAMES:
+        assert getattr(found, name).shape == (individuals, axes)
+        assert (getattr(last, name)[0] == getattr(found, name)[-1]).all()
 
 
 def test_load_factor_multiplies_the_load() -> None:
-    whole, half = table_of(2)
-    half[:] = whole
-    half[DriveColumn.LOAD_FACTOR] = 0.5
-    reference, load = references(1)[:, 0], loads(1)[:, 0]
-    by_factor = simulate_traces(reference, T, half[np.newaxis], load=load)
-    by_load = simulate_traces(reference, T, whole[np.newaxis], load=0.5 * load)
-    assert by_factor.position == pytest.approx(by_load.position, rel=1e-12)
+    table = drive_table(varied(1, 1))
+    half = table.copy()
+    half[..., DriveColumn.LOAD_FACTOR] = 0.5
+    reference, load = references(1), loads(1)
+    same(population_errors(reference, T, half, load=load),
+         population_errors(reference, T, table, load=0.5 * load), 1e-12)  # fmt: skip
 
 
 def test_variants_start_where_they_are_told() -> None:
@@ -111,38 +181,46 @@ def test_decay_is_the_exponential() -> None:
     assert np.abs(found - np.exp(-32 * y)).max() < 6e-11
 
 
-def test_unstable_variant_leaves_the_others_alone() -> None:
-    table, reference = table_of(3), references(1)[:, 0]
-    table[:, DriveColumn.CURRENT_LIMIT] = np.inf
-    expected = simulate_traces(reference, T, table).position
-    table[1, DriveColumn.PROPORTIONAL] *= 100
-    found = simulate_traces(reference, T, table).position
-    assert not np.isfinite(found[1]).all()
-    assert (found[[0, 2]] == expected[[0, 2]]).all()
+def test_unstable_individual_is_infinite_and_leaves_the_others_alone() -> None:
+    drives = varied(3, 1)
+    table = drive_table(drives)
+    table[..., DriveColumn.CURRENT_LIMIT] = np.inf
+    expected = population_errors(references(1), T, table)
+    table[1, 0, DriveColumn.PROPORTIONAL] *= 100
+    found = population_errors(references(1), T, table)
+    assert all(np.isinf(getattr(found, name)[1]).all() for name in NAMES)
+    for p in (0, 2):
+        assert found.rms_error[p] == expected.rms_error[p]
 
 
 def changed(column: DriveColumn, value: float) -> NDArray[np.float64]:
-    table = table_of(2)
-    table[1, column] = value
+    table = drive_table(varied(2, 3))
+    table[1, 2, column] = value
     return table
 
 
 @pytest.mark.parametrize(
     "change, said",
     [
-        ({"table": np.ones((2, 3))}, r"table has shape \(2, 3\): give \(P, 21\)"),
-        ({"table": changed(DriveColumn.MASS, 0.0)}, r"row \[1\]: MASS = 0.0 must be finite and"),
-        ({"table": changed(DriveColumn.OFFSET, np.nan)}, r"row \[1\]: OFFSET = nan must be"),
+        ({"table": np.ones((2, 3))}, r"table has shape \(2, 3\): give \(P, A, 21\)"),
+        ({"table": changed(DriveColumn.MASS, 0.0)}, r"row \[1, 2\]: MASS = 0.0 must be finite and"),
+        ({"table": changed(DriveColumn.OFFSET, np.nan)}, r"row \[1, 2\]: OFFSET = nan must be"),
         ({"table": changed(DriveColumn.STATIC_NEGATIVE, 1.0)}, "STATIC_NEGATIVE = 1.0 must be"),
         ({"table": changed(DriveColumn.VISCOUS_POSITIVE, -1.0)}, "VISCOUS_POSITIVE = -1.0"),
-        ({"reference": np.zeros((10, 2))}, r"reference has shape \(10, 2\)"),
-        ({"reference": np.full(10, np.nan)}, r"reference.* = nan"),
-        ({"load": np.full(10, np.inf)}, r"load.* = inf"),
-        ({"load": np.zeros(9)}, "load has 9 samples"),
+        ({"reference": np.zeros((10, 2))}, r"reference has shape \(10, 2\): give \(T, 3\)"),
+        ({"reference": np.zeros((5, 10, 3))}, r"give \(T, 3\) or \(2, T, 3\)"),
+        ({"reference": np.full((10, 3), np.nan)}, r"reference\[0, 0, 0\] = nan: give finite"),
+        ({"load": np.full((10, 3), np.inf)}, r"load\[0, 0, 0\] = inf: give finite"),
+        ({"load": np.zeros((9, 3))}, "load has 9 samples, the reference 10: give as many"),
         ({"substeps": 0}, "substeps = 0 must be at least 1"),
     ],
 )
 def test_inputs_out_of_range_are_refused(change: dict[str, object], said: str) -> None:
-    given = {"reference": np.zeros(10), "period": T, "table": table_of(2)}
+    known = {"reference": np.zeros((10, 3)), "period": T, "table": drive_table(varied(2, 3))}
     with pytest.raises(ValueError, match=said):
-        simulate_traces(**{**given, **change})
+        population_errors(**{**known, **change})
+
+
+def test_individuals_of_different_axes_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"the individuals have \[1, 2\] axes"):
+        drive_table([[AXIS], [AXIS, AXIS]])
