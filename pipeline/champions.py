@@ -271,9 +271,9 @@ def _contests(
     from pipeline.submodels.contract import sections, submodel
     from pipeline.submodels.promotion import PromotionSettings, contest
 
-    values, data = _params(root), root / DATA
-    own = "promotion" in values
-    settings = structure(values, "promotion", PromotionSettings) if own else PromotionSettings()
+    values, data, settings = _params(root), root / DATA, PromotionSettings()
+    if "promotion" in values:
+        settings = structure(values, "promotion", PromotionSettings)
     places = {
         "raw": data / "raw" / machine,
         "signals": data / "signals" / machine,

@@ -19,17 +19,12 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from pipeline.schema.bundle import (
-    VERDICT,
-    Bundle,
-    copy_bundle,
-    stored_bundle,
-)
+from pipeline.schema.bundle import VERDICT, Bundle, copy_bundle, stored_bundle
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 
@@ -84,7 +79,7 @@ def versions(machine: str, root: Path = Path()) -> list[Version]:
     if not exists(root):
         return []
     server = bool(os.environ.get("MLFLOW_TRACKING_URI"))
-    tags, aliases = _asked(machine, root) if server else _read(machine, root / DATABASE)
+    tags, aliases = _of_server(machine, root) if server else _read(machine, root / DATABASE)
     return [
         Version(
             machine=machine,
@@ -126,7 +121,7 @@ def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
     return found, aliases
 
 
-def _asked(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
+def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
     """As :func:`_read`, of a server."""
     client = _client(root)
     found = client.search_model_versions(f"name='{model_name(machine)}'")
@@ -235,8 +230,11 @@ def _log(
 
     from pipeline.submodels.contract import submodel
 
-    described = _described(bundle, folder)
-    tags = _provenance(bundle, folder, root, made_with) | described.tags
+    signature, units = _described(bundle, folder)
+    tags = _provenance(bundle, folder, root, made_with) | {
+        f"unit.{name}.{_plain(column)}": unit
+        for name, columns in units.items() for column, unit in columns.items() if unit
+    }  # fmt: skip
     mlflow.set_experiment(experiment)
     run = f"{bundle.machine}-{bundle.sha256[:8]}"
     with tempfile.TemporaryDirectory() as scratch, mlflow.start_run(run_name=run):
@@ -255,10 +253,10 @@ def _log(
             python_model=str(Path(__file__).with_name("serving.py")),
             artifacts={"bundle": str(Path(scratch) / "bundle")},
             code_paths=[str(code)],
-            signature=described.signature,
+            signature=signature,
             input_example=_without_zone(submodel(first_name).example(folder / first_name)),
             pip_requirements=requirements(root),
-            metadata={"units": described.units},
+            metadata={"units": units},
             registered_model_name=model_name(bundle.machine),
         )
     number = str(logged.registered_model_version)
@@ -268,20 +266,11 @@ def _log(
     return int(number)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Described:
-    """Signature of a bundle's pyfunc, and the unit of each column by sub-model."""
+def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, str]]]:
+    """Signature of a bundle's pyfunc, and the unit of each column by sub-model.
 
-    signature: Any
-    units: dict[str, dict[str, str]]
-    tags: dict[str, str] = field(default_factory=dict)
-
-
-def _described(bundle: Bundle, folder: Path) -> _Described:
-    """Columns that the sub-models take and give, each found by predicting its own example.
-
-    The sub-models read different tables, so that each column is optional: what a sub-model lacks
-    is said by itself.
+    Columns are found by predicting each sub-model's own example.  The sub-models read different
+    tables, so that each column is optional: what a sub-model lacks is said by itself.
     """
     from mlflow.models import ModelSignature
     from mlflow.types import ParamSchema, ParamSpec
@@ -301,19 +290,9 @@ def _described(bundle: Bundle, folder: Path) -> _Described:
         verdict = read_json(folder / name / VERDICT, Verdict)
         units[name] = {score.quantity: score.unit for score in verdict.scores}
         units[name] |= {known.name: known.unit for known in one.inputs if known.unit}
-    first = next(iter(bundle.submodels))
-    return _Described(
-        signature=ModelSignature(
-            inputs=_schema(taken),
-            outputs=_schema(given),
-            params=ParamSchema([ParamSpec("submodel", "string", default=first)]),
-        ),
-        units=units,
-        tags={
-            f"unit.{name}.{_plain(column)}": unit
-            for name, columns in units.items() for column, unit in columns.items() if unit
-        },
-    )  # fmt: skip
+    default = next(iter(bundle.submodels))
+    parameters = ParamSchema([ParamSpec("submodel", "string", default=default)])
+    return ModelSignature(inputs=_schema(taken), outputs=_schema(given), params=parameters), units
 
 
 def _schema(columns: Mapping[str, "pd.Series[Any]"]) -> Any:

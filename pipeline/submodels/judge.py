@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, Model
-from pipeline.schema.predictions import BASELINE, baselines
+from pipeline.schema.predictions import BASELINE
 from pipeline.schema.verdict import (
-    Fact,
     Figures,
     GoldenUsed,
     JudgedCase,
@@ -231,10 +230,10 @@ def _deciding(cases: Sequence[Case]) -> Role:
     return next((role for role in order if role in there), "held_out")
 
 
-def _columns(frame: pd.DataFrame, target: Target) -> tuple[pd.DataFrame, Bools]:
-    """Rows of a target, and where measurement, model and every baseline are known."""
+def _scored_rows(frame: pd.DataFrame, target: Target) -> pd.DataFrame:
+    """Rows of a target whose measurement, prediction and every baseline are known."""
     if not len(frame):
-        return frame, np.zeros(0, dtype=bool)
+        return frame
     rows = frame[(frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)]
     names = [BASELINE + name for name in target.baselines if BASELINE + name in rows.columns]
     known = rows["scored"].to_numpy(bool).copy()
@@ -246,13 +245,12 @@ def _columns(frame: pd.DataFrame, target: Target) -> tuple[pd.DataFrame, Bools]:
             empty = rows[name].isna().groupby(rows["case"]).transform("all")
             absent = empty.to_numpy(bool)
         known &= np.isfinite(values) | absent
-    return rows, known
+    return rows[known]
 
 
 def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
     """Scores of a target by role and group, and over all groups of each role."""
-    rows, known = _columns(frame, target)
-    rows = rows[known]
+    rows = _scored_rows(frame, target)
     if not len(rows):
         return []
     found = []
@@ -265,10 +263,11 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
 
 
 def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
-    measured, predicted = rows["measured"].to_numpy(float), rows["predicted"].to_numpy(float)
-    low, high = rows["low"].to_numpy(float), rows["high"].to_numpy(float)
-    sure = np.isfinite(low) & np.isfinite(high)
-    inside = (low[sure] <= measured[sure]) & (measured[sure] <= high[sure])
+    measured, predicted, low, high = (
+        rows[name].to_numpy(float) for name in ("measured", "predicted", "low", "high")
+    )
+    bounded = np.isfinite(low) & np.isfinite(high)
+    inside = ((low <= measured) & (measured <= high))[bounded]
     own = figures(predicted, measured)
     others = {
         name: figures(rows[BASELINE + name].to_numpy(float), measured)
@@ -281,7 +280,7 @@ def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
         regime=target.regime,
         role=role,
         n=len(rows),
-        coverage_90=rounded(float(inside.mean())) if sure.any() else None,
+        coverage_90=rounded(float(inside.mean())) if bounded.any() else None,
         baselines={name: one for name, one in others.items() if one.mae is not None},
         limits=target.limits if group != ALL else {},
         **vars(own),
@@ -338,8 +337,7 @@ def _beaten(scores: Sequence[Score], target: Target, deciding: Role) -> list[str
 
 def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:
     """Skill against each baseline over the groups that decide, with bootstrapped intervals."""
-    rows, known = _columns(frame, target)
-    rows = rows[known]
+    rows = _scored_rows(frame, target)
     rows = rows[rows["role"] == deciding] if len(rows) else rows
     found = []
     for name in target.baselines:
@@ -413,7 +411,7 @@ def set_reasons(
     for what, frozen in (("golden", sets.golden), ("sealed", sets.sealed)):
         if frozen is None:
             continue
-        found += [f"{reason}" for reason in changes(frozen, files, what)]
+        found += changes(frozen, files, what)
         found += [
             f"{one.file} of the {what} set has the same bytes as {fitted[one.sha256]}, which the "
             "model was fitted on"
@@ -523,23 +521,3 @@ def metrics(judged: Verdict) -> dict[str, Any]:
                           if (s.quantity, s.regime) == (score.quantity, score.regime)},
         }  # fmt: skip
     return found
-
-
-def facts(values: Mapping[str, tuple[float | str | None, str]]) -> dict[str, Fact]:
-    """Facts from ``name -> (value, unit)``."""
-    return {name: Fact(value=value, unit=unit) for name, (value, unit) in values.items()}
-
-
-__all__ = [
-    "Judged",
-    "baselines",
-    "changes",
-    "facts",
-    "figures",
-    "judge",
-    "leak_reasons",
-    "metrics",
-    "outside_conditions",
-    "set_reasons",
-    "skills",
-]

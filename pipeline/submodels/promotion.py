@@ -16,7 +16,7 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
-from pipeline.submodels.cases import Case, Cases, Records
+from pipeline.submodels.cases import Cases, Records
 from pipeline.submodels.contract import SubModel
 from pipeline.submodels.judge import FEWEST_GROUPS, judge
 from pipeline.submodels.statistics import gains
@@ -139,8 +139,11 @@ def contest(
     except StoreError as error:
         return Contest(submodel=name, compared=(), note=f"cannot be compared: {error}")
     fitted = {sha256 for model in models for sha256 in model.training_files}
-    there = submodel.cases(records, settings, sets)
-    cases = Cases(cases=tuple(one for one in there.cases if not _knows(one, fitted)))
+    unseen = [
+        case for case in submodel.cases(records, settings, sets).cases
+        if not any(one.sha256 in fitted for one in case.files)
+    ]  # fmt: skip
+    cases = Cases(cases=tuple(unseen))
     verdicts = [
         judge(
             model, predictor, cases, submodel.targets(settings, model),
@@ -151,10 +154,6 @@ def contest(
     compared = tuple(compare(verdicts[0], verdicts[1], tolerance))
     note = "" if compared else "no case that neither model was fitted on could be compared"
     return Contest(submodel=name, compared=compared, status=verdicts[1].status, note=note)
-
-
-def _knows(case: Case, fitted: set[str]) -> bool:
-    return any(one.sha256 in fitted for one in case.files)
 
 
 def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Compared]:

@@ -76,6 +76,31 @@ def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64
     )
 
 
+def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
+    """Half of the 95 % interval if residuals were independent, of standard deviation ``noise``.
+
+    Clustered residuals underestimate the variance in a direction that only few blocks excite: where
+    two parameters do the same to these, the residuals have no part along their difference.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (N, D)
+        Of the residuals.
+    noise : float
+        In the unit of the residuals.
+
+    Returns
+    -------
+    ndarray, shape (D,)
+    """
+    length = np.linalg.norm(jacobian, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
+    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
+    half_width: Floats = 2 * noise * spread / length
+    return half_width
+
+
 LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 

@@ -53,7 +53,7 @@ def test_parameters_stand_with_interval_and_remedy(page):
     assert (
         "jerk change of acceleration in time not determined – mm/s³ run a program of 5 mm" in text
     )
-    assert "These runs do not determine jerk" in text
+    assert "These runs do not determine of the control: change of acceleration in time" in text
     assert "Identified from 2 runs of 2 programs, cut into 412 stretches" in text
     assert "settle_time and corner_jump (correlation −0.81)" in text
 

@@ -16,7 +16,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Count, Positive, Ranged
 from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
-from pipeline.submodels.statistics import Uncertainty, uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
 from pipeline.twin.program import planned_program
 
 Residuals = Callable[[Floats], Floats]
@@ -280,22 +280,8 @@ def _uncertainty(found: Optimum, blocks: NDArray[np.int64]) -> Uncertainty:
     jacobian, residuals = found.jacobian * weight[:, None], found.residuals * weight
     uncertainty = uncertainty_of(jacobian, residuals, blocks)
     noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
-    half_width = np.maximum(uncertainty.half_width, _textbook_half_width(jacobian, noise))
+    half_width = np.maximum(uncertainty.half_width, textbook_half_width(jacobian, noise))
     return replace(uncertainty, half_width=half_width)
-
-
-def _textbook_half_width(jacobian: Floats, noise: float) -> Floats:
-    """Half of the 95 % interval if residuals were independent; shape (S,).
-
-    Where two parameters do the same to few stretches, clustered residuals have no part along their
-    difference and would call it certain.
-    """
-    length = np.linalg.norm(jacobian, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
-    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
-    half_width: Floats = 2 * noise * spread / length
-    return half_width
 
 
 def _loosest(

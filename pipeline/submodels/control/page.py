@@ -10,6 +10,7 @@ from pipeline.charts.default_section import (
     left_out_table,
     outside_table,
     parameters_table,
+    scores_table,
     strongest_correlation,
     training_table,
 )
@@ -129,7 +130,7 @@ def page(seen: Seen) -> SubModelPage:
     return SubModelPage(
         verdict=_verdict(seen, runs, limit),
         key_figures=figures,
-        notes=[f"These runs do not determine {', '.join(lost)} of the control."] if lost else [],
+        notes=[f"These runs do not determine of the control: {'; '.join(lost)}."] if lost else [],
         sections=[s for s in (_control_section(seen), _times_section(seen, runs)) if s is not None],
         compared={
             "times_worst_percent": Compared(
@@ -163,16 +164,15 @@ def meaning(name: str) -> str:
     ``–`` where the name says all that is known.
 
     >>> meaning("rapid_speed XY@mill02"), meaning("settle_time"), meaning("other Z")
-    ('X, Y: greatest speed in rapids, on mill02', \
+    ('greatest speed in rapids (X, Y), on mill02', \
 'wait until the axes are in position at an exact stop', '–')
     """
-    plain, _, unit = name.partition("@")
-    key, _, axes = plain.partition(" ")
-    words = MEANINGS.get(key)
-    if words is None:
+    name, _, unit = name.partition("@")
+    key, _, axes = name.partition(" ")
+    if key not in MEANINGS:
         return "–"
-    head = f"{', '.join(axes)}: " if axes else ""
-    return f"{head}{words}{f', on {unit}' if unit else ''}"
+    of_axes = f" ({', '.join(axes)})" if axes else ""
+    return f"{MEANINGS[key]}{of_axes}{f', on {unit}' if unit else ''}"
 
 
 def _limit(verdict: Verdict | None) -> float | None:
@@ -188,8 +188,10 @@ def _worst(judged: Sequence[RunTime]) -> float | None:
 
 
 def _undetermined(model: ControlModelFile | None) -> list[str]:
+    """Parameters without a number in the words of their table; a name that has none as it is."""
     parameters = {} if model is None else model.parameters.get("", {})
-    return [name for name, p in parameters.items() if not p.determined]
+    words = {name: meaning(name) for name, p in parameters.items() if not p.determined}
+    return [name if said == "–" else said for name, said in words.items()]
 
 
 def _made(seen: Seen, *files: str) -> list[Source]:
@@ -247,7 +249,7 @@ def _control_section(seen: Seen) -> Section | None:
     ]
     if lost:
         text.append(
-            f"These runs do not determine {', '.join(lost)}: the table says what to record for a "
+            f"These runs do not determine: {'; '.join(lost)}. The table says what to record for a "
             "number."
         )
     if seen.verdict is None:
@@ -295,7 +297,7 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> Section | None:
             _errors(runs, limit, made),
             _runs_table(runs, made),
             _types_table(runs, made),
-            _run_types_table(runs, made),
+            scores_table(seen.verdict, made, of="Run"),
             outside_table(seen.verdict, made),
             left_out_table(seen.verdict, made),
         ),
@@ -344,23 +346,25 @@ def _errors(runs: Sequence[RunTime], limit: float | None, made: Sequence[Source]
 
 def error_figure(runs: Sequence[RunTime], limit: float | None, label: str) -> Markup:
     """A point for each predicted time and each plain guess, joined; the limit as a band."""
-    low, high = _span(runs, limit)
+    low, high = span = _span(runs, limit)
     bottom = TOP + ROW * len(runs)
-
-    def place(value: float) -> float:
-        return 100 * (value - low) / (high - low)
-
     parts: list[Markup] = []
     if limit is not None:
-        ends = [place(max(low, -limit)), place(min(high, limit))]
+        ends = [_percent(end, span) for end in (-limit, limit)]
         parts.append(svg.bar(ends[0], ends[1] - ends[0], TOP, bottom - TOP, "s-limits"))
     for mark in svg.ticks(low, high, most=6):
-        x = place(mark)
+        x = _percent(mark, span)
         parts.append(svg.down(x, TOP, bottom, "grid zero" if mark == 0 else "grid"))
         parts.append(svg.text(x, bottom + 16, signed(mark, 0), svg.anchor(x)))
     for row, run in enumerate(runs):
-        parts += _row(run, TOP + ROW * (row + 0.5), (low, high))
+        parts += _row(run, TOP + ROW * (row + 0.5), span)
     return svg.figure(parts, height=bottom + 24, label=label, kind="runs")
+
+
+def _percent(value: float, span: tuple[float, float]) -> float:
+    """Place of a value on the axis, beyond the span at its end [%]."""
+    low, high = span
+    return 100 * (min(max(value, low), high) - low) / (high - low)
 
 
 def _span(runs: Sequence[RunTime], limit: float | None) -> tuple[float, float]:
@@ -371,14 +375,11 @@ def _span(runs: Sequence[RunTime], limit: float | None) -> tuple[float, float]:
 
 
 def _row(run: RunTime, y: float, span: tuple[float, float]) -> list[Markup]:
-    low, high = span
     error, naive = run.error, run.value(f"error of {NAIVE}")
     words = run.case.case.rpartition("/")[2].replace(".txt", "")
     words = words if len(words) <= LONGEST else f"…{words[1 - LONGEST :]}"
     parts = [svg.text(0, y + 4, words, "name end", dx=-8)]
-    at = [
-        100 * (min(max(v, low), high) - low) / (high - low) for v in (naive, error) if v is not None
-    ]
+    at = [_percent(v, span) for v in (naive, error) if v is not None]
     if len(at) == 2:
         ends = {"x1": f"{at[0]:.2f}%", "x2": f"{at[1]:.2f}%"}
         parts.append(svg.tag("line", y1=y, y2=y, class_="join", **ends))
@@ -395,9 +396,9 @@ def _point(value: float, y: float, kind: str, span: tuple[float, float]) -> Mark
     if value < low or value > high:
         edge, arrow = (0, "◂") if value < low else (100, "▸")
         return svg.text(edge, y + 4, arrow, "tick" if edge == 0 else "tick end")
-    x = f"{100 * (value - low) / (high - low):.2f}%"
+    size = 3.5 if kind == "p-naive" else 5.0
     return svg.tag(
-        "circle", cx=x, cy=y, r=3.5 if kind == "p-naive" else 5.0, class_=f"point {kind}"
+        "circle", cx=f"{_percent(value, span):.2f}%", cy=y, r=size, class_=f"point {kind}"
     )
 
 
@@ -449,19 +450,15 @@ def _why_not(run: RunTime) -> str:
     return "not judged" if run.word("completed") == "yes" else "not completed"
 
 
-def _types(runs: Sequence[RunTime]) -> list[str]:
-    """Types of block that a run spends or is predicted to spend time in, in their order."""
-    return list(dict.fromkeys(name for run in runs for name in run.by_type))
-
-
 def _types_table(runs: Sequence[RunTime], made: Sequence[Source]) -> Table | None:
     """Measured and predicted time of each type of block, over all judged runs."""
     judged = [run for run in runs if run.judged]
     over = "the judged runs" if judged else "all runs, none of which is judged"
-    sums = {
-        name: _sums([run.by_type[name] for run in judged or runs if name in run.by_type])
-        for name in _types(judged or runs)
-    }
+    by_type: dict[str, list[Score]] = {}
+    for run in judged or runs:
+        for name, score in run.by_type.items():
+            by_type.setdefault(name, []).append(score)
+    sums = {name: _sums(scores) for name, scores in by_type.items()}
     if not sums:
         return None
     whole = sum(abs(predicted - measured) for measured, predicted in sums.values())
@@ -495,28 +492,3 @@ def _sums(scores: Sequence[Score]) -> tuple[float, float]:
     """Measured and predicted time of scores together [s]."""
     measured = sum(measured_time(s) for s in scores)
     return measured, measured + sum(s.bias or 0.0 for s in scores)
-
-
-def _run_types_table(runs: Sequence[RunTime], made: Sequence[Source]) -> Table | None:
-    """Measured time and error of each type of block in each run."""
-    shown = [run for run in runs if run.by_type][:MOST_ROWS]
-    types = _types(shown)
-    if not types:
-        return None
-    heads = [Head(name="Run")]
-    for name in types:
-        heads += numbers(("measured", "s"), ("error", "%"), group=name)
-    rows = []
-    for run in shown:
-        pairs = [
-            (fixed(measured_time(s), 1), signed(s.mean_percent)) if s is not None else ("–", "–")
-            for s in (run.by_type.get(name) for name in types)
-        ]
-        rows.append(cells(run.case.case, *(word for pair in pairs for word in pair)))
-    return Table(
-        caption="By type of block, run by run",
-        heads=heads,
-        rows=rows,
-        sources=list(made),
-        folded=True,
-    )

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.machine.control.parameters import ControlParameters
+from pipeline.schema.arrays import Floats
 
-Floats = NDArray[np.float64]
 Quantity = tuple[str, float, float, str]
 """Unit, least and greatest value of any machine tool, and what to record to determine it."""
 
@@ -129,23 +128,26 @@ def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[Fr
 
 
 def _wait(name: str, start: float | None, quantity: Quantity, *, log_scale: bool) -> FreeParameter:
-    unit, low, high, remedy = quantity
+    _, low, high, _ = quantity
     begin = start if start is not None and np.isfinite(start) else float(np.sqrt(low * high))
-    return FreeParameter(
-        name=name, unit=unit, low=low, high=high, start=min(max(begin, low), high),
-        log_scale=log_scale, remedy=remedy,
-    )  # fmt: skip
+    return _free(name, begin, quantity, log_scale=log_scale)
 
 
 def _axis(
     control: ControlParameters, name: str, letters: str, suffix: str = "",
     units: tuple[str, ...] = (),
 ) -> FreeParameter:  # fmt: skip
-    unit, low, high, remedy = _AXIS[name]
     start = float(np.mean([getattr(control.axes[a], name) for a in letters]))
+    return _free(f"{name} {letters}{suffix}", start, _AXIS[name], log_scale=True, units=units)
+
+
+def _free(
+    name: str, start: float, quantity: Quantity, *, log_scale: bool, units: tuple[str, ...] = ()
+) -> FreeParameter:
+    unit, low, high, remedy = quantity
     return FreeParameter(
-        name=f"{name} {letters}{suffix}", unit=unit, low=low, high=high,
-        start=min(max(start, low), high), log_scale=True, remedy=remedy, units=units,
+        name=name, unit=unit, low=low, high=high, start=min(max(start, low), high),
+        log_scale=log_scale, remedy=remedy, units=units,
     )  # fmt: skip
 
 
@@ -166,18 +168,17 @@ def control_of(
         Parameters of other units are left out.
     """
     axes: dict[str, dict[str, float]] = {letter: {} for letter in start.axes}
-    settle: dict[str, float] = {}
-    waits: dict[str, Any] = {}
+    others: dict[str, Any] = {}
     for one, value in zip(free, values.tolist(), strict=True):
         if one.units and unit not in one.units:
             continue
         for letter in one.axes:
             axes[letter][one.key] = value
         if not one.axes:
-            (settle if one.key == "settle_time" else waits)[one.key] = value
+            others[one.key] = value
     return replace(
         start,
         axes={letter: replace(axis, **axes[letter]) for letter, axis in start.axes.items()},
-        settle_time=settle.get("settle_time", start.settle_time),
-        auxiliary=replace(start.auxiliary, **waits),
+        settle_time=others.pop("settle_time", start.settle_time),
+        auxiliary=replace(start.auxiliary, **others),
     )

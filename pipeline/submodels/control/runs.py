@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -111,11 +112,6 @@ def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activi
         yield Activity(start=start, end=end, completed=False, held=tuple(held))
 
 
-SIGNALS = (
-    "execution", "line", "path_feedrate", "spindle_speed", "feed_override", "rapid_override",
-    "tool_number",
-)  # fmt: skip
-"""Signals that a run is read from; the first two are needed."""
 POLL = 0.15
 """Period of regular polls [s], as adapters of controls have it."""
 
@@ -150,6 +146,11 @@ class Series:
         return Series(time=time, value=value)
 
 
+SIGNAL_OF = {
+    "line": "line", "feed": "path_feedrate", "speed": "spindle_speed", "tool": "tool_number",
+    "feed_override": "feed_override", "rapid_override": "rapid_override",
+}  # fmt: skip
+"""Signal that each series of a run is read from."""
 UNSAID = Series(time=np.empty(0), value=np.empty(0))
 
 
@@ -191,18 +192,9 @@ class Run(Activity):
 
     def during(self, start: float, end: float) -> "Run":
         """The same run as if the log had begun at ``start`` and ended at ``end``."""
-        return replace(
-            self,
-            start=start,
-            end=end,
-            held=tuple((max(a, start), min(b, end)) for a, b in self.held if b > start and a < end),
-            line=self.line.within(start, end),
-            feed=self.feed.within(start, end),
-            speed=self.speed.within(start, end),
-            tool=self.tool.within(start, end),
-            feed_override=self.feed_override.within(start, end),
-            rapid_override=self.rapid_override.within(start, end),
-        )
+        held = tuple((max(a, start), min(b, end)) for a, b in self.held if b > start and a < end)
+        said = {name: getattr(self, name).within(start, end) for name in SIGNAL_OF}
+        return replace(self, start=start, end=end, held=held, **said)
 
 
 def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]:
@@ -213,7 +205,8 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
     path : Path
         Observations of the recording.
     items : mapping of str to str
-        Signal -> data item, of :data:`SIGNALS`.
+        Signal -> data item; ``execution`` and ``line`` are needed, the others of
+        :data:`SIGNAL_OF` are used where they are named.
     recording : str
         Its name, for people.
 
@@ -227,7 +220,7 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
     ValueError
         When ``items`` names no data item for the line or the execution.
     """
-    for needed in SIGNALS[:2]:
+    for needed in ("execution", "line"):
         if needed not in items:
             raise ValueError(
                 f"mapping.signals names no data item for {needed}, which runs of a program are "
@@ -238,7 +231,7 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
         return []
     table = table.sort_values("time", kind="stable")
     seconds = (table["time"] - table["time"].iloc[0]).dt.total_seconds().to_numpy()
-    series = {name: _series(table, seconds, items.get(name)) for name in SIGNALS[1:]}
+    series = {name: _series(table, seconds, items.get(name)) for name in SIGNAL_OF.values()}
     states = (table["data_item"] == items["execution"]).to_numpy()
     said = zip(seconds[states].tolist(), table["text"].to_numpy()[states].tolist(), strict=True)
     runs = [
@@ -256,20 +249,8 @@ def _series(table: pd.DataFrame, seconds: Floats, item: str | None) -> Series:
 
 
 def _run(series: Mapping[str, Series], recording: str, number: int, active: Activity) -> Run:
-    whole = Run(
-        recording=recording,
-        number=number,
-        start=active.start,
-        end=active.end,
-        completed=active.completed,
-        held=active.held,
-        line=series["line"],
-        feed=series["path_feedrate"],
-        speed=series["spindle_speed"],
-        tool=series["tool_number"],
-        feed_override=series["feed_override"],
-        rapid_override=series["rapid_override"],
-    )
+    read: dict[str, Any] = {name: series[signal] for name, signal in SIGNAL_OF.items()}
+    whole = Run(recording=recording, number=number, **vars(active), **read)
     run = whole.during(active.start, active.end)
     return replace(run, line=_without_stale(run.line, run.start))
 

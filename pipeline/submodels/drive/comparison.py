@@ -19,7 +19,7 @@ from pipeline.submodels.drive.mechanics.identifiability import (
     held_out_load_factor,
     with_force_constant,
 )
-from pipeline.submodels.drive.mechanics.motion import Motion, motion
+from pipeline.submodels.drive.mechanics.motion import motion
 from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import servo_low_passed
 from pipeline.twin.drive import DriveStart, IdentifiedDrive, check_stability
@@ -88,32 +88,22 @@ def force_comparison(
     recording: Recording, axis: str, drive: IdentifiedDrive, factor: Factor | None
 ) -> ForceComparison:
     """Force by M a + F_f(v) + F_g + c F_d, both sides through the filter of the identification."""
-    found = motion(recording, axis, drive.bandwidth_Hz, drive.delay)
-    measured, modelled = _filtered(found, _modelled(found, drive, factor))
+    found, screw = motion(recording, axis, drive.bandwidth_Hz, drive.delay), drive.feed_drive
+    measured, modelled = found.force, (
+        screw.mass * found.acceleration
+        + friction_force(found.velocity, screw.friction)
+        + screw.offset
+    )  # fmt: skip
+    if found.load is not None and factor is not None:
+        modelled = modelled + factor.value * found.load
+    if found.bandwidth is not None:
+        both = np.stack((measured, modelled))
+        measured, modelled = servo_low_passed(both, found.period, found.bandwidth)
     rows = found.known & found.moving
     return ForceComparison(
         measured=measured[rows], modelled=modelled[rows],
         direction=np.sign(found.velocity[rows]), time=found.time[rows], period=found.period,
     )  # fmt: skip
-
-
-def _modelled(found: Motion, drive: IdentifiedDrive, factor: Factor | None) -> Floats:
-    screw = drive.feed_drive
-    force: Floats = (
-        screw.mass * found.acceleration
-        + friction_force(found.velocity, screw.friction)
-        + screw.offset
-    )
-    if found.load is None or factor is None:
-        return force
-    return force + factor.value * found.load
-
-
-def _filtered(found: Motion, modelled: Floats) -> tuple[Floats, Floats]:
-    if found.bandwidth is None:
-        return found.force, modelled
-    both = servo_low_passed(np.stack((found.force, modelled)), found.period, found.bandwidth)
-    return both[0], both[1]
 
 
 def constant_level(training: Sequence[ForceComparison]) -> float:
@@ -162,10 +152,16 @@ def following_comparison(
         check_stability(servo, drive.feed_drive, recording.period / substeps, 1)
     except ValueError as error:
         return str(error)
+    start = DriveStart(
+        position=float(one.position[0]),
+        velocity=float(one.position[1] - one.position[0]) / recording.period,
+        command=float(one.command[0]),
+        reference_velocity=float(one.reference[1] - one.reference[0]) / recording.period,
+    )
     trace = simulate_traces(
         between(one.reference, substeps), recording.period / substeps,
         drive_row(servo, drive.feed_drive)[np.newaxis], load=load,
-        start=_start(one.reference, one.position, one.command, recording.period),
+        start=start,
     )  # fmt: skip
     feed = np.gradient(one.reference, recording.period)
     share = 1 - servo.velocity_feedforward
@@ -184,16 +180,6 @@ def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoPar
     """
     listed = {name: getattr(constants, name) for name in LISTED}
     return replace(servo, **{name: value for name, value in listed.items() if value is not None})
-
-
-def _start(reference: Floats, position: Floats, command: Floats, period: float) -> DriveStart:
-    """The axis at the first sample of the recording."""
-    return DriveStart(
-        position=float(position[0]),
-        velocity=float(position[1] - position[0]) / period,
-        command=float(command[0]),
-        reference_velocity=float(reference[1] - reference[0]) / period,
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,20 +15,15 @@ from pipeline.schema.drive import (
     FeedDrive,
     FitFacts,
     FrictionPoint,
-    Method,
     RecursiveMass,
     Servo,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter
 from pipeline.schema.structure import structured
 from pipeline.submodels.drive.comparison import compared_force, constant_level
+from pipeline.submodels.drive.mechanics.estimates import AxisFit
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
-from pipeline.submodels.drive.motor import (
-    ModulatingSettings,
-    MotorFit,
-    MotorFitSettings,
-    identify_motor,
-)
+from pipeline.submodels.drive.motor import MotorFit, identify_motor
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
@@ -136,10 +131,8 @@ def _motor(
     try:
         motor = identify_motor(
             signals["u_d"], signals["u_q"], signals["i_d"], signals["i_q"],
-            records.pole_pairs * signals["speed"], period=longest.period,
-            settings=MotorFitSettings(
-                widest=widest, modulating=ModulatingSettings(held=records.held)
-            ),
+            records.pole_pairs * signals["speed"], period=longest.period, widest=widest,
+            held=records.held,
         )  # fmt: skip
     except ValueError as error:
         return None, f"{longest.name}: {error}"
@@ -177,7 +170,7 @@ def stored_axis(
         ),
         friction_curve=_curve(fit),
         methods=tuple(
-            Method(**{**one, "error": _known(one["error"])})
+            replace(one, error=None if one.error is None else _known(one.error))
             for one in (*fit.methods, *(() if servo is None else servo.methods))
         ),
         fit=replace(_facts(fit), delay_s=_known(fit.delay)),
@@ -204,7 +197,7 @@ def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
 
 def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parameter]:
     """Parameters of an axis: of its mechanics, then of its servo."""
-    fits: list[FeedDriveFit | ServoFit] = [found.feed_drives[letter]]
+    fits: list[AxisFit] = [found.feed_drives[letter]]
     if letter in found.servos:
         fits.append(found.servos[letter])
     return {
@@ -254,9 +247,7 @@ def _servo(servo: ServoParameters) -> Servo:
     return Servo(**{k: v for k, v in asdict(servo).items() if not np.isinf(v)})
 
 
-def _parameter(
-    fit: FeedDriveFit | ServoFit | MotorFit, i: int, *, method: str, remedy: str
-) -> Parameter:
+def _parameter(fit: AxisFit | MotorFit, i: int, *, method: str, remedy: str) -> Parameter:
     known = bool(fit.determined[i])
     return Parameter(
         value=_known(fit.values[i]) if known else None,
@@ -268,7 +259,7 @@ def _parameter(
     )
 
 
-def _facts(fit: FeedDriveFit | ServoFit) -> FitFacts:
+def _facts(fit: AxisFit) -> FitFacts:
     correlation: list[list[float]] = np.round(fit.correlation, 3).tolist()
     return FitFacts(
         samples=fit.samples,

@@ -1,8 +1,8 @@
-"""Synchronous motor and its shaft from recorded currents, voltages and speed.
+"""Synchronous motor from recorded currents, voltages and speed.
 
-u_d = R i_d + L_d di_d/dt - w_e L_q i_q, u_q = R i_q + L_q di_q/dt + w_e (L_d i_d + phi), and
-T_e = J dw/dt + B w + T_c sign w + T_l (Feed2025) are linear in their parameters once integrated
-over windows.  A parameter that the record does not excite is not determined, with the reason.
+u_d = R i_d + L_d di_d/dt - w_e L_q i_q and u_q = R i_q + L_q di_q/dt + w_e (L_d i_d + phi)
+(Feed2025) are linear in their parameters once integrated over windows.  A parameter that the record
+does not excite is not determined, with the reason.
 
 * Modulating functions: multiplied by a function g that vanishes with its slope at both ends of a
   window and integrated, dx/dt becomes -integral(g' x) (Shinbrot 1957), so that no record is
@@ -20,51 +20,19 @@ over windows.  A parameter that the record does not excite is not determined, wi
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import pi
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.ranges import Range, Ranged
 from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
-
-@dataclass(frozen=True, kw_only=True)
-class ModulatingSettings:
-    """Windows and modulating functions.
-
-    Parameters
-    ----------
-    window : int
-        Samples of a window, even and at least 16; it should last about as long as the slowest of
-        what is fitted.
-    orders : int
-        Functions for each window; the fastest has (orders + 2) / 2 waves in it.
-    held : bool
-        Whether the driving signal (the voltage, the torque) is held from its sample to the next, as
-        an inverter's command is; else it is sampled like the others.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
-
-    window: int = 64
-    orders: int = 4
-    held: bool = False
-
-    def __post_init__(self) -> None:
-        if not (self.window >= 16 and self.window % 2 == 0):
-            raise ValueError(f"modulating.window = {self.window} must be even and at least 16")
-        if not (self.orders == int(self.orders) and 1 <= self.orders <= self.window // 8):
-            raise ValueError(
-                f"modulating.orders = {self.orders} must be whole and lie in 1 to window / 8 = "
-                f"{self.window // 8}"
-            )
+WINDOW = 64
+"""Samples of a window, about as long as the slowest of what is fitted [1]."""
+ORDERS = 4
+"""Modulating functions of each window; the fastest has (ORDERS + 2) / 2 waves in it [1]."""
 
 
 class Windows:
@@ -76,8 +44,9 @@ class Windows:
         The record, sampled at the same times.
     period : float
         Between samples [s].
-    settings : ModulatingSettings
-        Window length and number of functions.
+    held : bool
+        Whether the driving signal (the voltage) is held from its sample to the next, as an
+        inverter's command is; else it is sampled like the others.
 
     Raises
     ------
@@ -85,9 +54,7 @@ class Windows:
         When the signals differ in length, the period is not positive, or no window is whole.
     """
 
-    def __init__(
-        self, signals: dict[str, ArrayLike], period: float, settings: ModulatingSettings
-    ) -> None:
+    def __init__(self, signals: dict[str, ArrayLike], period: float, *, held: bool) -> None:
         arrays = {name: np.asarray(one, dtype=np.float64) for name, one in signals.items()}
         shapes = {name: one.shape for name, one in arrays.items()}
         if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
@@ -95,20 +62,19 @@ class Windows:
             raise ValueError(f"signals of shapes {given} are no record: give series of one length")
         if not (np.isfinite(period) and period > 0):
             raise ValueError(f"period = {period} s must be finite and positive")
-        many, size = len(next(iter(arrays.values()))), settings.window
-        starts = np.arange(0, max(many - size, 0), size)
-        samples = starts[:, None] + np.arange(size + 1)
+        many = len(next(iter(arrays.values())))
+        starts = np.arange(0, max(many - WINDOW, 0), WINDOW)
+        samples = starts[:, None] + np.arange(WINDOW + 1)
         whole = np.ones(len(starts), bool)
         for one in arrays.values():
             whole &= np.isfinite(one[samples]).all(axis=1)
         if not whole.any():
             raise ValueError(
-                f"record of {many} samples has no window of {size + 1} finite ones: "
-                "record longer, or make modulating.window smaller"
+                f"record of {many} samples has no window of {WINDOW + 1} finite ones: record longer"
             )
         self.signals = {name: one[samples[whole]] for name, one in arrays.items()}
         self.left_out = int((~whole).sum())
-        self.period, self.settings = period, settings
+        self.period, self.held = period, held
 
     def __len__(self) -> int:
         """Number of windows B [1]."""
@@ -116,25 +82,24 @@ class Windows:
 
     def driven(self, name: str) -> Floats:
         """Integrals of g times the driving signal, shape (B, orders)."""
-        size = self.settings.window
-        if not self.settings.held:
-            return self._summed(self.signals[name], self._function(np.arange(size + 1)))
+        if not self.held:
+            return self._summed(self.signals[name], self._function(np.arange(WINDOW + 1)))
         # Gauss and Legendre's three points within each period that the signal is held over
         points, weights = np.polynomial.legendre.leggauss(3)
-        within = np.arange(size)[:, None] + 0.5 * (1.0 + points)
+        within = np.arange(WINDOW)[:, None] + 0.5 * (1.0 + points)
         mean = np.einsum("p,npk->nk", 0.5 * weights, self._function(within))
-        return self._summed(self.signals[name][:, :size], mean)
+        return self._summed(self.signals[name][:, :WINDOW], mean)
 
     def halves(self, signal: Floats) -> Floats:
         """Integrals of g times a signal, shape (B, W + 1), from every other sample.
 
         Shape (2, B, orders): from the even samples, and from the odd.
         """
-        return self._split(signal, self._function(np.arange(self.settings.window + 1)))
+        return self._split(signal, self._function(np.arange(WINDOW + 1)))
 
     def rates(self, signal: Floats) -> Floats:
         """Integrals of g times the signal's derivative, as :meth:`halves`."""
-        return -self._split(signal, self._slope(np.arange(self.settings.window + 1)))
+        return -self._split(signal, self._slope(np.arange(WINDOW + 1)))
 
     def _split(self, signal: Floats, weights: Floats) -> Floats:
         both = [self._summed(signal[:, i::2], 2.0 * weights[i::2]) for i in (0, 1)]
@@ -146,15 +111,15 @@ class Windows:
 
     def _function(self, sample: ArrayLike) -> Floats:
         """The functions g at samples of a window, shape (..., orders)."""
-        s = pi * np.asarray(sample, dtype=np.float64)[..., None] / self.settings.window
-        return np.sin(s) ** 3 * np.cos(np.arange(self.settings.orders) * s)
+        s = pi * np.asarray(sample, dtype=np.float64)[..., None] / WINDOW
+        return np.sin(s) ** 3 * np.cos(np.arange(ORDERS) * s)
 
     def _slope(self, sample: ArrayLike) -> Floats:
         """Their slopes g' [1/s], shape (..., orders)."""
-        s = pi * np.asarray(sample, dtype=np.float64)[..., None] / self.settings.window
-        k = np.arange(self.settings.orders)
+        s = pi * np.asarray(sample, dtype=np.float64)[..., None] / WINDOW
+        k = np.arange(ORDERS)
         by_s = 3 * np.sin(s) ** 2 * np.cos(s) * np.cos(k * s) - np.sin(s) ** 3 * k * np.sin(k * s)
-        return np.asarray(by_s * (pi / (self.settings.window * self.period)), dtype=np.float64)
+        return np.asarray(by_s * (pi / (WINDOW * self.period)), dtype=np.float64)
 
 
 _ROUNDING = 1e-9  # of the greatest singular value
@@ -270,31 +235,6 @@ ELECTRICAL = {"resistance": "ohm", "inductance_d": "H", "inductance_q": "H", "fl
 DEAD_VOLTAGE = {"dead_voltage": "V"}
 SHOWN = 2.0
 """Least dead voltage over the half width of its interval [1]: chance exceeds it once in 10^4."""
-MECHANICAL = {"inertia": "kg m^2", "damping": "N m s/rad", "coulomb": "N m", "load": "N m"}
-SMALL_TORQUE = 0.05
-"""Uncertainty of a part of the torque over the record's torque [1] up to which it is determined."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MotorFitSettings(Ranged, section="motor_fit"):
-    """Settings of the identification of a motor.
-
-    Parameters
-    ----------
-    modulating : ModulatingSettings
-        Windows over which the equations are integrated.
-    widest : float
-        Half width of the 95 % interval beyond which a parameter is not determined, as a share of
-        its value [1].
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
-
-    modulating: ModulatingSettings = field(default_factory=ModulatingSettings)
-    widest: Annotated[float, Range(above=0.0, most=1.0)] = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,7 +282,8 @@ def identify_motor(
     w_e: ArrayLike,
     *,
     period: float,
-    settings: MotorFitSettings,
+    widest: float,
+    held: bool = False,
 ) -> MotorFit:
     """Resistance, both inductances, the magnets' flux linkage, and the inverter's dead voltage.
 
@@ -351,26 +292,28 @@ def identify_motor(
     Parameters
     ----------
     u_d, u_q : array_like, shape (T,)
-        Voltages [V], amplitude-invariant; ``settings.modulating.held`` says whether they are held.
+        Voltages [V], amplitude-invariant.
     i_d, i_q : array_like, shape (T,)
         Currents [A].
     w_e : array_like, shape (T,)
         Electrical speed [rad/s], pole pairs times the shaft's.
     period : float
         Between samples [s].
-    settings : MotorFitSettings
-        Of the identification.
+    widest : float
+        Half width of the 95 % interval beyond which a parameter is not determined, as a share of
+        its value [1].
+    held : bool
+        Whether the voltages are held from their sample to the next, as an inverter's commands are.
 
     Raises
     ------
     ValueError
         When the series are no record or too short for a window.
     """
-    cut = Windows(
-        {"u_d": u_d, "u_q": u_q, "i_d": i_d, "i_q": i_q, "w_e": w_e}, period, settings.modulating
-    )
+    signals = {"u_d": u_d, "u_q": u_q, "i_d": i_d, "i_q": i_q, "w_e": w_e}
+    cut = Windows(signals, period, held=held)
     d, q, w = (cut.signals[name] for name in ("i_d", "i_q", "w_e"))
-    none = np.zeros((2, len(cut), settings.modulating.orders))
+    none = np.zeros((2, len(cut), ORDERS))
     along_d = [cut.halves(d), cut.rates(d), -cut.halves(w * q), none]
     along_q = [cut.halves(q), cut.halves(w * d), cut.rates(q), cut.halves(w)]
     driven = [cut.driven("u_d"), cut.driven("u_q")]
@@ -379,42 +322,7 @@ def identify_motor(
     units = ELECTRICAL | DEAD_VOLTAGE
     if not fit.values[-1] > SHOWN * fit.half_width[-1]:
         fit, units = _fit([along_d, along_q], driven), ELECTRICAL
-    return _verified(units, fit, cut, settings.widest * np.abs(fit.values), positive=4)
-
-
-def identify_shaft(
-    torque: ArrayLike, speed: ArrayLike, period: float, settings: MotorFitSettings
-) -> MotorFit:
-    """Inertia, damping, Coulomb friction and a constant load.
-
-    Damping, friction and load may be zero: they are determined too when they are known within
-    :data:`SMALL_TORQUE` of the record's torque (root mean square).
-
-    Parameters
-    ----------
-    torque : array_like, shape (T,)
-        T_e [N m]; ``settings.modulating.held`` says whether it is held.
-    speed : array_like, shape (T,)
-        w of the shaft [rad/s].
-    period : float
-        Between samples [s].
-    settings : MotorFitSettings
-        Of the identification.
-
-    Raises
-    ------
-    ValueError
-        When the series are no record or too short for a window.
-    """
-    cut = Windows({"torque": torque, "speed": speed}, period, settings.modulating)
-    w = cut.signals["speed"]
-    terms = [cut.rates(w), cut.halves(w), cut.halves(np.sign(w)), cut.halves(np.ones_like(w))]
-    fit = _fit([terms], [cut.driven("torque")])
-    greatest = SMALL_TORQUE * float(np.sqrt(np.mean(cut.signals["torque"] ** 2)))
-    fast = float(np.sqrt(np.mean(w**2)))
-    small = np.array([0.0, greatest / fast if fast > 0 else 0.0, greatest, greatest])
-    widest = np.maximum(settings.widest * np.abs(fit.values), small)
-    return _verified(MECHANICAL, fit, cut, widest, positive=1)
+    return _verified(units, fit, cut, widest * np.abs(fit.values))
 
 
 def _fit(equations: Sequence[Sequence[Floats]], driven: Sequence[Floats]) -> SplitFit:
@@ -426,10 +334,8 @@ def _fit(equations: Sequence[Sequence[Floats]], driven: Sequence[Floats]) -> Spl
     return split_fit(regressors, np.concatenate([y.ravel() for y in driven]), blocks)
 
 
-def _verified(
-    units: dict[str, str], fit: SplitFit, cut: Windows, widest: Floats, *, positive: int
-) -> MotorFit:
-    """Parameters with their reasons; the first ``positive`` of them must be above 0."""
+def _verified(units: dict[str, str], fit: SplitFit, cut: Windows, widest: Floats) -> MotorFit:
+    """Parameters with their reasons; those of the motor must be above 0."""
     reasons = {}
     for k, (name, unit) in enumerate(units.items()):
         value, half = float(fit.values[k]), float(fit.half_width[k])
@@ -442,7 +348,7 @@ def _verified(
             reasons[name] = f"{len(cut)} windows are too few for an interval"
         elif half > widest[k]:
             reasons[name] = f"{interval} is wider than {widest[k]:.2g} {unit} either way"
-        elif k < positive and value <= 0:
+        elif name in ELECTRICAL and value <= 0:
             reasons[name] = f"{interval} is not above 0: check the signs of the recorded axes"
     determined = np.array([name not in reasons for name in units])
     return MotorFit(

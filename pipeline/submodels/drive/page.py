@@ -1,5 +1,6 @@
 """Page of the feed drives in the words of the shop floor: verdict, recordings against the twin."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,12 +77,14 @@ FOLLOWING_NOTE = (
 
 @dataclass(frozen=True, kw_only=True)
 class DriveRun:
-    """One axis in one recording, held against the twin; a score is None where it is not shown."""
+    """One axis in one recording, held against the twin.
+
+    ``scores`` are those that are shown, of the force and of the following error.
+    """
 
     axis: str
     case: JudgedCase
-    force: Score | None
-    following: Score | None
+    scores: Mapping[str, Score]
 
     @property
     def training(self) -> bool:
@@ -91,23 +94,18 @@ class DriveRun:
     @property
     def status(self) -> str:
         """``passed``, ``failed``, or ``unknown`` where it does not count."""
-        found = {one.status for one in (self.force, self.following) if one is not None}
+        found = {one.status for one in self.scores.values()}
         return "failed" if "failed" in found else "passed" if "passed" in found else "unknown"
 
     @property
     def judged(self) -> bool:
-        """Whether it counts: nothing was learnt from it, and it could be judged."""
+        """Whether it counts: no training recording, and it could be judged."""
         return not self.training and self.status != "unknown"
 
-    @property
-    def force_error(self) -> float | None:
-        """Error of the force over the measured force [%]."""
-        return None if self.force is None else self.force.relative_percent
-
-    @property
-    def following_error(self) -> float | None:
-        """RMS error of the following error over its own RMS [%]."""
-        return None if self.following is None else self.following.relative_percent
+    def error(self, kind: str) -> float | None:
+        """Error of the force or the following error, RMS over its own RMS [%]."""
+        score = self.scores.get(kind)
+        return None if score is None else score.relative_percent
 
     def fact(self, name: str) -> float | None:
         """A number that was said of the recording."""
@@ -153,25 +151,21 @@ def _runs(verdict: Verdict) -> list[DriveRun]:
     runs = []
     for letter in letters:
         for case in verdict.cases:
-            force, following = (
-                scores.get((f"{kind} {letter}", case.group, case.role))
+            found = {
+                kind: score
                 for kind in (FORCE, FOLLOWING)
-            )
-            if force is not None or following is not None or _named(case, letter):
-                run = DriveRun(axis=letter, case=case, force=force, following=following)
-                runs.append(run)
+                if (score := scores.get((f"{kind} {letter}", case.group, case.role))) is not None
+            }
+            # an axis that a recording shows has a highest speed there
+            if found or f"highest speed {letter}" in case.conditions:
+                runs.append(DriveRun(axis=letter, case=case, scores=found))
     return sorted(runs, key=lambda r: (r.axis, r.training, r.case.case))
 
 
-def _named(case: JudgedCase, letter: str) -> bool:
-    """Whether a recording shows an axis, which has a highest speed there."""
-    return f"highest speed {letter}" in case.conditions
-
-
-def worst(runs: list[DriveRun], error: str) -> DriveRun | None:
-    """The run with the greatest ``force_error`` or ``following_error``; None without any."""
-    known = [run for run in runs if getattr(run, error) is not None]
-    return max(known, key=lambda run: float(getattr(run, error)), default=None)
+def worst(runs: list[DriveRun], kind: str) -> tuple[DriveRun, float] | None:
+    """The run with the greatest error of the force or the following error, and that error [%]."""
+    known = [(run, error) for run in runs if (error := run.error(kind)) is not None]
+    return max(known, key=lambda one: one[1], default=None)
 
 
 def drive_page(shown: Shown[DriveModel]) -> SubModelPage | None:
@@ -248,16 +242,11 @@ def _unjudged(drives: Driven, verdict: Verdict) -> PartVerdict:
 
 def errors_words(drives: Driven, runs: list[DriveRun]) -> str:
     """The worst errors of ``runs`` against their limits; where runs failed only what is beyond."""
-    force, following = worst(runs, "force_error"), worst(runs, "following_error")
-    every = [
-        ("the force", force.force_error if force else None, drives.limit(FORCE)),
-        (
-            "the following error",
-            following.following_error if following else None,
-            drives.limit(FOLLOWING),
-        ),
+    known = [
+        (words, found[1], drives.limit(kind))
+        for kind, words in ((FORCE, "the force"), (FOLLOWING, "the following error"))
+        if (found := worst(runs, kind)) is not None
     ]
-    known = [(words, error, limit) for words, error, limit in every if error is not None]
     beyond = [one for one in known if one[2] is not None and one[1] > one[2]]
     said = [
         f"{words} {'' if place else 'is wrong '}by up to {number(error, 2)}{TOGETHER}%"
@@ -277,29 +266,29 @@ def _recordings(runs: list[DriveRun]) -> int:
 
 def _key_figures(drives: Driven) -> list[tuple[str, str, str]]:
     """The worst errors of judged recordings, and whose they are."""
-    every = [
-        ("Force of the axes", "force_error", drives.limit(FORCE)),
-        ("Following errors", "following_error", drives.limit(FOLLOWING)),
+    found = [
+        (words, worst(drives.judged, kind), drives.limit(kind))
+        for kind, words in ((FORCE, "Force of the axes"), (FOLLOWING, "Following errors"))
     ]
     return [
-        (words, f"{fixed(getattr(run, error), 1)} %",
-         f"worst of judged recordings, axis {run.axis}"
+        (words, f"{fixed(one[1], 1)} %",
+         f"worst of judged recordings, axis {one[0].axis}"
          + (f", limit{TOGETHER}{limit:g}{TOGETHER}%" if limit is not None else ""))
-        for words, error, limit in every if (run := worst(drives.judged, error)) is not None
+        for words, one, limit in found if one is not None
     ]  # fmt: skip
 
 
 def _compared(drives: Driven) -> dict[str, Compared]:
-    force, following = (worst(drives.judged, f"{kind}_error") for kind in ("force", "following"))
+    force, following = (worst(drives.judged, kind) for kind in (FORCE, FOLLOWING))
     judged = None if drives.shown.verdict is None else len(drives.judged)
     return {
         "drive_force_percent": Compared(
             name="Error of the axes’ force, worst judged recording", unit="%",
-            value=force.force_error if force else None,
+            value=force[1] if force else None,
         ),
         "drive_following_percent": Compared(
             name="Error of following errors, worst judged recording", unit="%",
-            value=following.following_error if following else None,
+            value=following[1] if following else None,
         ),
         "drives_judged": Compared(name="Axes judged in recordings", unit="", value=judged),
     }  # fmt: skip
@@ -312,9 +301,9 @@ def following_section(drives: Driven) -> Section | None:
     verdict = drives_verdict(drives)
     text = [
         verdict.sentence if verdict is not None else "",
-        "Judged are recordings that nothing was learnt from. The force is rebuilt from the "
-        "recorded motion; the following error comes from the twin’s own closed loop, which is told "
-        "the reference alone, and the load where one was recorded.",
+        "Judged are recordings that the drives were not identified from. The force is rebuilt from "
+        "the recorded motion; the following error comes from the twin’s own closed loop under the "
+        "reference alone, and the load where one was recorded.",
     ]
     if not drives.runs:
         text.append("No axis was held against a recording.")
@@ -332,11 +321,10 @@ def runs_table(drives: Driven) -> Table | None:
     runs = drives.runs
     if not runs:
         return None
-    force = any(run.force for run in runs)
-    following = any(run.following for run in runs)
+    force, following = (any(kind in run.scores for run in runs) for kind in (FORCE, FOLLOWING))
     reasons = any(_reason(run, drives) for run in runs)
     level = not following and any(run.fact(f"mean force {run.axis} measured") for run in runs)
-    unit = next((run.force.unit for run in runs if run.force), "")
+    unit = next((run.scores[FORCE].unit for run in runs if FORCE in run.scores), "")
     shown = (force, level, following, reasons)
     notes = zip((FORCE_NOTE, LEVEL_NOTE, FOLLOWING_NOTE), shown, strict=False)
     return Table(
@@ -358,8 +346,8 @@ def runs_table(drives: Driven) -> Table | None:
 
 
 def _run_row(run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]) -> list[Cell]:
-    guess = None if run.force is None else run.force.baselines.get(LEVEL)
-    forces = [_or_dash(run.force_error, 1), _or_dash(guess.relative_percent if guess else None, 1)]
+    guess = run.scores[FORCE].baselines.get(LEVEL) if FORCE in run.scores else None
+    forces = [_or_dash(run.error(FORCE), 1), _or_dash(guess.relative_percent if guess else None, 1)]
     levels = [_or_dash(run.fact(f"mean force {run.axis} {w}")) for w in ("measured", "modelled")]
     return cells(
         Cell(text=run.case.case, code=True),
@@ -367,7 +355,7 @@ def _run_row(run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]
         number(run.fact("length")),
         *(forces if shown[0] else []),
         *(levels if shown[1] else []),
-        *(_following_cells(run.following) if shown[2] else []),
+        *(_following_cells(run.scores.get(FOLLOWING)) if shown[2] else []),
         _status_cell(run),
         *([_reason(run, drives) or "–"] if shown[3] else []),
     )
@@ -401,7 +389,7 @@ def _or_dash(value: float | None, decimals: int | None = None) -> str:
 
 def _status_cell(run: DriveRun) -> Cell:
     if run.training:
-        return Cell(text="learnt from", status="unknown")
+        return Cell(text="fitted on", status="unknown")
     return Cell(text="not judged" if run.status == "unknown" else run.status, status=run.status)
 
 
@@ -411,7 +399,7 @@ def _reason(run: DriveRun, drives: Driven) -> str:
         return ""
     said = [
         reason.partition(": ")[2]
-        for score in (run.force, run.following) if score is not None
+        for score in run.scores.values()
         for reason in score.reasons
     ]  # fmt: skip
     own = drives.axes[run.axis].servo_reason if run.axis in drives.axes else ""
@@ -446,17 +434,16 @@ def _trace_figures(drives: Driven, axis: str) -> Figures | None:
 
 
 def telling(drives: Driven, axis: str) -> DriveRun | None:
-    """The run of an axis that shows most: judged before learnt from, then the longest."""
+    """The run of an axis that shows most: judged before fitted on, then the longest."""
     predictions = drives.shown.predictions
-    drawn = (
-        set() if predictions is None or not len(predictions) else set(predictions["case"].unique())
-    )
+    if predictions is None or not len(predictions):
+        return None
+    drawn = set(predictions["case"].unique())
     runs = [run for run in drives.runs if run.axis == axis and run.case.case in drawn]
     return max(
-        runs,
-        key=lambda run: (run.judged, not run.training, run.fact("length") or 0.0),
+        runs, key=lambda run: (run.judged, not run.training, run.fact("length") or 0.0),
         default=None,
-    )
+    )  # fmt: skip
 
 
 def drive_trace(predictions: pd.DataFrame | None, run: DriveRun) -> DriveTrace | None:
@@ -488,7 +475,7 @@ def _trace_words(run: DriveRun) -> str:
     words = f"Axis {run.axis} in {run.case.case or NOT_KNOWN}"
     errors = [
         f"{name} wrong by {number(error, 2)} %"
-        for name, error in (("following error", run.following_error), ("force", run.force_error))
-        if error is not None
+        for name, kind in (("following error", FOLLOWING), ("force", FORCE))
+        if (error := run.error(kind)) is not None
     ]
     return f"{words}: {', '.join(errors)}." if errors else f"{words}."

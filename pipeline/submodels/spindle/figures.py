@@ -6,8 +6,8 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
+from pipeline.charts.bands import UNITS, Band
 from pipeline.charts.numbers import number
-from pipeline.charts.svg import anchor
 
 DAY = 86_400  # s
 BIN = 300  # s of one step of the curve of speed
@@ -120,12 +120,27 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
     error_top = TOP + TEMPERATURE + GAP
     speed_top = error_top + ERROR + GAP
     bottom = speed_top + SPEED + 6 + HELD
+    low, high = axes.span
+    temperature = Band(top=TOP, height=TEMPERATURE, low=low, high=high)
+    error = Band(top=error_top, height=ERROR, low=-axes.error, high=axes.error)
+    limits = [-axes.limit, axes.limit] if axes.limit else []
     parts = [
         *_clock(axes, bottom),
-        *_temperature(curves, axes, TOP),
-        *_errors(curves, axes, error_top),
+        svg.text(0, TOP - 6, "Temperature, °C", "head"),
+        *temperature.levels(5),
+        temperature.content([
+            _line(curves.seconds, curves.values[name], axes, temperature, kind)
+            for name, kind in KINDS.items() if name in curves.values
+        ]),
+        svg.text(0, error_top - 6, "Model less measured, K", "head"),
+        *error.levels(),
+        *(svg.across(error.pixel(limit), "grid limit") for limit in limits),
+        error.content([
+            _line(curves.seconds, _error(curves, name), axes, error, KINDS[name])
+            for name in _models(curves)
+        ]),
         *_speed(day, axes, speed_top),
-    ]
+    ]  # fmt: skip
     return svg.figure(parts, height=bottom + 22, label=label, kind="golden")
 
 
@@ -136,56 +151,14 @@ def _clock(axes: Frame, bottom: float) -> list[Markup]:
     for hour in range(first, last + 1, step):
         x = 100 * (hour - first) / (last - first)
         parts.append(svg.down(x, TOP, bottom))
-        parts.append(svg.text(x, bottom + 16, f"{hour:02d}:00", anchor(x)))
+        parts.append(svg.text(x, bottom + 16, f"{hour:02d}:00", svg.anchor(x)))
     return parts
 
 
-def _temperature(curves: Curves, axes: Frame, top: float) -> list[Markup]:
-    drawn = [n for n in KINDS if n in curves.values]
-    lines = [_line(curves.seconds, curves.values[n], axes, axes.span, KINDS[n]) for n in drawn]
-    return [
-        svg.text(0, top - 6, "Temperature, °C", "head"),
-        *_levels(svg.ticks(*axes.span), axes.span, top, TEMPERATURE),
-        svg.band(top, TEMPERATURE, axes.minutes, lines),
-    ]
-
-
-def _errors(curves: Curves, axes: Frame, top: float) -> list[Markup]:
-    span = (-axes.error, axes.error)
-    limits = [-axes.limit, axes.limit] if axes.limit else []
-    lines = [
-        _line(curves.seconds, _error(curves, n), axes, span, KINDS[n]) for n in _models(curves)
-    ]
-    return [
-        svg.text(0, top - 6, "Model less measured, K", "head"),
-        *_levels(svg.ticks(*span, most=4), span, top, ERROR),
-        *(svg.across(_height(x, span, top, ERROR), "grid limit") for x in limits),
-        svg.band(top, ERROR, axes.minutes, lines),
-    ]
-
-
-def _line(
-    seconds: np.ndarray, values: np.ndarray, axes: Frame, span: tuple[float, float], kind: str
-) -> Markup:
+def _line(seconds: np.ndarray, values: np.ndarray, axes: Frame, into: Band, kind: str) -> Markup:
     x, y = svg.thinned(seconds, values, 60 * axes.minutes / STEPS)
-    down = svg.FULL * (span[1] - np.clip(y, *span)) / (span[1] - span[0])
-    return svg.curve(x / 60 - 60 * axes.hours[0], down, kind)
-
-
-def _levels(
-    marks: list[float], span: tuple[float, float], top: float, height: float
-) -> list[Markup]:
-    parts = []
-    for mark in marks:
-        y = _height(mark, span, top, height)
-        words = f"{round(mark, 6) + 0.0:g}".replace("-", "−")
-        parts += [svg.across(y), svg.text(0, y + 4, words, "tick end", dx=-6)]
-    return parts
-
-
-def _height(value: float, span: tuple[float, float], top: float, height: float) -> float:
-    """Pixels from the top of the figure at which ``value`` stands."""
-    return top + height * (span[1] - value) / (span[1] - span[0])
+    across = UNITS * (x / 60 - 60 * axes.hours[0]) / axes.minutes
+    return svg.curve(across, into.down(y), kind)
 
 
 def _speed(day: Spinning | None, axes: Frame, top: float) -> list[Markup]:

@@ -28,11 +28,18 @@ from pipeline.twin.spindle import (
     window_starts,
 )
 
-RATE_BOUNDS = (1 / (7 * 86400), 1 / 20)  # [1/s]: a week to 20 s covers any spindle's time constants
-RATIO_BOUNDS = (1e-3, 10.0)  # [1] of the measured node's capacity to the body's
-AMBIENT_BOUNDS = (-20.0, 60.0)  # [degC]
-OFFSET_BOUNDS = (-20.0, 30.0)  # [K]
-HEATING_BOUND = 1.0  # [K/s] at a source's root mean square: no motor heats faster
+_RATES = np.log((1 / (7 * 86400), 1 / 20))  # a week to 20 s covers any spindle's time constants
+BOUNDS = {
+    "cooling_rate": _RATES, "coupling_rate": _RATES, "body_cooling_rate": _RATES,
+    "capacity_ratio": np.log((1e-3, 10.0)),
+    "ambient": np.array((-20.0, 60.0)), "ambient_offset": np.array((-20.0, 30.0)),
+}  # fmt: skip
+"""Bounds of the unknowns but the heat sources: logarithms of rates [1/s] and of the measured node's
+capacity over the body's [1], then [degC] and [K]."""
+HEATING_BOUND = 1.0
+"""Greatest heating by a source at its root mean square [K/s]: no motor heats faster."""
+LOGARITHMIC = ("cooling_rate", "coupling_rate", "body_cooling_rate", "capacity_ratio")
+"""Unknowns that are fitted on a logarithmic scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,8 +102,8 @@ class Problem:
         self.scale = {name: float(rms[list(SOURCES).index(name)]) for name in self.sources}
         self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
         self.surround = "ambient_offset" if records.ambient else "ambient"
-        self.logs = [*self.rates, *([] if nodes == 1 else ["capacity_ratio"])]
-        self.names = [*self.logs, self.surround, *self.sources]
+        ratio = [] if nodes == 1 else ["capacity_ratio"]
+        self.names = [*self.rates, *ratio, self.surround, *self.sources]
         block = 0
         blocks, masks = [], []
         for piece in pieces:
@@ -112,19 +119,8 @@ class Problem:
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Lowest and highest of every unknown."""
-        low, high = [], []
-        for name in self.names:
-            if name in self.rates:
-                a, b = np.log(RATE_BOUNDS)
-            elif name == "capacity_ratio":
-                a, b = np.log(RATIO_BOUNDS)
-            elif name == self.surround:
-                a, b = OFFSET_BOUNDS if self.records.ambient else AMBIENT_BOUNDS
-            else:
-                a, b = 0.0, HEATING_BOUND
-            low.append(a)
-            high.append(b)
-        return np.array(low), np.array(high)
+        low, high = np.array([BOUNDS.get(n, (0.0, HEATING_BOUND)) for n in self.names]).T
+        return low, high
 
     def start(self, time_constant: float) -> Floats:
         """Where to start from when the time constant [s] is about this."""
@@ -134,7 +130,7 @@ class Problem:
             "coupling_rate": -np.log(time_constant),
             "body_cooling_rate": -np.log(8 * time_constant),
             "capacity_ratio": np.log(0.2),
-            "ambient": np.clip(first, *AMBIENT_BOUNDS),
+            "ambient": np.clip(first, *BOUNDS["ambient"]),
             "ambient_offset": 0.0,
         }
         x = np.array([guess.get(name, 2.0 / time_constant) for name in self.names])
@@ -148,7 +144,7 @@ class Problem:
                 x.append(parameters.heating.get(name, 0.0) * self.scale[name])
             else:
                 value = getattr(parameters, name)
-                x.append(np.log(value) if name in self.logs else value)
+                x.append(np.log(value) if name in LOGARITHMIC else value)
         return self._inside(np.array(x))
 
     def _inside(self, x: Floats) -> Floats:
@@ -158,10 +154,9 @@ class Problem:
     def parameters(self, x: Floats) -> SpindleThermalParameters:
         """The network at ``x``."""
         value = dict(zip(self.names, x, strict=True))
-        plain = {k: float(np.exp(v) if k in self.logs else v) for k, v in value.items()}
-        heating = {s: plain.pop(s) / self.scale[s] for s in self.sources}
-        plain.setdefault("cooling_rate", 0.0)
-        return SpindleThermalParameters(heating=heating, **plain)
+        found = {k: float(np.exp(v) if k in LOGARITHMIC else v) for k, v in value.items()}
+        heating = {s: found.pop(s) / self.scale[s] for s in self.sources}
+        return SpindleThermalParameters(heating=heating, **{"cooling_rate": 0.0, **found})
 
     def residuals(self, x: Floats) -> Floats:
         """Modelled minus measured temperature [K] where it is known, shape (N,)."""
@@ -365,12 +360,9 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     A rate or ratio is determined when its 95 % interval spans less than a factor of nine, the
     surround when it is known within 5 K.  Heat sources that are not determined were left out.
     """
-    i = fit.names.index(name)
-    width, value = fit.uncertainty.half_width[i], fit.values[i]
     if name in SOURCES:
         return True
-    if name in ("ambient", "ambient_offset"):
-        low, high = AMBIENT_BOUNDS if name == "ambient" else OFFSET_BOUNDS
-        return bool(width < 5.0 and low + 1e-3 < value < high - 1e-3)
-    low, high = np.log(RATIO_BOUNDS if name == "capacity_ratio" else RATE_BOUNDS)
-    return bool(width < np.log(3) and low + 1e-3 < value < high - 1e-3)
+    i, (low, high) = fit.names.index(name), BOUNDS[name]
+    widest = np.log(3) if name in LOGARITHMIC else 5.0
+    inside = low + 1e-3 < fit.values[i] < high - 1e-3
+    return bool(fit.uncertainty.half_width[i] < widest and inside)

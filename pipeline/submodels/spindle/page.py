@@ -90,7 +90,7 @@ def page(seen: Seen) -> SubModelPage:
         doubts=_doubts(verdict),
         notes=_notes(seen),
         sections=[_model_section(seen), _judged_section(seen)],
-        truth=present_tables(_truth_table(seen)),
+        truth=[truth] if (truth := _truth_table(seen)) is not None else [],
         compared={
             "window_mae_K": _compared("Error over one hour (MAE)", total),
             "free_mae_K": _compared("Error running free (MAE)", free),
@@ -100,11 +100,6 @@ def page(seen: Seen) -> SubModelPage:
 
 def _compared(name: str, score: Score | None) -> Compared:
     return Compared(name=name, unit="K", value=None if score is None else score.mae)
-
-
-def present_tables(*tables: Table | None) -> list[Table]:
-    """Those tables that there are."""
-    return [table for table in tables if table is not None]
 
 
 def _kelvin(score: Score | None) -> str:
@@ -218,9 +213,9 @@ def _notes(seen: Seen) -> list[str]:
         golden = [c.case for c in seen.verdict.cases if c.role == "golden" and c.note]
         if golden:
             said.append(f"Golden days that are no working days: {day_list(golden)}.")
-    lost = [name for name, p in _parameters(seen).items() if not p.determined]
+    lost = [MEANINGS.get(name, name) for name, p in _parameters(seen).items() if not p.determined]
     if lost:
-        said.append(f"The records do not determine {', '.join(lost)}.")
+        said.append(f"Of the spindle’s heat the records do not determine: {'; '.join(lost)}.")
     return said
 
 

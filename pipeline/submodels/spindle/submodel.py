@@ -27,6 +27,7 @@ from pipeline.submodels.cases import (
 )
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.spindle.fit import (
+    LOGARITHMIC,
     SpindleFit,
     SpindleFitSettings,
     identify_spindle_network,
@@ -242,12 +243,11 @@ def _conditions(state: pd.DataFrame, records: SpindleRecords) -> dict[str, Fact]
 
 def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
     """Each fitted parameter with its unit and 95 % interval."""
-    logs = {"cooling_rate", "coupling_rate", "body_cooling_rate", "capacity_ratio"}
     units = {"capacity_ratio": "1", "ambient": "CELSIUS", "ambient_offset": "K"}
     found = {}
     for i, name in enumerate(fit.names):
         value, width = float(fit.values[i]), min(float(fit.uncertainty.half_width[i]), 50.0)
-        if name in logs:
+        if name in LOGARITHMIC:
             low, high, value = np.exp([value - width, value + width, value]).tolist()
         elif name in SOURCES:
             scale = fit.parameters.heating[name] / value
@@ -255,20 +255,16 @@ def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
         else:
             low, high = value - width, value + width
         unit = SOURCES.get(name, units.get(name, "1/s"))
-        if is_determined(fit, name):
-            found[name] = Parameter(
-                value=float(f"{value:.5g}"), unit=unit, determined=True, method=METHOD,
-                interval_95=(float(f"{low:.4g}"), float(f"{high:.4g}")),
-            )  # fmt: skip
-        else:
-            why = (
-                "at a bound or with a 95 % interval wider than the model bears, "
-                f"{low:.2g} to {high:.2g}"
-            )
-            found[name] = Parameter(
-                value=None, unit=unit, interval_95=None, determined=False, method=why,
-                remedy=RATE_REMEDY,
-            )  # fmt: skip
+        known = is_determined(fit, name)
+        why = (
+            "at a bound or with a 95 % interval wider than the model bears, "
+            f"{low:.2g} to {high:.2g}"
+        )
+        found[name] = Parameter(
+            value=float(f"{value:.5g}") if known else None, unit=unit, determined=known,
+            interval_95=(float(f"{low:.4g}"), float(f"{high:.4g}")) if known else None,
+            method=METHOD if known else why, remedy="" if known else RATE_REMEDY,
+        )  # fmt: skip
     return found
 
 

@@ -71,19 +71,19 @@ def test_points_of_constant_speed_lie_on_the_curve(rich):
 
 
 def test_both_methods_are_told_with_their_effort(rich):
-    rows = {(one["task"], one["method"]): one for one in rich.methods}
+    rows = {(one.task, one.method): one for one in rich.methods}
     assert {task for task, _ in rows} == {"inverse_dynamics", "friction"}
     for task in ("inverse_dynamics", "friction"):
         best, blind = rows[task, "least_squares"], rows[task, "genetic"]
-        assert best["chosen"] and not blind["chosen"]
-        assert best["error"] <= blind["error"] and best["error_unit"] == "N"
-        assert best["evaluations"] < blind["evaluations"]
+        assert best.chosen and not blind.chosen
+        assert best.error <= blind.error and best.error_unit == "N"
+        assert best.evaluations < blind.evaluations
 
 
 def test_the_genetic_algorithms_answer_is_taken_where_it_is_asked_for():
     settings = GeneticSettings(population=60, generations=150, seed=1)
     fit = identified(recording(AXIS, 0, speeds=FAST), method="genetic", genetic=settings)
-    assert [one["method"] for one in fit.methods if one["chosen"]] == ["genetic"] * 2
+    assert [one.method for one in fit.methods if one.chosen] == ["genetic"] * 2
     assert "genetic" in fit.how[0]
     # it searches eleven parameters blindly, so that it comes near but not to the optimum
     assert table(fit)["mass"][0] == pytest.approx(AXIS.mass, rel=0.1)

@@ -1,4 +1,4 @@
-"""A motor and its shaft, simulated here, identified with their intervals; and what is not excited.
+"""A motor, simulated here, identified with their intervals; and what is not excited.
 
 The noise of a sample is 0.3 V, 0.05 A and 0.5 rad/s (electrical): about 2 % of what the voltages
 and 1 % of what the currents swing by.
@@ -10,21 +10,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.submodels.drive.motor import (
-    ModulatingSettings,
-    MotorFit,
-    MotorFitSettings,
-    Windows,
-    identify_motor,
-    identify_shaft,
-)
+from pipeline.submodels.drive.motor import MotorFit, Windows, identify_motor, split_fit
 
 R, L_D, L_Q, FLUX = TRUE = np.array([0.8, 6e-3, 9e-3, 0.12])
-SHAFT = J, B, COULOMB, LOAD = np.array([0.003, 0.004, 0.3, 0.5])
 PERIOD, MANY = 1e-4, 8000
 T = np.arange(MANY) * PERIOD
 Signal = Callable[[np.ndarray], np.ndarray]
-SETTINGS = MotorFitSettings()
+WIDEST = 0.5
 
 
 def speed(t: np.ndarray) -> np.ndarray:
@@ -67,7 +59,7 @@ def measured(record: np.ndarray, seed: int, speed_noise: float = 0.5) -> np.ndar
 
 
 def identified(record: np.ndarray) -> MotorFit:
-    return identify_motor(*record, period=PERIOD, settings=SETTINGS)
+    return identify_motor(*record, period=PERIOD, widest=WIDEST)
 
 
 def test_without_noise_the_parameters_are_exact(excited: np.ndarray) -> None:
@@ -91,13 +83,11 @@ def test_the_intervals_hold_the_parameters_and_the_values_are_within_2_percent(
 
 def test_ordinary_least_squares_would_be_biased_by_the_same_noise(excited: np.ndarray) -> None:
     """What the split is for: ten times the currents' noise, means over 40 seeds."""
-    from pipeline.submodels.drive.motor import split_fit
-
     ours, ordinary = [], []
     for seed in range(40):
         record = excited + 10 * (measured(excited, seed) - excited)
         ours.append(identified(record).values)
-        cut = Windows(dict(zip("uvdqw", record, strict=True)), PERIOD, SETTINGS.modulating)
+        cut = Windows(dict(zip("uvdqw", record, strict=True)), PERIOD, held=False)
         d, q, w = (cut.signals[name] for name in "dqw")
         rows = [
             [cut.halves(d), cut.rates(d), -cut.halves(w * q), 0 * cut.halves(w)],
@@ -119,9 +109,8 @@ def test_voltages_that_are_held_are_integrated_as_held(excited: np.ndarray) -> N
 
     i = stepped(u_d, u_q)
     record = np.array([u_d, u_q, *i, speed(T)])
-    as_held = MotorFitSettings(modulating=ModulatingSettings(held=True))
-    right = identify_motor(*record, period=PERIOD, settings=as_held)
-    wrong = identify_motor(*record, period=PERIOD, settings=SETTINGS)
+    right = identify_motor(*record, period=PERIOD, widest=WIDEST, held=True)
+    wrong = identify_motor(*record, period=PERIOD, widest=WIDEST)
     # the currents bend at every sample: 4e-4 of the inductances, the second order of the period
     assert np.abs(right.values[:4] / TRUE - 1).max() < 1e-3
     assert np.abs(wrong.values[:4] / TRUE - 1).max() > 3e-3
@@ -237,59 +226,6 @@ def test_few_windows_are_no_certainty(excited: np.ndarray) -> None:
     assert fit.windows == 4 and not fit.determined.any() and set(fit.reasons) == set(fit.names)
 
 
-def turning(load: float, seed: int | None, reverses: bool = True) -> np.ndarray:
-    """Torque and speed of a shaft with friction, 0.8 s at 0.1 ms; shape (2, T)."""
-    torque = 0.6 * tones(T, 0.25) + (0.0 if reverses else 1.6) + load
-    w, fine = np.zeros(MANY), 10
-    for k in range(MANY - 1):
-        value, h = w[k], PERIOD / fine
-        for _ in range(fine):
-            # friction implicit: it brings to rest, never backward
-            free = value + h / J * (torque[k] - load - B * value)
-            value = np.sign(free) * max(abs(free) - h / J * COULOMB, 0.0)
-        w[k + 1] = value
-    record = np.array([torque, w])
-    if seed is None:
-        return record
-    noise = np.random.default_rng(seed).normal(size=record.shape)
-    return record + noise * np.array([[0.02], [0.05]])
-
-
-SHAFT_SETTINGS = MotorFitSettings(modulating=ModulatingSettings(held=True))
-
-
-def test_a_shaft_is_identified_with_its_friction_and_load() -> None:
-    clean = turning(LOAD, None)
-    held = np.zeros(4)
-    for seed in range(50):
-        noise = np.random.default_rng(seed).normal(size=clean.shape) * np.array([[0.02], [0.05]])
-        fit = identify_shaft(*(clean + noise), PERIOD, SHAFT_SETTINGS)
-        assert fit.determined.all(), fit.reasons
-        errors = np.abs(fit.values / SHAFT - 1)
-        # friction and damping are 6 % and 2 % of the torque
-        assert errors[0] < 0.02 and errors[3] < 0.02 and errors[2] < 0.05 and errors[1] < 0.15
-        held += (fit.low <= SHAFT) & (fit.high >= SHAFT)
-    assert (held >= 43).all(), held
-
-
-def test_in_one_direction_friction_and_load_are_not_told_apart() -> None:
-    record = turning(0.0, 0, reverses=False)
-    record = record[:, record[1] > 1.0][:, 500:]
-    assert (record[1] > 0).all()
-    fit = identify_shaft(*record, PERIOD, SHAFT_SETTINGS)
-    assert {"coulomb", "load"} <= set(fit.reasons)
-    assert "take its place" in fit.reasons["coulomb"]
-    assert fit.values[0] == pytest.approx(J, rel=0.02)
-
-
-def test_at_constant_speed_the_inertia_is_not_determined() -> None:
-    rng = np.random.default_rng(1)
-    torque = LOAD + COULOMB + 50 * B + rng.normal(0, 0.02, MANY)
-    fit = identify_shaft(torque, 50 + rng.normal(0, 0.05, MANY), PERIOD, SHAFT_SETTINGS)
-    assert fit.reasons["inertia"] == "the record does not excite it beyond its noise"
-    assert not fit.determined.any()
-
-
 @pytest.mark.parametrize("order", range(4))
 @pytest.mark.parametrize("held", [False, True])
 def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> None:
@@ -297,7 +233,6 @@ def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> 
     from scipy.integrate import quad
 
     size, period = 64, 1e-3
-    some = ModulatingSettings(held=held)
     t = np.arange(size + 1) * period
 
     def signal(t):
@@ -307,7 +242,7 @@ def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> 
         s = np.pi * t / (size * period)
         return np.sin(s) ** 3 * np.cos(order * s)
 
-    cut = Windows({"x": signal(t)}, period, some)
+    cut = Windows({"x": signal(t)}, period, held=held)
     wanted = quad(lambda t: g(t) * signal(t), 0, size * period, epsabs=1e-12)[0]
     slope = quad(lambda t: g(t) * 5 / (size * period), 0, size * period, epsabs=1e-12)[0]
     halves, rates = cut.halves(cut.signals["x"]), cut.rates(cut.signals["x"])
@@ -323,24 +258,9 @@ def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> 
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("window", 15), ("window", 17), ("window", 14), ("orders", 0), ("orders", 9), ("orders", 1.5)],
-)
-def test_windows_out_of_range_are_refused_by_name_and_value(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"modulating.{name} = {value}"):
-        ModulatingSettings(**{name: value})
-
-
-@pytest.mark.parametrize("value", [0.0, 1.5, np.nan])
-def test_a_width_out_of_range_is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match=f"motor_fit.widest = {value}"):
-        MotorFitSettings(widest=value)
-
-
-@pytest.mark.parametrize(
-    ("torque", "speed", "period", "words"),
+    ("current", "speed", "period", "words"),
     [
-        (np.ones(100), np.ones(99), 1e-3, "torque (100,), speed (99,)"),
+        (np.ones(100), np.ones(99), 1e-3, "i_d (100,), i_q (100,), w_e (99,)"),
         (np.ones((10, 10)), np.ones((10, 10)), 1e-3, "no record"),
         (np.ones(64), np.ones(64), 1e-3, "record of 64 samples has no window of 65"),
         (np.full(100, np.nan), np.ones(100), 1e-3, "no window of 65 finite ones"),
@@ -348,7 +268,7 @@ def test_a_width_out_of_range_is_refused(value: float) -> None:
         (np.ones(100), np.ones(100), -1.0, "period = -1.0 s"),
     ],
 )
-def test_what_is_no_record_is_refused(torque, speed, period: float, words: str) -> None:
+def test_what_is_no_record_is_refused(current, speed, period: float, words: str) -> None:
     with pytest.raises(ValueError) as refused:
-        identify_shaft(torque, speed, period, SETTINGS)
+        identify_motor(*[current] * 4, speed, period=period, widest=WIDEST)
     assert words in str(refused.value)

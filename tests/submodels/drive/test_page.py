@@ -146,7 +146,7 @@ def test_recordings_say_what_was_done_to_them(text):
 
 def test_each_recording_has_its_errors_guesses_and_verdict(text):
     assert "servo/program-plate X 24.6 6.2 38.4 412 1 604 7.3 9.5 30.1 71.0 passed" in text
-    assert "servo/reciprocation-X X 24.6 2.6 38.4 412 1 604 2.1 2.7 8.65 71.0 learnt from" in text
+    assert "servo/reciprocation-X X 24.6 2.6 38.4 412 1 604 2.1 2.7 8.65 71.0 fitted on" in text
     assert (
         "The twin’s X, Y and Z axes follow their records: on 2 judged recordings the force is "
         "wrong by up to 6.2 % (limit 10 %) and the following error by up to 9.4 % (limit 15 %)."

@@ -221,13 +221,13 @@ def test_without_list_and_without_excitation_there_is_no_servo():
 def test_genetic_search_minimises_the_same_error():
     settings = DriveFitSettings(genetic=GeneticSettings(population=40, generations=40))
     fit = found_of(KINDS["PI"], settings=settings)
-    found = {m["method"]: m for m in fit.methods}
-    assert found["least_squares"]["chosen"] and not found["genetic"]["chosen"]
-    assert found["genetic"]["evaluations"] >= 40 * 39
+    found = {m.method: m for m in fit.methods}
+    assert found["least_squares"].chosen and not found["genetic"].chosen
+    assert found["genetic"].evaluations >= 40 * 39
     # it starts from the closed forms and may come near, never below, the optimum
-    assert found["least_squares"]["error"] <= found["genetic"]["error"] * (1 + 1e-9)
+    assert found["least_squares"].error <= found["genetic"].error * (1 + 1e-9)
     again = found_of(KINDS["PI"], settings=replace(settings, method="genetic"))
-    chosen = {m["method"]: m["chosen"] for m in again.methods}
+    chosen = {m.method: m.chosen for m in again.methods}
     assert chosen == {"least_squares": False, "genetic": True}
     assert again.relative_error_percent > fit.relative_error_percent
 

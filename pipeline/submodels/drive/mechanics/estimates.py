@@ -10,13 +10,14 @@ of their mean, or one is negative, which friction alone does not explain, and th
 friction and constant force are uncertain by as much.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.submodels.drive.mechanics.inverse_dynamics import Dynamics
+from pipeline.schema.drive import Method
+from pipeline.submodels.drive.mechanics.inverse_dynamics import DIRECTIONS, Dynamics
 from pipeline.submodels.drive.prior import Coulomb
 
 GRAVITY = 0.5
@@ -63,39 +64,29 @@ class GravitySplit:
 
 def gravity_split(found: Dynamics, coulomb: Coulomb) -> GravitySplit:
     """Split of the Coulomb levels of ``found``."""
-    positive, negative = (
-        found.value("coulomb_level_positive"),
-        found.value("coulomb_level_negative"),
-    )
-    both = all(
-        found.fitted[found.names.index(f"coulomb_level_{s}")] for s in ("positive", "negative")
-    )
-    if not both:
+    positive, negative = (found.value(f"coulomb_level_{one}") for one in DIRECTIONS)
+    if not all(found.is_fitted(f"coulomb_level_{one}") for one in DIRECTIONS):
         return GravitySplit(equal=False, reason="only one direction was recorded")
     if coulomb == "equal":
         return GravitySplit(equal=True, reason=GIVEN, unequal_share=ALIKE)
     mean = 0.5 * (positive + negative)
     impossible = min(positive, negative) < 0
     if impossible or (coulomb == "auto" and abs(positive - negative) > GRAVITY * mean):
-        directions = found.value("viscous_positive"), found.value("viscous_negative")
-        share = abs(directions[0] - directions[1]) / sum(directions) if sum(directions) > 0 else 0.0
+        up, down = (found.value(f"viscous_{one}") for one in DIRECTIONS)
+        share = abs(up - down) / (up + down) if up + down > 0 else 0.0
         return GravitySplit(equal=True, reason=SHOWN, unequal_share=max(share, ALIKE))
     return GravitySplit(equal=False, reason=UNEQUAL)
 
 
 def coulomb_and_offset(found: Dynamics, split: GravitySplit) -> tuple[float, float, float]:
     """F_c+, F_c- and F_g [N]."""
-    positive, negative = (
-        found.value("coulomb_level_positive"),
-        found.value("coulomb_level_negative"),
-    )
+    positive, negative = (found.value(f"coulomb_level_{one}") for one in DIRECTIONS)
     if split.equal:
         mean = 0.5 * (positive + negative)
         return mean, mean, 0.5 * (positive - negative)
     return positive, negative, 0.0
 
 
-DIRECTIONS = ("positive", "negative")
 NAMES = (
     "mass", "coulomb_positive", "coulomb_negative", "static_positive", "static_negative",
     "stribeck_velocity_positive", "stribeck_velocity_negative", "viscous_positive",
@@ -133,14 +124,15 @@ REMEDY = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimates:
-    """Named parameters of a feed drive, D of them.
+    """Named parameters of a part of an axis, D of them.
 
     Parameters
     ----------
     names : tuple of str
-        :data:`NAMES`, then ``force_constant`` or ``load_factor`` where a load determines it.
+        Of a feed drive :data:`NAMES`, then ``force_constant`` or ``load_factor`` where a load
+        determines it.
     values, low, high : ndarray, shape (D,)
-        With the 95 % interval [SI, force in the fit's unit].
+        With the 95 % interval [SI, force in the fit's unit]; no result where not determined.
     determined : ndarray of bool, shape (D,)
         Whether the recordings determine it.
     how, remedy : tuple of str
@@ -154,6 +146,54 @@ class Estimates:
     determined: Bools
     how: tuple[str, ...]
     remedy: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisFit(Estimates):
+    """Parameters of a part of an axis, and how well they explain the recordings.
+
+    Parameters
+    ----------
+    units : tuple of str, length D
+        Of the parameters.
+    methods : tuple of Method
+        Each method that was tried.
+    samples : int
+        Rows that were fitted.
+    relative_error_percent : float
+        Of what is modelled, over what was measured on those rows [%].
+    bandwidth_Hz : float
+        Below which model and recording were compared [Hz]; nan where they were taken as they are.
+    condition, rank
+        Of the Jacobian with columns scaled to length one.
+    correlated : tuple of str
+        Names of the S parameters that were fitted.
+    correlation : ndarray, shape (S, S)
+        Of these.
+    """
+
+    units: tuple[str, ...]
+    methods: tuple[Method, ...] = ()
+    samples: int = 0
+    relative_error_percent: float = np.nan
+    bandwidth_Hz: float = np.nan
+    condition: float = np.nan
+    rank: int = 0
+    correlated: tuple[str, ...] = ()
+    correlation: Floats
+
+
+def compared_methods(
+    tried: Mapping[tuple[str, str], tuple[float, int]], chosen: str, unit: str
+) -> tuple[Method, ...]:
+    """Methods by task and name, each with its error in ``unit`` and its evaluations."""
+    return tuple(
+        Method(
+            task=task, method=method, chosen=method == chosen, error=error, error_unit=unit,
+            evaluations=evaluations,
+        )
+        for (task, method), (error, evaluations) in tried.items()
+    )  # fmt: skip
 
 
 def units(force_unit: str, names: Sequence[str], command_unit: str) -> tuple[str, ...]:
@@ -170,33 +210,20 @@ def units(force_unit: str, names: Sequence[str], command_unit: str) -> tuple[str
 
 def physical(found: Dynamics, split: GravitySplit) -> Floats:
     """Values of the D parameters; a direction that was not recorded has those of the other."""
-    coulomb = dict(zip(DIRECTIONS, coulomb_and_offset(found, split), strict=False))
-    offset = coulomb_and_offset(found, split)[2]
-    static, velocity, viscous = {}, {}, {}
-    for direction in DIRECTIONS:
-        seen = is_fitted(found, f"stribeck_amplitude_{direction}")
-        static[direction] = coulomb[direction] + (
-            found.value(f"stribeck_amplitude_{direction}") if seen else 0.0
-        )
-        velocity[direction] = (
-            float(np.exp(found.value(f"log_velocity_{direction}"))) if seen else DEFAULT_VELOCITY
-        )
-        viscous[direction] = found.value(f"viscous_{direction}")
-    for direction, other in (DIRECTIONS, DIRECTIONS[::-1]):
-        if not is_fitted(found, f"coulomb_level_{direction}"):
-            for table in (coulomb, static, velocity, viscous):
-                table[direction] = table[other]
-    ordered = [
-        table[direction]
-        for table in (coulomb, static, velocity, viscous)
-        for direction in DIRECTIONS
-    ]
-    return np.array([found.value("mass"), *ordered, offset])
-
-
-def is_fitted(found: Dynamics, name: str) -> bool:
-    """Whether the parameter called ``name`` was fitted."""
-    return bool(found.fitted[found.names.index(name)])
+    *coulomb, offset = coulomb_and_offset(found, split)
+    # Coulomb and static friction, Stribeck velocity and viscous friction of both directions
+    table = np.empty((4, 2))
+    for k, direction in enumerate(DIRECTIONS):
+        amplitude, velocity = 0.0, DEFAULT_VELOCITY
+        if found.is_fitted(f"stribeck_amplitude_{direction}"):
+            amplitude = found.value(f"stribeck_amplitude_{direction}")
+            velocity = float(np.exp(found.value(f"log_velocity_{direction}")))
+        viscous = found.value(f"viscous_{direction}")
+        table[:, k] = coulomb[k], coulomb[k] + amplitude, velocity, viscous
+    for k, direction in enumerate(DIRECTIONS):
+        if not found.is_fitted(f"coulomb_level_{direction}"):
+            table[:, k] = table[:, 1 - k]
+    return np.array([found.value("mass"), *table.ravel(), offset])
 
 
 def estimates(
@@ -243,8 +270,7 @@ def estimates(
     scale = np.abs(values)
     scale[-1] = max(scale[-1], abs(coulomb))  # an offset may well be 0
     determined: Bools = (half <= widest * scale) & (scale > 0)
-    fitted = [_components_fitted(found, name, split) for name in NAMES]
-    determined &= np.array(fitted)
+    determined &= np.array([_components_fitted(found, name, split) for name in NAMES])
     low, high = values - half, values + half
     for k in (5, 6):  # fitted on a logarithmic scale
         factor = np.exp(half[k] / max(values[k], 1e-300)) if np.isfinite(half[k]) else np.inf
@@ -280,10 +306,9 @@ def with_load(
         low = estimated.values - np.hypot(estimated.values - estimated.low, more)
         high = estimated.values + np.hypot(estimated.high - estimated.values, more)
         estimated = replace(estimated, low=low, high=high)
-    for name, one, how, remedy in (
-        ("force_constant", constant, BY_LOAD, REMEDY["load"]),
-        ("load_factor", factor, LOAD_FACTOR, REMEDY["load"]),
-    ):
+    for name, one, how in (
+        ("force_constant", constant, BY_LOAD), ("load_factor", factor, LOAD_FACTOR),
+    ):  # fmt: skip
         if one is None:
             continue
         estimated = replace(
@@ -291,7 +316,7 @@ def with_load(
             low=np.r_[estimated.low, one.value - one.half_width],
             high=np.r_[estimated.high, one.value + one.half_width],
             determined=np.r_[estimated.determined, one.is_determined(widest)],
-            how=(*estimated.how, how), remedy=(*estimated.remedy, remedy),
+            how=(*estimated.how, how), remedy=(*estimated.remedy, REMEDY["load"]),
         )  # fmt: skip
     return estimated
 
@@ -318,11 +343,9 @@ def _components_fitted(found: Dynamics, name: str, split: GravitySplit) -> bool:
     if kind == "offset":
         return split.equal
     if kind == "mass":
-        return is_fitted(found, "mass")
-    seen = is_fitted(found, f"coulomb_level_{direction}")
-    if kind in ("static", "stribeck_velocity"):
-        return seen and is_fitted(found, f"stribeck_amplitude_{direction}")
-    return seen and is_fitted(found, f"viscous_{direction}")
+        return found.is_fitted("mass")
+    other = "stribeck_amplitude" if kind in ("static", "stribeck_velocity") else "viscous"
+    return all(found.is_fitted(f"{one}_{direction}") for one in ("coulomb_level", other))
 
 
 def _how(name: str, determined: bool, split: GravitySplit, how: str) -> str:

@@ -8,21 +8,23 @@ comparison: with the weights of the rows given, the sum of squares is a quadrati
 the table, so that an individual costs no pass over the rows.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import Method
 from pipeline.search.genetic import GeneticSettings, minimise
 from pipeline.submodels.drive.mechanics.estimates import (
     FITTED,
     GENETIC,
     INSTRUMENTAL,
+    AxisFit,
     Estimates,
+    compared_methods,
     estimates,
     gravity_split,
     units,
@@ -45,6 +47,7 @@ from pipeline.submodels.drive.mechanics.identifiability import (
     with_force_constant,
 )
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
+    DIRECTIONS,
     Dynamics,
     Regressors,
     bounds,
@@ -115,76 +118,30 @@ RANK = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FeedDriveFit:
-    """Feed drive identified from records, D parameters in the order of ``names``.
+class FeedDriveFit(AxisFit):
+    """Feed drive identified from records.
 
     Parameters
     ----------
-    axis : str
-        Its letter.
     command_unit, force_unit : str
         Of the motor's command; of forces, the command's where the force constant is not listed.
-    names, units : tuple of str
-        Of the parameters.
-    values, low, high : ndarray, shape (D,)
-        With the 95 % interval; those of what is not determined have no meaning.
-    determined : ndarray of bool, shape (D,)
-        Whether the records determine it.
-    how, remedy : tuple of str
-        Where each value comes from; what to record where it is not determined.
     feed_drive : FeedDriveParameters
-        With all of them, for the twin.
+        With all parameters, for the twin.
     points : tuple of FrictionPoint
         Friction at constant speed.
-    methods : tuple of mapping
-        Each method that was tried: task, method, chosen, error, error_unit, evaluations.
-    samples : int
-        Rows that were fitted.
-    relative_error_percent : float
-        Of the force, ||F - F_model|| / ||F|| on those rows [%].
-    bandwidth_Hz : float
-        Below which motion and force were compared [Hz]; nan where records were taken as they are.
     delay : float
         Of the motion behind the command [s].
-    condition : float
-        Of the Jacobian with columns scaled to length one.
-    rank : int
-        Of the same.
-    correlated : tuple of str
-        Names of the parameters in ``correlation``.
-    correlation : ndarray, shape (S, S)
-        Of the parameters that were fitted.
-    recordings : tuple of str
-        Its training recordings.
     """
 
-    axis: str
     command_unit: str
     force_unit: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Floats
-    low: Floats
-    high: Floats
-    determined: Bools
-    how: tuple[str, ...]
-    remedy: tuple[str, ...]
     feed_drive: FeedDriveParameters
     points: tuple[FrictionPoint, ...] = ()
-    methods: tuple[Mapping[str, Any], ...] = ()
-    samples: int = 0
-    relative_error_percent: float = np.nan
-    bandwidth_Hz: float = np.nan
     delay: float = 0.0
-    condition: float = np.nan
-    rank: int = 0
-    correlated: tuple[str, ...] = ()
-    correlation: Floats
-    recordings: tuple[str, ...] = ()
 
 
 def identify_feed_drive(
-    recordings: Sequence[Recording], axis: str, known: DrivePrior, settings: DriveFitSettings
+    recordings: Sequence[Recording], axis: str, prior: DrivePrior, settings: DriveFitSettings
 ) -> FeedDriveFit:
     """Feed drive of ``axis`` from its training recordings.
 
@@ -194,8 +151,8 @@ def identify_feed_drive(
         Those not for training are ignored.
     axis : str
         Its letter.
-    known : DrivePrior
-        What is known of the axes.
+    prior : DrivePrior
+        Prior knowledge of the axes.
     settings : DriveFitSettings
         Choices of the identification.
 
@@ -208,11 +165,14 @@ def identify_feed_drive(
     training = _training(recordings, axis)
     record = training[0].axes[axis]
     bandwidth = settings.bandwidth_Hz or parallel_bandwidth(training, axis, settings.shortest_s)
-    motions, rows, delay = aligned(training, axis, bandwidth)
-    points = friction_points(constant_speed_segments(motions, settings.shortest_s))
-    found, uncertainty = determined_dynamics(
-        rows, [one.velocity for one in points], settings.widest
-    )
+
+    def fitted() -> tuple[Regressors, float, list[FrictionPoint], Dynamics, Uncertainty]:
+        motions, rows, delay = aligned(training, axis, bandwidth)
+        points = friction_points(constant_speed_segments(motions, settings.shortest_s))
+        velocities = [one.velocity for one in points]
+        return rows, delay, points, *determined_dynamics(rows, velocities, settings.widest)
+
+    rows, delay, points, found, uncertainty = fitted()
     # forces in newton, where a recorded load determines the force constant
     constant = None
     if record.force_unit != "N":
@@ -220,11 +180,7 @@ def identify_feed_drive(
     if constant is not None:
         training = with_force_constant(training, axis, constant.value)
         record = training[0].axes[axis]
-        motions, rows, delay = aligned(training, axis, bandwidth)
-        points = friction_points(constant_speed_segments(motions, settings.shortest_s))
-        found, uncertainty = determined_dynamics(
-            rows, [one.velocity for one in points], settings.widest
-        )
+        rows, delay, points, found, uncertainty = fitted()
     # the effect of the filter, and the other methods
     others = at_other_bandwidths(training, axis, bandwidth, delay, found)
     methods, blind = _compared(rows, found, points, record.force_unit, settings)
@@ -233,29 +189,21 @@ def identify_feed_drive(
         rows, found, uncertainty, others, blind, bandwidth=bandwidth, settings=settings
     )
     # from Coulomb levels to named parameters with intervals
-    split = gravity_split(found, known.axis(axis).coulomb)
+    split = gravity_split(found, prior.axis(axis).coulomb)
     estimated = estimates(
-        found,
-        uncertainty.half_width,
-        uncertainty.correlation,
-        others,
-        split,
-        widest=settings.widest,
-        how=how,
-    )
+        found, uncertainty.half_width, uncertainty.correlation, others, split,
+        widest=settings.widest, how=how,
+    )  # fmt: skip
     estimated = with_load(estimated, constant, factor, settings.widest)
     return FeedDriveFit(
-        axis=axis, command_unit=record.command_unit, force_unit=record.force_unit,
-        names=estimated.names, units=units(record.force_unit, estimated.names, record.command_unit),
-        values=estimated.values, low=estimated.low, high=estimated.high,
-        determined=estimated.determined, how=estimated.how, remedy=estimated.remedy,
+        **vars(estimated), command_unit=record.command_unit, force_unit=record.force_unit,
+        units=units(record.force_unit, estimated.names, record.command_unit),
         feed_drive=feed_drive_of(estimated, record.force_constant),
         points=tuple(points), methods=methods, samples=len(rows.force), delay=delay,
         relative_error_percent=_percent(found.residuals, rows.force),
         bandwidth_Hz=np.nan if bandwidth is None else bandwidth, condition=uncertainty.condition,
         rank=_rank(rows, found), correlation=uncertainty.correlation,
         correlated=tuple(n for n, s in zip(found.names, found.fitted, strict=True) if s),
-        recordings=tuple(one.name for one in training),
     )  # fmt: skip
 
 
@@ -278,9 +226,8 @@ def _chosen(
     if is_better(better, found, uncertainty.half_width, settings.widest):
         return *replaced(rows, found, uncertainty, better), [], INSTRUMENTAL
     if bandwidth is None:
-        uncertainty = replace(
-            uncertainty, half_width=biased_half_width(better, found, uncertainty.half_width)
-        )
+        half_width = biased_half_width(better, found, uncertainty.half_width)
+        uncertainty = replace(uncertainty, half_width=half_width)
     return found, uncertainty, others, FITTED
 
 
@@ -307,12 +254,11 @@ def _compared(
     points: Sequence[FrictionPoint],
     unit: str,
     settings: DriveFitSettings,
-) -> tuple[tuple[dict[str, Any], ...], Dynamics | None]:
+) -> tuple[tuple[Method, ...], Dynamics | None]:
     """Methods compared on both tasks, and the optimum of the genetic algorithm."""
-    tried: dict[tuple[str, str], tuple[float, int]] = {}
     both = settings.compare or settings.method == "genetic"
     blind = genetic_dynamics(rows, found, settings.genetic) if both else None
-    tried["inverse_dynamics", "least_squares"] = _rmse(found), found.evaluations
+    tried = {("inverse_dynamics", "least_squares"): (_rmse(found), found.evaluations)}
     if blind is not None:
         tried["inverse_dynamics", "genetic"] = _rmse(blind), blind.evaluations
     if points:
@@ -321,14 +267,7 @@ def _compared(
         if both:
             curves = genetic_curves(points, settings.genetic)
             tried["friction", "genetic"] = curves.error, curves.evaluations
-    methods = tuple(
-        {
-            "task": task, "method": method, "chosen": method == settings.method,
-            "error": error, "error_unit": unit, "evaluations": evaluations,
-        }
-        for (task, method), (error, evaluations) in tried.items()
-    )  # fmt: skip
-    return methods, blind
+    return compared_methods(tried, settings.method, unit), blind
 
 
 def feed_drive_of(estimated: Estimates, force_constant: float) -> FeedDriveParameters:
@@ -349,7 +288,7 @@ def feed_drive_of(estimated: Estimates, force_constant: float) -> FeedDriveParam
             stribeck_velocity=value[f"stribeck_velocity_{direction}"],
             viscous=value[f"viscous_{direction}"],
         )
-        for direction in ("positive", "negative")
+        for direction in DIRECTIONS
     }
     return FeedDriveParameters(
         mass=value["mass"], force_constant=force_constant,

@@ -14,6 +14,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     AMPLITUDES,
+    DIRECTIONS,
     LOGS,
     Dynamics,
     Regressors,
@@ -43,7 +44,6 @@ APART = 1.2
 """Least ratio of speeds that separates viscous from Coulomb friction [1]."""
 SLOW_END = 5
 """Percentile of the speeds that counts as slow [%]."""
-DIRECTIONS = ("positive", "negative")
 
 
 def aligned(
@@ -97,8 +97,7 @@ def determined_dynamics(
     """
     slowest, single = _steady(rows, steady)
     fitted = all_observable(rows)
-    for direction in single:
-        fitted &= ~np.isin(parameter_names(rows), (f"viscous_{direction}",))
+    fitted &= ~np.isin(parameter_names(rows), [f"viscous_{direction}" for direction in single])
     found = least_squares_dynamics(rows, fitted)
     shares = weights_by_position(rows, found)
     found = least_squares_dynamics(rows, fitted, shares)
@@ -122,7 +121,7 @@ def _steady(rows: Regressors, steady: Sequence[float]) -> tuple[dict[str, float]
     """
     held = np.asarray(steady)
     slowest, single = {}, []
-    for sign, direction in ((1.0, "positive"), (-1.0, "negative")):
+    for sign, direction in zip((1.0, -1.0), DIRECTIONS, strict=True):
         speeds = np.abs(held[held * sign > 0])
         passed = np.abs(rows.velocity[rows.velocity * sign > 0])
         if len(speeds) and speeds.max() < APART * speeds.min():
@@ -142,26 +141,19 @@ def _loosest(
     width = dict(zip(found.names, half.tolist(), strict=True))
     amplitudes = {}
     for direction in DIRECTIONS:
-        amplitude, speed = (
-            found.value(f"stribeck_amplitude_{direction}"),
-            np.exp(found.value(f"log_velocity_{direction}")),
-        )
-        if found.fitted[found.names.index(f"stribeck_amplitude_{direction}")]:
-            share = (
-                width[f"stribeck_amplitude_{direction}"] / amplitude
-                if amplitude > 0 and speed > slowest[direction]
-                else np.inf
-            )
-            amplitudes[direction] = max(share, width[f"log_velocity_{direction}"])
+        name, log_velocity = f"stribeck_amplitude_{direction}", f"log_velocity_{direction}"
+        if found.is_fitted(name):
+            amplitude, speed = found.value(name), np.exp(found.value(log_velocity))
+            shown = amplitude > 0 and speed > slowest[direction]
+            share = width[name] / amplitude if shown else np.inf
+            amplitudes[direction] = max(share, width[log_velocity])
     if amplitudes and max(amplitudes.values()) > widest:
-        direction = max(amplitudes, key=lambda one: amplitudes[one])
-        return np.isin(
-            found.names, (f"stribeck_amplitude_{direction}", f"log_velocity_{direction}")
-        )
+        loosest = max(amplitudes, key=lambda one: amplitudes[one])
+        return np.isin(found.names, (f"stribeck_amplitude_{loosest}", f"log_velocity_{loosest}"))
     for direction in DIRECTIONS:
         level, viscous = f"coulomb_level_{direction}", f"viscous_{direction}"
         open_ = [width[n] > widest * abs(found.value(n)) for n in (level, viscous)]
-        if found.fitted[found.names.index(viscous)] and all(open_):
+        if found.is_fitted(viscous) and all(open_):
             return np.isin(found.names, (viscous,))
     return np.zeros(len(found.values), bool)
 
@@ -212,7 +204,7 @@ ROWS = 30
 
 def load_factor(found: Dynamics, uncertainty: Uncertainty) -> Factor | None:
     """Factor c of the load in training recordings; None where none has a load."""
-    if "load" not in found.names or not found.fitted[found.names.index("load")]:
+    if "load" not in found.names or not found.is_fitted("load"):
         return None
     at = int(np.count_nonzero(found.fitted[: found.names.index("load")]))
     return Factor(value=found.value("load"), half_width=float(uncertainty.half_width[at]))

@@ -25,6 +25,8 @@ LINEAR = (
 )  # fmt: skip
 """Columns of every table; a Coulomb level is Coulomb friction plus (positive direction) or less
 (negative direction) the constant force."""
+DIRECTIONS = ("positive", "negative")
+"""Directions of motion; friction has parameters of its own for each."""
 STEPS_A_DECADE = 24
 """Entries of the table over v_s a decade [1]: its error is below 0.2 % of the curve's height."""
 
@@ -73,22 +75,20 @@ class Regressors:
 
     def stribeck_columns(self, log_velocity: Floats) -> Floats:
         """Columns of F_s - F_c at ln v_s of both directions; shape (N, 2)."""
-        columns = np.empty((len(self.force), 2))
-        for direction in range(2):
-            low, share = self._bracket(log_velocity[direction])
-            table = self.stribeck_table[direction]
-            columns[:, direction] = (1 - share) * table[:, low] + share * table[:, low + 1]
-        return columns
+        columns = []
+        for table, log in zip(self.stribeck_table, log_velocity, strict=True):
+            low, share = self._bracket(log)
+            columns.append((1 - share) * table[:, low] + share * table[:, low + 1])
+        return np.column_stack(columns)
 
     def stribeck_slopes(self, log_velocity: Floats) -> Floats:
         """Derivatives of :meth:`stribeck_columns` by ln v_s; shape (N, 2)."""
-        columns = np.empty((len(self.force), 2))
         step = np.log(self.stribeck[1] / self.stribeck[0])
-        for direction in range(2):
-            low, _ = self._bracket(log_velocity[direction])
-            table = self.stribeck_table[direction]
-            columns[:, direction] = (table[:, low + 1] - table[:, low]) / step
-        return columns
+        columns = []
+        for table, log in zip(self.stribeck_table, log_velocity, strict=True):
+            low, _ = self._bracket(log)
+            columns.append((table[:, low + 1] - table[:, low]) / step)
+        return np.column_stack(columns)
 
     def _bracket(self, log_velocity: float) -> tuple[int, float]:
         at = np.interp(log_velocity, np.log(self.stribeck), np.arange(len(self.stribeck)))
@@ -277,6 +277,10 @@ class Dynamics:
         """Weighted sum of squares [N^2]."""
         return float(self.weights @ self.residuals**2)
 
+    def is_fitted(self, name: str) -> bool:
+        """Whether the parameter ``name`` was fitted."""
+        return bool(self.fitted[self.names.index(name)])
+
     def value(self, name: str) -> float:
         """Value of the parameter ``name``; 0 when the table has none of that name."""
         return float(self.values[self.names.index(name)]) if name in self.names else 0.0
@@ -325,9 +329,9 @@ def all_observable(rows: Regressors) -> Bools:
     """Every parameter that some row depends on; shape (D,)."""
     excited = np.abs(rows.linear).max(axis=0) > 0
     directions = np.array([np.any(rows.velocity > 0), np.any(rows.velocity < 0)])
-    for direction, sign in enumerate(("positive", "negative")):
-        for name in (f"viscous_{sign}", f"coulomb_level_{sign}"):
-            excited[rows.names.index(name)] &= directions[direction]
+    for direction, shown in zip(DIRECTIONS, directions, strict=True):
+        for name in (f"viscous_{direction}", f"coulomb_level_{direction}"):
+            excited[rows.names.index(name)] &= shown
     return np.r_[excited, directions, directions]
 
 

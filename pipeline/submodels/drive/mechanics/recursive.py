@@ -115,18 +115,6 @@ class RecursiveTrace:
     freedom: float
     skipped: int
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of the last inertia; 0 to infinity when it is not determined."""
-        from scipy.stats import t as student
-
-        if not (isfinite(self.deviation[-1]) and self.freedom > 0):
-            return 0.0, inf
-        value = float(self.inertia[-1])
-        share = float(student.ppf(0.975, self.freedom) * self.deviation[-1]) / value
-        # symmetric in 1 / J, which is what is estimated
-        return value / (1 + share), value / (1 - share) if share < 1 else inf
-
 
 def recursive_inertia(
     speed: ArrayLike, torque: ArrayLike, period: float, settings: RecursiveSettings
@@ -154,13 +142,6 @@ def recursive_inertia(
     w, m = _record(speed, torque, period)
     speed_scale = _scale(w, settings.speed_scale)
     torque_scale = _scale(m, settings.torque_scale)
-    return _recursed(w, m, period, settings, speed_scale, torque_scale)
-
-
-def _recursed(
-    w: Floats, m: Floats, period: float, settings: RecursiveSettings,
-    speed_scale: float, torque_scale: float,
-) -> RecursiveTrace:  # fmt: skip
     many = len(w)
     inertia, damping, load, deviation, trace = (np.empty(many) for _ in range(5))
     excited, ends = np.empty(many, np.bool_), np.empty(3)
@@ -172,15 +153,10 @@ def _recursed(
     )  # fmt: skip
     weight, squared, skipped = ends.tolist()
     return RecursiveTrace(
-        inertia=inertia,
-        damping=damping,
-        load=load,
-        deviation=deviation,
-        covariance_trace=trace,
-        excited=excited,
-        freedom=weight**2 / squared - PARAMETERS if squared else 0.0,
+        inertia=inertia, damping=damping, load=load, deviation=deviation, covariance_trace=trace,
+        excited=excited, freedom=weight**2 / squared - PARAMETERS if squared else 0.0,
         skipped=int(skipped),
-    )
+    )  # fmt: skip
 
 
 def _record(speed: ArrayLike, torque: ArrayLike, period: float) -> tuple[Floats, Floats]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.drive.mechanics.inverse_dynamics import LOGS, Dynamics, Regressors, jacobian
-from pipeline.submodels.statistics import Uncertainty, uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
 
 BLOCK = 8.0
 """Length of a block of residuals over their autocorrelation length [1]."""
@@ -52,10 +52,10 @@ def correlation_rows(residuals: Floats, stretch: Ints) -> float:
     return total
 
 
-def block_numbers(rows: Regressors, residuals: Floats, parameters: int) -> Ints:
-    """Block of each row; shape (N,)."""
+def block_numbers(residuals: Floats, stretch: Ints, parameters: int) -> Ints:
+    """Block of each row, from its stretch without a gap; shape (N,)."""
     many = len(residuals)
-    length = BLOCK * correlation_rows(residuals, rows.stretch)
+    length = BLOCK * correlation_rows(residuals, stretch)
     length = max(min(length, many / (FEWEST * parameters)), 1.0)
     numbers: Ints = (np.arange(many) / length).astype(np.int64)
     return numbers
@@ -66,10 +66,12 @@ def dynamics_uncertainty(rows: Regressors, found: Dynamics) -> Uncertainty:
     weights = np.sqrt(found.weights)
     slopes = jacobian(rows, found.values)[:, found.fitted] * weights[:, None]
     residuals = found.residuals * weights
-    blocks = block_numbers(rows, residuals, int(found.fitted.sum()))
+    blocks = block_numbers(residuals, rows.stretch, int(found.fitted.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
     # clusters underestimate the variance in a direction that only few blocks excite
-    least = np.maximum(uncertainty.half_width, _textbook(slopes, residuals))
+    least = np.maximum(
+        uncertainty.half_width, textbook_half_width(slopes, float(np.std(residuals)))
+    )
     added, quantile = _by_position(rows, found, slopes * weights[:, None])
     covariance = uncertainty.covariance + added
     widened = np.hypot(least, quantile * np.sqrt(np.diag(added)))
@@ -94,17 +96,6 @@ def _by_position(rows: Regressors, found: Dynamics, slopes: Floats) -> tuple[Flo
     middle = scores_covariance(rows, slopes / scale, seen)
     added: Floats = inverse @ middle @ inverse / np.outer(scale, scale)
     return added, seen.quantile
-
-
-def _textbook(slopes: Floats, residuals: Floats) -> Floats:
-    """Half of the 95 % interval if residuals were independent; shape (S,)."""
-    length = np.linalg.norm(slopes, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    _, singular, right = np.linalg.svd(slopes / length, full_matrices=False)
-    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
-    noise = float(np.std(residuals))
-    half_width: Floats = 2 * noise * spread / length
-    return half_width
 
 
 TRAVEL = 3.0
@@ -279,7 +270,7 @@ def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:
     inverse = np.linalg.inv(cross)
     scaled = inverse @ (known.T @ (found.weights * rows.force))
     residuals = found.weights * (rows.force - motion @ scaled)
-    blocks = block_numbers(rows, residuals, len(linear))
+    blocks = block_numbers(residuals, rows.stretch, len(linear))
     sums = np.zeros((int(blocks.max()) + 1, len(linear)))
     np.add.at(sums, blocks, known * residuals[:, None])
     freedom = len(sums) - len(linear)

@@ -10,14 +10,15 @@ the twist of the screw makes S_vp and S_vi smaller by 1 + S_vi V_i k / K, k the 
 the stiffness: those are the gains that the carriage sees, and a twin of one mass needs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools
+from pipeline.schema.drive import Method
+from pipeline.submodels.drive.mechanics.estimates import AxisFit, Estimates, compared_methods
 from pipeline.submodels.drive.prior import DriveFitSettings
 from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import (
@@ -58,62 +59,23 @@ NONE_SEEN = "the records want none"
 SHOWN = TERMS[:TH]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ServoFit:
-    """Servo identified from records, D parameters in the order of ``names``.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ServoFit(AxisFit):
+    """Servo identified from records; scale factors are gains in SI where its list names none.
 
     Parameters
     ----------
-    names, units : tuple of str
-        Of the parameters; scale factors are gains in SI where the control's list names none.
-    values, low, high : ndarray, shape (D,)
-        With the 95 % interval; those of what is not determined have no meaning.
-    determined : ndarray of bool, shape (D,)
-        Whether the records determine it.
-    how, remedy : tuple of str
-        Where each value comes from; what to record where it is not determined.
     servo : ServoParameters or None
-        With all of them; None where a gain is neither determined nor listed.
+        With all parameters; None where a gain is neither determined nor listed.
     reason : str
         Why there is no servo, in one sentence.
-    methods : tuple of mapping
-        Each method that was tried: task, method, chosen, error, error_unit, evaluations.
-    samples : int
-        Rows that were fitted.
-    relative_error_percent : float
-        Of the command, RMSE over its standard deviation [%].
-    bandwidth_Hz : float
-        Below which the command was compared [Hz].
-    condition : float
-        Of the Jacobian with columns scaled to length one.
-    rank : int
-        Of the same.
-    correlated : tuple of str
-        Names of the parameters in ``correlation``.
-    correlation : ndarray, shape (S, S)
-        Of the parameters that were fitted.
     left_out : tuple of str
         Recordings of another list of gains than the first's: another servo.
     """
 
     names: tuple[str, ...] = SHOWN
-    units: tuple[str, ...]
-    values: Floats
-    low: Floats
-    high: Floats
-    determined: Bools
-    how: tuple[str, ...]
-    remedy: tuple[str, ...]
     servo: ServoParameters | None
     reason: str = ""
-    methods: tuple[Mapping[str, Any], ...] = ()
-    samples: int = 0
-    relative_error_percent: float = np.nan
-    bandwidth_Hz: float = np.nan
-    condition: float = np.nan
-    rank: int = 0
-    correlated: tuple[str, ...] = ()
-    correlation: Floats
     left_out: tuple[str, ...] = ()
 
 
@@ -150,66 +112,77 @@ def identify_servo(
         equation, slower, selected_servo(equation), settings.widest
     )
     methods, best = _methods(equation, best, settings, unit)
-    found = _Terms.of(nominal, best, uncertainty, determined)
-    found.add_rounding(nominal, constants, records[0].period)
-    found.take_none_seen(equation, slower, best)
-    return replace(
-        _fit(equation, found, uncertainty, methods, unit, bandwidth), left_out=tuple(others)
+    estimated = _estimates(nominal, best, uncertainty, determined)
+    estimated = _with_rounding(estimated, nominal, constants, records[0].period)
+    estimated = _with_none_seen(estimated, equation, slower, best)
+    # the twin needs both loops' gains
+    lacking = [k for k in (SPP, SVP) if not estimated.determined[k] and not nominal.named(TERMS[k])]
+    names = " and ".join(TERMS[k].removesuffix("_scale") + "_gain" for k in lacking)
+    reason = (
+        f"the records do not determine {names}: {REMEDY['velocity_scale']}, or name {names} in "
+        "conf/machine/"
     )
+    return ServoFit(
+        units=tuple(nominal.unit(n, unit) for n in SHOWN),
+        values=estimated.values[:TH], low=estimated.low[:TH], high=estimated.high[:TH],
+        determined=estimated.determined[:TH], how=estimated.how[:TH], remedy=estimated.remedy,
+        servo=None if lacking else nominal.servo(estimated.values),
+        reason=reason if lacking else "", methods=methods, samples=equation.rows,
+        bandwidth_Hz=bandwidth, relative_error_percent=100 * best.error / equation.spread,
+        condition=uncertainty.condition, rank=uncertainty.rank, correlated=uncertainty.correlated,
+        correlation=uncertainty.correlation, left_out=tuple(others),
+    )  # fmt: skip
 
 
-@dataclass(kw_only=True)
-class _Terms:
-    """Estimates of the terms while they are put together; every array has shape (D,)."""
+def _estimates(
+    nominal: Nominal, best: ServoOptimum, uncertainty: ServoUncertainty, determined: Bools
+) -> Estimates:
+    """All terms with their intervals; the lag of the position loop is what its hold leaves."""
+    values = best.values.copy()
+    values[TX] = max(values[TX] - values[TH], 0.0)
+    values[[TX, TV]] = np.where(values[[TX, TV]] < SHORTEST, 0.0, values[[TX, TV]])
+    return Estimates(
+        names=TERMS, values=values, low=np.maximum(values - uncertainty.half_width, 0.0),
+        high=values + uncertainty.half_width, determined=determined,
+        how=tuple(
+            FITTED if seen else LOOSE if fitted else LISTED if nominal.named(name) else WITHOUT
+            for name, seen, fitted in zip(TERMS, determined, best.fitted, strict=True)
+        ),
+        remedy=tuple(REMEDY[name] for name in SHOWN),
+    )  # fmt: skip
 
-    values: Floats
-    low: Floats
-    high: Floats
-    determined: Bools
-    how: list[str]
-    error: float
 
-    @classmethod
-    def of(
-        cls, nominal: Nominal, best: ServoOptimum, uncertainty: ServoUncertainty, determined: Bools
-    ) -> "_Terms":
-        values = best.values.copy()
-        values[TX] = max(values[TX] - values[TH], 0.0)
-        values[[TX, TV]] = np.where(values[[TX, TV]] < SHORTEST, 0.0, values[[TX, TV]])
-        return cls(
-            values=values, low=np.maximum(values - uncertainty.half_width, 0.0),
-            high=values + uncertainty.half_width, determined=determined.copy(),
-            how=[
-                _how(nominal, k, bool(determined[k]), bool(best.fitted[k]))
-                for k in range(len(TERMS))
-            ],
-            error=best.error,
-        )  # fmt: skip
+def _with_rounding(
+    estimated: Estimates, nominal: Nominal, constants: AxisConstants, period: float
+) -> Estimates:
+    """With the contribution of a sampled integral to S_vp.
 
-    def add_rounding(self, nominal: Nominal, constants: AxisConstants, period: float) -> None:
-        """Add the contribution of a sampled integral to S_vp.
+    Sum and integral of the velocity error differ by half a sample of it, which acts like a part
+    S_vi V_i T / 2 of the proportional gain.  Where the servo's period T is not listed, it is only
+    bounded by the recorder's.
+    """
+    part = 0.5 * estimated.values[SVI] * nominal.integral_gain / nominal.velocity_gain
+    least, most = 0.0, part * period
+    if constants.servo_period is not None:
+        least = most = part * constants.servo_period
+    values, low, high = estimated.values.copy(), estimated.low.copy(), estimated.high.copy()
+    values[SVP] += 0.5 * (least + most)
+    low[SVP], high[SVP] = low[SVP] + least, high[SVP] + most
+    return replace(estimated, values=values, low=low, high=high)
 
-        Sum and integral of the velocity error differ by half a sample of it, which acts like a part
-        S_vi V_i T / 2 of the proportional gain.  Where the servo's period T is not listed, it is
-        only bounded by the recorder's.
-        """
-        part = 0.5 * self.values[SVI] * nominal.integral_gain / nominal.velocity_gain
-        least, most = 0.0, part * period
-        if constants.servo_period is not None:
-            least = most = part * constants.servo_period
-        self.values[SVP] += 0.5 * (least + most)
-        self.low[SVP], self.high[SVP] = self.low[SVP] + least, self.high[SVP] + most
 
-    def take_none_seen(
-        self, equation: ServoEquation, slower: ServoEquation, best: ServoOptimum
-    ) -> None:
-        """Set a feed-forward that was not fitted to 0 where the records would have shown it."""
-        for k in (FV, FA):
-            if best.fitted[k] or equation.nominal.named(TERMS[k]):
-                continue
-            if (most := greatest_unseen(equation, slower, best, k)) is not None:
-                self.determined[k], self.low[k], self.high[k] = True, 0.0, most
-                self.how[k] = NONE_SEEN
+def _with_none_seen(
+    estimated: Estimates, equation: ServoEquation, slower: ServoEquation, best: ServoOptimum
+) -> Estimates:
+    """With 0 for a feed-forward that was not fitted, where the records would have shown it."""
+    low, high, how = estimated.low.copy(), estimated.high.copy(), list(estimated.how)
+    determined = estimated.determined.copy()
+    for k in (FV, FA):
+        if best.fitted[k] or equation.nominal.named(TERMS[k]):
+            continue
+        if (most := greatest_unseen(equation, slower, best, k)) is not None:
+            determined[k], low[k], high[k], how[k] = True, 0.0, most, NONE_SEEN
+    return replace(estimated, low=low, high=high, determined=determined, how=tuple(how))
 
 
 def _without(nominal: Nominal, unit: str, reason: str) -> ServoFit:
@@ -229,9 +202,8 @@ def _determined(
         uncertainty = servo_uncertainty(equation, slower, best)
         least = np.zeros(len(TERMS))
         least[[TX, TV]] = equation.period
-        determined: Bools = 2 * uncertainty.half_width <= widest * np.maximum(
-            np.abs(best.values), least
-        )
+        bound = widest * np.maximum(np.abs(best.values), least)
+        determined: Bools = 2 * uncertainty.half_width <= bound
         open_ = [k for k in SCALES if best.fitted[k] and not determined[k]
                  and equation.nominal.named(TERMS[k])]  # fmt: skip
         if not open_:
@@ -245,47 +217,9 @@ def _determined(
 
 def _methods(
     equation: ServoEquation, best: ServoOptimum, settings: DriveFitSettings, unit: str
-) -> tuple[tuple[dict[str, Any], ...], ServoOptimum]:
+) -> tuple[tuple[Method, ...], ServoOptimum]:
     found = {"least_squares": best}
     if settings.compare or settings.method == "genetic":
         found["genetic"] = genetic_servo(equation, best.values, best.fitted, settings.genetic)
-    methods = tuple(
-        {
-            "task": "servo", "method": name, "chosen": name == settings.method,
-            "error": one.error, "error_unit": unit, "evaluations": one.evaluations,
-        }
-        for name, one in found.items()
-    )  # fmt: skip
-    return methods, found[settings.method]
-
-
-def _how(nominal: Nominal, term: int, determined: bool, fitted: bool) -> str:
-    if determined:
-        return FITTED
-    if fitted:
-        return LOOSE
-    return LISTED if nominal.named(TERMS[term]) else WITHOUT
-
-
-def _fit(
-    equation: ServoEquation, found: _Terms, uncertainty: ServoUncertainty,
-    methods: tuple[dict[str, Any], ...], unit: str, bandwidth: float,
-) -> ServoFit:  # fmt: skip
-    nominal = equation.nominal
-    open_ = [k for k in (SPP, SVP) if not found.determined[k] and not nominal.named(TERMS[k])]
-    names = " and ".join(TERMS[k].removesuffix("_scale") + "_gain" for k in open_)
-    lacking = (
-        f"the records do not determine {names}: {REMEDY['velocity_scale']}, or name {names} in "
-        "conf/machine/"
-    )
-    return ServoFit(
-        units=tuple(nominal.unit(n, unit) for n in SHOWN),
-        values=found.values[:TH], low=found.low[:TH], high=found.high[:TH],
-        determined=found.determined[:TH], how=tuple(found.how[:TH]),
-        remedy=tuple(REMEDY[n] for n in SHOWN),
-        servo=None if open_ else nominal.servo(found.values), reason=lacking if open_ else "",
-        methods=methods, samples=equation.rows, bandwidth_Hz=bandwidth,
-        relative_error_percent=100 * found.error / equation.spread,
-        condition=uncertainty.condition, rank=uncertainty.rank, correlated=uncertainty.correlated,
-        correlation=uncertainty.correlation,
-    )  # fmt: skip
+    tried = {("servo", name): (one.error, one.evaluations) for name, one in found.items()}
+    return compared_methods(tried, settings.method, unit), found[settings.method]

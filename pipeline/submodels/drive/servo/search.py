@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.search.genetic import GeneticSettings, minimise
-from pipeline.submodels.drive.mechanics.uncertainty import BLOCK, correlation_rows
+from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
 from pipeline.submodels.drive.servo.equation import (
     FA,
     FV,
@@ -180,8 +180,6 @@ CLOCK = 1e-4
 """Relative error of a recorder's clock, and with it of every gain [1]."""
 NONE_SEEN = 0.1
 """Greatest end of its interval up to which a feed-forward that is not fitted counts as 0 [1]."""
-_FEWEST = 3
-"""Least number of blocks for each parameter [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,9 +270,7 @@ def servo_uncertainty(
     inside = found.fitted
     slopes = (equation.columns @ equation.slopes(found.values))[:, inside]
     residuals = equation.columns @ equation.factors(found.values)
-    length = BLOCK * correlation_rows(residuals, equation.stretch)
-    length = max(min(length, len(residuals) / (_FEWEST * max(int(inside.sum()), 1))), 1.0)
-    blocks = (np.arange(len(residuals)) / length).astype(np.int64)
+    blocks = block_numbers(residuals, equation.stretch, int(inside.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
     again = least_squares_servo(slower, found.values, found.fitted, found.values)
     half = np.full(len(TERMS), np.inf)
