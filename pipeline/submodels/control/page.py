@@ -5,15 +5,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from pipeline.charts import svg
-from pipeline.charts.default_section import (
-    left_out_table,
-    outside_table,
-    parameters_table,
-    scores_table,
-    strongest_correlation,
-    training_table,
-)
+from pipeline.charts import default_section, sections, svg
 from pipeline.charts.numbers import (
     counted,
     duration,
@@ -22,15 +14,6 @@ from pipeline.charts.numbers import (
     percent,
     quantity,
     signed,
-)
-from pipeline.charts.sections import (
-    Compared,
-    Figure,
-    Figures,
-    PartVerdict,
-    Section,
-    SubModelPage,
-    present,
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import (
@@ -117,7 +100,7 @@ class RunTime:
         return self.status != "not judged"
 
 
-def page(seen: Seen) -> SubModelPage:
+def page(seen: Seen) -> sections.SubModelPage:
     """Everything that a machine's page says of its control."""
     runs, limit = run_times(seen.verdict), _limit(seen.verdict)
     judged = [run for run in runs if run.judged]
@@ -127,16 +110,16 @@ def page(seen: Seen) -> SubModelPage:
         aside = f"worst of {counted(len(judged), 'judged run')}, limit ±{fixed(limit, 0)} %"
         figures.append(("Predicted program times", f"{signed(worst)} %", aside))
     lost = _undetermined(seen.model)
-    return SubModelPage(
+    return sections.SubModelPage(
         verdict=_verdict(seen, runs, limit),
         key_figures=figures,
         notes=[f"These runs do not determine of the control: {'; '.join(lost)}."] if lost else [],
         sections=[s for s in (_control_section(seen), _times_section(seen, runs)) if s is not None],
         compared={
-            "times_worst_percent": Compared(
+            "times_worst_percent": sections.Compared(
                 name="Error of program times, worst judged run", unit="%", value=worst
             ),
-            "runs_judged": Compared(
+            "runs_judged": sections.Compared(
                 name="Runs judged", unit="", value=len(judged) if seen.verdict else None
             ),
         },
@@ -198,14 +181,16 @@ def _made(seen: Seen, *files: str) -> list[Source]:
     return sources(seen.shelf, *(seen.folder / file for file in files))
 
 
-def _verdict(seen: Seen, runs: Sequence[RunTime], limit: float | None) -> PartVerdict | None:
+def _verdict(
+    seen: Seen, runs: Sequence[RunTime], limit: float | None
+) -> sections.PartVerdict | None:
     """Whether program times may be planned with; None when no time was predicted at all."""
     if seen.verdict is None:
         return None
     judged = [run for run in runs if run.judged]
     worst = _worst(judged)
     if worst is None or limit is None:
-        return PartVerdict(
+        return sections.PartVerdict(
             status="unknown",
             sentence="Program times are predicted, and no run could be judged.",
             todo="Record another run of each program, to judge the predicted times by.",
@@ -218,24 +203,24 @@ def _verdict(seen: Seen, runs: Sequence[RunTime], limit: float | None) -> PartVe
     )
     if failed:
         programs = ", ".join(dict.fromkeys(run.word("program") for run in failed))
-        return PartVerdict(
+        return sections.PartVerdict(
             status="failed",
             sentence=sentence,
             todo=f"Do not plan with the predicted time of {programs}; the types of block below say "
             "what the prediction gets wrong.",
         )
     if seen.verdict.status == "failed":
-        return PartVerdict(
+        return sections.PartVerdict(
             status="failed",
             sentence=f"{sentence} The judgement itself does not hold: {seen.verdict.reasons[0]}.",
             todo="Mend that, run dvc repro, and plan with these times only then.",
         )
-    return PartVerdict(
+    return sections.PartVerdict(
         status="passed", sentence=sentence, todo="Nothing to repair: plan with these times."
     )
 
 
-def _control_section(seen: Seen) -> Section | None:
+def _control_section(seen: Seen) -> sections.Section | None:
     """What the control does with a program: parameters, runs that they were identified from."""
     model = seen.model
     if model is None:
@@ -256,13 +241,13 @@ def _control_section(seen: Seen) -> Section | None:
         text.append("No run has been held against it yet: there is no verdict.json.")
     made = _made(seen, "model.json")
     caption = "Parameters of the control"
-    return Section(
+    return sections.Section(
         key="control",
         title="The control: what it does with a program",
         text=text,
-        blocks=present(
-            parameters_table(caption, model.parameters.get("", {}), made, meaning),
-            training_table(model, made),
+        blocks=sections.present(
+            default_section.parameters_table(caption, model.parameters.get("", {}), made, meaning),
+            default_section.training_table(model, made),
         ),
     )
 
@@ -278,28 +263,28 @@ def _found_from(model: ControlModelFile) -> str:
         words += f"; the time of a stretch is wrong by {quantity(fit.rmse_s, 's')} (RMS)"
     if fit.condition is not None:
         words += f", condition of the fit {number(fit.condition, 2)}"
-    pair = strongest_correlation(fit.correlation)
+    pair = default_section.strongest_correlation(fit.correlation)
     if pair is not None:
         words += f". Told apart worst are {pair[0]} and {pair[1]} (correlation {fixed(pair[2], 2)})"
     return words + "."
 
 
-def _times_section(seen: Seen, runs: Sequence[RunTime]) -> Section | None:
+def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | None:
     """Each run's time, measured against predicted, with the plain guess as the baseline."""
     if seen.verdict is None:
         return None
     made, limit = _made(seen, "verdict.json"), _limit(seen.verdict)
-    return Section(
+    return sections.Section(
         key="times",
         title="Programs: predicted against measured time",
         text=[_score_words(runs, limit), RULES],
-        blocks=present(
+        blocks=sections.present(
             _errors(runs, limit, made),
             _runs_table(runs, made),
             _types_table(runs, made),
-            scores_table(seen.verdict, made, of="Run"),
-            outside_table(seen.verdict, made),
-            left_out_table(seen.verdict, made),
+            default_section.scores_table(seen.verdict, made, of="Run"),
+            default_section.outside_table(seen.verdict, made),
+            default_section.left_out_table(seen.verdict, made),
         ),
     )
 
@@ -321,7 +306,9 @@ def _score_words(runs: Sequence[RunTime], limit: float | None) -> str:
     )
 
 
-def _errors(runs: Sequence[RunTime], limit: float | None, made: Sequence[Source]) -> Figures | None:
+def _errors(
+    runs: Sequence[RunTime], limit: float | None, made: Sequence[Source]
+) -> sections.Figures | None:
     shown = [run for run in runs if run.error is not None][:MOST_RUNS]
     if not shown:
         return None
@@ -335,11 +322,11 @@ def _errors(runs: Sequence[RunTime], limit: float | None, made: Sequence[Source]
               ("p-learnt", "fitted on or not judged", "dot"),
               ("p-naive", "plain guess, path length over feed", "dot"),
               ("s-limits", f"±{fixed(limit, 0)} %", "box")]  # fmt: skip
-    figure = Figure(
+    figure = sections.Figure(
         svg=error_figure(shown, limit, label), sources=list(made),
         caption="Error of the predicted time, run by run, in percent.",
     )  # fmt: skip
-    return Figures(
+    return sections.Figures(
         kind="one", legend=legend if limit is not None else legend[:-1], figures=[figure]
     )
 

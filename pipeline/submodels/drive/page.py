@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.charts import sections, tables
 from pipeline.charts.bands import readings
 from pipeline.charts.numbers import (
     NOT_KNOWN,
@@ -15,25 +16,6 @@ from pipeline.charts.numbers import (
     joined,
     number,
     real,
-)
-from pipeline.charts.sections import (
-    Compared,
-    Figure,
-    Figures,
-    PartVerdict,
-    Section,
-    SubModelPage,
-    present,
-)
-from pipeline.charts.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
 )
 from pipeline.schema.drive import (
     COMMAND,
@@ -168,13 +150,13 @@ def worst(runs: list[DriveRun], kind: str) -> tuple[DriveRun, float] | None:
     return max(known, key=lambda one: one[1], default=None)
 
 
-def drive_page(shown: Shown[DriveModel]) -> SubModelPage | None:
+def drive_page(shown: Shown[DriveModel]) -> sections.SubModelPage | None:
     """Verdict, key figures and sections on the feed drives; None where nothing is known of them."""
     if shown.model is None and shown.verdict is None:
         return None
     drives = Driven.of(shown)
     truth = truth_table(shown)
-    return SubModelPage(
+    return sections.SubModelPage(
         verdict=drives_verdict(drives),
         key_figures=_key_figures(drives),
         notes=[words] if (words := undetermined_words(shown)) else [],
@@ -184,7 +166,7 @@ def drive_page(shown: Shown[DriveModel]) -> SubModelPage | None:
     )
 
 
-def drives_verdict(drives: Driven) -> PartVerdict | None:
+def drives_verdict(drives: Driven) -> sections.PartVerdict | None:
     """Whether the twin's axes move as the machine's do; None when they were never compared."""
     verdict = drives.shown.verdict
     if verdict is None:
@@ -196,7 +178,7 @@ def drives_verdict(drives: Driven) -> PartVerdict | None:
         return _unjudged(drives, verdict)
     axes = _axes_of(drives.judged)
     follow = "axis follows its" if len(axes) == 1 else "axes follow their"
-    return PartVerdict(
+    return sections.PartVerdict(
         status="passed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on "
         f"{counted(_recordings(drives.judged), 'judged recording')} "
@@ -205,13 +187,13 @@ def drives_verdict(drives: Driven) -> PartVerdict | None:
     )
 
 
-def _failed(drives: Driven, failed: list[DriveRun]) -> PartVerdict:
+def _failed(drives: Driven, failed: list[DriveRun]) -> sections.PartVerdict:
     axes = _axes_of(failed)
     good = [axis for axis in _axes_of(drives.judged) if axis not in axes]
     follow = "axis does not follow its" if len(axes) == 1 else "axes do not follow their"
     judged = [run for run in drives.judged if run.axis in axes]
     rest = f"; {joined(good)} {'does' if len(good) == 1 else 'do'}" if good else ""
-    return PartVerdict(
+    return sections.PartVerdict(
         status="failed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on {_recordings(failed)} of "
         f"{counted(_recordings(judged), 'judged recording')} "
@@ -222,18 +204,18 @@ def _failed(drives: Driven, failed: list[DriveRun]) -> PartVerdict:
     )
 
 
-def _unjudged(drives: Driven, verdict: Verdict) -> PartVerdict:
+def _unjudged(drives: Driven, verdict: Verdict) -> sections.PartVerdict:
     why = "; ".join(verdict.reasons) or "no recording of an axis was left to judge by"
     part = ""
     if drives.judged:
         part = f" On the judged recordings {errors_words(drives, drives.judged)}."
     if verdict.status == "failed":
-        return PartVerdict(
+        return sections.PartVerdict(
             status="failed",
             sentence=f"The verdict on the twin’s drives does not hold: {why.rstrip('.')}.{part}",
             todo="Put the records right that it names, and judge again.",
         )
-    return PartVerdict(
+    return sections.PartVerdict(
         status="unknown",
         sentence=f"The twin’s drives were not judged: {why.rstrip('.')}.{part}",
         todo="Keep one recording of each axis out of roles.training, to judge the drives by.",
@@ -278,23 +260,23 @@ def _key_figures(drives: Driven) -> list[tuple[str, str, str]]:
     ]  # fmt: skip
 
 
-def _compared(drives: Driven) -> dict[str, Compared]:
+def _compared(drives: Driven) -> dict[str, sections.Compared]:
     force, following = (worst(drives.judged, kind) for kind in (FORCE, FOLLOWING))
     judged = None if drives.shown.verdict is None else len(drives.judged)
     return {
-        "drive_force_percent": Compared(
+        "drive_force_percent": sections.Compared(
             name="Error of the axes’ force, worst judged recording", unit="%",
             value=force[1] if force else None,
         ),
-        "drive_following_percent": Compared(
+        "drive_following_percent": sections.Compared(
             name="Error of following errors, worst judged recording", unit="%",
             value=following[1] if following else None,
         ),
-        "drives_judged": Compared(name="Axes judged in recordings", unit="", value=judged),
+        "drives_judged": sections.Compared(name="Axes judged in recordings", unit="", value=judged),
     }  # fmt: skip
 
 
-def following_section(drives: Driven) -> Section | None:
+def following_section(drives: Driven) -> sections.Section | None:
     """Recordings against the twin: tables, then each axis in its most telling recording."""
     if drives.shown.verdict is None:
         return None
@@ -308,15 +290,15 @@ def following_section(drives: Driven) -> Section | None:
     if not drives.runs:
         text.append("No axis was held against a recording.")
     drawn = [figures for axis in drives.axes if (figures := _trace_figures(drives, axis))]
-    return Section(
+    return sections.Section(
         key="following",
         title="The feed drives: records against the twin",
         text=[words for words in text if words],
-        blocks=[*present(runs_table(drives)), *drawn],
+        blocks=[*sections.present(runs_table(drives)), *drawn],
     )
 
 
-def runs_table(drives: Driven) -> Table | None:
+def runs_table(drives: Driven) -> tables.Table | None:
     """Every axis in every recording, the judged first, with the plain guesses beside."""
     runs = drives.runs
     if not runs:
@@ -327,30 +309,32 @@ def runs_table(drives: Driven) -> Table | None:
     unit = next((run.scores[FORCE].unit for run in runs if FORCE in run.scores), "")
     shown = (force, level, following, reasons)
     notes = zip((FORCE_NOTE, LEVEL_NOTE, FOLLOWING_NOTE), shown, strict=False)
-    return Table(
-        caption=f"Records against the twin{left_out(len(runs), MOST_ROWS)}",
+    return tables.Table(
+        caption=f"Records against the twin{tables.left_out(len(runs), tables.MOST_ROWS)}",
         note=" ".join(words for words, there in notes if there),
         heads=[
-            *names("Recording", "axis"), *numbers(("length", "s")),
-            *(numbers(("error", "%"), ("plain guess", "%"), group="Force") if force else []),
-            *(numbers(("mean", unit), ("modelled", unit)) if level else []),
-            *(numbers(("RMS", "µm"), ("max", "µm"), ("error RMS", "%"), ("error max", "%"),
+            *tables.names("Recording", "axis"), *tables.numbers(("length", "s")),
+            *(tables.numbers(("error", "%"), ("plain guess", "%"), group="Force") if force else []),
+            *(tables.numbers(("mean", unit), ("modelled", unit)) if level else []),
+            *(tables.numbers(("RMS", "µm"), ("max", "µm"), ("error RMS", "%"), ("error max", "%"),
                       ("error RMS", "µm"), ("plain guess", "µm"), group="Following error")
               if following else []),
-            Head(name="verdict"), *names(*(["why"] if reasons else [])),
+            tables.Head(name="verdict"), *tables.names(*(["why"] if reasons else [])),
         ],
-        rows=[_run_row(run, drives, shown) for run in runs[:MOST_ROWS]],
+        rows=[_run_row(run, drives, shown) for run in runs[:tables.MOST_ROWS]],
         sources=made_from(drives.shown, "verdict.json"),
         folded=len(runs) > 40,
     )  # fmt: skip
 
 
-def _run_row(run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]) -> list[Cell]:
+def _run_row(
+    run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]
+) -> list[tables.Cell]:
     guess = run.scores[FORCE].baselines.get(LEVEL) if FORCE in run.scores else None
     forces = [_or_dash(run.error(FORCE), 1), _or_dash(guess.relative_percent if guess else None, 1)]
     levels = [_or_dash(run.fact(f"mean force {run.axis} {w}")) for w in ("measured", "modelled")]
-    return cells(
-        Cell(text=run.case.case, code=True),
+    return tables.cells(
+        tables.Cell(text=run.case.case, code=True),
         run.axis,
         number(run.fact("length")),
         *(forces if shown[0] else []),
@@ -387,10 +371,12 @@ def _or_dash(value: float | None, decimals: int | None = None) -> str:
     return number(value) if decimals is None else fixed(value, decimals)
 
 
-def _status_cell(run: DriveRun) -> Cell:
+def _status_cell(run: DriveRun) -> tables.Cell:
     if run.training:
-        return Cell(text="fitted on", status="unknown")
-    return Cell(text="not judged" if run.status == "unknown" else run.status, status=run.status)
+        return tables.Cell(text="fitted on", status="unknown")
+    return tables.Cell(
+        text="not judged" if run.status == "unknown" else run.status, status=run.status
+    )
 
 
 def _reason(run: DriveRun, drives: Driven) -> str:
@@ -410,7 +396,7 @@ def _reason(run: DriveRun, drives: Driven) -> str:
     return "; ".join(said)
 
 
-def _trace_figures(drives: Driven, axis: str) -> Figures | None:
+def _trace_figures(drives: Driven, axis: str) -> sections.Figures | None:
     run = telling(drives, axis)
     trace = None if run is None else drive_trace(drives.shown.predictions, run)
     bands = [] if trace is None else drawn_bands(trace, drives.axes[axis].command_unit)
@@ -422,9 +408,9 @@ def _trace_figures(drives: Driven, axis: str) -> Figures | None:
         shown.append((close, f"Axis {axis} in {trace.recording} from {number(close[0])} to "
                              f"{number(close[1])} s, where the twin is farthest off."))  # fmt: skip
     status = _status_cell(run)
-    return Figures(
+    return sections.Figures(
         figures=[
-            Figure(svg=trace_figure(bands, span, words), caption=words,
+            sections.Figure(svg=trace_figure(bands, span, words), caption=words,
                    sources=made_from(drives.shown, "predictions.parquet"), status=status.status,
                    status_words=status.text)
             for span, words in shown

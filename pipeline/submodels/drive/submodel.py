@@ -28,11 +28,7 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.drive.comparison import (
-    LEAST,
-    AxisComparison,
-    axis_comparison,
-)
+from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.model import (
     axis_parameters,
     identify_drives,
@@ -276,7 +272,7 @@ def _predicted(
     for letter, drive in drives.items():
         if letter not in recording.axes:
             continue
-        found = axis_comparison(recording, letter, drive, model.substeps)
+        found = comparison.axis_comparison(recording, letter, drive, model.substeps)
         frames += _frames(recording, letter, found, model)
         facts |= _facts(letter, found, model)
         for why in _reasons(found):
@@ -288,20 +284,20 @@ def _predicted(
     return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts, note=note)
 
 
-def _reasons(found: AxisComparison) -> Iterator[str]:
-    if found.force.seconds < LEAST:
-        yield f"the axis moves in air for less than {LEAST:g} s"
+def _reasons(found: comparison.AxisComparison) -> Iterator[str]:
+    if found.force.seconds < comparison.LEAST:
+        yield f"the axis moves in air for less than {comparison.LEAST:g} s"
     if isinstance(found.following, str):
         yield found.following
 
 
 def _frames(
-    recording: Recording, letter: str, found: AxisComparison, model: DriveModel
+    recording: Recording, letter: str, found: comparison.AxisComparison, model: DriveModel
 ) -> Iterator[pd.DataFrame]:
     """Rows of one axis: force and following error are scored, command and speed shown."""
     axis, force, following = model.axes[letter], found.force, found.following
     record = recording.axes[letter]
-    enough = force.seconds >= LEAST
+    enough = force.seconds >= comparison.LEAST
     yield pd.DataFrame({
         "quantity": f"{FORCE} {letter}", "unit": axis.force_unit, "t": force.time,
         "measured": force.measured, "predicted": force.modelled, "scored": enough,
@@ -328,11 +324,11 @@ def _frames(
         })  # fmt: skip
 
 
-def _facts(letter: str, found: AxisComparison, model: DriveModel) -> dict[str, Fact]:
+def _facts(letter: str, found: comparison.AxisComparison, model: DriveModel) -> dict[str, Fact]:
     """Mean forces against motion, by which friction is judged, and the factor of a load."""
     force, unit = found.force, model.axes[letter].force_unit
     facts = {}
-    if force.seconds >= LEAST:
+    if force.seconds >= comparison.LEAST:
         for name, values in (("measured", force.measured), ("modelled", force.modelled)):
             mean = float(f"{float(np.mean(values * force.direction)):.4g}")
             facts[f"mean force {letter} {name}"] = Fact(value=mean, unit=unit)

@@ -18,15 +18,7 @@ from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.statistics import Uncertainty, gains, uncertainty_of
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
-from pipeline.twin.spindle import (
-    TARGET,
-    SpindleRecords,
-    ambient_of,
-    free_run,
-    from_measured,
-    heat_of,
-    window_starts,
-)
+from pipeline.twin import spindle
 
 _RATES = np.log((1 / (7 * 86400), 1 / 20))  # a week to 20 s covers any spindle's time constants
 BOUNDS = {
@@ -90,14 +82,14 @@ class Problem:
     def __init__(
         self,
         pieces: Sequence[StateSegment],
-        records: SpindleRecords,
+        records: spindle.SpindleRecords,
         settings: SpindleFitSettings,
         sources: Sequence[str],
         nodes: int,
     ) -> None:
         self.pieces, self.records, self.settings = pieces, records, settings
         self.sources, self.nodes = list(sources), nodes
-        heat = np.concatenate([heat_of(p.frame) for p in pieces])
+        heat = np.concatenate([spindle.heat_of(p.frame) for p in pieces])
         rms = np.sqrt(np.mean(heat**2, axis=0))
         self.scale = {name: float(rms[list(SOURCES).index(name)]) for name in self.sources}
         self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
@@ -110,10 +102,10 @@ class Problem:
             n = len(piece.frame)
             blocks.append(block + np.arange(n) * piece.step // settings.window_s)
             block = int(blocks[-1][-1]) + 1
-            masks.append(piece.frame[TARGET].notna().to_numpy())
-        self.measured = [p.frame[TARGET].to_numpy(float) for p in pieces]
-        self.heat = [heat_of(p.frame) for p in pieces]
-        self.surrounds = [ambient_of(p.frame, records) for p in pieces]
+            masks.append(piece.frame[spindle.TARGET].notna().to_numpy())
+        self.measured = [p.frame[spindle.TARGET].to_numpy(float) for p in pieces]
+        self.heat = [spindle.heat_of(p.frame) for p in pieces]
+        self.surrounds = [spindle.ambient_of(p.frame, records) for p in pieces]
         self.masks = masks
         self.blocks = np.concatenate([b[m] for b, m in zip(blocks, masks, strict=True)]).astype(int)
 
@@ -230,7 +222,7 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
 
 def fit_network(
     pieces: Sequence[StateSegment],
-    records: SpindleRecords,
+    records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
     nodes: int,
 ) -> SpindleFit:
@@ -284,7 +276,7 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
 
 def window_errors(
     pieces: Sequence[StateSegment],
-    records: SpindleRecords,
+    records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
     parameters: SpindleThermalParameters,
 ) -> Floats:
@@ -292,11 +284,11 @@ def window_errors(
     errors = []
     for piece in pieces:
         length = max(round(settings.window_s / piece.step), 1)
-        nodes = free_run(piece, records, parameters)
+        nodes = spindle.free_run(piece, records, parameters)
         body = nodes[1] if len(nodes) == 2 else None
-        measured = piece.frame[TARGET].to_numpy(float)
-        for start in window_starts(measured, length):
-            found = from_measured(piece, start, length, records, parameters, body)
+        measured = piece.frame[spindle.TARGET].to_numpy(float)
+        for start in spindle.window_starts(measured, length):
+            found = spindle.from_measured(piece, start, length, records, parameters, body)
             errors.append(found - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])
     known: Floats = joined[np.isfinite(joined)]
@@ -305,7 +297,7 @@ def window_errors(
 
 def days_left_out(
     pieces: Sequence[StateSegment],
-    records: SpindleRecords,
+    records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
     whole: SpindleFit,
 ) -> Floats:
@@ -330,7 +322,7 @@ def days_left_out(
 
 
 def identify_spindle_network(
-    pieces: Sequence[StateSegment], records: SpindleRecords, settings: SpindleFitSettings
+    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
 ) -> tuple[SpindleFit, dict[int, float]]:
     """The network with as many nodes as days left out ask for.
 

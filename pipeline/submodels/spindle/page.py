@@ -8,13 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.charts.default_section import (
-    left_out_table,
-    outside_table,
-    parameters_table,
-    strongest_correlation,
-    training_table,
-)
+from pipeline.charts import default_section
 from pipeline.charts.numbers import (
     counted,
     day_list,
@@ -42,15 +36,7 @@ from pipeline.schema.model import Parameter
 from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.spindle.figures import (
-    BIN,
-    DAY,
-    Curves,
-    Spinning,
-    binned,
-    frame,
-    golden_figure,
-)
+from pipeline.submodels.spindle import figures
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
 WINDOWS, FREE_RUN = "windows", "free run"
@@ -244,9 +230,11 @@ def _model_section(seen: Seen) -> Section:
         title=title,
         text=[_found_from(seen), _model_words(seen.model), _forest_words(seen.model)],
         blocks=present(
-            parameters_table(caption, _parameters(seen), made, lambda n: MEANINGS.get(n, "–")),
+            default_section.parameters_table(
+                caption, _parameters(seen), made, lambda n: MEANINGS.get(n, "–")
+            ),
             _fit_table(seen.model, made),
-            training_table(seen.model, made),
+            default_section.training_table(seen.model, made),
         ),
     )
 
@@ -324,7 +312,7 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
         ("of them with inputs held over a gap", duration(fit.bridged_s)),
         ("simulations of the training days", number(fit.evaluations)),
     ]
-    pair = strongest_correlation(fit.correlation)
+    pair = default_section.strongest_correlation(fit.correlation)
     if pair is not None:
         words = f"{fixed(pair[2], 2)} between {pair[0]} and {pair[1]}"
         lines.append(("strongest correlation", words))
@@ -358,8 +346,8 @@ def _judged_section(seen: Seen) -> Section:
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
         _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
-        outside_table(v, made),
-        left_out_table(v, made),
+        default_section.outside_table(v, made),
+        default_section.left_out_table(v, made),
     )
     return Section(key="golden", title=title, text=text, blocks=blocks)
 
@@ -418,12 +406,12 @@ def _figures(seen: Seen) -> Figures | None:
         return None
     limit = _limits(seen.verdict).get("mae")
     days = {c.day: spinning for c in curves if (spinning := _spinning(seen, c.day)) is not None}
-    axes = frame(curves, list(days.values()), limit)
+    axes = figures.frame(curves, list(days.values()), limit)
     drawn = []
     for day in curves:
         words, status, status_words = _day_words(seen, day)
         drawn.append(Figure(
-            svg=golden_figure(day, days.get(day.day), axes, f"{words} {status_words}."),
+            svg=figures.golden_figure(day, days.get(day.day), axes, f"{words} {status_words}."),
             caption=words, status=status, status_words=status_words,
             sources=sources(seen.shelf, seen.folder / "predictions.parquet",
                             *([_state(seen, day.day)] if seen.clean else [])),
@@ -438,7 +426,7 @@ def _figures(seen: Seen) -> Figures | None:
     ])  # fmt: skip
 
 
-def _curves(seen: Seen) -> list[Curves]:
+def _curves(seen: Seen) -> list[figures.Curves]:
     """Measured and predicted temperatures of the days that decided."""
     if seen.predictions is None or seen.verdict is None or not len(seen.predictions):
         return []
@@ -454,7 +442,7 @@ def _curves(seen: Seen) -> list[Curves]:
         }
         if len(free) and len(free) == len(windows):
             seconds = free["t"].to_numpy(float)
-            found.append(Curves(day=str(day), seconds=seconds, values=values))
+            found.append(figures.Curves(day=str(day), seconds=seconds, values=values))
     return found
 
 
@@ -462,7 +450,7 @@ def _state(seen: Seen, day: str) -> Path:
     return (seen.clean or Path()) / "state" / f"{day}.parquet"
 
 
-def _spinning(seen: Seen, day: str) -> Spinning | None:
+def _spinning(seen: Seen, day: str) -> figures.Spinning | None:
     """Speed and position hold of a day, from its clean state table."""
     if seen.clean is None:
         return None
@@ -472,7 +460,7 @@ def _spinning(seen: Seen, day: str) -> Spinning | None:
     if table is None or "time" not in table.column_names:
         return None
     times = table.column("time").cast(pa.timestamp("ns", tz="UTC")).cast(pa.int64()).to_numpy()
-    place = (times // 1_000_000_000 % DAY) // BIN
+    place = (times // 1_000_000_000 % figures.DAY) // figures.BIN
 
     def values(name: str) -> np.ndarray:
         if name not in table.column_names:
@@ -480,12 +468,13 @@ def _spinning(seen: Seen, day: str) -> Spinning | None:
         found: np.ndarray = pc.fill_null(table.column(name).cast(pa.float64()), np.nan).to_numpy()
         return found
 
-    return Spinning(
-        speed=binned(np.abs(values(columns[1])), place), held=binned(values(columns[2]), place)
+    return figures.Spinning(
+        speed=figures.binned(np.abs(values(columns[1])), place),
+        held=figures.binned(values(columns[2]), place),
     )
 
 
-def _day_words(seen: Seen, day: Curves) -> tuple[str, str, str]:
+def _day_words(seen: Seen, day: figures.Curves) -> tuple[str, str, str]:
     """Caption of one judged day, its status and that in words."""
     measured = day.values["measured"]
     known = measured[np.isfinite(measured)]

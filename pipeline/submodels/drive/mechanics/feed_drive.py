@@ -18,6 +18,7 @@ from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import Method
 from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.submodels.drive.mechanics import friction, identifiability
 from pipeline.submodels.drive.mechanics.estimates import (
     FITTED,
     GENETIC,
@@ -29,22 +30,6 @@ from pipeline.submodels.drive.mechanics.estimates import (
     gravity_split,
     units,
     with_load,
-)
-from pipeline.submodels.drive.mechanics.friction import (
-    FrictionPoint,
-    constant_speed_segments,
-    friction_points,
-    genetic_curves,
-    least_squares_curves,
-)
-from pipeline.submodels.drive.mechanics.identifiability import (
-    aligned,
-    at_other_bandwidths,
-    determined_dynamics,
-    force_constant_by_load,
-    load_factor,
-    replaced,
-    with_force_constant,
 )
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     DIRECTIONS,
@@ -136,7 +121,7 @@ class FeedDriveFit(AxisFit):
     command_unit: str
     force_unit: str
     feed_drive: FeedDriveParameters
-    points: tuple[FrictionPoint, ...] = ()
+    points: tuple[friction.FrictionPoint, ...] = ()
     delay: float = 0.0
 
 
@@ -166,25 +151,32 @@ def identify_feed_drive(
     record = training[0].axes[axis]
     bandwidth = settings.bandwidth_Hz or parallel_bandwidth(training, axis, settings.shortest_s)
 
-    def fitted() -> tuple[Regressors, float, list[FrictionPoint], Dynamics, Uncertainty]:
-        motions, rows, delay = aligned(training, axis, bandwidth)
-        points = friction_points(constant_speed_segments(motions, settings.shortest_s))
+    def fitted() -> tuple[Regressors, float, list[friction.FrictionPoint], Dynamics, Uncertainty]:
+        motions, rows, delay = identifiability.aligned(training, axis, bandwidth)
+        points = friction.friction_points(
+            friction.constant_speed_segments(motions, settings.shortest_s)
+        )
         velocities = [one.velocity for one in points]
-        return rows, delay, points, *determined_dynamics(rows, velocities, settings.widest)
+        return (
+            rows,
+            delay,
+            points,
+            *identifiability.determined_dynamics(rows, velocities, settings.widest),
+        )
 
     rows, delay, points, found, uncertainty = fitted()
     # forces in newton, where a recorded load determines the force constant
     constant = None
     if record.force_unit != "N":
-        constant = force_constant_by_load(found, uncertainty, settings.widest)
+        constant = identifiability.force_constant_by_load(found, uncertainty, settings.widest)
     if constant is not None:
-        training = with_force_constant(training, axis, constant.value)
+        training = identifiability.with_force_constant(training, axis, constant.value)
         record = training[0].axes[axis]
         rows, delay, points, found, uncertainty = fitted()
     # the effect of the filter, and the other methods
-    others = at_other_bandwidths(training, axis, bandwidth, delay, found)
+    others = identifiability.at_other_bandwidths(training, axis, bandwidth, delay, found)
     methods, blind = _compared(rows, found, points, record.force_unit, settings)
-    factor = None if constant is not None else load_factor(found, uncertainty)
+    factor = None if constant is not None else identifiability.load_factor(found, uncertainty)
     found, uncertainty, others, how = _chosen(
         rows, found, uncertainty, others, blind, bandwidth=bandwidth, settings=settings
     )
@@ -224,7 +216,7 @@ def _chosen(
     if better is None:
         return found, uncertainty, others, FITTED
     if is_better(better, found, uncertainty.half_width, settings.widest):
-        return *replaced(rows, found, uncertainty, better), [], INSTRUMENTAL
+        return *identifiability.replaced(rows, found, uncertainty, better), [], INSTRUMENTAL
     if bandwidth is None:
         half_width = biased_half_width(better, found, uncertainty.half_width)
         uncertainty = replace(uncertainty, half_width=half_width)
@@ -251,7 +243,7 @@ def _training(recordings: Sequence[Recording], axis: str) -> list[Recording]:
 def _compared(
     rows: Regressors,
     found: Dynamics,
-    points: Sequence[FrictionPoint],
+    points: Sequence[friction.FrictionPoint],
     unit: str,
     settings: DriveFitSettings,
 ) -> tuple[tuple[Method, ...], Dynamics | None]:
@@ -262,10 +254,10 @@ def _compared(
     if blind is not None:
         tried["inverse_dynamics", "genetic"] = _rmse(blind), blind.evaluations
     if points:
-        curves = least_squares_curves(points)
+        curves = friction.least_squares_curves(points)
         tried["friction", "least_squares"] = curves.error, curves.evaluations
         if both:
-            curves = genetic_curves(points, settings.genetic)
+            curves = friction.genetic_curves(points, settings.genetic)
             tried["friction", "genetic"] = curves.error, curves.evaluations
     return compared_methods(tried, settings.method, unit), blind
 
