@@ -30,14 +30,13 @@ from pipeline.charts.tables import (
 from pipeline.schema.drive import MOTOR, DriveAxis, DriveModel
 from pipeline.schema.model import Parameter
 from pipeline.submodels.contract import Shown
+from pipeline.submodels.drive.mechanics.inverse_dynamics import DIRECTIONS
 
 SHOP = {
-    "m/s": ("mm/s", 1e3), "m": ("µm", 1e6), "mm": ("µm", 1e3), "um": ("µm", 1.0),
-    "H": ("mH", 1e3), "s": ("ms", 1e3), "ohm": ("Ω", 1.0), "Ohm": ("Ω", 1.0), "1": ("", 1.0),
+    "m/s": ("mm/s", 1e3), "m": ("µm", 1e6), "H": ("mH", 1e3), "s": ("ms", 1e3), "ohm": ("Ω", 1.0),
+    "1": ("", 1.0),
 }  # fmt: skip
-"""Unit in a file -> unit as shown, factor."""
-FROM_SI = {"mm/s": 1e3, "mm": 1e3, "um": 1e6, "µm": 1e6, "mH": 1e3, "ms": 1e3, "N s/mm": 1e-3}
-"""Unit in a file -> how many of it make one of the SI unit; 1 for SI units themselves."""
+"""SI unit in a file -> unit as shown, factor."""
 MEANINGS = {
     "mass": "all that moves, the screw’s and the motor’s inertia as mass",
     "force_constant": "force for one unit of the command",
@@ -128,15 +127,6 @@ def in_shop_units(p: Parameter) -> Parameter:
     )  # fmt: skip
 
 
-def si_in_shop_units(value: float, unit: str) -> float:
-    """An SI value as shown beside a parameter whose unit in its file is ``unit``.
-
-    >>> si_in_shop_units(0.004, "mm/s"), si_in_shop_units(0.004, "m/s")
-    (4.0, 4.0)
-    """
-    return value * FROM_SI.get(unit, 1.0) * SHOP.get(unit, (unit, 1.0))[1]
-
-
 def truth_table(shown: Shown[DriveModel]) -> Table | None:
     """True value, value found, and whether its 95 % interval holds the truth, by axis."""
     truth = stated(shown.truth, "drives")
@@ -191,12 +181,12 @@ def truth_as_fitted(
     parameters : mapping of str to Parameter
         As identified, by name.
     """
-    both = [truth.get(f"coulomb_{sign}") for sign in ("positive", "negative")]
+    both = [truth.get(f"coulomb_{direction}") for direction in DIRECTIONS]
     if both[0] is None or both[1] is None:
         return truth
     seen = [
-        None if (p := parameters.get(f"coulomb_{sign}")) is None else p.value
-        for sign in ("positive", "negative")
+        None if (p := parameters.get(f"coulomb_{direction}")) is None else p.value
+        for direction in DIRECTIONS
     ]
     force = truth.get("offset", 0.0)
     offset = parameters.get("offset")
@@ -207,10 +197,17 @@ def truth_as_fitted(
     else:
         return truth
     changed = {"offset": force + moved}
-    for way, sign in (("positive", -1.0), ("negative", 1.0)):
-        changed |= {f"{kind}_{way}": truth[f"{kind}_{way}"] + sign * moved
-                    for kind in ("coulomb", "static") if f"{kind}_{way}" in truth}  # fmt: skip
+    for direction, sign in (("positive", -1.0), ("negative", 1.0)):
+        changed |= {
+            name: truth[name] + sign * moved
+            for name in (f"coulomb_{direction}", f"static_{direction}") if name in truth
+        }  # fmt: skip
     return {**truth, **changed}
+
+
+def _shown(true: float, p: Parameter) -> float:
+    """A true value in the unit in which its parameter is shown."""
+    return true * SHOP.get(p.unit, ("", 1.0))[1]
 
 
 def _inside(true: float, p: Parameter) -> bool | None:
@@ -218,12 +215,12 @@ def _inside(true: float, p: Parameter) -> bool | None:
     ends = in_shop_units(p).interval_95
     if not p.determined or ends is None:
         return None
-    return ends[0] <= si_in_shop_units(true, p.unit) <= ends[1]
+    return ends[0] <= _shown(true, p) <= ends[1]
 
 
 def _truth_row(part: str, name: str, true: float, p: Parameter) -> list[Cell]:
     shown, inside = in_shop_units(p), _inside(true, p)
-    true_shown = si_in_shop_units(true, p.unit)
+    true_shown = _shown(true, p)
     low, high = shown.interval_95 or (None, None)
     digits = resolved(low, high)
     value = shown.value if p.determined else None

@@ -139,9 +139,9 @@ def constants_of(entries: Mapping[str, Mapping[str, object]]) -> dict[str, float
     return {name: values.pop() for name, values in seen.items() if len(values) == 1}
 
 
-def names_of(known: AxisPrior) -> list[str]:
-    """Names of the constants that ``known`` refers to."""
-    values = [getattr(known, item.name) for item in fields(known) if item.name != "coulomb"]
+def names_of(prior: AxisPrior) -> list[str]:
+    """Names of the constants that ``prior`` refers to."""
+    values = [getattr(prior, item.name) for item in fields(prior) if item.name != "coulomb"]
     return [value for value in values if isinstance(value, str)]
 
 
@@ -180,14 +180,14 @@ class DriveFitSettings(Ranged, section="drive_fit"):
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
 
 
-def check_axes(records: DriveRecords, known: DrivePrior) -> None:
+def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
     """Check that axes are letters, named in both sections.
 
     Raises
     ------
     ValueError
-        When ``records`` names no axis or one that is no letter, or something is known, or a motor
-        recorded, of an axis that ``records`` does not name.
+        When ``records`` names no axis or one that is no letter, or not the axis of a prior or of a
+        recorded motor.
     """
     there = ", ".join(records.axes)
     if not there:
@@ -198,23 +198,23 @@ def check_axes(records: DriveRecords, known: DrivePrior) -> None:
                 f"drive_records.axes names {letter!r}, which is no letter of an axis: write X, Y "
                 "or the like"
             )
-    named = {f"drive.axes names {letter!r}": letter for letter in known.axes}
+    named = {f"drive.axes names {letter!r}": letter for letter in prior.axes}
     if records.motor is not None:
         named[f"drive_records.motor.axis is {records.motor.axis!r}"] = records.motor.axis
-    for said, letter in named.items():
+    for place, letter in named.items():
         if letter not in records.axes:
             raise ValueError(
-                f"{said}, drive_records.axes has {there}: correct the letter or name the axis' "
+                f"{place}, drive_records.axes has {there}: correct the letter or name the axis' "
                 "channels"
             )
 
 
-def check_constants(known: DrivePrior, held: Collection[str]) -> None:
-    """Check that every constant that ``known`` names stands in some recording.
+def check_constants(prior: DrivePrior, held: Collection[str]) -> None:
+    """Check that every constant that ``prior`` names stands in some recording.
 
     Parameters
     ----------
-    known : DrivePrior
+    prior : DrivePrior
         Prior knowledge of the axes.
     held : collection of str
         Names of the constants of all recordings.
@@ -224,7 +224,7 @@ def check_constants(known: DrivePrior, held: Collection[str]) -> None:
     ValueError
         When none of the recordings holds one.
     """
-    for letter, axis in known.axes.items():
+    for letter, axis in prior.axes.items():
         for name in names_of(axis):
             if name not in held:
                 raise ValueError(

@@ -141,36 +141,35 @@ def _drives(
     constants: Mapping[str, float],
 ) -> list[Recording]:
     """Recordings of the axes in one table."""
-    axes: dict[str, dict[str, Floats]] = {}
-    lacking: dict[str, str] = {}
+    channels: dict[str, dict[str, Floats]] = {}
     constants_of_axis: dict[str, AxisConstants] = {}
-    for letter, channels in records.axes.items():
+    units: dict[str, str] = {}
+    lacking: dict[str, str] = {}
+    for letter, names in records.axes.items():
         try:
             constants_of_axis[letter] = prior.axis(letter).resolved(constants)
-            found = _axis(table, channels)
-            check_command(channels.command, _unit(table.schema.field(channels.command)))
-            axes[letter] = found
+            found = _axis(table, names)
+            unit = _unit(table.schema.field(names.command))
+            check_command(names.command, unit)
+            channels[letter], units[letter] = found, COMMAND_UNITS.get(unit, unit)
         except ValueError as error:  # what is wrong with a constant or a channel of this file
             lacking[letter] = str(error)
-    if not axes:
+    if not channels:
         return [replace(blank, lacking=lacking)]
     air = _air(table, records.air)
-    rows, pieces = _pieces(table, [v for axis in axes.values() for v in axis.values()])
-    units = {letter: _command_unit(table, records.axes[letter]) for letter in axes}
+    rows, pieces = _pieces(table, [v for axis in channels.values() for v in axis.values()])
 
     def record(letter: str, piece: UniformSegment) -> AxisRecord:
-        on_grid = {key: piece.on_grid(values[rows]) for key, values in axes[letter].items()}
+        on_grid = {key: piece.on_grid(values[rows]) for key, values in channels[letter].items()}
         return AxisRecord(
-            command=on_grid.pop("command"),
-            constants=constants_of_axis[letter],
-            command_unit=units[letter],
-            **{key: on_grid.get(key) for key in SI},
-        )
+            command=on_grid.pop("command"), constants=constants_of_axis[letter],
+            command_unit=units[letter], **{key: on_grid.get(key) for key in SI},
+        )  # fmt: skip
 
     return [
         replace(
             one,
-            axes={letter: record(letter, piece) for letter in axes},
+            axes={letter: record(letter, piece) for letter in channels},
             lacking=lacking,
             air=_near(piece, air[rows]) & ~piece.filled,
         )
@@ -280,24 +279,15 @@ def _channel(table: pa.Table, name: str | None, unit: str | None) -> Floats | No
     found = _unit(field)
     if unit is None or (unit == "N" and not found):  # a load's factor is fitted anyhow
         return values
-    factor, offset = _to_si(name, found, unit)
-    return values * factor + offset
-
-
-def _to_si(name: str, unit: str, wanted: str) -> tuple[float, float]:
     try:
-        return conversion(unit, wanted)
+        factor, offset = conversion(found, unit)
     except ValueError as error:
-        raise Unusable(f"its channel {name!r} is in {unit or 'no unit'}: {error}") from error
+        raise Unusable(f"its channel {name!r} is in {found or 'no unit'}: {error}") from error
+    return values * factor + offset
 
 
 def _unit(field: pa.Field) -> str:
     return (field.metadata or {}).get(b"unit", b"").decode()
-
-
-def _command_unit(table: pa.Table, channels: AxisChannels) -> str:
-    unit = _unit(table.schema.field(channels.command))
-    return COMMAND_UNITS.get(unit, unit)
 
 
 def _air(table: pa.Table, rows: AirRows | None) -> Bools:

@@ -129,8 +129,7 @@ def test_blocks_are_as_long_as_residuals_hang_together(keep):
     stretch = np.zeros(len(noise), np.int64)
     # autocorrelation below 5 % is cut off, a tenth of it for a slow decay
     assert correlation_rows(noise, stretch) == pytest.approx(together, rel=0.15)
-    rows, _ = found_on(moved())
-    blocks = block_numbers(rows, noise[: len(rows.force)], 9)
+    blocks = block_numbers(noise, stretch, 9)
     assert np.bincount(blocks).max() <= np.ceil(max(9 * together, 1))
 
 

@@ -10,10 +10,6 @@ from pipeline.charts.numbers import resolved
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.page import Driven, drive_page, drives_verdict
 from pipeline.submodels.drive.page_parameters import (
-    FROM_SI,
-    SHOP,
-    in_shop_units,
-    si_in_shop_units,
     truth_as_fitted,
 )
 from pipeline.submodels.drive.submodel import SUBMODEL
@@ -236,12 +232,6 @@ def test_the_truth_stands_beside_what_was_identified(text):
     assert "X viscous_positive 960 902 −6.04 875 to 929 N s/m misses the truth" in text
     assert "Y static_positive 430 not determined – – N –" in text
     assert "motor L_d 6.00 6.10 +1.67 5.86 to 6.34 mH holds the truth" in text
-
-
-@given(st.floats(1e-6, 1e6), st.sampled_from(sorted({*SHOP, *FROM_SI, "kg", "N"})))
-def test_a_truth_equal_to_what_was_identified_is_shown_equal(value, unit):
-    shop = in_shop_units(parameter(value * FROM_SI.get(unit, 1.0), unit)).value
-    assert si_in_shop_units(value, unit) == pytest.approx(shop, rel=1e-12)
 
 
 @given(st.floats(1e-3, 1e4), st.floats(1e-3, 0.5))  # narrower than five digits show

@@ -49,9 +49,6 @@ class RecursiveSettings(Ranged, section="recursive"):
         It must be above the noise of torque and speed; 0 updates always.
     trace_bound : float
         Greatest trace of the scaled P [1], at least three times ``prior``.
-    window : int
-        Samples whose mean makes one update.  Noise of the speed is in its change too, and biases
-        the damping, and the inertia where the torque answers to it; by 1 / window^2 of that.
     speed_scale, torque_scale : float, optional
         Rated values [rad/s, N m] or [m/s, N]; the record's greatest unless given.
 
@@ -66,7 +63,6 @@ class RecursiveSettings(Ranged, section="recursive"):
     prior: Positive = 1e4
     excitation: Annotated[float, Range(least=0.0, below=1.0)] = 0.1
     trace_bound: Positive = 1e6
-    window: Annotated[int, Range(least=1)] = 1
     speed_scale: Positive | None = None
     torque_scale: Positive | None = None
 
@@ -77,8 +73,6 @@ class RecursiveSettings(Ranged, section="recursive"):
                 f"recursive.trace_bound = {self.trace_bound} must be at least three times "
                 f"recursive.prior = {self.prior}"
             )
-        if self.window != int(self.window):
-            raise ValueError(f"recursive.window = {self.window} must be a whole number")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +141,8 @@ def recursive_inertia(
     excited, ends = np.empty(many, np.bool_), np.empty(3)
     recurse(
         w, m, (settings.inertia, torque_scale / speed_scale, torque_scale, 1 / speed_scale),
-        settings.inertia / (period * torque_scale), int(settings.window), settings.forgetting,
-        settings.prior, settings.excitation, settings.trace_bound,
+        settings.inertia / (period * torque_scale), settings.forgetting, settings.prior,
+        settings.excitation, settings.trace_bound,
         inertia, damping, load, deviation, trace, excited, ends,
     )  # fmt: skip
     weight, squared, skipped = ends.tolist()
@@ -221,7 +215,7 @@ def mass_trace(recordings: Sequence[Recording], axis: str, found: FeedDriveFit) 
     middle = 0.5 * (force + np.append(force[1:], force[-1]))  # the mean until the next sample
     clear = best.known & best.moving
     settings = RecursiveSettings(
-        forgetting=MEMORY, inertia=float(drive.mass) / 2, window=1,
+        forgetting=MEMORY, inertia=float(drive.mass) / 2,
         speed_scale=float(np.abs(best.velocity).max()),
         torque_scale=float(np.abs(middle[clear]).max()),
     )  # fmt: skip
@@ -249,7 +243,7 @@ _NO_RESIDUALS = (0.0, 0.0, 0.0, 0.0)
 
 @compiled
 def recurse(  # type: ignore[no-untyped-def]
-    speed, torque, scales, gain, window, forgetting, prior, excitation, bound,
+    speed, torque, scales, gain, forgetting, prior, excitation, bound,
     inertia, damping, load, deviation, trace, excited, ends,
 ):  # fmt: skip
     """Recursion over a record of T samples; the arguments after ``bound`` are filled.
@@ -260,28 +254,18 @@ def recurse(  # type: ignore[no-untyped-def]
     that were skipped.
     """
     inverse_speed, inverse_torque = scales[3], 1.0 / scales[2]
-    share = 1.0 / window
     b, j, l = 0.0, 1.0, 0.0  # noqa: E741
     p = (prior, 0.0, 0.0, prior, 0.0, prior)
     spread, residuals = _NO_SPREAD, _NO_RESIDUALS
-    seen, skipped, count, sum_w, sum_m = 0.0, 0.0, 0, 0.0, 0.0
-    anchor, updates_all = speed[0], False
+    seen, skipped, updates_all = 0.0, 0.0, False
     known = (nan, nan, nan, inf)
     for k in range(speed.shape[0]):
-        if k > 0:
-            w, m = speed[k - 1], torque[k - 1]
-            # times 0 only finite numbers give 0
-            if (speed[k] - anchor + m + w) * 0.0 == 0.0:
-                count += 1
-                sum_w += w
-                sum_m += m
-            else:
-                skipped += 1.0
-                count, sum_w, sum_m, anchor = 0, 0.0, 0.0, speed[k]
-        if count == window:
-            y = (speed[k] - anchor) * gain * share
-            w, m = sum_w * share * inverse_speed, sum_m * share * inverse_torque
-            count, sum_w, sum_m, anchor = 0, 0.0, 0.0, speed[k]
+        # times 0 only finite numbers give 0
+        if k > 0 and (speed[k] - speed[k - 1] + torque[k - 1] + speed[k - 1]) * 0.0 != 0.0:
+            skipped += 1.0
+        elif k > 0:
+            y = (speed[k] - speed[k - 1]) * gain
+            w, m = speed[k - 1] * inverse_speed, torque[k - 1] * inverse_torque
             seen += 1.0
             spread = _spread(spread, w, m, max(1.0 - forgetting, 1.0 / seen))
             updates_all = _excites(spread, excitation)
