@@ -25,7 +25,7 @@ pytestmark = [
     pytest.mark.skipif(
         not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
     ),
-    pytest.mark.slow,
+    pytest.mark.proof,
 ]  # fmt: skip
 MODEL = "data/models/hurco/control"
 BOX, PLATE = "logs/Box-OP2-Hurco02-{}of20.txt", "logs/Plate-Op1-Hurco04-{}of20.txt"

@@ -39,6 +39,7 @@ from pipeline.submodels.drive.page_parameters import (
     axis_parameters_table,
     identified_axes,
     made_from,
+    meaning,
     parameters_of,
 )
 
@@ -53,18 +54,18 @@ MOST_NAMED = 4
 
 
 def undetermined_words(shown: Shown[DriveModel]) -> str:
-    """How many parameters the records do not determine, the first of them by name."""
+    """Parameters that the records do not determine, the first of them in words."""
     lost = [
-        f"{axis} {name}" for axis in identified_axes(shown)
+        f"({axis}) {name if (words := meaning(name, axis)) == '–' else words}"
+        for axis in identified_axes(shown)
         for name, p in parameters_of(shown, axis).items() if not p.determined
     ]  # fmt: skip
     if not lost:
         return ""
-    more = f" and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
-    named = ", ".join(lost[:MOST_NAMED]) + more if more else joined(lost)
+    more = [f"{len(lost) - MOST_NAMED} more"] if len(lost) > MOST_NAMED else []
     return (
-        f"Of the drives the records do not determine {named}; the tables below say what to record "
-        "for a number."
+        f"Of the drives the records do not determine {'; '.join(lost[:MOST_NAMED] + more)}; the "
+        "tables below say what to record for a number."
     )
 
 

@@ -94,16 +94,16 @@ def test_the_times_of_a_run_that_was_not_learnt_from_are_predicted(found, part, 
     assert np.isfinite(found.values[known]).all()
 
 
-@pytest.mark.slow
-def test_intervals_cover_the_truth(part, tmp_path):
+@pytest.mark.parametrize("seeds", [2, pytest.param(20, marks=pytest.mark.proof)])
+def test_intervals_cover_the_truth(part, tmp_path, seeds):
     """Of 20 seeds x 15 parameters nine in ten at least: 95 % intervals, less a margin of chance."""
     cover, many = 0, 0
-    for seed in range(20):
+    for seed in range(seeds):
         fit = identify_control(logged(part, tmp_path, seed), start(), SETTINGS)
         inside = (fit.low <= true_values(fit)) & (true_values(fit) <= fit.high)
         cover += int(inside[fit.determined].sum())
         many += int(fit.determined.sum())
-    assert many >= 0.95 * 20 * 15
+    assert many >= 0.95 * seeds * 15
     assert cover >= 0.9 * many
 
 

@@ -20,7 +20,7 @@ from pipeline.submodels.control.submodel import NAIVE, OVERRIDE_ONLY, TIME, WHOL
 from pipeline.twin.control import ControlModelFile
 from tests.small_project import MACHINE, ROOT, inside, params
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.proof
 
 
 @pytest.fixture(scope="module")

@@ -63,7 +63,10 @@ def test_parameters_stand_in_shop_units_with_interval_and_remedy(text):
         "friction at the start of motion, towards −Y not determined – N the records do not hold "
         "it; record reciprocation at speeds below 1 mm/s, 1 s each" in text
     )
-    assert "Of the drives the records do not determine X offset, Y static_positive" in text
+    assert (
+        "Of the drives the records do not determine (X) force that is always there, such as "
+        "gravity less counterbalance; (Y) friction at the start of motion, towards +Y"
+    ) in text
 
 
 def test_an_interval_narrower_than_three_digits_is_not_printed_as_a_point(text):
