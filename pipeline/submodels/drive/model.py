@@ -34,10 +34,6 @@ if TYPE_CHECKING:
 
 CURVE = 40
 """Number of speeds of the stored friction curve in each direction [1]."""
-MOTOR_METHOD = "least squares on voltage equations integrated over windows"
-MOTOR_REMEDY = (
-    "record voltages, currents and speed of the motor under steps of speed and load, i_d among them"
-)
 MOTOR_NAMES = {"resistance": "R", "inductance_d": "L_d", "inductance_q": "L_q"}
 """Symbols by which a motor's parameters are stored."""
 
@@ -200,22 +196,12 @@ def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parame
     fits: list[AxisFit] = [found.feed_drives[letter]]
     if letter in found.servos:
         fits.append(found.servos[letter])
-    return {
-        name: _parameter(fit, i, method=fit.how[i], remedy=fit.remedy[i])
-        for fit in fits
-        for i, name in enumerate(fit.names)
-    }
+    return {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
 
 
 def motor_parameters(fit: MotorFit) -> dict[str, Parameter]:
     """Parameters of the motor by their symbols."""
-    return {
-        MOTOR_NAMES.get(name, name): _parameter(
-            fit, i, remedy=MOTOR_REMEDY,
-            method=MOTOR_METHOD if fit.determined[i] else fit.reasons.get(name, "not determined"),
-        )
-        for i, name in enumerate(fit.names)
-    }  # fmt: skip
+    return {MOTOR_NAMES.get(name, name): _parameter(fit, i) for i, name in enumerate(fit.names)}
 
 
 def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tuple[LeftOut, ...]:
@@ -247,16 +233,13 @@ def _servo(servo: ServoParameters) -> Servo:
     return Servo(**{k: v for k, v in asdict(servo).items() if not np.isinf(v)})
 
 
-def _parameter(fit: AxisFit | MotorFit, i: int, *, method: str, remedy: str) -> Parameter:
+def _parameter(fit: AxisFit | MotorFit, i: int) -> Parameter:
     known = bool(fit.determined[i])
     return Parameter(
-        value=_known(fit.values[i]) if known else None,
-        unit=fit.units[i],
+        value=_known(fit.values[i]) if known else None, unit=fit.units[i],
         interval_95=(_significant(fit.low[i]), _significant(fit.high[i])) if known else None,
-        determined=known,
-        method=method,
-        remedy="" if known else remedy,
-    )
+        determined=known, method=fit.how[i], remedy="" if known else fit.remedy[i],
+    )  # fmt: skip
 
 
 def _facts(fit: AxisFit) -> FitFacts:

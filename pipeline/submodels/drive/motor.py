@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.submodels.drive.mechanics.estimates import Estimates
 from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 WINDOW = 64
@@ -237,22 +238,22 @@ SHOWN = 2.0
 """Least dead voltage over the half width of its interval [1]: chance exceeds it once in 10^4."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotorFit:
-    """Parameters of a motor, in the order of ``names``.
+METHOD = "least squares on voltage equations integrated over windows"
+REMEDY = (
+    "record voltages, currents and speed of the motor under steps of speed and load, i_d among them"
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorFit(Estimates):
+    """Parameters of a motor; values are nan where the record does not determine them.
 
     Parameters
     ----------
-    names, units : tuple of str, length D
-        The parameters.
-    values : ndarray, shape (D,)
-        nan where the record does not determine them.
-    low, high : ndarray, shape (D,)
-        95 % interval; infinite where nothing bounds it.
-    determined : ndarray of bool, shape (D,)
-        Whether the record determines them.
+    units : tuple of str, length D
+        Of the parameters.
     reasons : dict of str to str
-        Why the others are not determined.
+        Why those that are not determined are not.
     condition : float
         Condition number of the regressors that are excited, each scaled to length one [1].
     correlation : ndarray, shape (D, D)
@@ -261,12 +262,7 @@ class MotorFit:
         Windows fitted, and left out because a sample in them is not finite.
     """
 
-    names: tuple[str, ...]
     units: tuple[str, ...]
-    values: Floats
-    low: Floats
-    high: Floats
-    determined: Bools
     reasons: dict[str, str]
     condition: float
     correlation: Floats
@@ -352,15 +348,10 @@ def _verified(units: dict[str, str], fit: SplitFit, cut: Windows, widest: Floats
             reasons[name] = f"{interval} is not above 0: check the signs of the recorded axes"
     determined = np.array([name not in reasons for name in units])
     return MotorFit(
-        names=tuple(units),
-        units=tuple(units.values()),
-        values=np.where(determined, fit.values, np.nan),
-        low=fit.values - fit.half_width,
-        high=fit.values + fit.half_width,
-        determined=determined,
-        reasons=reasons,
-        condition=fit.condition,
-        correlation=fit.correlation,
-        windows=len(cut),
+        names=tuple(units), units=tuple(units.values()),
+        values=np.where(determined, fit.values, np.nan), low=fit.values - fit.half_width,
+        high=fit.values + fit.half_width, determined=determined,
+        how=tuple(reasons.get(name, METHOD) for name in units), remedy=(REMEDY,) * len(units),
+        reasons=reasons, condition=fit.condition, correlation=fit.correlation, windows=len(cut),
         left_out=cut.left_out,
-    )
+    )  # fmt: skip

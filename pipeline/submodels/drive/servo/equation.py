@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.submodels.drive.records import AxisConstants, Recording
 
 TERMS = (
@@ -347,6 +347,11 @@ class ServoEquation:
                 found[:, k] = np.concatenate(self._groups(up, late_x, late_v))
                 found[:, k] -= np.concatenate(self._groups(down, late_x, late_v))
         found[-1] = 0.0
+        return found
+
+    def jacobian(self, values: Floats, fitted: Bools) -> Floats:
+        """Derivatives of the rows by the ``fitted`` parameters; shape (N, S)."""
+        found: Floats = (self.columns @ self.slopes(values))[:, fitted]
         return found
 
     def _groups(self, p: Floats, late_x: Floats, late_v: Floats) -> list[Floats]:

@@ -41,13 +41,13 @@ from pipeline.submodels.drive.servo.equation import (
 )
 from pipeline.submodels.drive.servo.search import (
     ServoOptimum,
-    ServoUncertainty,
     genetic_servo,
     greatest_unseen,
     least_squares_servo,
     selected_servo,
     servo_uncertainty,
 )
+from pipeline.submodels.statistics import Uncertainty
 
 FITTED = "the servo's own equation on recorded reference, position and command"
 LISTED = "as conf/machine/ has it; these records do not tell it better"
@@ -111,6 +111,9 @@ def identify_servo(
     best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest
     )
+    slopes = equation.jacobian(best.values, best.fitted)
+    length = np.linalg.norm(slopes, axis=0)
+    rank = int(np.linalg.matrix_rank(slopes / np.where(length > 0, length, 1.0)))
     methods, best = _methods(equation, best, settings, unit)
     estimated = _estimates(nominal, best, uncertainty, determined)
     estimated = _with_rounding(estimated, nominal, constants, records[0].period)
@@ -129,13 +132,14 @@ def identify_servo(
         servo=None if lacking else nominal.servo(estimated.values),
         reason=reason if lacking else "", methods=methods, samples=equation.rows,
         bandwidth_Hz=bandwidth, relative_error_percent=100 * best.error / equation.spread,
-        condition=uncertainty.condition, rank=uncertainty.rank, correlated=uncertainty.correlated,
-        correlation=uncertainty.correlation, left_out=tuple(others),
+        condition=uncertainty.condition, rank=rank, correlation=uncertainty.correlation,
+        correlated=tuple(t for t, fitted in zip(TERMS, best.fitted, strict=True) if fitted),
+        left_out=tuple(others),
     )  # fmt: skip
 
 
 def _estimates(
-    nominal: Nominal, best: ServoOptimum, uncertainty: ServoUncertainty, determined: Bools
+    nominal: Nominal, best: ServoOptimum, uncertainty: Uncertainty, determined: Bools
 ) -> Estimates:
     """All terms with their intervals; the lag of the position loop is what its hold leaves."""
     values = best.values.copy()
@@ -196,7 +200,7 @@ def _without(nominal: Nominal, unit: str, reason: str) -> ServoFit:
 
 def _determined(
     equation: ServoEquation, slower: ServoEquation, best: ServoOptimum, widest: float
-) -> tuple[ServoOptimum, ServoUncertainty, Bools]:
+) -> tuple[ServoOptimum, Uncertainty, Bools]:
     """Optimum with the listed value of scales that are not determined, and which are."""
     while True:
         uncertainty = servo_uncertainty(equation, slower, best)

@@ -27,7 +27,7 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoEquation,
 )
-from pipeline.submodels.statistics import uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 SHARES = (0.0, 0.5, 0.9)
 """Shares of velocity feed-forward where a search begins [1]."""
@@ -182,31 +182,6 @@ NONE_SEEN = 0.1
 """Greatest end of its interval up to which a feed-forward that is not fitted counts as 0 [1]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ServoUncertainty:
-    """Uncertainty of the terms of a servo.
-
-    Parameters
-    ----------
-    half_width : ndarray, shape (D,)
-        Half of the 95 % interval; infinite where not fitted.
-    condition : float
-        Of the Jacobian with columns scaled to length one.
-    rank : int
-        Of the same.
-    correlation : ndarray, shape (S, S)
-        Of the terms that were fitted.
-    correlated : tuple of str
-        Their names.
-    """
-
-    half_width: Floats
-    condition: float
-    rank: int
-    correlation: Floats
-    correlated: tuple[str, ...]
-
-
 def always_fitted(nominal: Nominal) -> Bools:
     """Terms of every servo of this list; shape (D,)."""
     fitted = np.zeros(len(TERMS), bool)
@@ -253,8 +228,10 @@ def _with(
 
 def servo_uncertainty(
     equation: ServoEquation, slower: ServoEquation, found: ServoOptimum
-) -> ServoUncertainty:
+) -> Uncertainty:
     """Uncertainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
+
+    Half widths are of all D terms, infinite where not fitted; the rest is of the S fitted ones.
 
     Parameters
     ----------
@@ -268,7 +245,7 @@ def servo_uncertainty(
     """
     # parameters at a bound count too: a lag of 0 has an interval like any other
     inside = found.fitted
-    slopes = (equation.columns @ equation.slopes(found.values))[:, inside]
+    slopes = equation.jacobian(found.values, inside)
     residuals = equation.columns @ equation.factors(found.values)
     blocks = block_numbers(residuals, equation.stretch, int(inside.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
@@ -276,12 +253,7 @@ def servo_uncertainty(
     half = np.full(len(TERMS), np.inf)
     half[inside] = uncertainty.half_width + np.abs(again.values - found.values)[inside]
     half[inside] += CLOCK * np.abs(found.values[inside])
-    scaled = slopes / np.where((norm := np.linalg.norm(slopes, axis=0)) > 0, norm, 1.0)
-    return ServoUncertainty(
-        half_width=half, condition=uncertainty.condition, rank=int(np.linalg.matrix_rank(scaled)),
-        correlation=uncertainty.correlation,
-        correlated=tuple(t for t, i in zip(TERMS, inside, strict=True) if i),
-    )  # fmt: skip
+    return replace(uncertainty, half_width=half)
 
 
 def greatest_unseen(
