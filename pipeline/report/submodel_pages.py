@@ -80,7 +80,6 @@ def _part(
         shelf=shelf,
         folder=folder,
         clean=folders.clean,
-        truth_file=folders.truth,
     )
     page = one.page(shown)
     return ModelledPart(

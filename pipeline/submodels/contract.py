@@ -177,8 +177,6 @@ class Shown(Generic[M]):
         What is true of a simulated machine.
     clean : Path or None
         Folder of the machine's clean records.
-    truth_file : Path or None
-        Of the truth.
     shelf : object
         Through which further files are read, so that the page can name its sources.
     folder : Path
@@ -194,7 +192,6 @@ class Shown(Generic[M]):
     shelf: Any = None
     folder: Path = Path()
     clean: Path | None = None
-    truth_file: Path | None = None
 
 
 def submodels() -> list[str]:

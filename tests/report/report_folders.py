@@ -69,7 +69,7 @@ def machine(
         truth.parent.mkdir(parents=True, exist_ok=True)
         truth.write_text(json.dumps({
             "simulated": True, "cycles": [{}] * (3 * days),
-            "parameters": {"cooling_rate": 0.0007, "spindle": {"rated_power": 15000.0}},
+            "parameters": {"spindle": {"rated_power": 15000.0}},
             "log": {"counts": {"rejected": 12, "glitches": {"zero": 4}}},
         }))  # fmt: skip
     return folders

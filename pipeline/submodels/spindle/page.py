@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -18,7 +17,6 @@ from pipeline.charts.numbers import (
     hours,
     number,
     quantity,
-    real,
 )
 from pipeline.charts.sections import (
     Compared,
@@ -76,7 +74,6 @@ def page(seen: Seen) -> SubModelPage:
         doubts=_doubts(verdict),
         notes=_notes(seen),
         sections=[_model_section(seen), _judged_section(seen)],
-        truth=[truth] if (truth := _truth_table(seen)) is not None else [],
         compared={
             "window_mae_K": _compared("Error over one hour (MAE)", total),
             "free_mae_K": _compared("Error running free (MAE)", free),
@@ -491,35 +488,3 @@ def _day_words(seen: Seen, day: figures.Curves) -> tuple[str, str, str]:
     )
     status = {"passed": "passed", "failed": "failed"}.get(one.status, "unknown")
     return text, status, {"unknown": "not known"}.get(status, status)
-
-
-def _truth_table(seen: Seen) -> Table | None:
-    """Parameters of the network that the simulated machine has by the same name."""
-    true = (seen.truth or {}).get("parameters", {})
-    rows = []
-    for name, p in _parameters(seen).items():
-        value = _true_value(true, name)
-        if value is not None:
-            inside = "not known"
-            if p.determined and p.interval_95 is not None:
-                low, high = p.interval_95
-                within = "inside" if low <= value <= high else "outside"
-                inside = f"truth {within} the 95 % interval"
-            rows.append(
-                cells(Cell(text=name, code=True), quantity(value, p.unit),
-                      quantity(p.value, p.unit), inside)
-            )  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        caption="Simulated and identified parameters of the spindle’s network",
-        heads=[Head(name="Parameter"), *numbers(("true", ""), ("identified", "")),
-               Head(name="difference")],
-        rows=rows,
-        sources=sources(seen.shelf, *([seen.truth_file] if seen.truth_file else [])),
-    )  # fmt: skip
-
-
-def _true_value(parameters: Any, name: str) -> float | None:
-    entry = parameters.get(name) if isinstance(parameters, dict) else None
-    return real(entry.get("value") if isinstance(entry, dict) else entry)

@@ -1,5 +1,7 @@
 """The table of regressors and what is searched on it, against direct evaluation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -147,10 +149,9 @@ def test_pushes_by_the_place_are_told_from_noise_in_time():
 
 def test_rows_of_one_place_share_one_push():
     rows, _ = found_on(moved(samples=1000))
-    one_place = rows.of(rows.velocity > 0)
-    here = type(one_place)(**{**one_place.__dict__, "position": np.zeros(len(one_place.force)),
-                              "velocity": 1e-12 + np.zeros(len(one_place.force))})  # fmt: skip
-    slopes = np.ones((len(here.force), 1))
+    many = len(rows.force)
+    here = replace(rows, position=np.zeros(many), velocity=np.full(many, 1e-12))
+    slopes = np.ones((many, 1))
     disturbance = PositionDisturbance(variance=4.0, length=1e-3, strokes=9)
     covariance = scores_covariance(here, slopes, disturbance)
-    assert covariance[0, 0] == pytest.approx(4.0 * len(here.force) ** 2)
+    assert covariance[0, 0] == pytest.approx(4.0 * many**2)

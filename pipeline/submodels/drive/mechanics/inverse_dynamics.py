@@ -95,29 +95,17 @@ class Regressors:
         low = min(int(at), len(self.stribeck) - 2)
         return low, float(at - low)
 
-    def of(self, rows: Bools) -> "Regressors":
-        """Only some rows; shape (N,) of ``rows``."""
-        chosen = self.instruments[rows] if self.instruments is not None else None
-        return Regressors(
-            names=self.names, force=self.force[rows], linear=self.linear[rows],
-            stribeck=self.stribeck, stribeck_table=self.stribeck_table[:, rows], instruments=chosen,
-            position=self.position[rows], velocity=self.velocity[rows], stroke=self.stroke[rows],
-            stretch=self.stretch[rows], period=self.period,
-        )  # fmt: skip
 
-
-def regressors(motions: Sequence[Motion], *, delay: bool = True, load: bool = True) -> Regressors:
+def regressors(motions: Sequence[Motion]) -> Regressors:
     """The table of several recordings.
+
+    Filtered ones have columns of the jerk and its derivative too; the first one's factor is mass
+    times delay of the motion behind the force.
 
     Parameters
     ----------
     motions : sequence of Motion
         Of one axis, of one bandwidth.
-    delay : bool
-        Whether columns of the jerk and its derivative are added; the first one's factor is mass
-        times delay of the motion behind the force.
-    load : bool
-        Whether the column of the load is added where a recording has one.
 
     Raises
     ------
@@ -125,8 +113,8 @@ def regressors(motions: Sequence[Motion], *, delay: bool = True, load: bool = Tr
         When no row is left that moves, or the axis was recorded standing.
     """
     velocities = stribeck_velocities(motions)
-    with_load = load and any(one.load is not None for one in motions)
-    delay = delay and all(one.bandwidth is not None for one in motions)
+    with_load = any(one.load is not None for one in motions)
+    delay = all(one.bandwidth is not None for one in motions)
     names = LINEAR + ("delay", "compliance") * delay + ("load", "load_zero") * with_load
     parts = [_rows(one, velocities, names) for one in motions]
     strokes = np.cumsum([0] + [int(part.stroke.max(initial=-1)) + 1 for part in parts])
