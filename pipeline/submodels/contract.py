@@ -11,12 +11,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
 
-from pipeline.schema.model import Model
+from pipeline.schema.model import Model, Parameter
 from pipeline.schema.verdict import Fact, Verdict
 from pipeline.submodels.cases import Case, Cases, Records
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from pipeline.charts.sources import Source
 
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
@@ -192,6 +194,18 @@ class Shown(Generic[M]):
     shelf: Any = None
     folder: Path = Path()
     clean: Path | None = None
+
+    def parameters(self, group: str = "") -> Mapping[str, Parameter]:
+        """Parameters of a group by name; none without a model."""
+        return {} if self.model is None else self.model.parameters.get(group, {})
+
+    def made_from(self, *files: str) -> "list[Source]":
+        """Files of the sub-model that a part of the page stands on."""
+        from pipeline.charts.tables import sources
+
+        if self.shelf is None:
+            return []
+        return sources(self.shelf, *(self.folder / file for file in files))
 
 
 def submodels() -> list[str]:

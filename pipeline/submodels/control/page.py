@@ -25,7 +25,6 @@ from pipeline.charts.tables import (
     left_out,
     names,
     numbers,
-    sources,
 )
 from pipeline.schema.verdict import JudgedCase, Score, Status, Verdict
 from pipeline.submodels.contract import Shown
@@ -109,7 +108,7 @@ def page(seen: Seen) -> sections.SubModelPage:
     if worst is not None:
         aside = f"worst of {counted(len(judged), 'judged run')}, limit ±{fixed(limit, 0)} %"
         figures.append(("Predicted program times", f"{signed(worst)} %", aside))
-    lost = _undetermined(seen.model)
+    lost = _undetermined(seen)
     return sections.SubModelPage(
         verdict=_verdict(seen, runs, limit),
         key_figures=figures,
@@ -170,15 +169,10 @@ def _worst(judged: Sequence[RunTime]) -> float | None:
     return max(errors, key=abs) if errors else None
 
 
-def _undetermined(model: ControlModelFile | None) -> list[str]:
+def _undetermined(seen: Seen) -> list[str]:
     """Parameters without a number in the words of their table; a name that has none as it is."""
-    parameters = {} if model is None else model.parameters.get("", {})
-    words = {name: meaning(name) for name, p in parameters.items() if not p.determined}
+    words = {name: meaning(name) for name, p in seen.parameters().items() if not p.determined}
     return [name if said == "–" else said for name, said in words.items()]
-
-
-def _made(seen: Seen, *files: str) -> list[Source]:
-    return sources(seen.shelf, *(seen.folder / file for file in files))
 
 
 def _verdict(
@@ -225,7 +219,7 @@ def _control_section(seen: Seen) -> sections.Section | None:
     model = seen.model
     if model is None:
         return None
-    lost = _undetermined(model)
+    lost = _undetermined(seen)
     text = [
         "A control cuts a program’s feed wherever the axes cannot follow: at corners, in arcs, in "
         "blocks too short to get up to speed. These are the limits that it keeps by these records, "
@@ -239,14 +233,14 @@ def _control_section(seen: Seen) -> sections.Section | None:
         )
     if seen.verdict is None:
         text.append("No run has been held against it yet: there is no verdict.json.")
-    made = _made(seen, "model.json")
+    made = seen.made_from("model.json")
     caption = "Parameters of the control"
     return sections.Section(
         key="control",
         title="The control: what it does with a program",
         text=text,
         blocks=sections.present(
-            default_section.parameters_table(caption, model.parameters.get("", {}), made, meaning),
+            default_section.parameters_table(caption, seen.parameters(), made, meaning),
             default_section.training_table(model, made),
         ),
     )
@@ -273,7 +267,7 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | No
     """Each run's time, measured against predicted, with the plain guess as the baseline."""
     if seen.verdict is None:
         return None
-    made, limit = _made(seen, "verdict.json"), _limit(seen.verdict)
+    made, limit = seen.made_from("verdict.json"), _limit(seen.verdict)
     return sections.Section(
         key="times",
         title="Programs: predicted against measured time",

@@ -38,9 +38,7 @@ from pipeline.submodels.drive.figures import (
 from pipeline.submodels.drive.page_parameters import (
     axis_parameters_table,
     identified_axes,
-    made_from,
     meaning,
-    parameters_of,
 )
 
 METHODS = {"least_squares": "least squares", "genetic": "genetic search"}
@@ -58,7 +56,7 @@ def undetermined_words(shown: Shown[DriveModel]) -> str:
     lost = [
         f"({axis}) {name if (words := meaning(name, axis)) == '–' else words}"
         for axis in identified_axes(shown)
-        for name, p in parameters_of(shown, axis).items() if not p.determined
+        for name, p in shown.parameters(axis).items() if not p.determined
     ]  # fmt: skip
     if not lost:
         return ""
@@ -102,7 +100,7 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
         blocks += [Heading(heading="How they were found", text=methods_words(shown)), methods]
     blocks += present(
         _recordings_table(shown, model),
-        training_table(model, made_from(shown, "model.json")),
+        training_table(model, shown.made_from("model.json")),
     )
     return Section(key="drives", title="The feed drives: what moves the axes", text=text,
                    blocks=blocks)  # fmt: skip
@@ -169,9 +167,9 @@ def _unknown_force(one: DriveAxis) -> str:
 
 
 def _figures(shown: Shown[DriveModel], axis: str, one: DriveAxis) -> Figures | None:
-    figures, legend, made = [], [], made_from(shown, "model.json")
+    figures, legend, made = [], [], shown.made_from("model.json")
     friction = friction_shown(one)
-    mass = mass_shown(one.recursive_mass, parameters_of(shown, axis).get("mass"))
+    mass = mass_shown(one.recursive_mass, shown.parameters(axis).get("mass"))
     if friction is not None:
         words = (
             f"Friction of axis {axis} over speed: {counted(friction.count, 'stretch', 'stretches')}"
@@ -219,7 +217,7 @@ def methods_table(shown: Shown[DriveModel]) -> Table | None:
         heads=[*names("Axis", "what was fitted", "method"), *numbers(("error", "")),
                *names("unit"), *numbers(("evaluations", "")), *names("kept")],
         rows=rows,
-        sources=made_from(shown, "model.json"),
+        sources=shown.made_from("model.json"),
         folded=True,
     )  # fmt: skip
 
@@ -280,6 +278,6 @@ def _recordings_table(shown: Shown[DriveModel], model: DriveModel) -> Table | No
         f"{left_out(len(model.recordings), MOST_ROWS)}",
         heads=[*names("Recording"), *numbers(("length", "s")), *names("what was done to it")],
         rows=rows,
-        sources=made_from(shown, "model.json"),
+        sources=shown.made_from("model.json"),
         folded=True,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from pipeline.charts.numbers import (
     resolved,
     signed,
 )
-from pipeline.charts.sources import Source, stated
+from pipeline.charts.sources import stated
 from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
@@ -25,7 +25,6 @@ from pipeline.charts.tables import (
     left_out,
     names,
     numbers,
-    sources,
 )
 from pipeline.schema.drive import MOTOR, DriveAxis, DriveModel
 from pipeline.schema.model import Parameter
@@ -69,21 +68,9 @@ TRUTH_NOTE = (
 )
 
 
-def made_from(shown: Shown[DriveModel], *files: str) -> list[Source]:
-    """Files of the sub-model that a part of the page stands on."""
-    if shown.shelf is None:
-        return []
-    return sources(shown.shelf, *(shown.folder / file for file in files))
-
-
 def identified_axes(shown: Shown[DriveModel]) -> dict[str, DriveAxis]:
     """Identified axes by letter."""
     return {} if shown.model is None else dict(sorted(shown.model.axes.items()))
-
-
-def parameters_of(shown: Shown[DriveModel], group: str) -> Mapping[str, Parameter]:
-    """Parameters of an axis or the motor."""
-    return {} if shown.model is None else shown.model.parameters.get(group, {})
 
 
 def axis_parameters_table(
@@ -92,8 +79,8 @@ def axis_parameters_table(
     """Parameters of an axis or the motor with their intervals, or what to record to have them."""
     return parameters_table(
         f"Parameters of {whose}",
-        {name: in_shop_units(p) for name, p in parameters_of(shown, group).items()},
-        made_from(shown, "model.json"),
+        {name: in_shop_units(p) for name, p in shown.parameters(group).items()},
+        shown.made_from("model.json"),
         lambda name: meaning(name, axis),
     )
 
@@ -131,10 +118,10 @@ def truth_table(shown: Shown[DriveModel]) -> Table | None:
     """True value, value found, and whether its 95 % interval holds the truth, by axis."""
     truth = stated(shown.truth, "drives")
     parts = [
-        (axis, _values(stated(truth, "axes", axis)), parameters_of(shown, axis))
+        (axis, _values(stated(truth, "axes", axis)), shown.parameters(axis))
         for axis in identified_axes(shown)
     ]
-    parts.append((MOTOR, _values(stated(truth, MOTOR)), parameters_of(shown, MOTOR)))
+    parts.append((MOTOR, _values(stated(truth, MOTOR)), shown.parameters(MOTOR)))
     split = [(part, truth_as_fitted(true, found), found) for part, true, found in parts]
     parted = any(a != b for (_, a, _), (_, b, _) in zip(parts, split, strict=True))
     rows = [
@@ -154,7 +141,7 @@ def truth_table(shown: Shown[DriveModel]) -> Table | None:
                *numbers(("true", ""), ("found", ""), ("off by", "%"), ("95 % interval", "")),
                *names("unit", "interval")],
         rows=[row for _, row in rows[:MOST_ROWS]],
-        sources=made_from(shown, "model.json"),
+        sources=shown.made_from("model.json"),
         folded=len(rows) > MOST_OPEN,
     )  # fmt: skip
 

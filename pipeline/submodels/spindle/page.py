@@ -30,7 +30,6 @@ from pipeline.charts.sections import (
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers, sources
-from pipeline.schema.model import Parameter
 from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
@@ -196,18 +195,10 @@ def _notes(seen: Seen) -> list[str]:
         golden = [c.case for c in seen.verdict.cases if c.role == "golden" and c.note]
         if golden:
             said.append(f"Golden days that are no working days: {day_list(golden)}.")
-    lost = [MEANINGS.get(name, name) for name, p in _parameters(seen).items() if not p.determined]
+    lost = [MEANINGS.get(name, name) for name, p in seen.parameters().items() if not p.determined]
     if lost:
         said.append(f"Of the spindle’s heat the records do not determine: {'; '.join(lost)}.")
     return said
-
-
-def _parameters(seen: Seen) -> dict[str, Parameter]:
-    return {} if seen.model is None else dict(seen.model.parameters.get("", {}))
-
-
-def _made(seen: Seen, *files: str) -> list[Source]:
-    return sources(seen.shelf, *(seen.folder / file for file in files))
 
 
 def _model_section(seen: Seen) -> Section:
@@ -220,7 +211,7 @@ def _model_section(seen: Seen) -> Section:
         )
         text = [absent(seen.folder / "model.json", remedy)]
         return Section(key="thermal", title=title, text=text)
-    made = _made(seen, "model.json")
+    made = seen.made_from("model.json")
     caption = "Parameters of the spindle’s thermal network"
     return Section(
         key="thermal",
@@ -228,7 +219,7 @@ def _model_section(seen: Seen) -> Section:
         text=[_found_from(seen), _model_words(seen.model), _forest_words(seen.model)],
         blocks=present(
             default_section.parameters_table(
-                caption, _parameters(seen), made, lambda n: MEANINGS.get(n, "–")
+                caption, seen.parameters(), made, lambda n: MEANINGS.get(n, "–")
             ),
             _fit_table(seen.model, made),
             default_section.training_table(seen.model, made),
@@ -338,7 +329,7 @@ def _judged_section(seen: Seen) -> Section:
     if seen.predictions is None:
         path = seen.folder / "predictions.parquet"
         text.append(absent(path, "Without it no day can be drawn; the errors stand below."))
-    made = _made(seen, "verdict.json")
+    made = seen.made_from("verdict.json")
     blocks = present(
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
