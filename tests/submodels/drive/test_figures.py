@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,7 @@ from pipeline.submodels.drive.figures import (
     mass_shown,
     trace_figure,
 )
-from pipeline.submodels.drive.page import Driven, drive_page, drive_trace, telling
+from pipeline.submodels.drive.page import Driven, DriveRun, drive_page, drive_trace, telling
 from tests.submodels.drive.shown_drives import (
     drive_axis,
     parameter,
@@ -111,7 +112,7 @@ def test_an_axis_without_friction_has_no_figure():
 NUMBER = st.floats()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     st.lists(
         st.builds(FrictionPoint, velocity_mm_s=NUMBER, force=NUMBER,
@@ -128,7 +129,12 @@ def test_any_numbers_of_friction_give_a_figure_or_none(rows):
 SOME = st.lists(NUMBER, min_size=3, max_size=9)
 
 
-@settings(max_examples=60, deadline=None)
+@cache
+def any_run() -> DriveRun:
+    return telling(driven({("X", "a"): (1.0, 1.0)}), "X")
+
+
+@settings(max_examples=40, deadline=None)
 @given(SOME, SOME, SOME)
 def test_any_numbers_of_a_trace_give_a_figure_or_none(measured, modelled, seconds):
     rows = min(len(measured), len(modelled), len(seconds))
@@ -136,7 +142,7 @@ def test_any_numbers_of_a_trace_give_a_figure_or_none(measured, modelled, second
     frame["t"] = np.tile(seconds[:rows], 3)
     frame["measured"] = np.tile(measured[:rows], 3)
     frame["predicted"] = np.tile(modelled[:rows], 3)
-    found = drive_trace(frame, telling(driven({("X", "a"): (1.0, 1.0)}), "X"))
+    found = drive_trace(frame, any_run())
     if found is None:
         return
     bands = drawn_bands(found, "A")
@@ -145,7 +151,7 @@ def test_any_numbers_of_a_trace_give_a_figure_or_none(measured, modelled, second
             assert not NOT_A_NUMBER.search(str(trace_figure(bands, span, "x")))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(SOME, SOME, SOME)
 def test_any_numbers_of_a_recursive_estimate_give_a_figure_or_none(seconds, value, half):
     rows = min(len(seconds), len(value), len(half))
