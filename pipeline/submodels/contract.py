@@ -18,8 +18,6 @@ from pipeline.submodels.cases import Case, Cases, Records
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.charts.sources import Source
-
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
 M = TypeVar("M", bound=Model)
@@ -198,14 +196,6 @@ class Shown(Generic[M]):
     def parameters(self, group: str = "") -> Mapping[str, Parameter]:
         """Parameters of a group by name; none without a model."""
         return {} if self.model is None else self.model.parameters.get(group, {})
-
-    def made_from(self, *files: str) -> "list[Source]":
-        """Files of the sub-model that a part of the page stands on."""
-        from pipeline.charts.tables import sources
-
-        if self.shelf is None:
-            return []
-        return sources(self.shelf, *(self.folder / file for file in files))
 
 
 def submodels() -> list[str]:

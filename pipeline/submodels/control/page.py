@@ -25,6 +25,7 @@ from pipeline.charts.tables import (
     left_out,
     names,
     numbers,
+    sources,
 )
 from pipeline.schema.verdict import JudgedCase, Score, Status, Verdict
 from pipeline.submodels.contract import Shown
@@ -175,6 +176,10 @@ def _undetermined(seen: Seen) -> list[str]:
     return [name if said == "–" else said for name, said in words.items()]
 
 
+def _made(seen: Seen, *files: str) -> list[Source]:
+    return sources(seen.shelf, *(seen.folder / file for file in files))
+
+
 def _verdict(
     seen: Seen, runs: Sequence[RunTime], limit: float | None
 ) -> sections.PartVerdict | None:
@@ -233,7 +238,7 @@ def _control_section(seen: Seen) -> sections.Section | None:
         )
     if seen.verdict is None:
         text.append("No run has been held against it yet: there is no verdict.json.")
-    made = seen.made_from("model.json")
+    made = _made(seen, "model.json")
     caption = "Parameters of the control"
     return sections.Section(
         key="control",
@@ -267,7 +272,7 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | No
     """Each run's time, measured against predicted, with the plain guess as the baseline."""
     if seen.verdict is None:
         return None
-    made, limit = seen.made_from("verdict.json"), _limit(seen.verdict)
+    made, limit = _made(seen, "verdict.json"), _limit(seen.verdict)
     return sections.Section(
         key="times",
         title="Programs: predicted against measured time",

@@ -39,6 +39,7 @@ from pipeline.submodels.drive.figures import (
 from pipeline.submodels.drive.page_axes import drives_section, undetermined_words
 from pipeline.submodels.drive.page_parameters import (
     identified_axes,
+    made_from,
     truth_table,
 )
 
@@ -321,7 +322,7 @@ def runs_table(drives: Driven) -> tables.Table | None:
             tables.Head(name="verdict"), *tables.names(*(["why"] if reasons else [])),
         ],
         rows=[_run_row(run, drives, shown) for run in runs[:tables.MOST_ROWS]],
-        sources=drives.shown.made_from("verdict.json"),
+        sources=made_from(drives.shown, "verdict.json"),
         folded=len(runs) > 40,
     )  # fmt: skip
 
@@ -410,7 +411,7 @@ def _trace_figures(drives: Driven, axis: str) -> sections.Figures | None:
     return sections.Figures(
         figures=[
             sections.Figure(svg=trace_figure(bands, span, words), caption=words,
-                   sources=drives.shown.made_from("predictions.parquet"), status=status.status,
+                   sources=made_from(drives.shown, "predictions.parquet"), status=status.status,
                    status_words=status.text)
             for span, words in shown
         ],

@@ -38,6 +38,7 @@ from pipeline.submodels.drive.figures import (
 from pipeline.submodels.drive.page_parameters import (
     axis_parameters_table,
     identified_axes,
+    made_from,
     meaning,
 )
 
@@ -100,7 +101,7 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
         blocks += [Heading(heading="How they were found", text=methods_words(shown)), methods]
     blocks += present(
         _recordings_table(shown, model),
-        training_table(model, shown.made_from("model.json")),
+        training_table(model, made_from(shown, "model.json")),
     )
     return Section(key="drives", title="The feed drives: what moves the axes", text=text,
                    blocks=blocks)  # fmt: skip
@@ -167,7 +168,7 @@ def _unknown_force(one: DriveAxis) -> str:
 
 
 def _figures(shown: Shown[DriveModel], axis: str, one: DriveAxis) -> Figures | None:
-    figures, legend, made = [], [], shown.made_from("model.json")
+    figures, legend, made = [], [], made_from(shown, "model.json")
     friction = friction_shown(one)
     mass = mass_shown(one.recursive_mass, shown.parameters(axis).get("mass"))
     if friction is not None:
@@ -217,7 +218,7 @@ def methods_table(shown: Shown[DriveModel]) -> Table | None:
         heads=[*names("Axis", "what was fitted", "method"), *numbers(("error", "")),
                *names("unit"), *numbers(("evaluations", "")), *names("kept")],
         rows=rows,
-        sources=shown.made_from("model.json"),
+        sources=made_from(shown, "model.json"),
         folded=True,
     )  # fmt: skip
 
@@ -278,6 +279,6 @@ def _recordings_table(shown: Shown[DriveModel], model: DriveModel) -> Table | No
         f"{left_out(len(model.recordings), MOST_ROWS)}",
         heads=[*names("Recording"), *numbers(("length", "s")), *names("what was done to it")],
         rows=rows,
-        sources=shown.made_from("model.json"),
+        sources=made_from(shown, "model.json"),
         folded=True,
     )  # fmt: skip

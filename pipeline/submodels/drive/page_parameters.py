@@ -16,7 +16,7 @@ from pipeline.charts.numbers import (
     resolved,
     signed,
 )
-from pipeline.charts.sources import stated
+from pipeline.charts.sources import Source, stated
 from pipeline.charts.tables import (
     MOST_ROWS,
     Cell,
@@ -25,6 +25,7 @@ from pipeline.charts.tables import (
     left_out,
     names,
     numbers,
+    sources,
 )
 from pipeline.schema.drive import MOTOR, DriveAxis, DriveModel
 from pipeline.schema.model import Parameter
@@ -68,6 +69,13 @@ TRUTH_NOTE = (
 )
 
 
+def made_from(shown: Shown[DriveModel], *files: str) -> list[Source]:
+    """Files of the sub-model that a part of the page stands on."""
+    if shown.shelf is None:
+        return []
+    return sources(shown.shelf, *(shown.folder / file for file in files))
+
+
 def identified_axes(shown: Shown[DriveModel]) -> dict[str, DriveAxis]:
     """Identified axes by letter."""
     return {} if shown.model is None else dict(sorted(shown.model.axes.items()))
@@ -80,7 +88,7 @@ def axis_parameters_table(
     return parameters_table(
         f"Parameters of {whose}",
         {name: in_shop_units(p) for name, p in shown.parameters(group).items()},
-        shown.made_from("model.json"),
+        made_from(shown, "model.json"),
         lambda name: meaning(name, axis),
     )
 
@@ -141,7 +149,7 @@ def truth_table(shown: Shown[DriveModel]) -> Table | None:
                *numbers(("true", ""), ("found", ""), ("off by", "%"), ("95 % interval", "")),
                *names("unit", "interval")],
         rows=[row for _, row in rows[:MOST_ROWS]],
-        sources=shown.made_from("model.json"),
+        sources=made_from(shown, "model.json"),
         folded=len(rows) > MOST_OPEN,
     )  # fmt: skip
 

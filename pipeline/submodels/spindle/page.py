@@ -201,6 +201,10 @@ def _notes(seen: Seen) -> list[str]:
     return said
 
 
+def _made(seen: Seen, *files: str) -> list[Source]:
+    return sources(seen.shelf, *(seen.folder / file for file in files))
+
+
 def _model_section(seen: Seen) -> Section:
     """Parameters with intervals, or why there are none."""
     title = "The spindle’s heat: the model"
@@ -211,7 +215,7 @@ def _model_section(seen: Seen) -> Section:
         )
         text = [absent(seen.folder / "model.json", remedy)]
         return Section(key="thermal", title=title, text=text)
-    made = seen.made_from("model.json")
+    made = _made(seen, "model.json")
     caption = "Parameters of the spindle’s thermal network"
     return Section(
         key="thermal",
@@ -329,7 +333,7 @@ def _judged_section(seen: Seen) -> Section:
     if seen.predictions is None:
         path = seen.folder / "predictions.parquet"
         text.append(absent(path, "Without it no day can be drawn; the errors stand below."))
-    made = seen.made_from("verdict.json")
+    made = _made(seen, "verdict.json")
     blocks = present(
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
