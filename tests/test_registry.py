@@ -220,7 +220,9 @@ def test_one_bundle_serves_each_of_its_sub_models(made: Path, tmp_path: Path) ->
         served.predict(None, table, {"submodel": "drive"})
 
 
-RENAMED = (("cooling_rate", "rate_of_cooling"), ("spindle_model", "model_of_spindle"),
+RENAMED = (("cooling_rate", "rate_of_cooling"),
+           ("pipeline.twin import spindle", "pipeline.twin import model_of_spindle as spindle"),
+           ("pipeline.twin.spindle", "pipeline.twin.model_of_spindle"),
            ("SpindleRecords", "RecordsOfSpindle"))  # fmt: skip
 """A field, a module and a class that an earlier version of the code calls otherwise."""
 
@@ -236,7 +238,7 @@ def test_a_version_of_long_ago_predicts_what_it_predicted(tmp_path: Path, made: 
         for now, before in RENAMED:
             text = text.replace(now, before)
         path.write_text(text)
-    old_module = old / "pipeline/twin/spindle_model.py"
+    old_module = old / "pipeline/twin/spindle.py"
     old_module.rename(old_module.with_name("model_of_spindle.py"))
     code = (
         "from pathlib import Path; from tests.bundled_project import *; root = Path('.'); "
