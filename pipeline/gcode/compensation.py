@@ -23,9 +23,6 @@ from itertools import pairwise
 from typing import Literal
 
 from pipeline.gcode.contour import (
-    END,
-    FILE,
-    LINE,
     CompensationError,
     Element,
     append_path,
@@ -118,15 +115,11 @@ def close_contour(run: Run) -> None:
     try:
         path = compensate(elements, side=contour.side, radius=contour.radius, dialect=run.dialect)
     except CompensationError as error:
-        raise GcodeError(
-            file=run.files[int(programmed.arrays[FILE][error.row])],
-            line=int(programmed.arrays[LINE][error.row]),
-            column=1,
-            word=contour.word,
-            reason=error.reason,
-        ) from None
+        file = run.files[int(programmed.arrays["file"][error.row])]
+        line = int(programmed.arrays["line"][error.row])
+        raise GcodeError(file, line, 1, contour.word, error.reason) from None
     append_path(run.rows, path, programmed, contour.start, contour.plane)
-    last = run.rows.arrays[END][run.rows.count - 1].tolist()
+    last = run.rows.arrays["end"][run.rows.count - 1].tolist()
     if last != run.state.position:
         run.compensated_position = last
 

@@ -11,7 +11,7 @@ from pipeline.gcode.compensation import close_contour
 from pipeline.gcode.dialects.siemens import SiemensReader
 from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
-from pipeline.gcode.errors import ErrorAt
+from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.fast_lines import run_fast_lines
 from pipeline.gcode.flow import Flow
 from pipeline.gcode.modal import CANCELLED, LINUXCNC
@@ -200,25 +200,25 @@ class Interpreter:
         for comment in statement.comments:
             if comment.strip().lower().startswith("abort,"):
                 reason = f"the program ends itself: {comment.strip()[6:].strip()}"
-                raise ErrorAt(self._file, statement.line, 1, f"({comment})")(reason)
+                raise GcodeError(self._file, statement.line, 1, f"({comment})", reason)
 
     def _end_of_file(self) -> None:
         """Past the last line: the end of a main program, an error in a subprogram."""
         level = self.calls.current
         if len(self.calls.levels) > 1:
             ending = "M99" if level.jump is not None else f"o<{level.label}> endsub"
-            raise ErrorAt(self._file, level.source.body.stop - 1, 1, "end of file")(
-                f"the subprogram does not return: add {ending}"
-            )
+            reason = f"the subprogram does not return: add {ending}"
+            raise GcodeError(self._file, level.source.body.stop - 1, 1, "end of file", reason)
         self.ended = True
 
     def _count(self, blocks: int, line: int) -> None:
         self.blocks += blocks
         if self.blocks > self.limit:
-            raise ErrorAt(self._file, line, 1, "block")(
+            reason = (
                 f"more than {self.limit} blocks were executed, the program does not come to its "
                 "end: end the loop, or raise setup.block_limit of the machine's file"
             )
+            raise GcodeError(self._file, line, 1, "block", reason)
         if self.progress is not None and self.blocks - self.reported >= REPORT_EVERY:
             self.reported = self.blocks
             self.progress(self.blocks)

@@ -64,7 +64,7 @@ def test_words_of_a_line() -> None:
     ]
     assert line.comments == (b"in", b"out")
     assert (line.skip, line.code_start, line.end) == (2, 2, b"\r\n")
-    assert program.line(1).is_percent and not line.is_percent
+    assert [piece.kind for piece in program.line(1).pieces][0] == Kind.PERCENT
 
 
 def test_letters_with_a_comma() -> None:

@@ -111,13 +111,8 @@ class Cursor:
 
     def error(self, start: int, reason: str) -> GcodeError:
         """The error about what stands from code position ``start`` to the cursor."""
-        return GcodeError(
-            file=self.file,
-            line=self.line,
-            column=self.columns[start],
-            word=self.written(start) or "end of line",
-            reason=reason,
-        )
+        word = self.written(start) or "end of line"
+        return GcodeError(self.file, self.line, self.columns[start], word, reason)
 
 
 def _ascii_upper(text: str) -> str:

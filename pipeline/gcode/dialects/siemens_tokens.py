@@ -105,13 +105,8 @@ class TokenStream:
 
     def error(self, token: Token | None, reason: str) -> GcodeError:
         """The error about a token, or about the end of the line."""
-        return GcodeError(
-            file=self.file,
-            line=self.line,
-            column=token.column if token else 1,
-            word=token.text if token else "end of line",
-            reason=reason,
-        )
+        column, word = (token.column, token.text) if token else (1, "end of line")
+        return GcodeError(self.file, self.line, column, word, reason)
 
     def arguments(self) -> tuple[Expression, ...]:
         """Arguments up to the closing bracket of a call; one that is left out counts 0."""

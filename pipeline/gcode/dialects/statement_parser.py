@@ -143,19 +143,12 @@ class _LineParser:
         return self.cursor.error(start, reason)
 
     def _check_comments(self) -> None:
-        nested = next((c for c in self.cursor.comments if "(" in c), None)
-        if nested is not None and self.dialect == "linuxcnc" and f"({nested})" in self._source():
-            column = self._source().index(f"({nested})") + 1
-            raise GcodeError(
-                file=self.cursor.file,
-                line=self.line.number,
-                column=column,
-                word=f"({nested})",
-                reason="a comment holds another ( : LinuxCNC refuses this, delete the inner one",
-            )
-
-    def _source(self) -> str:
-        return self.cursor.source
+        word = next((f"({c})" for c in self.cursor.comments if "(" in c), None)
+        source = self.cursor.source
+        if word is not None and self.dialect == "linuxcnc" and word in source:
+            reason = "a comment holds another ( : LinuxCNC refuses this, delete the inner one"
+            column = source.index(word) + 1
+            raise GcodeError(self.cursor.file, self.line.number, column, word, reason)
 
 
 _VALUE = frozenset("0123456789.+-#[ABCDEFGHIJKLMNOPQRSTUVWXYZ")
