@@ -28,7 +28,7 @@ def outcome(program: Program, setup: Setup, compiled: bool) -> tuple[str, list[b
     except GcodeError as refused:
         error = str(refused)
     rows = interpreter.run.rows
-    return error, [array[: rows.count].tobytes() for array in rows.arrays], interpreter
+    return error, [array[: rows.count].tobytes() for array in rows.arrays.values()], interpreter
 
 
 def assert_equal_both_ways(program: Program, setup: Setup) -> Interpreter:
@@ -184,8 +184,8 @@ def test_consecutive_fast_lines_are_done_at_once() -> None:
     assert interpreter.blocks == len(lines)
     rows = interpreter.run.rows
     kinds = [Kind.FEED, Kind.FEED, Kind.ARC, Kind.ARC, Kind.FEED]
-    assert rows.arrays[0][: rows.count].tolist() == kinds
-    assert np.array_equal(rows.arrays[1][: rows.count], [1, 3, 4, 5, 6])
+    assert rows.arrays["kind"][: rows.count].tolist() == kinds
+    assert np.array_equal(rows.arrays["line"][: rows.count], [1, 3, 4, 5, 6])
 
 
 @pytest.mark.parametrize(

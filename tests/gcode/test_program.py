@@ -64,7 +64,7 @@ def test_words_of_a_line() -> None:
     ]
     assert line.comments == (b"in", b"out")
     assert (line.skip, line.code_start, line.end) == (2, 2, b"\r\n")
-    assert [piece.kind for piece in program.line(1).pieces][0] == Kind.PERCENT
+    assert next(program.line(1).pieces).kind == Kind.PERCENT
 
 
 def test_letters_with_a_comma() -> None:
