@@ -73,7 +73,7 @@ class Block:
         """Value of a word, which then counts as carried out; None where there is none."""
         return self.words.pop(letter, None)
 
-    def need(self, letter: str, what: str, item: WordItem) -> float:
+    def need(self, letter: str, what: str, item: WordItem | None) -> float:
         """Value of a word that ``what`` cannot do without."""
         value = self.words.pop(letter, None)
         if value is None:
@@ -98,6 +98,14 @@ class Block:
     def any_item(self) -> WordItem | None:
         """A word to point at when none in particular is wrong."""
         return self.ordered[0][0] if self.ordered else None
+
+    def take_axes(self, unit: float) -> dict[int, float]:
+        """Axis words taken, by axis [mm, deg]; ``unit`` is the program's of length [mm]."""
+        return {
+            axis: self.words.pop(letter) * (unit if axis < 3 else 1.0)
+            for letter, axis in AXES.items()
+            if letter in self.words
+        }
 
 
 @dataclass(slots=True)
