@@ -16,11 +16,8 @@ from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
 from pipeline.schema.cutting import CuttingModel
-from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
-from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Verdict
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut import CutJob
