@@ -119,11 +119,6 @@ def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
     return stiffness * angle + damping * speed
 
 
-def antiresonance(load_inertia: float, stiffness: float) -> float:
-    """Return sqrt(K / J_l) [rad/s]: the load swings against a motor that is held."""
-    return sqrt(stiffness / load_inertia)
-
-
 def resonance(motor_inertia: float, load_inertia: float, stiffness: float) -> float:
     """Return sqrt(K (1/J_m + 1/J_l)) [rad/s]: both swing against each other.
 
