@@ -109,13 +109,13 @@ class Source:
 
     def next_label(self, label: str, line: int, kinds: tuple[str, ...]) -> Label | None:
         """The next O-word of a label and one of some kinds."""
-        of_kind = (found for found in self.labels.get(label, ()) if found.control.kind in kinds)
-        return next((found for found in of_kind if found.line > line), None)
+        of_kind = (place for place in self.labels.get(label, ()) if place.control.kind in kinds)
+        return next((place for place in of_kind if place.line > line), None)
 
     def previous_label(self, label: str, line: int, kind: str) -> int | None:
         """Line of the last O-word of a label and a kind above a line."""
-        of_kind = (found for found in self.labels.get(label, ()) if found.control.kind == kind)
-        return max((found.line for found in of_kind if found.line < line), default=None)
+        of_kind = (place for place in self.labels.get(label, ()) if place.control.kind == kind)
+        return max((place.line for place in of_kind if place.line < line), default=None)
 
     def _heads(self, letter: str) -> dict[int, list[int]]:
         places: dict[int, list[int]] = {}
@@ -126,7 +126,7 @@ class Source:
 
     def _controls(self, pattern: re.Pattern[bytes]) -> list[Label]:
         """Flow control of the lines that look like it; what cannot be read is none."""
-        found = []
+        labels = []
         for line in self.body:
             if pattern.match(self.program.line(line).text) is None:
                 continue
@@ -135,8 +135,8 @@ class Source:
             except GcodeError:
                 continue  # said when the line is executed, if ever
             if control is not None:
-                found.append(Label(line, control))
-        return found
+                labels.append(Label(line, control))
+        return labels
 
 
 DEEPEST = 100
@@ -226,11 +226,11 @@ class CallStack:
         level = self.current
         if number is not None and (len(self.levels) == 1 or level.repeats_left == 0):
             target = self.levels[-2] if len(self.levels) > 1 else level
-            found = target.source.line_numbered(number, max(target.line - 1, 0))
-            if found is None:
+            place = target.source.line_numbered(number, max(target.line - 1, 0))
+            if place is None:
                 raise self._error(line, jump)(f"N{number} to return to is not in the program")
             self._leave()
-            self.current.line = found
+            self.current.line = place
             return True
         if len(self.levels) == 1:
             return False

@@ -321,7 +321,8 @@ def corner_between(
     if _inside(programmed, turn, rules, shift):
         return _inner(programmed, shifted, abs(turn), abs(shift))
     straight = all(element.centre is None for element in shifted)
-    if (rules.outer == "lines" and straight) or not _negligible(abs(turn), abs(start - end)):
+    negligible = abs(turn) <= NEARLY_TANGENT and abs(start - end) <= SMALLEST_GAP
+    if (rules.outer == "lines" and straight) or not negligible:
         return _outer(shifted, turn, shift, rules)
     return Corner(end=end, start=end)
 
@@ -332,10 +333,6 @@ def _inside(programmed: tuple[Element, Element], turn: float, rules: Rules, shif
     # the angle does not decide: the tool is inside where the later arc bends towards it
     bends = [element.angle for element in reversed(programmed) if element.centre is not None]
     return bool(bends) and bends[0] * shift < 0
-
-
-def _negligible(turn: float, gap: float) -> bool:
-    return turn <= NEARLY_TANGENT and gap <= SMALLEST_GAP
 
 
 def _inner(

@@ -107,10 +107,9 @@ class Interpreter:
         """Moves of the program, interpreted to its end."""
         while not self.ended:
             self._step()
-        run = self.run
+        run, origin = self.run, list(self.setup.initial_position)
         close_contour(run)
-        frames = tuple(run.frames)
-        return run.rows.moves(list(self.setup.initial_position), tuple(run.files), frames)
+        return run.rows.moves(origin, tuple(run.files), tuple(run.frames))
 
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":
@@ -155,7 +154,9 @@ class Interpreter:
             block = block_of(statement, self.run, self.variables, self._file)
         if statement.assignments:
             self.flow.assign(statement.assignments, statement.line)
-            self._stop_for_message(statement.line)
+            if isinstance(self.variables, FanucVariables) and self.variables.stops:
+                self.variables.stops = 0  # #3006 stops the program like M0
+                self.run.add_row(Kind.STOP, statement.line)
         if statement.comments and self.run.state.dialect == LINUXCNC:
             self._comments(statement)
         if block is not None:
@@ -188,12 +189,6 @@ class Interpreter:
             close_contour(run)
             run.add_row(Kind.END, block.line)
             self.ended = True
-
-    def _stop_for_message(self, line: int) -> None:
-        """#3006 stops the program like M0."""
-        if isinstance(self.variables, FanucVariables) and self.variables.stops:
-            self.variables.stops = 0
-            self.run.add_row(Kind.STOP, line)
 
     def _comments(self, statement: Statement) -> None:
         """(abort, …) ends the program as an error; what else comments do moves nothing."""

@@ -241,8 +241,8 @@ def sliding_friction(mode, speed, shafts):  # type: ignore[no-untyped-def]
     """Torque of the guideway's friction that slides in the direction ``mode`` [N m]."""
     side = shafts.positive if mode > 0.0 else shafts.negative
     s = max(mode * speed, 0.0)
-    dip = (side.static - side.coulomb) * exp(-((s / side.stribeck) ** 2))
-    return mode * (side.coulomb + dip + side.viscous * s)
+    stribeck = (side.static - side.coulomb) * exp(-((s / side.stribeck) ** 2))
+    return mode * (side.coulomb + stribeck + side.viscous * s)
 
 
 @compiled
