@@ -110,7 +110,7 @@ def _radius(run: Run, block: Block, code: int, item: WordItem) -> float:
 
 FOOT = 0.3048
 """Metres in a foot: S under G96 counts feet/minute where the program counts inches."""
-TURNING = {3: 1, 4: -1, 13: 1, 14: -1, 5: 0, 19: 0}
+SPINDLE_DIRECTION = {3: 1, 4: -1, 13: 1, 14: -1, 5: 0, 19: 0}
 """M code -> direction of the spindle."""
 
 
@@ -125,7 +125,7 @@ def spindle_word(run: Run, block: Block, item: WordItem) -> None:
     state.speed = value
     if state.constant_surface_speed and state.unit != 1.0:
         state.speed = value * FOOT
-    if state.direction and TURNING.keys().isdisjoint(block.m_codes):
+    if state.direction and SPINDLE_DIRECTION.keys().isdisjoint(block.m_codes):
         run.add_row(Kind.SPINDLE, block.line)
 
 
@@ -139,9 +139,9 @@ def spindle_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.state.constant_surface_speed = constant
 
 
-def turn(run: Run, block: Block, code: int, item: WordItem) -> None:
+def spindle_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     """M3, M4, M5, M13, M14 (with coolant) and M19."""
-    run.state.direction = TURNING[code]
+    run.state.direction = SPINDLE_DIRECTION[code]
     if code == 19:
         for letter in "RPQ":
             block.take(letter)
@@ -162,8 +162,8 @@ WITHOUT_MOTION = {
 
 def m_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     """Carry out one M code."""
-    if code in TURNING and (code <= 5 or code == 19 or run.state.dialect != LINUXCNC):
-        turn(run, block, code, item)
+    if code in SPINDLE_DIRECTION and (code <= 5 or code == 19 or run.state.dialect != LINUXCNC):
+        spindle_code(run, block, code, item)
     elif code in (0, 1):
         run.add_row(Kind.STOP, block.line, code=code)
     elif code in (2, 30) or (code == 17 and run.dialect == "siemens"):
