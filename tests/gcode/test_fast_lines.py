@@ -11,7 +11,7 @@ from pipeline.gcode.interpret import Interpreter
 from pipeline.gcode.moves import Kind
 from pipeline.gcode.program import Program, parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
-from tests.gcode.following import RECORDINGS, fuzzed, recorded, short
+from tests.gcode.following import RECORDINGS, fuzzed, long_in_proof, recorded, short
 
 FANUC = recorded("gcode/nist_d2mi/*.NC", "nist_box/programs/*.NC")
 LINUXCNC = recorded("gcode/linuxcnc/**/*.ngc")
@@ -44,7 +44,7 @@ def assert_equal_both_ways(program: Program, setup: Setup) -> Interpreter:
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="KERF_RECORDINGS names no folder")
-@pytest.mark.parametrize("path", FANUC + LINUXCNC, ids=short)
+@pytest.mark.parametrize("path", long_in_proof(FANUC + LINUXCNC), ids=short)
 def test_recorded_programs_are_the_same_bits(path: Path) -> None:
     dialect = "linuxcnc" if path in LINUXCNC else "fanuc"
     setup = Setup(

@@ -19,7 +19,7 @@ from pipeline.gcode.statements import (
     Unary,
     WordItem,
 )
-from tests.gcode.following import BYTES, PROGRAM, RECORDINGS, fuzzed, recorded, short
+from tests.gcode.following import BYTES, PROGRAM, RECORDINGS, fuzzed, long_in_proof, recorded, short
 
 LINUXCNC = recorded("gcode/linuxcnc/**/*.ngc")
 FANUC = recorded("gcode/nist_d2mi/*.NC", "nist_box/programs/*.NC")
@@ -170,7 +170,7 @@ def test_what_cannot_be_understood(dialect: str, text: str, told: str) -> None:
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="KERF_RECORDINGS names no folder")
-@pytest.mark.parametrize("path", LINUXCNC + FANUC, ids=short)
+@pytest.mark.parametrize("path", long_in_proof(LINUXCNC + FANUC), ids=short)
 def test_recorded_programs_are_understood(path: Path) -> None:
     program = read_program(path)
     told = []
