@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 from pipeline.gcode.moves import Frame
-from pipeline.gcode.setup import ZERO, Setup
+from pipeline.gcode.setup import ZERO
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -133,11 +133,6 @@ class Transform:
         if self.matrix is None:
             return shifted
         return [*_times(_inverse(self.matrix), shifted), *shifted[3:]]
-
-
-def offsets_of(setup: Setup) -> Offsets:
-    """Offsets at the start of a program."""
-    return Offsets(work={name: list(vector) for name, vector in setup.work_offsets.items()})
 
 
 def _scaling(offsets: Offsets) -> tuple[Matrix, list[float]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.modal import CANCELLED, DIALECTS, State
 from pipeline.gcode.moves import INCH, NO_CENTRE, Frame, Kind, PathMode, Rows
-from pipeline.gcode.offsets import Offsets, Transform, offsets_of
+from pipeline.gcode.offsets import Offsets, Transform
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.statements import WordItem
 
@@ -228,7 +228,7 @@ class Run:
     def __init__(self, setup: Setup, capacity: int) -> None:
         self.setup = setup
         self.dialect = setup.dialect
-        self.offsets: Offsets = offsets_of(setup)
+        self.offsets = Offsets(work={name: list(v) for name, v in setup.work_offsets.items()})
         self.rows = Rows(capacity)
         self.state = State(
             position=list(setup.initial_position),
