@@ -158,7 +158,7 @@ def _follow(
         y[drive_train.TH_M] = y[drive_train.TH_L] = target[0] / ratio
     out = np.empty((target.size, kernel.COLUMNS))
     reached = kernel.follow(
-        target, force * ratio, _periods(period, clock), _winding(drive), _shafts(drive),
+        target, force * ratio, _periods(period, clock), _winding(drive), shafts(drive),
         _settings(drive, steps, position), y, np.zeros(kernel.MEMORY),
         np.zeros((drive_train.WORK_ROWS, drive_train.STATES)), out,
     )  # fmt: skip
@@ -234,7 +234,7 @@ def _winding(drive: ThreeLoopParameters) -> drive_train.Winding:
     return drive_train.Winding(*(float(getattr(drive.motor, name)) for name in names))
 
 
-def _shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
+def shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
     """Return the parameters of the speeds; the guideway's friction about the screw."""
     motor, transmission, r = drive.motor, drive.transmission, drive.transmission.ratio
     rigid = isinf(transmission.stiffness)
