@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
@@ -109,17 +109,13 @@ class Source:
 
     def next_label(self, label: str, line: int, kinds: tuple[str, ...]) -> Label | None:
         """The next O-word of a label and one of some kinds."""
-        for found in self.labels.get(label, ()):
-            if found.line > line and found.control.kind in kinds:
-                return found
-        return None
+        of_kind = (place for place in self.labels.get(label, ()) if place.control.kind in kinds)
+        return next((place for place in of_kind if place.line > line), None)
 
-    def previous_label(self, label: str, line: int, kinds: tuple[str, ...]) -> Label | None:
-        """The last such O-word above a line."""
-        for found in reversed(self.labels.get(label, ())):
-            if found.line < line and found.control.kind in kinds:
-                return found
-        return None
+    def previous_label(self, label: str, line: int, kind: str) -> int | None:
+        """Line of the last O-word of a label and a kind above a line."""
+        of_kind = (place for place in self.labels.get(label, ()) if place.control.kind == kind)
+        return max((place.line for place in of_kind if place.line < line), default=None)
 
     def _heads(self, letter: str) -> dict[int, list[int]]:
         places: dict[int, list[int]] = {}
@@ -130,7 +126,7 @@ class Source:
 
     def _controls(self, pattern: re.Pattern[bytes]) -> list[Label]:
         """Flow control of the lines that look like it; what cannot be read is none."""
-        found = []
+        labels = []
         for line in self.body:
             if pattern.match(self.program.line(line).text) is None:
                 continue
@@ -139,8 +135,8 @@ class Source:
             except GcodeError:
                 continue  # said when the line is executed, if ever
             if control is not None:
-                found.append(Label(line, control))
-        return found
+                labels.append(Label(line, control))
+        return labels
 
 
 DEEPEST = 100
@@ -209,7 +205,10 @@ class CallStack:
             return
         error = self._error(line, jump)
         source, first = self._subprogram(jump.number or 0, error)
-        self._enter(source, first, error, jump=jump, repeats_left=jump.count - 1)
+        level = Level(
+            source=source, line=first, first=first, jump=jump, repeats_left=jump.count - 1
+        )
+        self._enter(level, error)
         if jump.arguments is not None:
             self.variables.enter(dict(jump.arguments))
 
@@ -219,7 +218,7 @@ class CallStack:
         """``o<name> call [..]``."""
         error = self._place(line, control.column, f"o<{label}> call")
         source, first = self._o_subroutine(label, error)
-        self._enter(source, first, error, label=label)
+        self._enter(Level(source=source, line=first, first=first, label=label), error)
         self.variables.enter({index + 1: value for index, value in enumerate(arguments)})
 
     def return_to_caller(self, number: int | None, line: int, jump: Jump | None) -> bool:
@@ -227,11 +226,11 @@ class CallStack:
         level = self.current
         if number is not None and (len(self.levels) == 1 or level.repeats_left == 0):
             target = self.levels[-2] if len(self.levels) > 1 else level
-            found = target.source.line_numbered(number, max(target.line - 1, 0))
-            if found is None:
+            place = target.source.line_numbered(number, max(target.line - 1, 0))
+            if place is None:
                 raise self._error(line, jump)(f"N{number} to return to is not in the program")
             self._leave()
-            self.current.line = found
+            self.current.line = place
             return True
         if len(self.levels) == 1:
             return False
@@ -246,30 +245,12 @@ class CallStack:
         self._leave()
         return True
 
-    def _enter(
-        self,
-        source: Source,
-        first: int,
-        error: ErrorAt,
-        *,
-        jump: Jump | None = None,
-        label: str | None = None,
-        repeats_left: int = 0,
-    ) -> None:
+    def _enter(self, level: Level, error: ErrorAt) -> None:
         if len(self.levels) >= DEEPEST:
             raise error(f"subprograms call each other {DEEPEST} levels deep: end the recursion")
-        self.levels.append(
-            Level(
-                source=source,
-                line=first,
-                first=first,
-                jump=jump,
-                label=label,
-                repeats_left=repeats_left,
-            )
-        )
+        self.levels.append(level)
         self.run.saved.append(None)
-        self.run.state.file = source.file
+        self.run.state.file = level.source.file
 
     def _leave(self) -> None:
         if len(self.levels) == 1:
@@ -330,4 +311,4 @@ class CallStack:
         return self._place(line, item.column if item else 1, item.text if item else "call")
 
     def _place(self, line: int, column: int, word: str) -> ErrorAt:
-        return ErrorAt(self.current.source.program.name, line, column, word)
+        return partial(GcodeError, self.current.source.program.name, line, column, word)

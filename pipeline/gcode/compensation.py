@@ -23,9 +23,6 @@ from itertools import pairwise
 from typing import Literal
 
 from pipeline.gcode.contour import (
-    END,
-    FILE,
-    LINE,
     CompensationError,
     Element,
     append_path,
@@ -118,15 +115,11 @@ def close_contour(run: Run) -> None:
     try:
         path = compensate(elements, side=contour.side, radius=contour.radius, dialect=run.dialect)
     except CompensationError as error:
-        raise GcodeError(
-            file=run.files[int(programmed.arrays[FILE][error.row])],
-            line=int(programmed.arrays[LINE][error.row]),
-            column=1,
-            word=contour.word,
-            reason=error.reason,
-        ) from None
+        file = run.files[int(programmed.arrays["file"][error.row])]
+        line = int(programmed.arrays["line"][error.row])
+        raise GcodeError(file, line, 1, contour.word, error.reason) from None
     append_path(run.rows, path, programmed, contour.start, contour.plane)
-    last = run.rows.arrays[END][run.rows.count - 1].tolist()
+    last = run.rows.arrays["end"][run.rows.count - 1].tolist()
     if last != run.state.position:
         run.compensated_position = last
 
@@ -328,7 +321,8 @@ def corner_between(
     if _inside(programmed, turn, rules, shift):
         return _inner(programmed, shifted, abs(turn), abs(shift))
     straight = all(element.centre is None for element in shifted)
-    if (rules.outer == "lines" and straight) or not _negligible(abs(turn), abs(start - end)):
+    negligible = abs(turn) <= NEARLY_TANGENT and abs(start - end) <= SMALLEST_GAP
+    if (rules.outer == "lines" and straight) or not negligible:
         return _outer(shifted, turn, shift, rules)
     return Corner(end=end, start=end)
 
@@ -339,10 +333,6 @@ def _inside(programmed: tuple[Element, Element], turn: float, rules: Rules, shif
     # the angle does not decide: the tool is inside where the later arc bends towards it
     bends = [element.angle for element in reversed(programmed) if element.centre is not None]
     return bool(bends) and bends[0] * shift < 0
-
-
-def _negligible(turn: float, gap: float) -> bool:
-    return turn <= NEARLY_TANGENT and gap <= SMALLEST_GAP
 
 
 def _inner(

@@ -7,7 +7,9 @@ import cmath
 import math
 from dataclasses import dataclass, replace
 
-from pipeline.gcode.moves import COLUMNS, NO_CENTRE, Kind, Rows
+import numpy as np
+
+from pipeline.gcode.moves import NO_CENTRE, Kind, Rows
 from pipeline.gcode.offsets import IN_PLANE
 
 SAME_ANGLE = 1e-7
@@ -181,23 +183,17 @@ def _circle_circle(c_1: complex, r_1: float, c_2: complex, r_2: float) -> list[c
 
 
 MOVING = (Kind.RAPID, Kind.FEED, Kind.ARC)
-KIND, LINE, FILE, END, CENTRE, ANGLE = (
-    list(COLUMNS).index(name) for name in ("kind", "line", "file", "end", "centre", "angle")
-)
 
 
 def elements_of(rows: Rows, start: tuple[float, ...], plane: int) -> list[Element]:
     """Elements of the rows that move, from a machine position ``start`` [mm, deg] on."""
     first, second, normal = IN_PLANE[plane]
-    kinds, ends, centres = rows.arrays[KIND], rows.arrays[END], rows.arrays[CENTRE]
     here = complex(start[first], start[second])
     elements = []
-    for row in range(rows.count):
-        kind = kinds[row]
-        if kind not in MOVING:
-            continue
-        end = ends[row].tolist()
-        centre = centres[row].tolist() if kind == Kind.ARC else None
+    for row in np.flatnonzero(np.isin(rows.arrays["kind"][: rows.count], MOVING)).tolist():
+        kind, end, centre, angle = (
+            rows.arrays[name][row].tolist() for name in ("kind", "end", "centre", "angle")
+        )
         there = complex(end[first], end[second])
         elements.append(
             Element(
@@ -205,9 +201,9 @@ def elements_of(rows: Rows, start: tuple[float, ...], plane: int) -> list[Elemen
                 end=there,
                 normal=end[normal],
                 row=row,
-                centre=None if centre is None else complex(centre[first], centre[second]),
-                angle=float(rows.arrays[ANGLE][row]),
-                rapid=bool(kind == Kind.RAPID),
+                centre=complex(centre[first], centre[second]) if kind == Kind.ARC else None,
+                angle=angle,
+                rapid=kind == Kind.RAPID,
             )
         )
         here = there
@@ -237,17 +233,18 @@ def append_path(
     pieces = iter(path)
     piece = next(pieces, None)
     for row in range(programmed.count):
-        if programmed.arrays[KIND][row] not in MOVING:
-            rows.copy(programmed, range(row, row + 1))
-            rows.arrays[END][rows.count - 1] = here
+        columns = tuple(array[row] for array in programmed.arrays.values())
+        if programmed.arrays["kind"][row] not in MOVING:
+            rows.append(columns)
+            rows.arrays["end"][rows.count - 1] = here
             continue
         while piece is not None and piece.row == row:
             level = here[normal]
             if not piece.inserted:
-                here = programmed.arrays[END][row].tolist()
+                here = programmed.arrays["end"][row].tolist()
             here[first], here[second] = piece.end.real, piece.end.imag
             here[normal] = piece.normal
-            rows.copy(programmed, range(row, row + 1))
+            rows.append(columns)
             _reshape(rows, here, piece, plane, level)
             piece = next(pieces, None)
 
@@ -260,8 +257,8 @@ def _reshape(rows: Rows, end: list[float], piece: Element, plane: int, level: fl
     if piece.centre is not None:
         centre[first], centre[second] = piece.centre.real, piece.centre.imag
         centre[normal] = level
-    rows.arrays[END][last] = end
-    rows.arrays[CENTRE][last] = centre
-    rows.arrays[ANGLE][last] = piece.angle if piece.centre is not None else 0.0
     straight = Kind.RAPID if piece.rapid else Kind.FEED
-    rows.arrays[KIND][last] = Kind.ARC if piece.centre is not None else straight
+    rows.arrays["end"][last] = end
+    rows.arrays["centre"][last] = centre
+    rows.arrays["angle"][last] = piece.angle if piece.centre is not None else 0.0
+    rows.arrays["kind"][last] = Kind.ARC if piece.centre is not None else straight

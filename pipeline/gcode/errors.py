@@ -1,6 +1,6 @@
 """Errors of part programs, with the place and the remedy."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 
 class GcodeError(ValueError):
@@ -18,23 +18,11 @@ class GcodeError(ValueError):
         Why, and what to do.
     """
 
-    def __init__(self, *, file: str, line: int, column: int, word: str, reason: str) -> None:
+    def __init__(self, file: str, line: int, column: int, word: str, reason: str) -> None:
         self.file, self.line, self.column = file, line, column
         self.word, self.reason = word, reason
         super().__init__(f"{file}:{line}:{column}: {word}: {reason}")
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorAt:
-    """Factory of errors about one place."""
-
-    file: str
-    line: int
-    column: int
-    word: str
-
-    def __call__(self, reason: str) -> GcodeError:
-        """The error with its reason."""
-        return GcodeError(
-            file=self.file, line=self.line, column=self.column, word=self.word, reason=reason
-        )
+ErrorAt = Callable[[str], GcodeError]
+"""Error about one place, from its reason."""

@@ -25,7 +25,7 @@ from pipeline.gcode.fast_words import (
 )
 from pipeline.gcode.geometry import LINUXCNC_R_TOLERANCE, LINUXCNC_TOLERANCE, RELATIVE_RADIUS
 from pipeline.gcode.modal import FANUC, LINUXCNC, SIEMENS, State
-from pipeline.gcode.moves import COLUMNS, INCH, FeedMode, Kind
+from pipeline.gcode.moves import INCH, FeedMode, Kind
 from pipeline.gcode.program import Program
 from pipeline.gcode.run import Run
 from pipeline.gcode.scanner import Bytes
@@ -93,7 +93,6 @@ def run_fast_lines(
         return number
     rows, tokens = run.rows, program.tokens
     rows.reserve(stop - number)
-    named = list(zip(COLUMNS, rows.arrays, strict=True))
     floats, integers = run.state.to_arrays()
     line, count = follow(
         np.frombuffer(program.data, dtype=np.uint8),
@@ -103,15 +102,14 @@ def run_fast_lines(
         integers,
         _choices(run),
         table_of(_table_variables(variables) if (content == 1).any() else {}),
-        tuple(column for name, column in named if name in VARYING),
+        tuple(rows.arrays[name] for name in VARYING),
         rows.count,
         np.empty(WIDTH),
     )
     if count > rows.count:
         run.compensated_position = None
-        for name, column in named:
-            if name not in VARYING:
-                column[rows.count : count] = _constant(name, run.state)
+        for name in rows.arrays.keys() - set(VARYING):
+            rows.arrays[name][rows.count : count] = _constant(name, run.state)
     rows.count = count
     run.state.from_arrays(floats, integers)
     if run.state.dialect == FANUC:

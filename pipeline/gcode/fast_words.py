@@ -16,34 +16,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.gcode.scanner import (
-    BLANK,
-    CLOSE_BRACKET,
-    COMMENT,
-    GREATER,
-    HASH,
-    LESS,
-    LETTER_A,
-    LINE_END,
-    MINUS,
-    OPEN,
-    OPEN_BRACKET,
-    PLUS,
-    POINT,
-    REMARK,
-    SLASH,
-    STAR,
-    VALUED,
-    WORD,
-    Bytes,
-    after_blanks,
-    holds,
-    is_blank,
-    is_digit,
-    is_letter,
-    lower,
-    number,
-)
+from pipeline.gcode import scanner
+from pipeline.gcode.scanner import Bytes, after_blanks, is_letter
 from pipeline.gcode.statements import LARGEST
 from pipeline.kernels import compiled
 from pipeline.schema.arrays import Floats, Ints
@@ -115,16 +89,16 @@ def value_of(data: Bytes, at: int, end: int, table: Table, stacks: Floats) -> fl
 def operator_of(data: Bytes, at: int, end: int) -> float:
     """The operator at ``at``, ``BRACKET`` for ``]``, -1 for anything else."""
     c = data[at]
-    if c == PLUS:
+    if c == scanner.PLUS:
         return ADD
-    if c == MINUS:
+    if c == scanner.MINUS:
         return SUBTRACT
-    if c == SLASH:
+    if c == scanner.SLASH:
         return DIVIDE
-    if c == CLOSE_BRACKET:
+    if c == scanner.CLOSE_BRACKET:
         return BRACKET
     after = after_blanks(data, at + 1)
-    if c == STAR and not (after < end and data[after] == STAR):
+    if c == scanner.STAR and not (after < end and data[after] == scanner.STAR):
         return MULTIPLY
     return -1.0
 
@@ -169,18 +143,18 @@ def combined(left: float, right: float, operator: float) -> float:
 def operand(data: Bytes, at: int, end: int, table: Table) -> tuple[int, float, float]:
     """End of the operand at ``at``, its value, and the bracket that it opens or -1."""
     negative = False
-    while at < end and data[at] in (PLUS, MINUS):
-        negative = negative != (data[at] == MINUS)
+    while at < end and data[at] in (scanner.PLUS, scanner.MINUS):
+        negative = negative != (data[at] == scanner.MINUS)
         at = after_blanks(data, at + 1)
     if at >= end:
         return at, np.nan, -1.0
     c = data[at]
-    if c == OPEN_BRACKET:
+    if c == scanner.OPEN_BRACKET:
         return at + 1, np.nan, NEGATIVE_BRACKET if negative else BRACKET
     value = np.nan
-    if is_digit(c) or c == POINT:
-        at, value = number(data, at)
-    elif c == HASH:
+    if scanner.is_digit(c) or c == scanner.POINT:
+        at, value = scanner.number(data, at)
+    elif c == scanner.HASH:
         at, value = variable(data, after_blanks(data, at + 1), end, table)
     if not abs(value) <= LARGEST:
         value = np.nan
@@ -191,17 +165,17 @@ def operand(data: Bytes, at: int, end: int, table: Table) -> tuple[int, float, f
 def variable(data: Bytes, at: int, end: int, table: Table) -> tuple[int, float]:
     """End of the name or number of a variable, and the variable's value or NaN."""
     texts, ends, numbers, values = table
-    if at < end and data[at] == LESS:
+    if at < end and data[at] == scanner.LESS:
         close = at + 1
-        while close < end and data[close] != GREATER:
+        while close < end and data[close] != scanner.GREATER:
             close += 1
         begin = 0
         for index in range(len(ends)):
             if same_name(data, at + 1, close, texts, begin, ends[index]):
                 return close + 1, values[index]
             begin = ends[index]
-    elif at < end and is_digit(data[at]):
-        close, key = number(data, at)
+    elif at < end and scanner.is_digit(data[at]):
+        close, key = scanner.number(data, at)
         for index in range(len(numbers)):
             if numbers[index] == key:
                 return close, values[len(ends) + index]
@@ -212,8 +186,8 @@ def variable(data: Bytes, at: int, end: int, table: Table) -> tuple[int, float]:
 def same_name(data: Bytes, at: int, end: int, texts: Bytes, begin: int, stop: int) -> bool:
     """Whether a name as written is the name ``texts[begin:stop]``."""
     while at < end:
-        if not is_blank(data[at]):
-            if begin == stop or lower(data[at]) != texts[begin]:
+        if not scanner.is_blank(data[at]):
+            if begin == stop or scanner.lower(data[at]) != texts[begin]:
                 return False
             begin += 1
         at += 1
@@ -268,16 +242,16 @@ def read_words(
     for index in range(first[line - 1], first[line]):
         begin, end = start[index], start[index + 1]
         what = kind[index]
-        if what in (WORD, VALUED):
+        if what in (scanner.WORD, scanner.VALUED):
             number = value[index]
-            if what == VALUED and expressions:
+            if what == scanner.VALUED and expressions:
                 number = value_of(data, begin + 1, end, table, words[STACK_START:])
             if not _keep(data[begin], number, words):
                 return False
-        elif what in (COMMENT, REMARK):
+        elif what in (scanner.COMMENT, scanner.REMARK):
             if linuxcnc and _acts(data, begin, end):
                 return False
-        elif what not in (BLANK, LINE_END):
+        elif what not in (scanner.BLANK, scanner.LINE_END):
             return False
     return True
 
@@ -286,8 +260,10 @@ def read_words(
 def _acts(data: Bytes, start: int, end: int) -> bool:
     """Whether a comment is more to LinuxCNC: ``(abort, …)``, or an error, ``(`` in a comment."""
     first = after_blanks(data, start + 1)
-    named = first < end and data[first] & 0xDF == LETTER_A
-    return named or (data[start] == OPEN and holds(data, start + 1, end, OPEN))
+    named = first < end and data[first] & 0xDF == scanner.LETTER_A
+    return named or (
+        data[start] == scanner.OPEN and scanner.holds(data, start + 1, end, scanner.OPEN)
+    )
 
 
 @compiled
@@ -303,7 +279,7 @@ def _keep(letter: int, value: float, words: Words) -> bool:
     """Put a word into its place; whether it is plain and the place was free."""
     if not is_letter(letter) or not abs(value) <= LARGEST:
         return False
-    place = (letter & 0xDF) - LETTER_A
+    place = (letter & 0xDF) - scanner.LETTER_A
     if place == G:
         if not 0 <= value < len(PLACES) or value != int(value):
             return False
@@ -327,7 +303,9 @@ def scale_increments(data: Bytes, tokens: TokenArrays, line: int, inch: bool, wo
         letter = data[start[index]]
         if not is_letter(letter):
             continue
-        place = (letter & 0xDF) - LETTER_A
-        if INCREMENTS[place] and not holds(data, start[index], start[index + 1], POINT):
+        place = (letter & 0xDF) - scanner.LETTER_A
+        if INCREMENTS[place] and not scanner.holds(
+            data, start[index], start[index + 1], scanner.POINT
+        ):
             rotary = A <= place <= C
             words[place] *= 1e-4 if inch and not rotary else 1e-3

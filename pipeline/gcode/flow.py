@@ -1,9 +1,9 @@
 """Flow control: Macro B's IF, WHILE, DO, GOTO and LinuxCNC's O-words."""
 
-from collections.abc import Callable
+from functools import partial
 
 from pipeline.gcode.calls import CallStack
-from pipeline.gcode.errors import ErrorAt
+from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.statements import (
     Assignment,
     Control,
@@ -52,10 +52,57 @@ class Flow:
     def follow(self, statement: Statement, control: Control) -> None:
         """Go where the statement leads."""
         at = self._at(statement.line, control.column, control.kind.replace("_", " ").upper())
-        _CONTROLS[control.kind](self, statement, control, at)
+        if control.kind in ("goto", "if_goto", "if_then", "while_do", "end") or (
+            control.kind == "do" and not isinstance(control.label, str)
+        ):
+            self._macro(control, statement.line, at)
+        elif control.kind in ("program", "endsub", "return", "call"):
+            self._subroutine(control, statement.line, at)
+        elif control.kind != "endif":
+            self._o_word(control, self._label(control, at), statement.line, at)
+
+    def _macro(self, control: Control, line: int, at: ErrorAt) -> None:
+        """Macro B."""
+        level = self.calls.current
+        match control.kind:
+            case "goto":
+                self._goto(control, line, at)
+            case "if_goto":
+                if self._value(control.condition, at):
+                    self._goto(control, line, at)
+            case "if_then":
+                if self._value(control.condition, at):
+                    self.assign(control.then, line)
+            case "while_do":
+                end = self._partner(line, at)
+                if not self._value(control.condition, at):
+                    level.line = end + 1
+            case "do":
+                self._partner(line, at)
+            case "end":
+                level.line = self._partner(line, at)
+
+    def _subroutine(self, control: Control, line: int, at: ErrorAt) -> None:
+        """Call and return of an O-word subroutine; the head of a numbered program."""
+        level = self.calls.current
+        if control.kind == "program":
+            if line not in (level.first, level.source.section(level.first).start):
+                raise at(
+                    "the program runs into the next one in the file: end it with M30 or M99 before"
+                )
+        elif control.kind == "call":
+            arguments = [self._value(argument, at) for argument in control.arguments]
+            self.calls.call_subroutine(control, self._label(control, at), arguments, line)
+        else:
+            value = self._value(control.condition, at)
+            if level.label is None:
+                raise at("no O-word subroutine runs here: call it, do not run into it")
+            self.calls.return_to_caller(None, line, None)
+            self.parameters.write("_value", value)
+            self.parameters.write("_value_returned", float(control.condition is not None))
 
     def _at(self, line: int, column: int, word: str) -> ErrorAt:
-        return ErrorAt(self.calls.current.source.program.name, line, column, word)
+        return partial(GcodeError, self.calls.current.source.program.name, line, column, word)
 
     def _value(self, expression: Expression | None, at: ErrorAt) -> float:
         if expression is None:
@@ -65,23 +112,15 @@ class Flow:
         except ExpressionError as error:
             raise at(str(error)) from None
 
-    def _goto(self, statement: Statement, control: Control, at: ErrorAt) -> None:
+    def _goto(self, control: Control, line: int, at: ErrorAt) -> None:
         if not isinstance(control.label, str) and control.label is not None:
             number = self._value(control.label, at)
             if not 0 <= number < LONGEST_LABEL or number != int(number):
                 raise at(f"GOTO {number:g} is no N word: give a whole number")
-            target = self.calls.current.source.line_numbered(int(number), statement.line)
+            target = self.calls.current.source.line_numbered(int(number), line)
             if target is None:
                 raise at(f"N{int(number)} is not in the program: add it or correct the GOTO")
             self.calls.current.line = target
-
-    def _if_goto(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        if self._value(control.condition, at):
-            self._goto(statement, control, at)
-
-    def _if_then(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        if self._value(control.condition, at):
-            self.assign(control.then, statement.line)
 
     def _partner(self, line: int, at: ErrorAt) -> int:
         partner = self.calls.current.source.loops.get(line)
@@ -89,27 +128,36 @@ class Flow:
             raise at("WHILE … DO and END do not match: add the missing one with the same number")
         return partner
 
-    def _while_do(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        end = self._partner(statement.line, at)
-        if not self._value(control.condition, at):
-            self.calls.current.line = end + 1
-
-    def _do(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        self._partner(statement.line, at)
-
-    def _end(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        self.calls.current.line = self._partner(statement.line, at)
-
-    def _program(self, statement: Statement, control: Control, at: ErrorAt) -> None:
+    def _o_word(self, control: Control, label: str, line: int, at: ErrorAt) -> None:
+        """Loops and branches of LinuxCNC; a subroutine's definition is passed over."""
         level = self.calls.current
-        if level.first != statement.line and level.source.section(level.first).start != (
-            statement.line
-        ):
-            raise at(
-                "the program runs into the next one in the file: end it with M30 or M99 before"
-            )
-
-    # O-words of LinuxCNC
+        match control.kind:
+            case "sub":
+                level.line = self._forward(label, line, ("endsub",), at) + 1
+            case "if":
+                self._branch(control, label, line, at)
+            case "elseif" | "else":
+                level.line = self._forward(label, line, ("endif",), at) + 1
+            case "do":
+                level.loops[label] = line
+            case "while":
+                self._while(control, label, line, at)
+            case "endwhile":
+                level.line = self._start("while", label, line, at)
+            case "repeat":
+                self._repeat(control, label, line, at)
+            case "endrepeat":
+                start = self._start("repeat", label, line, at)
+                level.loops[label] -= 1
+                if level.loops[label] > 0:
+                    level.line = start + 1
+                else:
+                    del level.loops[label]
+            case "break" | "continue":
+                level.line = self._forward(label, line, ("endwhile", "endrepeat", "while"), at)
+                if control.kind == "break":
+                    level.line += 1
+                    level.loops.pop(label, None)
 
     def _label(self, control: Control, at: ErrorAt) -> str:
         if isinstance(control.label, str):
@@ -125,24 +173,26 @@ class Flow:
             raise at(f"o<{label}> has no {' or '.join(kinds)} after it: add one")
         return target.line
 
-    def _sub(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label = self._label(control, at)
-        self.calls.current.line = self._forward(label, statement.line, ("endsub",), at) + 1
+    def _start(self, kind: str, label: str, line: int, at: ErrorAt) -> int:
+        """Line of the while or repeat that an end belongs to."""
+        level = self.calls.current
+        start = level.source.previous_label(label, line, kind)
+        if start is None or (kind == "repeat" and label not in level.loops):
+            raise at(f"o<{label}> end{kind} has no {kind} before it: add one")
+        return start
 
-    def _call(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        arguments = [self._value(argument, at) for argument in control.arguments]
-        self.calls.call_subroutine(control, self._label(control, at), arguments, statement.line)
+    def _repeat(self, control: Control, label: str, line: int, at: ErrorAt) -> None:
+        count = self._value(control.condition, at)
+        end = self._forward(label, line, ("endrepeat",), at)
+        if count > MOST_REPEATS:
+            raise at(f"repeat {count:g} does not end: give a smaller count")
+        if count < 1:
+            self.calls.current.line = end + 1
+        else:
+            self.calls.current.loops[label] = int(count)
 
-    def _return(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        value = self._value(control.condition, at)
-        if self.calls.current.label is None:
-            raise at("no O-word subroutine runs here: call it, do not run into it")
-        self.calls.return_to_caller(None, statement.line, None)
-        self.parameters.write("_value", value)
-        self.parameters.write("_value_returned", float(control.condition is not None))
-
-    def _if(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, line = self._label(control, at), statement.line
+    def _branch(self, control: Control, label: str, line: int, at: ErrorAt) -> None:
+        """To the first branch of an if whose condition holds."""
         taken = self._value(control.condition, at) != 0
         while not taken:
             target = self.calls.current.source.next_label(label, line, ("elseif", "else", "endif"))
@@ -154,12 +204,8 @@ class Flow:
             )
             self.calls.current.line = line + 1
 
-    def _else(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label = self._label(control, at)
-        self.calls.current.line = self._forward(label, statement.line, ("endif",), at) + 1
-
-    def _while(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.current
+    def _while(self, control: Control, label: str, line: int, at: ErrorAt) -> None:
+        level = self.calls.current
         true = self._value(control.condition, at) != 0
         if label in level.loops:  # the while that ends a do
             if true:
@@ -167,77 +213,4 @@ class Flow:
             else:
                 del level.loops[label]
         elif not true:
-            level.line = self._forward(label, statement.line, ("endwhile",), at) + 1
-
-    def _endwhile(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.current
-        target = level.source.previous_label(label, statement.line, ("while",))
-        if target is None:
-            raise at(f"o<{label}> endwhile has no while before it: add one")
-        level.line = target.line
-
-    def _o_do(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        self.calls.current.loops[self._label(control, at)] = statement.line
-
-    def _repeat(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.current
-        count = self._value(control.condition, at)
-        end = self._forward(label, statement.line, ("endrepeat",), at)
-        if count > MOST_REPEATS:
-            raise at(f"repeat {count:g} does not end: give a smaller count")
-        if count < 1:
-            level.line = end + 1
-        else:
-            level.loops[label] = int(count)
-
-    def _endrepeat(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.current
-        target = level.source.previous_label(label, statement.line, ("repeat",))
-        if target is None or label not in level.loops:
-            raise at(f"o<{label}> endrepeat has no repeat before it: add one")
-        level.loops[label] -= 1
-        if level.loops[label] > 0:
-            level.line = target.line + 1
-        else:
-            del level.loops[label]
-
-    def _break(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.current
-        kinds = ("endwhile", "endrepeat", "while")
-        level.line = self._forward(label, statement.line, kinds, at) + 1
-        level.loops.pop(label, None)
-
-    def _continue(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        label, level = self._label(control, at), self.calls.current
-        kinds = ("endwhile", "endrepeat", "while")
-        level.line = self._forward(label, statement.line, kinds, at)
-
-    def _nothing(self, statement: Statement, control: Control, at: ErrorAt) -> None:
-        """An endif that is reached."""
-
-
-_CONTROLS: dict[str, Callable[[Flow, Statement, Control, ErrorAt], None]] = {
-    "goto": Flow._goto,
-    "if_goto": Flow._if_goto,
-    "if_then": Flow._if_then,
-    "while_do": Flow._while_do,
-    "do": lambda flow, statement, control, at: (
-        Flow._o_do if isinstance(control.label, str) else Flow._do
-    )(flow, statement, control, at),
-    "end": Flow._end,
-    "program": Flow._program,
-    "sub": Flow._sub,
-    "endsub": Flow._return,
-    "return": Flow._return,
-    "call": Flow._call,
-    "if": Flow._if,
-    "elseif": Flow._else,
-    "else": Flow._else,
-    "endif": Flow._nothing,
-    "while": Flow._while,
-    "endwhile": Flow._endwhile,
-    "repeat": Flow._repeat,
-    "endrepeat": Flow._endrepeat,
-    "break": Flow._break,
-    "continue": Flow._continue,
-}
+            level.line = self._forward(label, line, ("endwhile",), at) + 1

@@ -19,7 +19,6 @@ SAME_DIRECTION = 1e-12
 """An arc that would sweep less is a full circle [rad]: rounding of coordinates of some metres."""
 SEMICIRCLE = 1e-9
 """A half chord this much (relative) below the radius counts as a semicircle."""
-HALF_TURN = math.pi / 2
 
 
 def distance(u: float, v: float) -> float:

@@ -11,7 +11,7 @@ from pipeline.gcode.compensation import close_contour
 from pipeline.gcode.dialects.siemens import SiemensReader
 from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
-from pipeline.gcode.errors import ErrorAt
+from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.fast_lines import run_fast_lines
 from pipeline.gcode.flow import Flow
 from pipeline.gcode.modal import CANCELLED, LINUXCNC
@@ -107,10 +107,9 @@ class Interpreter:
         """Moves of the program, interpreted to its end."""
         while not self.ended:
             self._step()
-        run = self.run
+        run, origin = self.run, list(self.setup.initial_position)
         close_contour(run)
-        frames = tuple(run.frames)
-        return run.rows.moves(list(self.setup.initial_position), tuple(run.files), frames)
+        return run.rows.moves(origin, tuple(run.files), tuple(run.frames))
 
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":
@@ -155,7 +154,9 @@ class Interpreter:
             block = block_of(statement, self.run, self.variables, self._file)
         if statement.assignments:
             self.flow.assign(statement.assignments, statement.line)
-            self._stop_for_message(statement.line)
+            if isinstance(self.variables, FanucVariables) and self.variables.stops:
+                self.variables.stops = 0  # #3006 stops the program like M0
+                self.run.add_row(Kind.STOP, statement.line)
         if statement.comments and self.run.state.dialect == LINUXCNC:
             self._comments(statement)
         if block is not None:
@@ -189,36 +190,30 @@ class Interpreter:
             run.add_row(Kind.END, block.line)
             self.ended = True
 
-    def _stop_for_message(self, line: int) -> None:
-        """#3006 stops the program like M0."""
-        if isinstance(self.variables, FanucVariables) and self.variables.stops:
-            self.variables.stops = 0
-            self.run.add_row(Kind.STOP, line)
-
     def _comments(self, statement: Statement) -> None:
         """(abort, …) ends the program as an error; what else comments do moves nothing."""
         for comment in statement.comments:
             if comment.strip().lower().startswith("abort,"):
                 reason = f"the program ends itself: {comment.strip()[6:].strip()}"
-                raise ErrorAt(self._file, statement.line, 1, f"({comment})")(reason)
+                raise GcodeError(self._file, statement.line, 1, f"({comment})", reason)
 
     def _end_of_file(self) -> None:
         """Past the last line: the end of a main program, an error in a subprogram."""
         level = self.calls.current
         if len(self.calls.levels) > 1:
             ending = "M99" if level.jump is not None else f"o<{level.label}> endsub"
-            raise ErrorAt(self._file, level.source.body.stop - 1, 1, "end of file")(
-                f"the subprogram does not return: add {ending}"
-            )
+            reason = f"the subprogram does not return: add {ending}"
+            raise GcodeError(self._file, level.source.body.stop - 1, 1, "end of file", reason)
         self.ended = True
 
     def _count(self, blocks: int, line: int) -> None:
         self.blocks += blocks
         if self.blocks > self.limit:
-            raise ErrorAt(self._file, line, 1, "block")(
+            reason = (
                 f"more than {self.limit} blocks were executed, the program does not come to its "
                 "end: end the loop, or raise setup.block_limit of the machine's file"
             )
+            raise GcodeError(self._file, line, 1, "block", reason)
         if self.progress is not None and self.blocks - self.reported >= REPORT_EVERY:
             self.reported = self.blocks
             self.progress(self.blocks)

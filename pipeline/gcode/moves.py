@@ -6,9 +6,9 @@ repeats the position.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -162,9 +162,7 @@ class Moves:
 
     def columns(self) -> Iterator[tuple[str, npt.NDArray[np.generic]]]:
         """Name and array of each column."""
-        for field in fields(self):
-            if field.name not in ("origin", "files", "frames"):
-                yield field.name, getattr(self, field.name)
+        return ((name, getattr(self, name)) for name in COLUMNS)
 
     @property
     def start(self) -> npt.NDArray[np.float64]:
@@ -216,25 +214,11 @@ _NORMAL[[17, 18, 19]] = [2, 1, 0]
 _IN_PLANE = np.zeros((20, 2), dtype=np.intp)
 _IN_PLANE[[17, 18, 19]] = [[0, 1], [2, 0], [1, 2]]
 
+_WIDTHS = {"end": 6, "centre": 3}
 COLUMNS: dict[str, tuple[type[Any], int]] = {
-    "kind": (np.uint8, 0),
-    "line": (np.int32, 0),
-    "file": (np.int16, 0),
-    "end": (np.float64, 6),
-    "centre": (np.float64, 3),
-    "angle": (np.float64, 0),
-    "plane": (np.uint8, 0),
-    "feed": (np.float64, 0),
-    "feed_mode": (np.uint8, 0),
-    "speed": (np.float64, 0),
-    "direction": (np.int8, 0),
-    "constant_surface_speed": (np.bool_, 0),
-    "tool": (np.int32, 0),
-    "frame": (np.int32, 0),
-    "path_mode": (np.uint8, 0),
-    "tolerance": (np.float64, 0),
-    "code": (np.int32, 0),
-    "value": (np.float64, 0),
+    name: (get_args(get_args(hint)[1])[0], _WIDTHS.get(name, 0))
+    for name, hint in get_type_hints(Moves).items()
+    if name not in ("origin", "files", "frames")
 }
 """Name -> type, and the length of its second axis (0 where there is none)."""
 NO_CENTRE = (np.nan, np.nan, np.nan)
@@ -252,43 +236,37 @@ class Rows:
     def __init__(self, capacity: int) -> None:
         self.count = 0
         self.capacity = max(capacity, 16)
-        self.arrays: tuple[npt.NDArray[Any], ...] = tuple(
-            np.empty((self.capacity, width) if width else self.capacity, dtype=kind)
-            for kind, width in COLUMNS.values()
-        )
+        self.arrays: dict[str, npt.NDArray[Any]] = {
+            name: np.empty((self.capacity, width) if width else self.capacity, dtype=kind)
+            for name, (kind, width) in COLUMNS.items()
+        }
 
     def reserve(self, rows: int) -> None:
         """Grow the columns for ``rows`` more."""
         if self.count + rows <= self.capacity:
             return
         self.capacity = max(self.count + rows, self.capacity * 2)
-        grown = []
-        for array in self.arrays:
+        for name, array in self.arrays.items():
             larger = np.empty((self.capacity, *array.shape[1:]), dtype=array.dtype)
             larger[: self.count] = array[: self.count]
-            grown.append(larger)
-        self.arrays = tuple(grown)
+            self.arrays[name] = larger
 
     def append(self, row: tuple[Any, ...]) -> None:
         """One row more: a value for each of :data:`COLUMNS`, in their order."""
         if self.count == self.capacity:
             self.reserve(1)
         count = self.count
-        for array, item in zip(self.arrays, row, strict=True):
+        for array, item in zip(self.arrays.values(), row, strict=True):
             array[count] = item
         self.count = count + 1
 
-    def copy(self, other: "Rows", rows: range) -> None:
-        """Append rows of another."""
-        self.reserve(len(rows))
-        for array, source in zip(self.arrays, other.arrays, strict=True):
-            array[self.count : self.count + len(rows)] = source[rows.start : rows.stop]
-        self.count += len(rows)
-
     def cut(self, first: int) -> "Rows":
         """Take the rows from ``first`` on away and return them."""
-        tail = Rows(self.count - first)
-        tail.copy(self, range(first, self.count))
+        tail = Rows(0)
+        tail.arrays = {
+            name: array[first : self.count].copy() for name, array in self.arrays.items()
+        }
+        tail.count = tail.capacity = self.count - first
         self.count = first
         return tail
 
@@ -296,8 +274,6 @@ class Rows:
         self, origin: list[float], files: tuple[str, ...], frames: tuple[Frame, ...]
     ) -> Moves:
         """Rows written so far, as :class:`Moves`."""
-        columns: dict[str, Any] = {
-            name: array[: self.count] for name, array in zip(COLUMNS, self.arrays, strict=True)
-        }
+        columns: dict[str, Any] = {name: a[: self.count] for name, a in self.arrays.items()}
         start = np.array(origin, dtype=np.float64)
         return Moves(origin=start, files=files, frames=frames, **columns)

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 from pipeline.gcode.moves import Frame
-from pipeline.gcode.setup import ZERO, Setup
+from pipeline.gcode.setup import ZERO
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -59,15 +59,6 @@ class Offsets:
     mirror_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
     polar: bool = False
 
-    def work_offset(self) -> list[float]:
-        """Work offset in force with the external one."""
-        work, external = self.work.get(self.active, ZERO), self.work.get("EXT", ZERO)
-        return [a + b for a, b in zip(work, external, strict=True)]
-
-    def local_shift(self) -> list[float]:
-        """G52 and G92 together."""
-        return [a + b for a, b in zip(self.g52, self.g92, strict=True)]
-
     @property
     def work_rotation(self) -> float:
         """Rotation of the work coordinate system in force [deg]."""
@@ -85,8 +76,9 @@ class Offsets:
 
     def transform(self) -> "Transform":
         """Transformation from program to machine that is in force."""
-        base, local = self.work_offset(), self.local_shift()
-        outer = [a + b for a, b in zip(base, self.length, strict=True)]
+        work, external = self.work.get(self.active, ZERO), self.work.get("EXT", ZERO)
+        local = [a + b for a, b in zip(self.g52, self.g92, strict=True)]
+        outer = [a + b + c for a, b, c in zip(work, external, self.length, strict=True)]
         translation = [a + b for a, b in zip(outer, local, strict=True)]
         if self.is_translation:
             return Transform(None, translation)
@@ -100,10 +92,10 @@ class Offsets:
             a + b
             for a, b in zip(_about(turn, centre_of_rotation), _times(turn, shift), strict=True)
         ]
-        work = _rotation(self.work_rotation, 17)
+        rotation = _rotation(self.work_rotation, 17)
         shift = [a + b for a, b in zip(shift, local, strict=False)]
-        shift = [a + b for a, b in zip(_times(work, shift), outer, strict=False)]
-        return Transform(_product(work, matrix), [*shift, *translation[3:]])
+        shift = [a + b for a, b in zip(_times(rotation, shift), outer, strict=False)]
+        return Transform(_product(rotation, matrix), [*shift, *translation[3:]])
 
     def frame(self, transform: "Transform") -> Frame:
         """Frame as :class:`~pipeline.gcode.moves.Moves` lists it."""
@@ -141,11 +133,6 @@ class Transform:
         if self.matrix is None:
             return shifted
         return [*_times(_inverse(self.matrix), shifted), *shifted[3:]]
-
-
-def offsets_of(setup: Setup) -> Offsets:
-    """Offsets at the start of a program."""
-    return Offsets(work={name: list(vector) for name, vector in setup.work_offsets.items()})
 
 
 def _scaling(offsets: Offsets) -> tuple[Matrix, list[float]]:

@@ -69,9 +69,7 @@ def tokens(data: bytes, name: str) -> Tokens:
         If it has 2 GiB or more.
     """
     if len(data) >= 2**31 - 1:
-        raise GcodeError(
-            file=name, line=0, column=0, word=f"{len(data)} bytes", reason="cut it: 2 GiB at most"
-        )
+        raise GcodeError(name, 0, 0, f"{len(data)} bytes", "cut it: 2 GiB at most")
     capacity = len(data) + 1
     kind = np.empty(capacity, dtype=np.uint8)
     start, first = np.empty(capacity, dtype=np.int32), np.empty(capacity, dtype=np.int32)
@@ -198,25 +196,19 @@ class Line:
     @property
     def skip(self) -> int | None:
         """Level of block skip: 1 for ``/``, 2 for ``/2``; None where the line has none."""
-        at = self._head()
-        skips = at < self._last and self._tokens.kind[at] == TokenKind.SKIP
+        at, skips = self._head()
         return int(self._tokens.value[at]) if skips else None
 
     @property
     def code_start(self) -> int:
         """Start of the code in ``text``: behind blanks, byte order mark and block skip."""
-        at = self._head()
-        skips = at < self._last and self._tokens.kind[at] == TokenKind.SKIP
+        at, skips = self._head()
         return int(self._tokens.start[at + skips]) - self.start
 
-    @property
-    def is_percent(self) -> bool:
-        """Whether the line begins with ``%``."""
-        at = self._head()
-        return bool(at < self._last and self._tokens.kind[at] == TokenKind.PERCENT)
-
-    def _head(self) -> int:
-        return self._first + int(self._tokens.kind[self._first] == TokenKind.BLANK)
+    def _head(self) -> tuple[int, bool]:
+        """First token that is not blank, and whether it is a block skip."""
+        at = self._first + int(self._tokens.kind[self._first] == TokenKind.BLANK)
+        return at, bool(at < self._last and self._tokens.kind[at] == TokenKind.SKIP)
 
     def _word(self, piece: Piece) -> Word:
         comma = piece.text[:1] == b","

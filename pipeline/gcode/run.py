@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.modal import CANCELLED, DIALECTS, LINUXCNC, State
-from pipeline.gcode.moves import COLUMNS, INCH, NO_CENTRE, Frame, Kind, PathMode, Rows
-from pipeline.gcode.offsets import Offsets, Transform, offsets_of
+from pipeline.gcode.modal import CANCELLED, DIALECTS, State
+from pipeline.gcode.moves import INCH, NO_CENTRE, Frame, Kind, PathMode, Rows
+from pipeline.gcode.offsets import Offsets, Transform
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.statements import WordItem
 
@@ -73,7 +73,7 @@ class Block:
         """Value of a word, which then counts as carried out; None where there is none."""
         return self.words.pop(letter, None)
 
-    def need(self, letter: str, what: str, item: WordItem) -> float:
+    def need(self, letter: str, what: str, item: WordItem | None) -> float:
         """Value of a word that ``what`` cannot do without."""
         value = self.words.pop(letter, None)
         if value is None:
@@ -92,25 +92,20 @@ class Block:
 
     def error(self, item: WordItem | None, reason: str) -> GcodeError:
         """The error about one word of the block."""
-        return GcodeError(
-            file=self.file,
-            line=self.line,
-            column=item.column if item else 1,
-            word=item.text if item else "block",
-            reason=reason,
-        )
+        column, word = (item.column, item.text) if item else (1, "block")
+        return GcodeError(self.file, self.line, column, word, reason)
 
     def any_item(self) -> WordItem | None:
         """A word to point at when none in particular is wrong."""
         return self.ordered[0][0] if self.ordered else None
 
-    @property
-    def has_axes(self) -> bool:
-        """Whether an axis word is left."""
-        return not AXES.keys().isdisjoint(self.words)
-
-
-PATH_MODE = list(COLUMNS).index("path_mode")
+    def take_axes(self, unit: float) -> dict[int, float]:
+        """Axis words taken, by axis [mm, deg]; ``unit`` is the program's of length [mm]."""
+        return {
+            axis: self.words.pop(letter) * (unit if axis < 3 else 1.0)
+            for letter, axis in AXES.items()
+            if letter in self.words
+        }
 
 
 @dataclass(slots=True)
@@ -233,9 +228,14 @@ class Run:
     def __init__(self, setup: Setup, capacity: int) -> None:
         self.setup = setup
         self.dialect = setup.dialect
-        self.offsets: Offsets = offsets_of(setup)
+        self.offsets = Offsets(work={name: list(v) for name, v in setup.work_offsets.items()})
         self.rows = Rows(capacity)
-        self.state = _switched_on(setup)
+        self.state = State(
+            position=list(setup.initial_position),
+            unit=INCH if setup.inch else 1.0,
+            dialect=DIALECTS.index(setup.dialect),
+            motion=CANCELLED if setup.dialect == "linuxcnc" else 0,
+        )
         self.registers = {
             number: Register(length=tool.length, radius=tool.diameter / 2)
             for number, tool in setup.tools.items()
@@ -304,53 +304,33 @@ class Run:
         self.compensated_position = None
         self._append(kind, line)
 
-    def arc_to(
-        self, line: int, end: list[float], centre: tuple[float, float, float], angle: float
-    ) -> None:
+    def arc_to(self, line: int, end: list[float], centre: tuple[float, ...], angle: float) -> None:
         """An arc to a machine position."""
         self.state.position = end
         self.compensated_position = None
-        self._append(Kind.ARC, line, centre=centre, angle=angle)
+        self._append(Kind.ARC, line, centre, angle)
 
     def add_row(self, kind: Kind, line: int, *, code: int = 0, value: float = 0.0) -> None:
         """A row that does not move."""
+        programmed = self.state.position
         if self.compensated_position is not None:
-            programmed, self.state.position = self.state.position, self.compensated_position
-            self._append(kind, line, code=code, value=value)
-            self.state.position = programmed
-            return
+            self.state.position = self.compensated_position
         self._append(kind, line, code=code, value=value)
+        self.state.position = programmed
 
     def _append(
-        self,
-        kind: int,
-        line: int,
-        *,
-        centre: tuple[float, float, float] = NO_CENTRE,
-        angle: float = 0.0,
-        code: int = 0,
-        value: float = 0.0,
-    ) -> None:
+        self, kind: int, line: int, centre: tuple[float, ...] = NO_CENTRE, angle: float = 0.0,
+        *, code: int = 0, value: float = 0.0,
+    ) -> None:  # fmt: skip
         """One row more, which ends at the state's position."""
         state = self.state
-        row = (
+        self.rows.append((
             kind, line, state.file, state.position, centre, angle, state.plane, state.feed,
             state.feed_mode, state.speed if state.direction else 0.0, state.direction,
             state.constant_surface_speed, state.tool, state.frame, state.path_mode,
             state.tolerance, code, value,
-        )  # fmt: skip
-        self.rows.append(row)
+        ))  # fmt: skip
 
     def exact_stop(self) -> None:
         """G9: the last row ends standing still."""
-        self.rows.arrays[PATH_MODE][self.rows.count - 1] = PathMode.EXACT_STOP
-
-
-def _switched_on(setup: Setup) -> State:
-    dialect = DIALECTS.index(setup.dialect)
-    return State(
-        position=list(setup.initial_position),
-        unit=INCH if setup.inch else 1.0,
-        dialect=dialect,
-        motion=CANCELLED if dialect == LINUXCNC else 0,
-    )
+        self.rows.arrays["path_mode"][self.rows.count - 1] = PathMode.EXACT_STOP

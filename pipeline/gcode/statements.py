@@ -226,16 +226,12 @@ def _modulo(a: float, b: float) -> float:
     return rest + abs(b) if rest < 0 else rest
 
 
-def _power(a: float, b: float) -> float:
-    return math.pow(a, b)
-
-
 _ARITHMETIC: dict[str, Callable[[float, float], float]] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,
     "*": lambda a, b: a * b,
     "/": lambda a, b: a / b,
-    "**": _power,
+    "**": math.pow,
     "MOD": _modulo,
     "REM": math.fmod,
     "NEAR": lambda a, b: float(abs(a - b) < NEAR),
@@ -298,10 +294,6 @@ def _from_bcd(a: float) -> float:
         raise ExpressionError(f"{a:g} is no binary-coded decimal: BIN takes one") from None
 
 
-def _to_bcd(a: float) -> float:
-    return float(int(str(_whole(a, "BCD")), 16))
-
-
 _FUNCTIONS: dict[tuple[str, int], Callable[..., float]] = {
     ("ABS", 1): abs,
     ("SIN", 1): lambda a: math.sin(_radians(a)),
@@ -322,7 +314,7 @@ _FUNCTIONS: dict[tuple[str, int], Callable[..., float]] = {
     ("FLOOR", 1): lambda a: math.copysign(math.floor(a), a),
     ("CEIL", 1): lambda a: math.copysign(math.ceil(a), a),
     ("BIN", 1): _from_bcd,
-    ("BCD", 1): _to_bcd,
+    ("BCD", 1): lambda a: float(int(str(_whole(a, "BCD")), 16)),
 }
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.schema.arrays import Floats
 from pipeline.search.box import Box
-from pipeline.search.result import Callback, Cost, Progress, SearchResult, StoppingCriteria
+from pipeline.search.result import Callback, Cost, Progress, SearchResult
 
 Rows = NDArray[np.intp]
 
@@ -73,13 +73,12 @@ def compass(
             "lie above 0, at most 1"
         )
     box = Box.of(low, high, log)
-    progress = Progress(cost=cost, box=box)
+    progress = Progress(cost=cost, box=box, most=evaluations + 1, callback=callback)
     unit = box.unit(start)
     best = float(progress.evaluate(unit)[0])
     place, turn, idle = unit[0], 0, 0
     free = np.flatnonzero(box.high > box.low)
-    criteria = StoppingCriteria(generations=evaluations + 1, callback=callback)
-    while not (stopped := progress.stopped_by(criteria)):
+    while not (stopped := progress.stopped()):
         left = evaluations - progress.evaluations
         many = min(len(free), (left - 1) // 2)
         if many < 1 or step < np.finfo(np.float64).eps:

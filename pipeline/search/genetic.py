@@ -13,24 +13,10 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Count, NotNegative, Range, Ranged, Share
+from pipeline.search import operators
 from pipeline.search.box import Box, first_population
-from pipeline.search.operators import (
-    Indices,
-    blend,
-    crossover_rates,
-    exponential,
-    mutation_rates,
-    polynomial,
-    ranked,
-    simulated_binary,
-    stochastic_universal,
-    tournament,
-    windowed,
-)
-from pipeline.search.result import Callback, Cost, Progress, SearchResult, StoppingCriteria
-
-__all__ = ["GeneticSettings", "SearchResult", "bred", "minimise", "mutation_rate", "offspring"]
-
+from pipeline.search.operators import Indices
+from pipeline.search.result import Callback, Cost, Progress, SearchResult
 
 CHOICES = {
     "selection": ("tournament", "stochastic_universal"),
@@ -183,16 +169,15 @@ def minimise(
     (True, True, 6301)
     """
     box = Box.of(low, high, log)
-    progress = Progress(cost=cost, box=box)
-    criteria = StoppingCriteria(
-        generations=settings.generations, limit=settings.limit, stall=settings.stall,
+    progress = Progress(
+        cost=cost, box=box, most=settings.generations, limit=settings.limit, stall=settings.stall,
         stall_gain=settings.stall_gain, callback=callback,
     )  # fmt: skip
     rng = np.random.default_rng(settings.seed)
     unit = first_population(box, settings.population, start, rng, setting="genetic.population")
     costs = progress.evaluate(unit)
     unit, costs = _best(unit, costs, settings.population)
-    while not (stopped := progress.stopped_by(criteria)):
+    while not (stopped := progress.stopped()):
         children = offspring(unit, costs, settings, rng)
         unit, costs = _survivors(unit, costs, children, progress.evaluate(children), settings)
     return progress.result(unit, costs, stopped)
@@ -265,15 +250,15 @@ def bred(
     crossed = rng.random(first.shape) < settings.gene_rate
     crossed &= rng.random((pairs, 1)) < crossing
     if settings.crossover == "sbx":
-        children = simulated_binary(first, second, crossed, settings.crossover_eta, rng)
+        children = operators.simulated_binary(first, second, crossed, settings.crossover_eta, rng)
     else:
-        children = blend(first, second, crossed, settings.alpha, rng)
+        children = operators.blend(first, second, crossed, settings.alpha, rng)
     children = children.reshape(parents.shape)
     mutated = rng.random(parents.shape) < mutating
     if settings.mutation_rate != 0:
         _no_copies(mutated, children, parents, rng)
     genes = mutated.ravel().nonzero()[0]
-    children.put(genes, polynomial(children.take(genes), settings.mutation_eta, rng))
+    children.put(genes, operators.polynomial(children.take(genes), settings.mutation_eta, rng))
     return children
 
 
@@ -281,26 +266,19 @@ def _selected(
     costs: Floats, pairs: int, rate: float, settings: GeneticSettings, rng: np.random.Generator
 ) -> tuple[Indices, float | Floats, float | Floats]:
     """Places of the parents, (2 pairs,), and the rates at which pairs cross and genes mutate."""
-    universal = settings.selection == "stochastic_universal"
-    if not (universal or settings.adaptive):
-        return (
-            tournament(len(costs), 2 * pairs, settings.tournament, rng),
-            settings.crossover_rate,
-            rate,
-        )
     fitness = _fitness(costs, settings.fitness)
-    if universal:
-        parents = stochastic_universal(fitness, 2 * pairs, rng)
+    if settings.selection == "stochastic_universal":
+        parents = operators.stochastic_universal(fitness, 2 * pairs, rng)
     else:
-        parents = tournament(len(costs), 2 * pairs, settings.tournament, rng)
+        parents = operators.tournament(len(costs), 2 * pairs, settings.tournament, rng)
     if not settings.adaptive:
         return parents, settings.crossover_rate, rate
     # best first: the lower place is the fitter of a pair
     better = np.minimum(parents[:pairs], parents[pairs:])
     return (
         parents,
-        crossover_rates(fitness, fitness[better], settings.crossover_rate)[:, None],
-        mutation_rates(fitness, fitness[parents], rate)[:, None],
+        operators.adaptive_rates(fitness, fitness[better], settings.crossover_rate)[:, None],
+        operators.adaptive_rates(fitness, fitness[parents], rate)[:, None],
     )
 
 
@@ -313,5 +291,5 @@ def _no_copies(mutated: Bools, children: Floats, parents: Floats, rng: np.random
 
 def _fitness(costs: Floats, form: str) -> Floats:
     if form == "rank":
-        return ranked(len(costs))
-    return exponential(costs) if form == "exponential" else windowed(costs)
+        return operators.ranked(len(costs))
+    return operators.exponential(costs) if form == "exponential" else operators.windowed(costs)

@@ -8,7 +8,7 @@ distance, and the better half goes on.  Crossover and mutation are those of
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +18,6 @@ from pipeline.schema.ranges import Range, Ranged
 from pipeline.search.box import Box, first_population
 from pipeline.search.dominance import crowded_tournament, ranks, survivors
 from pipeline.search.genetic import GeneticSettings, bred, mutation_rate
-
-__all__ = ["FrontResult", "FrontSettings", "front"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +170,7 @@ def front(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Population:
+class _Population(NamedTuple):
     """P individuals in the unit cube, their objectives, violations and crowding distances."""
 
     unit: Floats
@@ -182,17 +179,7 @@ class _Population:
     distance: Floats
 
     def joined(self, other: "_Population") -> "_Population":
-        return _Population(
-            *(
-                np.concatenate([mine, theirs])
-                for mine, theirs in (
-                    (self.unit, other.unit),
-                    (self.objectives, other.objectives),
-                    (self.violation, other.violation),
-                    (self.distance, other.distance),
-                )
-            )
-        )
+        return _Population(*map(np.concatenate, zip(self, other, strict=True)))
 
     def best(self, many: int) -> "_Population":
         """The ``many`` best, best first."""

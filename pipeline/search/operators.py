@@ -204,24 +204,22 @@ def polynomial(x: Floats, eta: float, rng: np.random.Generator) -> Floats:
     return x + np.copysign(size, chance)
 
 
-def crossover_rates(fitness: Floats, better: Floats, greatest: float) -> Floats:
-    """Probability p_c that a pair crosses [1], shape (N,).
+def adaptive_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
+    """Probability that a pair crosses (p_c) or a gene mutates (p_m) [1], shape (N,).
+
+    k min((f_max - f) / (f_max - f_mean), 1): the best are disrupted least (Srinivas and Patnaik
+    1994).
 
     Parameters
     ----------
     fitness : ndarray, shape (P,)
         Of the population; the greater, the better.
-    better : ndarray, shape (N,)
-        f', the better of the two fitnesses of each pair.
+    own : ndarray, shape (N,)
+        f, the better of the two fitnesses of each pair, or that of each individual.
     greatest : float
-        k, the probability of pairs below the mean.
+        k, the probability of those below the mean.
     """
     best, mean = fitness.max(), fitness.mean()
     if not best > mean:
-        return np.full(len(better), greatest)
-    return greatest * np.minimum((best - better) / (best - mean), 1.0)
-
-
-def mutation_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
-    """Probability p_m that a gene mutates [1], shape (N,), of individuals with fitness ``own``."""
-    return crossover_rates(fitness, own, greatest)
+        return np.full(len(own), greatest)
+    return greatest * np.minimum((best - own) / (best - mean), 1.0)

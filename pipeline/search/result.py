@@ -52,13 +52,17 @@ class SearchResult:
     stopped: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class StoppingCriteria:
-    """Stopping criteria of a search.
+@dataclass(kw_only=True)
+class Progress:
+    """Progress of a search: evaluations, best individual, history and stopping criteria.
 
     Parameters
     ----------
-    generations : int
+    cost : callable
+        Cost to be minimised.
+    box : Box
+        Bounds of the search, mapped to the unit cube.
+    most : int
         Generations at most, the first population among them.
     limit : float
         A cost at which it is good enough.
@@ -70,27 +74,13 @@ class StoppingCriteria:
         Sees each generation and may end the search.
     """
 
-    generations: int
+    cost: Cost
+    box: Box
+    most: int
     limit: float = -inf
     stall: int | None = None
     stall_gain: float = 0.0
     callback: Callback | None = None
-
-
-@dataclass(kw_only=True)
-class Progress:
-    """Progress of a search: evaluations, best individual and history.
-
-    Parameters
-    ----------
-    cost : callable
-        Cost to be minimised.
-    box : Box
-        Bounds of the search, mapped to the unit cube.
-    """
-
-    cost: Cost
-    box: Box
     x: Floats = field(default_factory=lambda: np.empty(0))
     best: float = inf
     evaluations: int = 0
@@ -123,22 +113,20 @@ class Progress:
         self.evaluations += many
         return costs
 
-    def stopped_by(self, criteria: StoppingCriteria) -> str:
+    def stopped(self) -> str:
         """Add a generation to the history; the reason why the search ends with it, or ""."""
         self.history.append(self.best)
         done = len(self.history)
-        interrupted = criteria.callback is not None and criteria.callback(
-            done, self.x.copy(), self.best
-        )
-        if self.best <= criteria.limit:
+        interrupted = self.callback and self.callback(done, self.x.copy(), self.best)
+        if self.best <= self.limit:
             return "limit"
         if interrupted:
             return "callback"
-        if criteria.stall is not None and done > criteria.stall:
-            before = self.history[-1 - criteria.stall]
-            if not before - self.best > criteria.stall_gain:
+        if self.stall is not None and done > self.stall:
+            before = self.history[-1 - self.stall]
+            if not before - self.best > self.stall_gain:
                 return "stall"
-        return "generations" if done >= criteria.generations else ""
+        return "generations" if done >= self.most else ""
 
     def result(self, unit: Floats, costs: Floats, stopped: str) -> SearchResult:
         """Result with the last population, shape (P, D), and its costs."""

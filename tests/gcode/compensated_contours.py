@@ -105,9 +105,11 @@ def rs274(contour, side, radius, folder):
     code = f"G{41 if side > 0 else 42}.1 D{2 * radius:.9f}"
     head = f"G21 G{contour.plane} F100\nG0 X0 Y0 Z0\n{code}\n"
     program.write_text(head + "\n".join(contour.blocks) + "\nG40\nM2\n")
+    (folder / "tool.tbl").touch()  # without one it reads an example's, which may not be installed
     done = subprocess.run(
-        [RS274, "-g", str(program)], capture_output=True, text=True, cwd=folder, check=False
-    )
+        [RS274, "-t", "tool.tbl", "-g", program.name],
+        capture_output=True, text=True, cwd=folder, check=False,
+    )  # fmt: skip
     rows = [_row(*found, contour.plane) for found in _ROW.findall(done.stdout)][1:]
     error = [text for text in done.stderr.splitlines() if text not in ("", "executing")]
     return rows, error[0] if error else None

@@ -86,6 +86,16 @@ def recorded(*patterns: str) -> list[Path]:
     return sorted(path for path in found if path.is_file())
 
 
+LONG = 60_000
+"""Bytes above which a recorded program belongs to the proof."""
+
+
+def long_in_proof(paths: list[Path]) -> list:
+    """Parameters of a test: the recorded programs, the long ones marked as proof."""
+    proof = pytest.mark.proof
+    return [pytest.param(p, marks=proof) if p.stat().st_size > LONG else p for p in paths]
+
+
 def short(path: Path) -> str:
     return path.name
 

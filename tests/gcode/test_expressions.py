@@ -178,11 +178,13 @@ def test_values_are_those_of_linuxcnc(tmp_path: Path) -> None:
     program = ["#1=2", "#2=-0.5", "#3=4", "#<gap>=0.25"]
     program += [line for text in texts for line in (f"#9=[{text}]", "(print,#9)")]
     (tmp_path / "expressions.ngc").write_text("\n".join([*program, "m2", ""]))
-    told = subprocess.run(
-        [str(RS274), "-g", "expressions.ngc"], cwd=tmp_path, capture_output=True, text=True
-    )
-    theirs = [float(line) for line in told.stdout.splitlines() if " N....." not in line]
-    assert len(theirs) == len(ours), told.stderr
+    (tmp_path / "tool.tbl").touch()  # without one it reads an example's
+    done = subprocess.run(
+        [str(RS274), "-t", "tool.tbl", "-g", "expressions.ngc"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    theirs = [float(line) for line in done.stdout.splitlines() if " N....." not in line]
+    assert len(theirs) == len(ours), done.stderr
     for text, mine, other in zip(texts, ours, theirs, strict=True):
         assert mine == pytest.approx(other, abs=1e-6), text  # printed with six decimals
 

@@ -11,7 +11,7 @@ from pipeline.gcode.interpret import Interpreter
 from pipeline.gcode.moves import Kind
 from pipeline.gcode.program import Program, parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
-from tests.gcode.following import RECORDINGS, fuzzed, recorded, short
+from tests.gcode.following import RECORDINGS, fuzzed, long_in_proof, recorded, short
 
 FANUC = recorded("gcode/nist_d2mi/*.NC", "nist_box/programs/*.NC")
 LINUXCNC = recorded("gcode/linuxcnc/**/*.ngc")
@@ -28,7 +28,7 @@ def outcome(program: Program, setup: Setup, compiled: bool) -> tuple[str, list[b
     except GcodeError as refused:
         error = str(refused)
     rows = interpreter.run.rows
-    return error, [array[: rows.count].tobytes() for array in rows.arrays], interpreter
+    return error, [array[: rows.count].tobytes() for array in rows.arrays.values()], interpreter
 
 
 def assert_equal_both_ways(program: Program, setup: Setup) -> Interpreter:
@@ -44,7 +44,7 @@ def assert_equal_both_ways(program: Program, setup: Setup) -> Interpreter:
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="KERF_RECORDINGS names no folder")
-@pytest.mark.parametrize("path", FANUC + LINUXCNC, ids=short)
+@pytest.mark.parametrize("path", long_in_proof(FANUC + LINUXCNC), ids=short)
 def test_recorded_programs_are_the_same_bits(path: Path) -> None:
     dialect = "linuxcnc" if path in LINUXCNC else "fanuc"
     setup = Setup(
@@ -184,8 +184,8 @@ def test_consecutive_fast_lines_are_done_at_once() -> None:
     assert interpreter.blocks == len(lines)
     rows = interpreter.run.rows
     kinds = [Kind.FEED, Kind.FEED, Kind.ARC, Kind.ARC, Kind.FEED]
-    assert rows.arrays[0][: rows.count].tolist() == kinds
-    assert np.array_equal(rows.arrays[1][: rows.count], [1, 3, 4, 5, 6])
+    assert rows.arrays["kind"][: rows.count].tolist() == kinds
+    assert np.array_equal(rows.arrays["line"][: rows.count], [1, 3, 4, 5, 6])
 
 
 @pytest.mark.parametrize(

@@ -167,3 +167,8 @@ def test_flow_that_leads_nowhere_is_said(text, words):
 def test_m99_p_returns_to_a_block_of_the_caller(head: str) -> None:
     text = head + "G21G90\nM98P2\nG1X1.F100\nN50 G1X2.F100\nM30\nO2\nG1X9.F100\nM99P50\n"
     assert xs(text) == [9, 2]
+
+
+def test_macro_arguments_are_taken_as_written_where_lengths_count_increments():
+    text = "G65 P1000 A1 X2.\nM30\nO1000\nG0 X#24 Y#1\nM99"
+    assert points(follow(text, decimal="increment")) == [[2, 1, 0]]

@@ -177,7 +177,9 @@ def test_both_refuse(rule, oracle):
         follow(text, **SETUP)
 
 
-@pytest.mark.parametrize("part", range(4))
+@pytest.mark.parametrize("part", [
+    0, *(pytest.param(part, marks=pytest.mark.proof) for part in (1, 2, 3))
+])  # fmt: skip
 def test_random_programs_are_rs274s(part, oracle):
     same = 0
     for seed in range(part * RANDOM // 4, (part + 1) * RANDOM // 4):

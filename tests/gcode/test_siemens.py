@@ -25,7 +25,7 @@ from pipeline.gcode.moves import Kind, PathMode
 from pipeline.gcode.program import parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
 from pipeline.gcode.statements import Parameter
-from tests.gcode.following import recorded, short
+from tests.gcode.following import long_in_proof, recorded, short
 
 PROGRAMS = recorded("gcode/elmoe_5axis/*.mpf", "gcode/elmoe_5axis/*ner.txt")
 needs_recordings = pytest.mark.skipif(not PROGRAMS, reason="KERF_RECORDINGS is not set")
@@ -249,7 +249,7 @@ def walked(path):
 
 
 @needs_recordings
-@pytest.mark.parametrize("path", PROGRAMS, ids=short)
+@pytest.mark.parametrize("path", long_in_proof(PROGRAMS), ids=short)
 def test_recorded_program_moves_as_its_lines_say(path):
     made = interpret(read_program(path), SETUP)
     moving = np.isin(made.kind, (Kind.RAPID, Kind.FEED, Kind.ARC))
@@ -269,7 +269,7 @@ def test_recorded_program_moves_as_its_lines_say(path):
 
 
 @needs_recordings
-@pytest.mark.parametrize("path", PROGRAMS, ids=short)
+@pytest.mark.parametrize("path", long_in_proof(PROGRAMS), ids=short)
 def test_recorded_arcs_end_on_their_circles(path):
     """Of coordinates with three decimals, and at least the radius that a post would write."""
     made = interpret(read_program(path), SETUP)

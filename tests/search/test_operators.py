@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from pipeline.search.operators import (
+    adaptive_rates,
     blend,
-    crossover_rates,
     exponential,
-    mutation_rates,
     polynomial,
     ranked,
     simulated_binary,
@@ -194,12 +193,12 @@ def test_fitness_of_costs_that_say_little_is_still_fitness(form, costs: list[flo
 def test_adaptive_rates_are_the_formula() -> None:
     """k (f_max - f') / (f_max - f_mean) from the mean up, k below it."""
     fitness = np.array([10.0, 8.0, 5.0, 1.0])  # mean 6
-    np.testing.assert_allclose(crossover_rates(fitness, fitness, 0.8), [0, 0.4, 0.8, 0.8])
-    np.testing.assert_allclose(mutation_rates(fitness, fitness[:2], 0.5), [0, 0.25])
-    np.testing.assert_allclose(crossover_rates(np.ones(4), np.ones(2), 0.8), [0.8, 0.8])
+    np.testing.assert_allclose(adaptive_rates(fitness, fitness, 0.8), [0, 0.4, 0.8, 0.8])
+    np.testing.assert_allclose(adaptive_rates(fitness, fitness[:2], 0.5), [0, 0.25])
+    np.testing.assert_allclose(adaptive_rates(np.ones(4), np.ones(2), 0.8), [0.8, 0.8])
 
 
 def test_adaptive_rates_do_not_depend_on_the_cost_s_unit() -> None:
     fitness = np.random.default_rng(12).random(30)
-    once = crossover_rates(fitness, fitness, 1.0)
-    np.testing.assert_allclose(crossover_rates(1e6 * fitness - 7e6, 1e6 * fitness - 7e6, 1.0), once)
+    once = adaptive_rates(fitness, fitness, 1.0)
+    np.testing.assert_allclose(adaptive_rates(1e6 * fitness - 7e6, 1e6 * fitness - 7e6, 1.0), once)

@@ -7,13 +7,14 @@ Sources: Fanuc 0i-F operator's manual B-64694EN, 5 "Functions to simplify progra
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pipeline.gcode.codes.motion import check_feed, programmed
+from pipeline.gcode.codes.motion import check_feed, programmed, seconds
 from pipeline.gcode.modal import CANCELLED, FANUC, LINUXCNC, g_code
 from pipeline.gcode.moves import FeedMode, Kind
 from pipeline.gcode.offsets import IN_PLANE
 from pipeline.gcode.run import AXES, Block, Cycle, Run
 from pipeline.gcode.statements import WordItem
 
+LETTERS = "XYZ"
 NEGLIGIBLE_DEPTH = 1e-9
 """Remaining depth of a hole that is not drilled [mm]."""
 
@@ -25,22 +26,26 @@ class Hole:
     Parameters
     ----------
     run : Run
-        Interpretation that records the moves.
+        Interpretation that records the moves; it holds the words of the cycle.
     line : int
         Of the block.
     point : list of 6 floats
         Position of the tool; its coordinate ``normal`` changes as it moves [mm, deg].
-    normal : int
-        Index of the axis it drills along.
-    words : dict of str to float
-        R, Z, Q, P, I, J, K of the cycle [mm, s].
     """
 
     run: Run
     line: int
     point: list[float]
-    normal: int
-    words: dict[str, float]
+
+    @property
+    def words(self) -> dict[str, float]:
+        """R, Z, Q, P, I, J, K of the cycle [mm, s]."""
+        return self.run.cycle.words
+
+    @property
+    def normal(self) -> int:
+        """Index of the axis it drills along."""
+        return IN_PLANE[self.run.state.plane][2]
 
     @property
     def bottom(self) -> float:
@@ -54,13 +59,14 @@ class Hole:
 
     def rapid(self, level: float) -> None:
         """Rapid to a level; no row where nothing moves."""
-        self._to(Kind.RAPID, level)
+        self.to(Kind.RAPID, level)
 
     def feed(self, level: float) -> None:
         """Feed to a level."""
-        self._to(Kind.FEED, level)
+        self.to(Kind.FEED, level)
 
-    def _to(self, kind: Kind, level: float) -> None:
+    def to(self, kind: Kind, level: float) -> None:
+        """A row to a level where something moves."""
         self.point[self.normal] = level
         end = self.run.transform.machine(self.point)
         if end != self.run.state.position:
@@ -78,52 +84,34 @@ class Hole:
         self.run.add_row(Kind.SPINDLE, self.line)
 
     def shift(self, sign: int) -> None:
-        """Sideways, away from the cutting edge's side or back."""
-        for axis, amount in _shift(self).items():
+        """Sideways by I J K, or by Q as the control is set: away from the wall, or back."""
+        along = [self.words.get(letter, 0.0) for letter in "IJK"]
+        along[self.normal] = 0.0
+        if not any(along):
+            shift = self.run.setup.boring_shift
+            q = self.words.get("Q", 0.0)
+            along[LETTERS.index(shift[1])] = q if shift[0] == "+" else -q
+        for axis, amount in enumerate(along):
             self.point[axis] += sign * amount
         self.rapid(self.point[self.normal])
 
 
-def _shift(hole: Hole) -> dict[int, float]:
-    """By axis [mm]: I J K where they are given, else Q as the control is set."""
-    run = hole.run
-    given = {axis: hole.words.get(letter, 0.0) for axis, letter in enumerate("IJK")}
-    if any(given[axis] for axis in given if axis != hole.normal):
-        return {axis: value for axis, value in given.items() if axis != hole.normal}
-    shift = run.setup.boring_shift
-    sign = 1 if shift[0] == "+" else -1
-    return {"XYZ".index(shift[1]): sign * hole.words.get("Q", 0.0)}
-
-
 def _drilling(hole: Hole, level: float) -> None:
+    """G81, and G82 with a dwell."""
     hole.feed(hole.bottom)
-    hole.rapid(level)
-
-
-def _drilling_with_dwell(hole: Hole, level: float) -> None:
-    hole.feed(hole.bottom)
-    hole.dwell()
-    hole.rapid(level)
-
-
-def _chip_breaking(hole: Hole, level: float) -> None:
-    """G73: Q deeper, a little back."""
-    gap = hole.run.setup.peck_clearance
-    for depth in _pecks(hole):
-        hole.feed(depth)
-        if depth > hole.bottom:
-            hole.rapid(depth + gap)
-    hole.dwell()
+    if hole.run.cycle.code == 820:
+        hole.dwell()
     hole.rapid(level)
 
 
 def _pecking(hole: Hole, level: float) -> None:
-    """G83: Q deeper, out to R, back to just above."""
+    """Q deeper each time: G83 goes out to R and back to just above, G73 only a little back."""
     gap = hole.run.setup.peck_clearance
     for depth in _pecks(hole):
         hole.feed(depth)
         if depth > hole.bottom:
-            hole.rapid(hole.plane_r)
+            if hole.run.cycle.code == 830:
+                hole.rapid(hole.plane_r)
             hole.rapid(depth + gap)
     hole.dwell()
     hole.rapid(level)
@@ -148,13 +136,13 @@ def _tapping(direction: int) -> Callable[[Hole, float], None]:
                 state.feed_mode, state.feed = FeedMode.PER_REVOLUTION, feed / state.speed
         if state.direction != direction:
             hole.spindle(direction)
-        hole._to(kind, hole.bottom)
+        hole.to(kind, hole.bottom)
         if state.dialect == FANUC:
             hole.dwell()
         hole.spindle(-direction)
         if state.dialect == LINUXCNC:
             hole.dwell()
-        hole._to(kind, level if state.dialect == LINUXCNC else hole.plane_r)
+        hole.to(kind, level if state.dialect == LINUXCNC else hole.plane_r)
         hole.spindle(direction)
         state.feed_mode, state.feed = mode, feed
         hole.rapid(level)
@@ -238,11 +226,11 @@ def _boring_with_dwell(hole: Hole, level: float) -> None:
 
 
 HOLE_CYCLES: dict[int, Callable[[Hole, float], None]] = {
-    730: _chip_breaking,
+    730: _pecking,
     740: _tapping(-1),
     760: _fine_boring,
     810: _drilling,
-    820: _drilling_with_dwell,
+    820: _drilling,
     830: _pecking,
     840: _tapping(1),
     850: _boring,
@@ -253,7 +241,6 @@ HOLE_CYCLES: dict[int, Callable[[Hole, float], None]] = {
 }
 """Ten times the G code -> what it does, given the hole and the level to end at [mm]."""
 
-LETTERS = "XYZ"
 STICKY = "QPIJK"
 """Words of a Fanuc cycle that stay in force with it."""
 MAX_PECKS = 10_000
@@ -265,7 +252,6 @@ LINUXCNC_WORDS = {
 }
 """Cycle -> words that LinuxCNC takes beside R and Z; a Fanuc keeps any."""
 MAX_REPEATS = 100_000
-PECKING = (730, 830)
 
 
 def drill(run: Run, block: Block, code: int, item: WordItem | None) -> None:
@@ -283,16 +269,15 @@ def drill(run: Run, block: Block, code: int, item: WordItem | None) -> None:
         return
     _take_depths(run, block, fresh)
     check_feed(run, block, code, item or block.any_item())
-    words = {letter: block.take(letter) for letter in (LETTERS[first], LETTERS[second], *other)}
-    given = {letter: value for letter, value in words.items() if value is not None}
+    letters = (LETTERS[first], LETTERS[second], *other)
+    given = {letter: block.words.pop(letter) for letter in letters if letter in block.words}
     if state.dialect == LINUXCNC:
         _rise_to_r(run, block.line, normal)
     for _ in range(repeats):
         block.words.update(given)
         point = programmed(run, block)
         point[normal] = run.point[normal]
-        hole = Hole(run=run, line=block.line, point=point, normal=normal, words=run.cycle.words)
-        _drill_one(run, hole, code)
+        _drill_one(run, Hole(run=run, line=block.line, point=point), code)
 
 
 def _check_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> None:
@@ -346,26 +331,25 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
         value = block.take(letter)
         if value is None:
             continue
-        if letter == "P":
-            written = "." in block.items["P"].text or state.dialect != FANUC
-            cycle.words["P"] = value if written else value / 1000
-        else:
-            cycle.words[letter] = value * state.unit
-    if cycle.code in PECKING and not cycle.words.get("Q", 0.0) > 0:
-        raise block.error(
-            block.any_item(), f"{g_code(cycle.code)} has no depth of cut: add Q above 0"
-        )
-    if cycle.code in PECKING and cycle.words["R"] - cycle.words["Z"] > MAX_PECKS * cycle.words["Q"]:
-        raise block.error(
-            block.items.get("Q") or block.any_item(),
-            f"a depth of cut of {cycle.words['Q']:g} mm makes more than {MAX_PECKS} pecks: raise Q",
-        )
-    sticky_depth = cycle.words["Z"] > cycle.words["R"] and cycle.code != 870
-    if sticky_depth:
+        dwell = letter == "P"
+        cycle.words[letter] = seconds(run, block, value) if dwell else value * state.unit
+    plane_r, bottom = cycle.words["R"], cycle.words["Z"]
+    if HOLE_CYCLES[cycle.code] is _pecking:
+        step = cycle.words.get("Q", 0.0)
+        if not step > 0:
+            raise block.error(
+                block.any_item(), f"{g_code(cycle.code)} has no depth of cut: add Q above 0"
+            )
+        if plane_r - bottom > MAX_PECKS * step:
+            raise block.error(
+                block.items.get("Q") or block.any_item(),
+                f"a depth of cut of {step:g} mm makes more than {MAX_PECKS} pecks: raise Q",
+            )
+    if bottom > plane_r and cycle.code != 870:
         raise block.error(
             block.items.get("R") or block.any_item(),
-            f"R lies at {cycle.words['R']:g} mm, below the bottom of the hole at "
-            f"{cycle.words['Z']:g} mm: exchange them",
+            f"R lies at {plane_r:g} mm, below the bottom of the hole at {bottom:g} mm: "
+            "exchange them",
         )
 
 
@@ -374,7 +358,7 @@ def _rise_to_r(run: Run, line: int, normal: int) -> None:
     point = run.point
     if point[normal] < run.cycle.words["R"]:
         point[normal] = run.cycle.words["R"]
-        Hole(run=run, line=line, point=point, normal=normal, words={}).rapid(point[normal])
+        Hole(run=run, line=line, point=point).rapid(point[normal])
 
 
 def _drill_one(run: Run, hole: Hole, code: int) -> None:

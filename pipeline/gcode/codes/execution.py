@@ -1,33 +1,10 @@
 """Execution of a block: its words evaluated, sorted into the control's order and carried out."""
 
 from collections.abc import Callable
+from operator import itemgetter
 
+from pipeline.gcode.codes import motion, tools, work_offsets
 from pipeline.gcode.codes.cycles import drill
-from pipeline.gcode.codes.motion import arc, straight, tap_rigidly, thread, thread_cycle
-from pipeline.gcode.codes.tools import (
-    cutter_side,
-    m_code,
-    macro_call,
-    modal_macro,
-    radius_word,
-    spindle_mode,
-    spindle_word,
-    tool_length,
-    tool_length_word,
-    tool_word,
-)
-from pipeline.gcode.codes.work_offsets import (
-    data_input,
-    local_system,
-    machine_move,
-    mirror,
-    polar,
-    position_set,
-    reference_return,
-    rotation,
-    scaling,
-    select_system,
-)
 from pipeline.gcode.modal import (
     CANCELLED,
     FANUC,
@@ -104,26 +81,22 @@ def carry_out(block: Block, run: Run) -> None:
     """Everything that the block says, in the dialect's order."""
     actions = block.actions
     if len(actions) > 1:
-        actions.sort(key=_by_step)
+        actions.sort(key=itemgetter(0))
     moved = False
     for step, kind, code, item in actions:
         if step > MOTION_STEP and not moved:
             moved = True
-            motion(run, block)
+            move(run, block)
         if kind == "G":
             HANDLERS[code](run, block, code, item)
         elif kind == "M":
-            m_code(run, block, code, item)
+            tools.m_code(run, block, code, item)
         else:
             WORDS[kind](run, block, item)
     if not moved:
-        motion(run, block)
+        move(run, block)
     if block.words:
         _refuse_rest(block, run)
-
-
-def _by_step(action: tuple[int, str, int, WordItem]) -> int:
-    return action[0]
 
 
 def _value(item: WordItem, parameters: ParameterStore, block: Block) -> float | None:
@@ -137,7 +110,9 @@ def _g_word(block: Block, run: Run, item: WordItem, value: float) -> None:
     code = round(value * 10)
     step = step_of(code, run.dialect) if abs(code - value * 10) < 1e-3 else None
     if step is None:
-        raise block.error(item, _unknown_g(value, run.dialect))
+        reason = UNSUPPORTED.get((run.dialect, code)) or UNSUPPORTED.get(("", code))
+        unknown = f"G{value:g} is not known in the dialect {run.dialect}: delete it or rewrite it"
+        raise block.error(item, reason or unknown)
     for index, (_, kind, other, _) in enumerate(block.actions):
         if kind != "G" or not excludes(code, other):
             continue
@@ -149,12 +124,6 @@ def _g_word(block: Block, run: Run, item: WordItem, value: float) -> None:
             del block.actions[index]  # of one group the last one counts on a Fanuc
             break
     block.actions.append((step, "G", code, item))
-
-
-def _unknown_g(value: float, dialect: str) -> str:
-    code = round(value * 10)
-    reason = UNSUPPORTED.get((dialect, code)) or UNSUPPORTED.get(("", code))
-    return reason or f"G{value:g} is not known in the dialect {dialect}: delete it or rewrite it"
 
 
 def _m_word(block: Block, run: Run, item: WordItem, value: float) -> None:
@@ -179,10 +148,10 @@ def _scale_increments(block: Block, run: Run) -> None:
     for _, kind, code, _ in block.actions:
         if kind == "G" and code in (200, 210):
             inch = code == 200
-    for letter, item in block.items.items():
-        if letter in LENGTHS and type(item.value) is Number and "." not in item.text:
-            step = INCREMENT[inch] if letter not in "ABC" else INCREMENT[False]
-            block.words[letter] *= step
+    for letter in LENGTHS & block.words.keys():
+        item = block.items[letter]
+        if type(item.value) is Number and "." not in item.text:
+            block.words[letter] *= INCREMENT[inch and letter not in "ABC"]
 
 
 def _refuse_rest(block: Block, run: Run) -> None:
@@ -200,16 +169,16 @@ def _refuse_rest(block: Block, run: Run) -> None:
 UNSUPPORTED: dict[tuple[str, int], str] = {
     ("", 50): "splines (G5) are not supported: post the program with lines and arcs",
     ("linuxcnc", 51): "splines (G5.1) are not supported: post the program with lines and arcs",
-    ("linuxcnc", 52): "NURBS (G5.2) are not supported: post the program with lines and arcs",
-    ("linuxcnc", 53): "NURBS (G5.3) are not supported: post the program with lines and arcs",
-    ("", 62): "NURBS (G6.2) are not supported: post the program with lines and arcs",
-    ("linuxcnc", 700): "the lathe cycle G70 is not supported: post it as single moves",
-    ("linuxcnc", 710): "the lathe cycle G71 is not supported: post it as single moves",
-    ("linuxcnc", 711): "the lathe cycle G71.1 is not supported: post it as single moves",
-    ("linuxcnc", 712): "the lathe cycle G71.2 is not supported: post it as single moves",
-    ("linuxcnc", 720): "the lathe cycle G72 is not supported: post it as single moves",
-    ("linuxcnc", 721): "the lathe cycle G72.1 is not supported: post it as single moves",
-    ("linuxcnc", 722): "the lathe cycle G72.2 is not supported: post it as single moves",
+    **{
+        (dialect, code): f"NURBS ({g_code(code)}) are not supported: post the program with lines "
+        "and arcs"
+        for dialect, code in (("linuxcnc", 52), ("linuxcnc", 53), ("", 62))
+    },
+    **{
+        ("linuxcnc", code): f"the lathe cycle {g_code(code)} is not supported: post it as single "
+        "moves"
+        for code in (700, 710, 711, 712, 720, 721, 722)
+    },
     ("fanuc", 71): "cylindrical interpolation (G7.1) is not supported: post X Y Z moves",
     ("fanuc", 121): "polar interpolation (G12.1) is not supported: post X Y Z moves",
     ("fanuc", 290): "return from the reference position (G29) is not supported: post G0 moves",
@@ -237,11 +206,10 @@ def _units(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def _distance(run: Run, block: Block, code: int, item: WordItem) -> None:
-    run.state.absolute = int(code == 900)
-
-
-def _arc_distance(run: Run, block: Block, code: int, item: WordItem) -> None:
-    run.state.arc_absolute = int(code == 901)
+    if code in (900, 910):
+        run.state.absolute = int(code == 900)
+    else:
+        run.state.arc_absolute = int(code == 901)
 
 
 def _feed_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -303,17 +271,11 @@ def _dwell(run: Run, block: Block, code: int, item: WordItem) -> None:
     if not given:
         raise block.error(item, f"{item.text} does not say how long: add {letters[0]}")
     value = block.words.pop(given[0])
-    if given[0] == "P" and run.state.dialect == FANUC:
-        value = seconds(block, value)
+    if given[0] == "P":
+        value = motion.seconds(run, block, value)
     if value < 0:
         raise block.error(item, f"a dwell of {value:g} s is not possible: give 0 or more")
     run.add_row(Kind.DWELL, block.line, value=value)
-
-
-def seconds(block: Block, value: float) -> float:
-    """P of a Fanuc: milliseconds, unless it is written with a decimal point."""
-    item = block.items.get("P")
-    return value if item is not None and "." in item.text else value / 1000
 
 
 def _motion_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -331,24 +293,24 @@ def _motion_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.state.motion = code
 
 
-def motion(run: Run, block: Block) -> None:
+def move(run: Run, block: Block) -> None:
     """Carry out the axis words under the motion in force."""
     code = run.state.motion
     words = block.words
     item = next((i for _, kind, c, i in block.actions if kind == "G" and c == code), None)
     if 530 in block.modifiers:
-        machine_move(run, block, code, item)
+        work_offsets.machine_move(run, block, code, item)
     elif 310 in block.modifiers:
-        straight(run, block, 310, item)
+        motion.straight(run, block, 310, item)
     elif words and not _MOVING.isdisjoint(words):
         if code == CANCELLED:
             return
         if code == 760 and run.state.dialect == LINUXCNC:
-            thread_cycle(run, block, code, item)
+            motion.thread_cycle(run, block, code, item)
         else:
             _MOTIONS.get(code, drill)(run, block, code, item)
     elif run.pending_length:
-        straight(run, block, 0 if code not in (0, 10) else code, item)
+        motion.straight(run, block, 0 if code not in (0, 10) else code, item)
     elif item is not None and run.state.dialect == LINUXCNC and code not in (0, 10, CANCELLED):
         raise block.error(item, f"{g_code(code)} has no axis words: add them")
     if 90 in block.modifiers and run.rows.count:
@@ -357,44 +319,45 @@ def motion(run: Run, block: Block) -> None:
 
 _MOVING = frozenset(AXES) | frozenset("RIJK@^")
 _MOTIONS: dict[int, Callable[[Run, Block, int, WordItem | None], None]] = {
-    0: straight, 10: straight, 20: arc, 30: arc, 310: straight, 382: straight, 383: straight,
-    384: straight, 385: straight, 330: thread, 331: tap_rigidly,
-}  # fmt: skip
+    **dict.fromkeys((0, 10, 310, 382, 383, 384, 385), motion.straight),
+    **dict.fromkeys((20, 30), motion.arc),
+    330: motion.thread,
+    331: motion.tap_rigidly,
+}
 HANDLERS: dict[int, Handler] = {
     **dict.fromkeys((200, 210, 700, 710), _units),
     **dict.fromkeys(FEED_MODES, _feed_mode),
-    **dict.fromkeys((960, 970), spindle_mode),
+    **dict.fromkeys((960, 970), tools.spindle_mode),
     **dict.fromkeys((170, 180, 190), _plane),
     **dict.fromkeys((70, 80), _g8),
     **dict.fromkeys((50, 51), _look_ahead),
     **dict.fromkeys((90, 530, 310), _modifier),
-    **dict.fromkeys((900, 910), _distance),
-    **dict.fromkeys((901, 911), _arc_distance),
+    **dict.fromkeys((900, 910, 901, 911), _distance),
     **dict.fromkeys((980, 990), _retract),
     **dict.fromkeys((600, 610, 611, 620, 630, 640), _path_mode),
-    **dict.fromkeys(GROUPS["compensation"].codes, cutter_side),
-    **dict.fromkeys(GROUPS["length"].codes, tool_length),
-    **dict.fromkeys(GROUPS["wcs"].codes, select_system),
-    **dict.fromkeys((150, 160), polar),
-    **dict.fromkeys((500, 510), scaling),
-    **dict.fromkeys((501, 511), mirror),
-    **dict.fromkeys((680, 690), rotation),
-    **dict.fromkeys((660, 661, 670), modal_macro),
+    **dict.fromkeys(GROUPS["compensation"].codes, tools.cutter_side),
+    **dict.fromkeys(GROUPS["length"].codes, tools.tool_length),
+    **dict.fromkeys(GROUPS["wcs"].codes, work_offsets.select_system),
+    **dict.fromkeys((150, 160), work_offsets.polar),
+    **dict.fromkeys((500, 510), work_offsets.scaling),
+    **dict.fromkeys((501, 511), work_offsets.mirror),
+    **dict.fromkeys((680, 690), work_offsets.rotation),
+    **dict.fromkeys((660, 661, 670), tools.modal_macro),
     **dict.fromkeys(GROUPS["cycle"].codes + GROUPS["motion"].codes, _motion_mode),
-    **dict.fromkeys((270, 280, 281, 300, 301), reference_return),
-    **dict.fromkeys((920, 921, 922, 923), position_set),
+    **dict.fromkeys((270, 280, 281, 300, 301), work_offsets.reference_return),
+    **dict.fromkeys((920, 921, 922, 923), work_offsets.position_set),
     40: _dwell,
-    100: data_input,
+    100: work_offsets.data_input,
     110: lambda run, block, code, item: None,
-    520: local_system,
-    650: macro_call,
+    520: work_offsets.local_system,
+    650: tools.macro_call,
 }
 """Ten times the G code -> what carries it out."""
 WORDS: dict[str, Callable[[Run, Block, WordItem], None]] = {
     "F": _feed_word,
-    "S": spindle_word,
-    "T": tool_word,
-    "D": radius_word,
-    "H": tool_length_word,
+    "S": tools.spindle_word,
+    "T": tools.tool_word,
+    "D": tools.radius_word,
+    "H": tools.tool_length_word,
 }
 """Word with a meaning of its own -> what carries it out."""

@@ -4,6 +4,7 @@ G0 to G3, G31, G33, G33.1, G38 and LinuxCNC's threading cycle G76.
 """
 
 import math
+from dataclasses import dataclass
 
 from pipeline.gcode.geometry import (
     LINUXCNC_INCH_TOLERANCE,
@@ -94,6 +95,12 @@ def _polar(run: Run, block: Block, point: list[float]) -> None:
     point[second] = radius * math.sin(math.radians(angle))
 
 
+def seconds(run: Run, block: Block, value: float) -> float:
+    """P of a dwell [s]; a Fanuc counts milliseconds unless it is written with a decimal point."""
+    written = "." in block.items["P"].text or run.state.dialect != FANUC
+    return value if written else value / 1000
+
+
 def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """G0, G1, G31 and G38: one row."""
     rotary_only = AXES.keys().isdisjoint("XYZ") or block.words.keys().isdisjoint("XYZ@^")
@@ -113,23 +120,15 @@ def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
 
 def check_feed(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """A feed needs F, of its own block under G93, and a turning spindle under G95."""
-    state = run.state
+    state, word = run.state, item or block.any_item()
     if code == 0:
         return
     if state.feed_mode == FeedMode.INVERSE_TIME and not block.feed_given and code != 310:
-        raise block.error(
-            item or block.any_item(), "G93 is in force and the block has no F: add one"
-        )
+        raise block.error(word, "G93 is in force and the block has no F: add one")
     if state.feed_mode == FeedMode.PER_REVOLUTION and not (state.direction and state.speed):
-        raise block.error(
-            item or block.any_item(),
-            "G95 is in force and the spindle stands: start it with M3 S before",
-        )
+        raise block.error(word, "G95 is in force and the spindle stands: start it with M3 S before")
     if state.feed <= 0:
-        raise block.error(
-            item or block.any_item(),
-            f"{g_code(code)} has no feed (F is {state.feed:g}): give F above 0",
-        )
+        raise block.error(word, f"{g_code(code)} has no feed (F is {state.feed:g}): give F above 0")
 
 
 CENTRE_WORDS = "IJK"
@@ -267,7 +266,7 @@ def _handedness(run: Run, block: Block, word: WordItem | None) -> int:
 def thread(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """G33: a feed by K (LinuxCNC) or F (Fanuc) for each turn of the spindle."""
     _need_spindle(run, block, item)
-    _synchronised(run, block, target(run, block), _lead(run, block, item))
+    _synchronised(run, block.line, target(run, block), _lead(run, block, item))
 
 
 def tap_rigidly(run: Run, block: Block, code: int, item: WordItem | None) -> None:
@@ -275,12 +274,12 @@ def tap_rigidly(run: Run, block: Block, code: int, item: WordItem | None) -> Non
     _need_spindle(run, block, item)
     lead = _lead(run, block, item)
     begin, end = run.state.position.copy(), target(run, block)
-    _synchronised(run, block, end, lead)
-    for target_position in (begin, None):
-        run.state.direction = -run.state.direction
-        run.add_row(Kind.SPINDLE, block.line)
-        if target_position is not None:
-            _synchronised(run, block, target_position, lead)
+    _synchronised(run, block.line, end, lead)
+    run.state.direction = -run.state.direction
+    run.add_row(Kind.SPINDLE, block.line)
+    _synchronised(run, block.line, begin, lead)
+    run.state.direction = -run.state.direction
+    run.add_row(Kind.SPINDLE, block.line)
 
 
 def _lead(run: Run, block: Block, item: WordItem | None) -> float:
@@ -288,14 +287,10 @@ def _lead(run: Run, block: Block, item: WordItem | None) -> float:
     if run.state.dialect != LINUXCNC and "K" not in block.words:
         lead = run.state.feed
     else:
-        lead = block.need("K", "G33", item or _first(block)) * run.state.unit
+        lead = block.need("K", "G33", item or block.any_item()) * run.state.unit
     if lead <= 0:
         raise block.error(item, f"the thread's lead is {lead:g} mm: give K (or F) above 0")
     return lead
-
-
-def _first(block: Block) -> WordItem:
-    return block.ordered[0][0]
 
 
 def _need_spindle(run: Run, block: Block, item: WordItem | None) -> None:
@@ -303,11 +298,11 @@ def _need_spindle(run: Run, block: Block, item: WordItem | None) -> None:
         raise block.error(item, "a thread needs a turning spindle: write M3 or M4 before")
 
 
-def _synchronised(run: Run, block: Block, end: list[float], lead: float) -> None:
+def _synchronised(run: Run, line: int, end: list[float], lead: float) -> None:
     state = run.state
     mode, feed = state.feed_mode, state.feed
     state.feed_mode, state.feed = FeedMode.PER_REVOLUTION, lead
-    run.line_to(Kind.THREAD, block.line, end)
+    run.line_to(Kind.THREAD, line, end)
     state.feed_mode, state.feed = mode, feed
 
 
@@ -319,7 +314,7 @@ def thread_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> No
     with the length of the slope.  Source: LinuxCNC 2.9, "G76 Threading Cycle".
     """
     _need_spindle(run, block, item)
-    word = item or _first(block)
+    word = item or block.any_item()
     state = run.state
     if state.transformed:
         raise block.error(word, "G76 cannot run rotated or scaled: post the passes as G33")
@@ -339,51 +334,54 @@ def thread_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> No
         )
     start = state.position.copy()
     end = target(run, block)
-    cut = _Passes(run, block, start, end[2], (pitch, peak, full, taper, ends, angle))
+    thread = _Thread(
+        run=run, line=block.line, start=start, z_end=end[2], pitch=pitch, peak=peak, full=full,
+        taper=taper, angle=angle, tapers_begin=bool(ends & 1), tapers_end=bool(ends & 2),
+    )  # fmt: skip
     depth, number = first, 1
     while depth < full:
-        cut.one(depth)
+        thread.cut_to(depth)
         number += 1
         depth = first * number ** (1 / degression)
     for _ in range(springs + 1):
-        cut.one(full)
+        thread.cut_to(full)
     run.line_to(Kind.RAPID, block.line, [start[0], start[1], end[2], *start[3:]])
 
 
-class _Passes:
-    """The passes of one G76, along Z from ``start`` to ``z_end``."""
+@dataclass(frozen=True, kw_only=True)
+class _Thread:
+    """The thread of one G76, along Z from ``start`` to ``z_end``; lengths in mm."""
 
-    def __init__(
-        self,
-        run: Run,
-        block: Block,
-        start: list[float],
-        z_end: float,
-        shape: tuple[float, float, float, float, int, float],
-    ) -> None:
-        self.run, self.block = run, block
-        self.start, self.z_end = start, z_end
-        self.pitch, self.peak, self.full, self.taper, self.ends, self.angle = shape
-        self.sign = 1.0 if self.peak > 0 else -1.0
+    run: Run
+    line: int
+    start: list[float]
+    z_end: float
+    pitch: float
+    peak: float
+    full: float
+    taper: float
+    angle: float
+    tapers_begin: bool
+    tapers_end: bool
 
-    def one(self, depth: float) -> None:
-        """Down to ``depth`` under the peak."""
-        run, line, pitch = self.run, self.block.line, self.pitch
+    def cut_to(self, depth: float) -> None:
+        """One pass ``depth`` under the peak."""
+        run, line, pitch = self.run, self.line, self.pitch
+        sign = 1.0 if self.peak > 0 else -1.0
         back = 1.0 if self.z_end > self.start[2] else -1.0
         tangent, slope = back * math.tan(math.radians(self.angle)), self.taper * back
-        x = self.start[0] - self.sign * (self.full - depth)
+        x = self.start[0] - sign * (self.full - depth)
         z, z_end = self.start[2] + depth * tangent, self.z_end - (self.full - depth) * tangent
         surface = x + self.peak
-        bottom = surface + self.sign * self.full
+        bottom = surface + sign * self.full
         steep = pitch * math.hypot(self.taper, self.full) / self.taper if self.taper else pitch
         run.line_to(Kind.RAPID, line, self._at(x, z))
-        begin, finish = self.ends & 1, self.ends & 2
-        if begin and self.taper:
+        if self.tapers_begin and self.taper:
             self._cut(surface, z, pitch)
             self._cut(bottom, z + slope, steep)
         else:
             run.line_to(Kind.RAPID, line, self._at(bottom, z))
-        if finish and self.taper:
+        if self.tapers_end and self.taper:
             self._cut(bottom, z_end - slope, pitch)
             self._cut(surface, z_end, steep)
         else:
@@ -394,4 +392,4 @@ class _Passes:
         return [x, self.start[1], z, *self.start[3:]]
 
     def _cut(self, x: float, z: float, lead: float) -> None:
-        _synchronised(self.run, self.block, self._at(x, z), lead)
+        _synchronised(self.run, self.line, self._at(x, z), lead)

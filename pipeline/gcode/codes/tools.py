@@ -3,7 +3,7 @@
 from pipeline.gcode.compensation import close_contour
 from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
 from pipeline.gcode.moves import Kind
-from pipeline.gcode.run import AXES, Block, Contour, Jump, Register, Run, Snapshot
+from pipeline.gcode.run import Block, Contour, Jump, Register, Run, Snapshot
 from pipeline.gcode.statements import WordItem
 
 LARGEST = 99_999_999
@@ -54,10 +54,8 @@ def _linuxcnc_length(run: Run, block: Block, code: int, item: WordItem) -> list[
         raise block.error(item, "LinuxCNC has no G44: use G43 and a negative length")
     number = block.take("H")
     if code == 431 or (code == 432 and number is None):
-        for letter, axis in AXES.items():
-            value = block.take(letter)
-            if value is not None:
-                offset[axis] = value * (run.state.unit if axis < 3 else 1.0)
+        for axis, value in block.take_axes(run.state.unit).items():
+            offset[axis] = value
     else:
         # H0 is the tool in the spindle too
         tool = block.whole("H", number or 0.0, 0, LARGEST) or run.state.tool
@@ -112,7 +110,7 @@ def _radius(run: Run, block: Block, code: int, item: WordItem) -> float:
 
 FOOT = 0.3048
 """Metres in a foot: S under G96 counts feet/minute where the program counts inches."""
-TURNING = {3: 1, 4: -1, 13: 1, 14: -1, 5: 0, 19: 0}
+SPINDLE_DIRECTION = {3: 1, 4: -1, 13: 1, 14: -1, 5: 0, 19: 0}
 """M code -> direction of the spindle."""
 
 
@@ -127,7 +125,7 @@ def spindle_word(run: Run, block: Block, item: WordItem) -> None:
     state.speed = value
     if state.constant_surface_speed and state.unit != 1.0:
         state.speed = value * FOOT
-    if state.direction and TURNING.keys().isdisjoint(block.m_codes):
+    if state.direction and SPINDLE_DIRECTION.keys().isdisjoint(block.m_codes):
         run.add_row(Kind.SPINDLE, block.line)
 
 
@@ -141,13 +139,12 @@ def spindle_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.state.constant_surface_speed = constant
 
 
-def turn(run: Run, block: Block, code: int, item: WordItem) -> None:
+def spindle_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     """M3, M4, M5, M13, M14 (with coolant) and M19."""
-    run.state.direction = TURNING[code]
+    run.state.direction = SPINDLE_DIRECTION[code]
     if code == 19:
-        block.take("R")
-        block.take("P")
-        block.take("Q")
+        for letter in "RPQ":
+            block.take(letter)
     run.add_row(Kind.SPINDLE, block.line, code=code)
     if code in (13, 14):
         run.add_row(Kind.M_CODE, block.line, code=8)
@@ -165,8 +162,8 @@ WITHOUT_MOTION = {
 
 def m_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     """Carry out one M code."""
-    if code in TURNING and (code <= 5 or code == 19 or run.state.dialect != LINUXCNC):
-        turn(run, block, code, item)
+    if code in SPINDLE_DIRECTION and (code <= 5 or code == 19 or run.state.dialect != LINUXCNC):
+        spindle_code(run, block, code, item)
     elif code in (0, 1):
         run.add_row(Kind.STOP, block.line, code=code)
     elif code in (2, 30) or (code == 17 and run.dialect == "siemens"):
@@ -213,10 +210,8 @@ def _tool_change(run: Run, block: Block, code: int, item: WordItem) -> None:
     if code == 6:
         state.direction = 0
         if run.compensated_position is not None and state.dialect == LINUXCNC:
-            state.position, run.compensated_position = (
-                run.compensated_position,
-                None,
-            )  # it looks where the machine stands
+            # it looks where the machine stands
+            state.position, run.compensated_position = run.compensated_position, None
     run.add_row(Kind.TOOL_CHANGE, block.line)
 
 

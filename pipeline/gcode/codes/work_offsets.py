@@ -24,16 +24,6 @@ def guard_contour(run: Run, block: Block, item: WordItem) -> None:
         )
 
 
-def axis_words(run: Run, block: Block) -> dict[int, float]:
-    """Axis words taken, by axis [mm, deg]."""
-    given = {}
-    for letter, axis in AXES.items():
-        value = block.take(letter)
-        if value is not None:
-            given[axis] = value * (run.state.unit if axis < 3 else 1.0)
-    return given
-
-
 def select_system(run: Run, block: Block, code: int, item: WordItem) -> None:
     """G54 to G59, G54.1 P, G59.1 to G59.3."""
     state = run.state
@@ -56,7 +46,7 @@ def select_system(run: Run, block: Block, code: int, item: WordItem) -> None:
 def local_system(run: Run, block: Block, code: int, item: WordItem) -> None:
     """G52: a system inside the one in force; LinuxCNC keeps it where G92 keeps its shift."""
     guard_contour(run, block, item)
-    given = axis_words(run, block)
+    given = block.take_axes(run.state.unit)
     if not given:
         raise block.error(item, "G52 names no axis: add X, Y or Z")
     shifts = run.offsets.g92 if run.state.dialect == LINUXCNC else run.offsets.g52
@@ -71,7 +61,7 @@ def position_set(run: Run, block: Block, code: int, item: WordItem) -> None:
     guard_contour(run, block, item)
     offsets = run.offsets
     if code == 920:
-        given = axis_words(run, block)
+        given = block.take_axes(run.state.unit)
         if not given:
             raise block.error(item, "G92 names no axis: add X, Y or Z")
         point = run.point
@@ -79,7 +69,7 @@ def position_set(run: Run, block: Block, code: int, item: WordItem) -> None:
             offsets.g92[axis] += point[axis] - value
         offsets.g92_kept = None
     elif code == 921:
-        axis_words(run, block)  # a Fanuc names the axes to preset, all with 0
+        block.take_axes(run.state.unit)  # a Fanuc names the axes to preset, all with 0
         offsets.g92, offsets.g92_kept = [0.0] * 6, None
         if run.state.dialect == FANUC:
             offsets.g52 = [0.0] * 6
@@ -134,7 +124,7 @@ def machine_move(run: Run, block: Block, code: int, item: WordItem | None) -> No
         code = 0
     if code not in (0, 10):
         raise block.error(word, "G53 goes with G0 or G1: write one of them")
-    given = axis_words(run, block)
+    given = block.take_axes(run.state.unit)
     if not given and state.dialect == FANUC:
         raise block.error(word, "G53 names no axis: add X, Y or Z")
     if not given:
@@ -185,7 +175,7 @@ def _fanuc_system(run: Run, block: Block, item: WordItem, kind: int) -> None:
     else:
         name = f"G54.1 P{block.whole('P', number, 1, LOCAL_SYSTEMS)}"
     offset = run.offsets.work.setdefault(name, [0.0] * 6)
-    for axis, value in axis_words(run, block).items():
+    for axis, value in block.take_axes(run.state.unit).items():
         offset[axis] = value if run.state.absolute else offset[axis] + value
     run.remap()
 
@@ -208,7 +198,7 @@ def _linuxcnc_system(run: Run, block: Block, item: WordItem, kind: int) -> None:
     angle = block.take("R")
     if angle is not None and kind == 20:
         raise block.error(item, "G10 L20 takes no R: rotate with G10 L2 R")
-    given = axis_words(run, block)
+    given = block.take_axes(run.state.unit)
     if kind == 2:
         if angle is not None:
             offsets.rotations[name] = angle
@@ -242,7 +232,7 @@ def _linuxcnc_tool(run: Run, block: Block, item: WordItem, kind: int) -> None:
         entry.radius = radius * run.state.unit
     for letter in "IJQ":
         block.take(letter)  # angles and orientation of a lathe tool: no motion on a mill
-    given = axis_words(run, block)
+    given = block.take_axes(run.state.unit)
     if given.keys() - {2}:
         raise block.error(item, "only Z offsets of tools are supported: leave the other axes out")
     if 2 not in given:

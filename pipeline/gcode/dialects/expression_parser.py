@@ -52,7 +52,9 @@ class Cursor:
                 self.comments.append(inner if inner is not None else rest)
                 code.append(COMMENT)
                 self.columns.append(piece.start() + 1)
-        self.code = _ascii_upper("".join(code))
+        joined = "".join(code)
+        upper = joined.isupper() and joined.isascii()
+        self.code = joined if upper else joined.translate(_UPPER)
         self.columns.append(len(text.rstrip()) + 1)
 
     @property
@@ -80,17 +82,17 @@ class Cursor:
 
     def letters(self) -> str:
         """The run of letters that comes next, left in place."""
-        found = _LETTERS.match(self.code, self.at)
-        return found.group() if found else ""
+        match = _LETTERS.match(self.code, self.at)
+        return match.group() if match else ""
 
     def number(self) -> float | None:
         """The number without sign that comes next, or None."""
         start = self.at
-        found = _NUMBER.match(self.code, start)
-        if found is None:
+        match = _NUMBER.match(self.code, start)
+        if match is None:
             return None
-        self.at = found.end()
-        value = float(found.group())
+        self.at = match.end()
+        value = float(match.group())
         if value > LARGEST:
             raise self.error(start, f"the number is too large: {LARGEST:g} is the most")
         return value
@@ -111,17 +113,8 @@ class Cursor:
 
     def error(self, start: int, reason: str) -> GcodeError:
         """The error about what stands from code position ``start`` to the cursor."""
-        return GcodeError(
-            file=self.file,
-            line=self.line,
-            column=self.columns[start],
-            word=self.written(start) or "end of line",
-            reason=reason,
-        )
-
-
-def _ascii_upper(text: str) -> str:
-    return text if text.isupper() and text.isascii() else text.translate(_UPPER)
+        word = self.written(start) or "end of line"
+        return GcodeError(self.file, self.line, self.columns[start], word, reason)
 
 
 _UPPER = {ord(letter): ord(letter) - 32 for letter in "abcdefghijklmnopqrstuvwxyz"}
@@ -245,7 +238,9 @@ class ExpressionParser:
         cursor = self.cursor
         start = cursor.at
         cursor.at += len(name)
-        arguments = [self._argument(name)]
+        if not cursor.take("["):
+            raise cursor.error(cursor.at, f"{name} is followed by [: add its argument")
+        arguments = [self.expression()]
         if self.fanuc and name in ("ATAN", "POW") and cursor.take(","):
             arguments.append(self.expression())
         if not cursor.take("]"):
@@ -262,21 +257,13 @@ class ExpressionParser:
             if len(arguments) == 1:
                 raise cursor.error(start, "POW takes two arguments: write POW[base,exponent]")
             return Binary("**", *arguments)
-        if name == "EXISTS" and not _names_a_parameter(arguments[0]):
+        if name == "EXISTS" and not isinstance(getattr(arguments[0], "key", None), str):
             raise cursor.error(start, "EXISTS asks for a named parameter: write EXISTS[#<name>]")
         return Call(meaning, tuple(arguments))
 
-    def _argument(self, name: str) -> Expression:
-        if not self.cursor.take("["):
-            raise self.cursor.error(self.cursor.at, f"{name} is followed by [: add its argument")
-        return self.expression()
-
     def _operator(self) -> str | None:
         text = self.cursor.peek(3)
-        for length in (3, 2, 1):
-            if text[:length] in self.operators:
-                return text[:length]
-        return None
+        return next((text[:n] for n in (3, 2, 1) if text[:n] in self.operators), None)
 
     def _deeper(self, start: int) -> None:
         self.cursor.nesting += 1
@@ -285,7 +272,3 @@ class ExpressionParser:
                 start,
                 f"the expression nests or chains more than {DEEPEST} values: split it into several",
             )
-
-
-def _names_a_parameter(expression: Expression) -> bool:
-    return isinstance(expression, Parameter) and isinstance(expression.key, str)

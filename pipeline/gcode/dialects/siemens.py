@@ -117,12 +117,9 @@ class SiemensReader:
             )
         plane = Binary("+", reference, clearance)
         hole = (("G", Number(81.0)), ("Z", depth), ("R", plane))
-        kept = [word for word in words if word.letter != "Z" and not _is_rapid(word)]
+        rapid = ("G", Number(0.0))
+        kept = [w for w in words if w.letter != "Z" and (w.letter, w.value) != rapid]
         return kept + [WordItem(name, value, moved.column, moved.text) for name, value in hole]
-
-
-def _is_rapid(word: WordItem) -> bool:
-    return word.letter == "G" and word.value == Number(0.0)
 
 
 def _token(word: WordItem) -> Token:

@@ -61,11 +61,7 @@ FOREIGN_M = frozenset((98, 99, 198))
 """Subprograms of other controls."""
 SAME_AS: dict[float, int] = {
     60: 61,  # exact stop, modal
-    641: 64,
-    642: 64,
-    643: 64,
-    644: 64,
-    645: 64,
+    **dict.fromkeys((641, 642, 643, 644, 645), 64),
     700: 70,
     710: 71,
 }

@@ -66,25 +66,21 @@ class TokenStream:
         self.tokens: list[Token] = []
         self.comments: list[str] = []
         while start < len(text):
-            found = _TOKEN.match(text, start)
-            if found is None:
+            match = _TOKEN.match(text, start)
+            if match is None:
                 raise self.error(
                     Token("", text[start], start + 1, "", 0.0),
                     "this character has no meaning here: delete it",
                 )
-            self._note(found)
-            start = found.end()
-
-    def _note(self, found: re.Match[str]) -> None:
-        kind = found.lastgroup or ""
-        kind = next(k for k in (kind, *_KINDS) if k in _KINDS and found[k] is not None)
-        if kind == "comment":
-            self.comments.append(found[0][1:])
-        elif kind != "blank":
-            head = found["target"] or found["function"] or found["letter"] or found["name"] or ""
-            value = float(found["value"] or found["number"] or 0.0)
-            token = Token(kind, found[0].rstrip(), found.start() + 1, head.upper(), value)
-            self.tokens.append(token)
+            kind = next(kind for kind in _KINDS if match[kind] is not None)
+            if kind == "comment":
+                self.comments.append(match[0][1:])
+            elif kind != "blank":
+                head = match["target"] or match["function"] or match["letter"] or match["name"]
+                value = float(match["value"] or match["number"] or 0.0)
+                text_read = match[0].rstrip()
+                self.tokens.append(Token(kind, text_read, start + 1, (head or "").upper(), value))
+            start = match.end()
 
     @property
     def next(self) -> Token | None:
@@ -99,30 +95,25 @@ class TokenStream:
 
     def skips(self, sign: str) -> bool:
         """Whether a sign comes next; then it is behind."""
-        found = self.next is not None and self.next.text == sign
-        self.at += found
-        return found
+        comes = self.next is not None and self.next.text == sign
+        self.at += comes
+        return comes
 
     def error(self, token: Token | None, reason: str) -> GcodeError:
         """The error about a token, or about the end of the line."""
-        return GcodeError(
-            file=self.file,
-            line=self.line,
-            column=token.column if token else 1,
-            word=token.text if token else "end of line",
-            reason=reason,
-        )
+        column, word = (token.column, token.text) if token else (1, "end of line")
+        return GcodeError(self.file, self.line, column, word, reason)
 
     def arguments(self) -> tuple[Expression, ...]:
         """Arguments up to the closing bracket of a call; one that is left out counts 0."""
-        found: list[Expression] = []
+        given: list[Expression] = []
         if self.skips(")"):
             return ()
         while True:
             empty = self.next is not None and self.next.text in (",", ")")
-            found.append(Number(0.0) if empty else self.expression())
+            given.append(Number(0.0) if empty else self.expression())
             if self.skips(")"):
-                return tuple(found)
+                return tuple(given)
             if not self.skips(","):
                 raise self.error(self.next, "a comma or ) is expected here: correct the call")
 

@@ -89,7 +89,11 @@ class _LineParser:
         if letter == "O" and first:
             self.control = o_word(self.expressions)
         elif letter == "N" and first and self.number is None:
-            self.number = self._sequence_number()
+            start = self.cursor.at
+            self.cursor.take("N")
+            self.number = self.cursor.number()
+            if self.number is None:
+                raise self.cursor.error(start, "N is followed by no number: add it or delete N")
         else:
             run = self.cursor.letters()
             control = None
@@ -100,14 +104,6 @@ class _LineParser:
             else:
                 self.control = control
 
-    def _sequence_number(self) -> float:
-        start = self.cursor.at
-        self.cursor.take("N")
-        number = self.cursor.number()
-        if number is None:
-            raise self.cursor.error(start, "N is followed by no number: add it or delete N")
-        return number
-
     def _word(self, letter: str) -> None:
         cursor = self.cursor
         start = cursor.at
@@ -115,27 +111,24 @@ class _LineParser:
         run = letter + cursor.letters()
         if len(run) > len(letter) and cursor.letters() not in self.expressions.functions:
             cursor.at = start + len(run)
-            raise cursor.error(start, self._unknown(run))
+            macro = run.startswith(("IF", "GOTO", "WHILE", "END", "DO"))
+            raise cursor.error(
+                start,
+                "LinuxCNC has no such word: use O-words, or the dialect fanuc"
+                if macro and self.dialect == "linuxcnc"
+                else "this is no word of the dialect: correct it, or choose another dialect",
+            )
         if cursor.ended or cursor.peek() not in _VALUE:
             raise cursor.error(start, f"{letter} is followed by no value: add a number")
         value = self.expressions.value()
-        self._refuse_round(start, value)
-        column = cursor.columns[start]
-        self.words.append(WordItem(letter, value, column, cursor.written(start)))
-
-    def _refuse_round(self, start: int, value: Expression) -> None:
-        rounds = getattr(value, "function", "") == "ROUND"
-        if self.dialect == "fanuc" and rounds:
-            raise self.cursor.error(
+        if self.dialect == "fanuc" and getattr(value, "function", "") == "ROUND":
+            raise cursor.error(
                 start,
                 "ROUND in a word rounds to the control's least increment, which is not known: "
                 "assign the rounded value to a # variable first",
             )
-
-    def _unknown(self, run: str) -> str:
-        if self.dialect == "linuxcnc" and run.startswith(("IF", "GOTO", "WHILE", "END", "DO")):
-            return "LinuxCNC has no such word: use O-words, or the dialect fanuc"
-        return "this is no word of the dialect: correct it, or choose another dialect"
+        column = cursor.columns[start]
+        self.words.append(WordItem(letter, value, column, cursor.written(start)))
 
     def _unexpected(self, reason: str) -> GcodeError:
         start = self.cursor.at
@@ -143,19 +136,12 @@ class _LineParser:
         return self.cursor.error(start, reason)
 
     def _check_comments(self) -> None:
-        nested = next((c for c in self.cursor.comments if "(" in c), None)
-        if nested is not None and self.dialect == "linuxcnc" and f"({nested})" in self._source():
-            column = self._source().index(f"({nested})") + 1
-            raise GcodeError(
-                file=self.cursor.file,
-                line=self.line.number,
-                column=column,
-                word=f"({nested})",
-                reason="a comment holds another ( : LinuxCNC refuses this, delete the inner one",
-            )
-
-    def _source(self) -> str:
-        return self.cursor.source
+        word = next((f"({c})" for c in self.cursor.comments if "(" in c), None)
+        source = self.cursor.source
+        if word is not None and self.dialect == "linuxcnc" and word in source:
+            reason = "a comment holds another ( : LinuxCNC refuses this, delete the inner one"
+            column = source.index(word) + 1
+            raise GcodeError(self.cursor.file, self.line.number, column, word, reason)
 
 
 _VALUE = frozenset("0123456789.+-#[ABCDEFGHIJKLMNOPQRSTUVWXYZ")

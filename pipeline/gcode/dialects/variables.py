@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from pipeline.gcode.modal import CANCELLED
 from pipeline.gcode.moves import INCH
-from pipeline.gcode.run import Run
+from pipeline.gcode.run import Register, Run
 from pipeline.gcode.setup import ZERO
 from pipeline.gcode.statements import ExpressionError
 
@@ -66,13 +66,12 @@ class FanucVariables:
         """Keep a value; None makes it vacant."""
         number = self._number(key)
         store = self.locals[-1] if number in FANUC_LOCAL else self.common
-        if number in FANUC_LOCAL or number in FANUC_COMMON:
-            if value is None:
-                store.pop(number, None)
-            else:
-                store[number] = value
-        else:
+        if number not in FANUC_LOCAL and number not in FANUC_COMMON:
             self._set_system(number, value or 0.0)
+        elif value is None:
+            store.pop(number, None)
+        else:
+            store[number] = value
 
     def exists(self, key: int | str) -> bool:
         """Whether it has a value."""
@@ -88,15 +87,13 @@ class FanucVariables:
         place = _fanuc_offset_place(number)
         if place is not None:
             name, axis = place
-            return run.offsets.work.get(name, [0.0] * 6)[axis] / self._unit(axis)
+            return run.offsets.work.get(name, [0.0] * 6)[axis] / _unit(run, axis)
         if number // 1000 in FANUC_REGISTERS and number % 1000 > 0:
-            entry = run.registers.get(number % 1000)
-            return (
-                getattr(entry, FANUC_REGISTERS[number // 1000]) / run.state.unit if entry else 0.0
-            )
+            entry = run.registers.get(number % 1000, Register())
+            return float(getattr(entry, FANUC_REGISTERS[number // 1000]) / run.state.unit)
         if number // 20 * 20 in _POSITIONS and 1 <= number % 20 <= 6:
             axis = number % 20 - 1
-            return _POSITIONS[number // 20 * 20](run)[axis] / self._unit(axis)
+            return _POSITIONS[number // 20 * 20](run)[axis] / _unit(self.run, axis)
         if number in _MODAL:
             return _MODAL[number](run)
         raise ExpressionError(
@@ -111,7 +108,7 @@ class FanucVariables:
             name, axis = place
             if run.contour is not None:
                 raise ExpressionError("offsets cannot change while G41 or G42 is in force: G40")
-            run.offsets.work.setdefault(name, [0.0] * 6)[axis] = value * self._unit(axis)
+            run.offsets.work.setdefault(name, [0.0] * 6)[axis] = value * _unit(self.run, axis)
             run.remap()
         elif number // 1000 in FANUC_REGISTERS and number % 1000 > 0:
             scaled = value * run.state.unit
@@ -125,8 +122,10 @@ class FanucVariables:
         elif number not in WITHOUT_EFFECT:
             raise ExpressionError(f"#{number} cannot be written, or is not supported: use #100")
 
-    def _unit(self, axis: int) -> float:
-        return self.run.state.unit if axis < 3 else 1.0
+
+def _unit(run: Run, axis: int) -> float:
+    """The program's unit of an axis [mm, deg]."""
+    return run.state.unit if axis < 3 else 1.0
 
 
 def _fanuc_offset_place(number: int) -> tuple[str, int] | None:
@@ -199,10 +198,7 @@ class LinuxcncParameters:
 
     def enter(self, arguments: dict[int, float]) -> None:
         """Begin a subroutine with its own #1 to #30 and local names."""
-        fresh: dict[int | str, float] = {}
-        for number, value in arguments.items():
-            fresh[number] = value
-        self.locals.append(fresh)
+        self.locals.append({number: value for number, value in arguments.items()})
 
     def leave(self) -> None:
         """Back to the caller's."""
@@ -263,7 +259,7 @@ class LinuxcncParameters:
             return self._offset(*place)
         if 5420 <= key <= 5425:
             axis = key - 5420
-            return run.point[axis] / (run.state.unit if axis < 3 else 1.0)
+            return run.point[axis] / _unit(run, axis)
         if 5401 <= key <= 5406:
             return run.offsets.length[key - 5401] / self._unit(key - 5401)
         if key in (5400, 5410):
@@ -324,8 +320,7 @@ def _linuxcnc_offset_place(key: int) -> tuple[str, int] | None:
     if key == 5210:
         return "shifted", 0
     for name, first in _PLACES:
-        last = ROTATION + 1 if first >= 5221 else ROTATION
-        if first <= key < first + last:
+        if first <= key < first + ROTATION + (first >= 5221):
             return name, key - first
     return None
 
@@ -339,11 +334,11 @@ _PLACES = (
 
 
 def _axis(axis: int) -> Callable[[Run], float]:
-    return lambda run: run.point[axis] / (run.state.unit if axis < 3 else 1.0)
+    return lambda run: run.point[axis] / _unit(run, axis)
 
 
 def _machine_axis(axis: int) -> Callable[[Run], float]:
-    return lambda run: run.state.position[axis] / (run.state.unit if axis < 3 else 1.0)
+    return lambda run: run.state.position[axis] / _unit(run, axis)
 
 
 def _is(name: str, value: int) -> Callable[[Run], float]:

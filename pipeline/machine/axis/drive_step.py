@@ -23,13 +23,14 @@ ROWS = 35
 """Quantities of one axis: state, prepared constants, and error statistics.
 
 UP is motion in the positive direction, DOWN in the negative; levels of DOWN are negative.
+AMPLITUDE is that of the Stribeck term, NARROW what scales the speed in it.
 """
 # unsigned: an index that could be negative would be tested in each lane
 (
     X, V, INTEGRAL, V_FED_BACK, V_REF, COMMAND, LAST_REFERENCE, LAST_VELOCITY_REF, UNIT,
     P, FV, LEFT_REF, SHARE_V, LEFT_V, MINUS_V, MINUS_I, FA, HIGHEST, LOWEST,
     OFFSET, LOAD_FACTOR, KEEP_UP, KEEP_DOWN, SLOW_UP, SLOW_DOWN,
-    COULOMB_UP, COULOMB_DOWN, DIP_UP, DIP_DOWN, NARROW_UP, NARROW_DOWN,
+    COULOMB_UP, COULOMB_DOWN, AMPLITUDE_UP, AMPLITUDE_DOWN, NARROW_UP, NARROW_DOWN,
     GREATEST_ERROR, SQUARE_ERROR, GREATEST_COMMAND, SQUARE_COMMAND,
 ) = (uint64(i * LANES) for i in range(ROWS))  # fmt: skip
 POSITION, VELOCITY, FIRST_COMMAND, REFERENCE_VELOCITY = range(4)
@@ -153,7 +154,7 @@ def _friction(row, column, per_newton, sign, data, at):  # type: ignore[no-untyp
     data[at + KEEP_UP] = 1.0 - half
     data[at + SLOW_UP] = 1.0 / (1.0 + half)
     data[at + COULOMB_UP] = sign * coulomb
-    data[at + DIP_UP] = sign * (static - coulomb)
+    data[at + AMPLITUDE_UP] = sign * (static - coulomb)
     # decay() wants a 32nd of the square
     data[at + NARROW_UP] = 1.0 / (narrow * sqrt(32.0))
 
@@ -223,10 +224,10 @@ def mechanics_step(data, i, load, half):  # type: ignore[no-untyped-def]
     faded = decay(narrow * narrow)
     free = fused(v, keep_up if up else keep_down, push)
     on = free > 0.0
-    # at v = 0 the dip has not faded, whatever the direction
-    dip = faded if up == on else 1.0
-    highest = fused(data[i + DIP_UP], dip, data[i + COULOMB_UP])
-    lowest = fused(data[i + DIP_DOWN], dip, data[i + COULOMB_DOWN])
+    # at v = 0 the Stribeck term has not faded, whatever the direction
+    share = faded if up == on else 1.0
+    highest = fused(data[i + AMPLITUDE_UP], share, data[i + COULOMB_UP])
+    lowest = fused(data[i + AMPLITUDE_DOWN], share, data[i + COULOMB_DOWN])
     v_next = (free - min(max(free, lowest), highest)) * (slow_up if on else slow_down)
     data[i + X] = fused(half, v + v_next, data[i + X])
     data[i + V] = v_next

@@ -119,11 +119,6 @@ def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
     return stiffness * angle + damping * speed
 
 
-def antiresonance(load_inertia: float, stiffness: float) -> float:
-    """Return sqrt(K / J_l) [rad/s]: the load swings against a motor that is held."""
-    return sqrt(stiffness / load_inertia)
-
-
 def resonance(motor_inertia: float, load_inertia: float, stiffness: float) -> float:
     """Return sqrt(K (1/J_m + 1/J_l)) [rad/s]: both swing against each other.
 
@@ -246,8 +241,8 @@ def sliding_friction(mode, speed, shafts):  # type: ignore[no-untyped-def]
     """Torque of the guideway's friction that slides in the direction ``mode`` [N m]."""
     side = shafts.positive if mode > 0.0 else shafts.negative
     s = max(mode * speed, 0.0)
-    dip = (side.static - side.coulomb) * exp(-((s / side.stribeck) ** 2))
-    return mode * (side.coulomb + dip + side.viscous * s)
+    stribeck = (side.static - side.coulomb) * exp(-((s / side.stribeck) ** 2))
+    return mode * (side.coulomb + stribeck + side.viscous * s)
 
 
 @compiled

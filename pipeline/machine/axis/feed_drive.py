@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, speed_after
+from pipeline.machine.axis.friction import FrictionParameters, speed_after
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
@@ -171,29 +171,3 @@ def drive_row(
             feed_drive.backlash, servo.velocity_lag, servo.position_lag,
         ]
     )  # fmt: skip
-
-
-def drive_of_row(row: Floats) -> tuple[ServoParameters, FeedDriveParameters]:
-    """Servo and mechanics of a row of :func:`drive_row`, the scale factors 1.
-
-    Raises
-    ------
-    ValueError
-        When a number is out of its range.
-    """
-    position, velocity, integral, forward, ahead, limit, mass, k, offset = row[:9].tolist()
-    sides = [
-        DirectionFriction(coulomb=c, static=s, stribeck_velocity=v, viscous=mu)
-        for c, s, v, mu in row[10:18].reshape(2, 4).tolist()
-    ]
-    servo = ServoParameters(
-        position_gain=position, velocity_gain=velocity, integral_gain=integral,
-        velocity_feedforward=forward, acceleration_feedforward=ahead, current_limit=limit,
-        velocity_lag=float(row[DriveColumn.VELOCITY_LAG]),
-        position_lag=float(row[DriveColumn.POSITION_LAG]),
-    )  # fmt: skip
-    feed_drive = FeedDriveParameters(
-        mass=mass, force_constant=k, offset=offset, backlash=float(row[DriveColumn.BACKLASH]),
-        friction=FrictionParameters(positive=sides[0], negative=sides[1]),
-    )  # fmt: skip
-    return servo, feed_drive

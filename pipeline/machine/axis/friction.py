@@ -82,8 +82,8 @@ def friction_force(v: ArrayLike, friction: FrictionParameters) -> Floats:
     for sign, side in ((1.0, friction.positive), (-1.0, friction.negative)):
         sliding = speed * sign > 0
         s = speed[sliding] * sign
-        dip = (side.static - side.coulomb) * np.exp(-((s / side.stribeck_velocity) ** 2))
-        force[sliding] = sign * (side.coulomb + dip + side.viscous * s)
+        stribeck = (side.static - side.coulomb) * np.exp(-((s / side.stribeck_velocity) ** 2))
+        force[sliding] = sign * (side.coulomb + stribeck + side.viscous * s)
     return force
 
 
@@ -94,7 +94,7 @@ def speed_after(
 
     Viscous friction is taken at both ends of the step (Crank and Nicolson), the level at the old
     speed; at standstill, and where the step passes it, the level is F_s.  Second order in the step
-    but for the dip, which is of first order.
+    but for the Stribeck term, which is of first order.
 
     Parameters
     ----------
@@ -117,8 +117,8 @@ def speed_after(
     before = friction.positive if v > 0 else friction.negative
     free = v + period / mass * (force - 0.5 * before.viscous * v)
     after = friction.positive if free > 0 else friction.negative
-    dip = exp(-((v / before.stribeck_velocity) ** 2)) if v * free > 0 else 1.0
-    level = after.coulomb + (after.static - after.coulomb) * dip
+    share = exp(-((v / before.stribeck_velocity) ** 2)) if v * free > 0 else 1.0
+    level = after.coulomb + (after.static - after.coulomb) * share
     slip = max(abs(free) - period / mass * level, 0.0)
     slip /= 1.0 + 0.5 * period / mass * after.viscous
     v_next = slip if free > 0 else -slip

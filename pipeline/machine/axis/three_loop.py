@@ -6,7 +6,7 @@ mechanics is in :mod:`pipeline.machine.axis.drive_train`, the loops in
 :mod:`pipeline.machine.axis.three_loop_kernel`; here their parameters come together.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isinf
 
 import numpy as np
@@ -16,7 +16,7 @@ from pipeline.machine.axis import drive_train
 from pipeline.machine.axis import three_loop_kernel as kernel
 from pipeline.machine.axis.friction import DirectionFriction
 from pipeline.machine.axis.loops import FuzzyParameters, PositionLoopParameters
-from pipeline.machine.axis.motor import MotorParameters, magnetic_energy
+from pipeline.machine.axis.motor import magnetic_energy
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, check_steps
 from pipeline.schema.arrays import Floats
 
@@ -158,8 +158,8 @@ def _follow(
         y[drive_train.TH_M] = y[drive_train.TH_L] = target[0] / ratio
     out = np.empty((target.size, kernel.COLUMNS))
     reached = kernel.follow(
-        target, force * ratio, _periods(period, clock), winding(drive.motor), shafts(drive),
-        loops(drive, steps, position), y, np.zeros(kernel.MEMORY),
+        target, force * ratio, _periods(period, clock), _winding(drive), shafts(drive),
+        _settings(drive, steps, position), y, np.zeros(kernel.MEMORY),
         np.zeros((drive_train.WORK_ROWS, drive_train.STATES)), out,
     )  # fmt: skip
     if reached < target.size or not np.isfinite(out).all():
@@ -229,15 +229,9 @@ def _trace(
     )
 
 
-def winding(motor: MotorParameters) -> drive_train.Winding:
-    """Return the parameters of the currents."""
-    return drive_train.Winding(
-        resistance=float(motor.resistance),
-        inductance_d=float(motor.inductance_d),
-        inductance_q=float(motor.inductance_q),
-        flux=float(motor.flux),
-        pole_pairs=float(motor.pole_pairs),
-    )
+def _winding(drive: ThreeLoopParameters) -> drive_train.Winding:
+    names = drive_train.Winding._fields
+    return drive_train.Winding(*(float(getattr(drive.motor, name)) for name in names))
 
 
 def shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
@@ -267,36 +261,22 @@ def _about_screw(friction: DirectionFriction, ratio: float) -> drive_train.Direc
     )
 
 
-def loops(drive: ThreeLoopParameters, steps: int, position: bool) -> kernel.Loops:
-    """Return the settings of the loops; ``position``: whether positions are followed."""
+def _settings(drive: ThreeLoopParameters, steps: int, position: bool) -> kernel.Loops:
+    """Settings of the loops; ``position``: whether positions are followed."""
     motor, current, speed = drive.motor, drive.current_loop, drive.speed_loop
-    outer, fuzzy = drive.position_loop or _OPEN, speed.fuzzy or _NO_RULES
+    outer = drive.position_loop or _OPEN
     gain_d, integral_d = current.gains(motor.resistance, motor.inductance_d)
     gain_q, integral_q = current.gains(motor.resistance, motor.inductance_q)
+    rules = asdict(speed.fuzzy or _NO_RULES)
     return kernel.Loops(
-        period=float(current.period),
-        steps=int(steps),
-        gain_d=gain_d,
-        integral_d=integral_d,
-        gain_q=gain_q,
-        integral_q=integral_q,
-        torque_constant=float(motor.torque_constant),
-        torque_limit=float(speed.torque_limit),
-        proportional=float(speed.proportional),
-        integral=float(speed.integral),
-        fuzzy=speed.fuzzy is not None,
-        error_scale=float(fuzzy.error_scale),
-        change_scale=float(fuzzy.change_scale),
-        proportional_span=float(fuzzy.proportional_span),
-        integral_span=float(fuzzy.integral_span),
-        speed_every=int(speed.every),
-        position=position,
-        gain=float(outer.gain),
-        feedforward=float(outer.velocity_feedforward),
-        motor_encoder=bool(outer.motor_encoder),
-        position_every=int(outer.every),
-        ratio=float(drive.transmission.ratio),
-        dc_link=float(drive.inverter.dc_link),
-        switched=bool(drive.inverter.switched),
+        period=float(current.period), steps=int(steps),
+        gain_d=gain_d, integral_d=integral_d, gain_q=gain_q, integral_q=integral_q,
+        torque_constant=float(motor.torque_constant), torque_limit=float(speed.torque_limit),
+        proportional=float(speed.proportional), integral=float(speed.integral),
+        fuzzy=speed.fuzzy is not None, **{name: float(rule) for name, rule in rules.items()},
+        speed_every=int(speed.every), position=position, gain=float(outer.gain),
+        feedforward=float(outer.velocity_feedforward), motor_encoder=bool(outer.motor_encoder),
+        position_every=int(outer.every), ratio=float(drive.transmission.ratio),
+        dc_link=float(drive.inverter.dc_link), switched=bool(drive.inverter.switched),
         overmodulation=bool(drive.inverter.overmodulation),
-    )
+    )  # fmt: skip

@@ -136,12 +136,6 @@ def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
     """
     wait = np.zeros(motion_time.shape)
     wait += path.pause
-    add_waits(path, speeds, motion_time, wait)
-    return wait
-
-
-def add_waits(path: Path, speeds: Floats, motion_time: Floats, wait: Floats) -> None:
-    """Add the times of auxiliary functions to ``wait``, shape (P, M)."""
     moves, parameters = path.moves, path.control.auxiliary
     rows, seconds = auxiliary_time(moves, parameters, speeds)
     wait[:, rows] += seconds
@@ -154,6 +148,7 @@ def add_waits(path: Path, speeds: Floats, motion_time: Floats, wait: Floats) -> 
         meanwhile = (motion_time[:, between] + wait[:, between]).sum(axis=1)
         standing = until if path.motion[until] == Motion.STILL else until - 1
         wait[:, standing] += np.maximum(0.0, needed - meanwhile)
+    return wait
 
 
 def auxiliary_time(

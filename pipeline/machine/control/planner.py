@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.machine.control.commands import (
-    add_waits,
     auxiliary_time,
     commanded_feeds,
     spindle_speeds,
@@ -228,8 +227,7 @@ def plan(
             "row_times and totals take many"
         )
     motion = row_motion(path, feed, spindle)
-    wait = path.pause.copy()
-    add_waits(path, spindle, motion.time[np.newaxis], wait[np.newaxis])
+    wait = waits(path, spindle, motion.time[np.newaxis])[0]
     return Plan(path=path, feed=feed[0], spindle_speed=spindle[0], motion=motion, wait=wait)
 
 

@@ -56,11 +56,8 @@ def row_motion(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
 def motion_times(path: Path, feed: Floats, spindle: Floats) -> Floats:
     """Duration of the rows' motion [s]; shape (P, M), from commands (P, M) and (1 or P, M)."""
     if path.control.profile == "s_curve":
-        own = range(len(spindle)) if len(spindle) > 1 else [0] * len(feed)
-        rows = [
-            row_motion(path, feed[[p]], spindle[[q]]).time
-            for p, q in zip(range(len(feed)), own, strict=True)
-        ]
+        own = np.broadcast_to(spindle, feed.shape)
+        rows = [row_motion(path, feed[[p]], own[[p]]).time for p in range(len(feed))]
         return np.array(rows).reshape(feed.shape)
     from pipeline.machine.control.look_ahead import plan_population
 
