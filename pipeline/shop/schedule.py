@@ -11,17 +11,11 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.shop.parameters import DAY, ShopParameters
 from pipeline.shop.timeline import (
-    ACTIVE,
-    AUTOMATIC,
-    FEED_HOLD,
-    INTERRUPTED,
-    MANUAL,
-    MANUAL_DATA_INPUT,
-    READY,
-    STOPPED,
     WARM_UP,
     Alarm,
     Cycle,
+    Execution,
+    Mode,
     Operation,
     Program,
     Timeline,
@@ -51,6 +45,13 @@ WARNINGS = (
     ("motion_c", "WARNING", "1101", "", "INTERFERE"),
 )
 """Data item, level, code, qualifier and text of warnings, as controls give them."""
+FAULTS = (
+    ("motion_c", "FAULT", "1281", "", "ERROR (X AXIS POS.MALF.)"),
+    ("logic_c", "FAULT", "806", "", "TOOL LIFE OVER"),
+    ("spindle_c", "FAULT", "53", "HIGH", "SPINDLE OVERLOAD"),
+    ("Ztravel", "FAULT", "101", "HIGH", "SOFT LIMIT"),
+)
+"""The same of faults that end a run."""
 
 
 @dataclass(kw_only=True)
@@ -66,14 +67,12 @@ def run_program(
     day: Timeline, start: int, run: Run, number: int, p: ShopParameters, random: np.random.Generator
 ) -> Cycle:
     """Write one run into ``day`` from second ``start``; the cycle it made is returned and kept."""
-    cycle = Cycle(
-        number=number, program=run.program.name, kind="part" if run.part else "warm_up",
-        part=run.part, start=start,
-    )  # fmt: skip
+    name, kind = run.program.name, "part" if run.part else "warm_up"
+    cycle = Cycle(number=number, program=name, kind=kind, part=run.part, start=start)
     aborted = bool(run.part) and random.random() < p.shift.abort_chance
     last = int(random.integers(len(run.program.operations))) if aborted else -1
-    day.select(start, run.program.name)
-    day.mode[start:] = AUTOMATIC
+    day.select(start, name)
+    day.mode[start:] = Mode.AUTOMATIC
     day.hold[start:] = False
     _overrides(day, start, run, random)
     t = start
@@ -85,7 +84,7 @@ def run_program(
         if run.part == 1 and random.random() < 0.35:
             t = _optional_stop(day, t, cycle, random)
     cycle.end, cycle.complete = t, not aborted
-    day.execution[t:] = STOPPED if aborted else READY
+    day.execution[t:] = Execution.STOPPED if aborted else Execution.READY
     if aborted:
         _trouble(day, t, random)
     elif run.part:
@@ -97,7 +96,7 @@ def run_program(
 
 
 def _overrides(day: Timeline, t: int, run: Run, random: np.random.Generator) -> None:
-    """Set overrides: careful with a first part, sometimes faster or slower later."""
+    """Set overrides: slow for a first part, sometimes faster or slower later."""
     first = run.part == 1
     day.rapid_override[t:] = random.choice([25.0, 50.0]) if first else 100.0
     usual = [70.0, 80.0, 90.0, 100.0] if first else [80.0, 90.0, 100.0, 110.0, 120.0]
@@ -107,7 +106,7 @@ def _overrides(day: Timeline, t: int, run: Run, random: np.random.Generator) -> 
 
 
 def _change_tool(day: Timeline, t: int, operation: Operation, cycle: Cycle) -> int:
-    day.execution[t:] = ACTIVE
+    day.execution[t:] = Execution.ACTIVE
     day.speed_command[t:] = 0.0
     if operation.tool in (0, int(day.tool[t])):
         return t
@@ -179,7 +178,7 @@ def _path(
     engaged = (u < one_pass).astype(float)
     back = np.clip((u - one_pass) / RETURN, 0, 1)
     along = np.where(engaged > 0, u * feed, operation.length * (1 - back))
-    feeds = np.where(engaged > 0, feed, 0.0) + np.where(engaged > 0, 0.0, operation.length / RETURN)
+    feeds = np.where(engaged > 0, feed, operation.length / RETURN)
     if operation.motion == "drill":
         x, y = x_0 + 35 * (n % 6), y_0 + 30 * (n // 6 % 5)
         return np.array([x, y, z_0 - along, zero, feeds, engaged])
@@ -196,7 +195,7 @@ def _feed_hold(
     day: Timeline, t: int, operation: Operation, cycle: Cycle, random: np.random.Generator
 ) -> int:
     end = t + int(random.integers(8, 75))
-    day.execution[t:end], day.execution[end:] = FEED_HOLD, ACTIVE
+    day.execution[t:end], day.execution[end:] = Execution.FEED_HOLD, Execution.ACTIVE
     day.hold[t:end] = operation.motion == "contour"
     day.coolant[t:end] = operation.coolant
     cycle.feed_hold_s += end - t
@@ -205,29 +204,21 @@ def _feed_hold(
 
 def _optional_stop(day: Timeline, t: int, cycle: Cycle, random: np.random.Generator) -> int:
     end = t + int(random.integers(20, 150))  # M01: the operator measures
-    day.execution[t:end], day.execution[end:] = INTERRUPTED, ACTIVE
+    day.execution[t:end], day.execution[end:] = Execution.INTERRUPTED, Execution.ACTIVE
     cycle.interrupted_s += end - t
     return end
 
 
 def _trouble(day: Timeline, t: int, random: np.random.Generator) -> None:
     """An alarm ends the run; sometimes the operator hits the emergency stop."""
-    kinds = (
-        ("motion_c", "FAULT", "1281", "", "ERROR (X AXIS POS.MALF.)"),
-        ("logic_c", "FAULT", "806", "", "TOOL LIFE OVER"),
-        ("spindle_c", "FAULT", "53", "HIGH", "SPINDLE OVERLOAD"),
-        ("Ztravel", "FAULT", "101", "HIGH", "SOFT LIMIT"),
-    )
-    name, level, code, qualifier, text = kinds[random.integers(len(kinds))]
+    fault = FAULTS[random.integers(len(FAULTS))]
     end = t + int(random.integers(40, 300))
-    day.alarms.append(
-        Alarm(name=name, level=level, code=code, qualifier=qualifier, text=text, start=t, end=end)
-    )
+    day.alarms.append(Alarm(*fault, start=t, end=end))
     day.hold[t:] = False
     if random.random() < 0.4:
         day.emergency[t + 1 : t + 1 + int(random.integers(10, 40))] = True
-    day.mode[t + 2 :] = MANUAL
-    day.execution[end:] = READY
+    day.mode[t + 2 :] = Mode.MANUAL
+    day.execution[end:] = Execution.READY
 
 
 @dataclass(kw_only=True)
@@ -253,7 +244,7 @@ class Shop:
 def working_day(shop: Shop, number: int) -> Timeline:
     """Timeline of day ``number`` (0 = the first Monday); Saturday and Sunday stay off."""
     day = Timeline(day=number)
-    day.execution[:], day.mode[:] = STOPPED, MANUAL
+    day.execution[:], day.mode[:] = Execution.STOPPED, Mode.MANUAL
     if number % 7 > FRIDAY:
         return day
     p, random = shop.parameters.shift, shop.random
@@ -262,7 +253,7 @@ def working_day(shop: Shop, number: int) -> Timeline:
     day.part_count[:] = shop.job.done if shop.job else 0
     day.power[day.on :] = True
     t = day.on + int(random.integers(300, 900))
-    day.execution[t:] = READY
+    day.execution[t:] = Execution.READY
     if random.random() < p.warm_up_chance:
         t = _run(shop, day, t, Run(program=WARM_UP, part=0)) + int(random.integers(60, 400))
     t = _batches(shop, day, t, min(end, LATEST - 5400))
@@ -310,21 +301,21 @@ def _changeover(shop: Shop, day: Timeline, t: int) -> int:
         size=int(random.integers(p.shift.batch_smallest, p.shift.batch_largest + 1)),
     )
     end = t + int(random.integers(12 * 60, 40 * 60))
-    day.mode[t:], day.hold[t:], day.part_count[t:] = MANUAL, False, 0
+    day.mode[t:], day.hold[t:], day.part_count[t:] = Mode.MANUAL, False, 0
     for start in np.sort(random.integers(t + 60, end - 120, int(random.integers(1, 4)))):
         _by_hand(day, int(start), min(int(start + random.integers(20, 90)), end - 10), random)
-    day.execution[end:] = READY
+    day.execution[end:] = Execution.READY
     return end
 
 
 def _by_hand(day: Timeline, a: int, b: int, random: np.random.Generator) -> None:
     """Rotate the spindle by a line of manual data input, move the axes by the handwheel."""
-    day.mode[a:b], day.execution[a:b] = MANUAL_DATA_INPUT, ACTIVE
+    day.mode[a:b], day.execution[a:b] = Mode.MANUAL_DATA_INPUT, Execution.ACTIVE
     day.speed_command[a:b] = float(random.choice([500.0, 1000.0, 2000.0, 3000.0]))
     day.x[a:b] = np.linspace(random.uniform(-200, 0), random.uniform(-200, 0), b - a)
     day.z[a:b] = np.linspace(300, random.uniform(150, 250), b - a)
     day.feed[a:b] = 5.0
-    day.execution[b:], day.speed_command[b:], day.feed[b:] = READY, 0.0, 0.0
+    day.execution[b:], day.speed_command[b:], day.feed[b:] = Execution.READY, 0.0, 0.0
 
 
 def _pause(shop: Shop, t: int) -> int:
@@ -338,19 +329,16 @@ def _pause(shop: Shop, t: int) -> int:
 
 def _warnings(day: Timeline, random: np.random.Generator) -> None:
     for _ in range(int(random.poisson(4))):
-        name, level, code, qualifier, text = WARNINGS[random.integers(len(WARNINGS))]
+        warning = WARNINGS[random.integers(len(WARNINGS))]
         a = int(random.integers(day.on + 300, day.off))
         b = min(a + int(random.integers(5, 200)), day.off)
-        if any(x.name == name and x.start <= b and a <= x.end for x in day.alarms):
-            continue
-        day.alarms.append(
-            Alarm(name=name, level=level, code=code, qualifier=qualifier, text=text, start=a, end=b)
-        )
+        if not any(x.name == warning[0] and x.start <= b and a <= x.end for x in day.alarms):
+            day.alarms.append(Alarm(*warning, start=a, end=b))
 
 
 def _switch_off(day: Timeline) -> None:
     off = slice(day.off, DAY)
     day.power[off], day.hold[off], day.coolant[off] = False, False, False
     day.speed_command[off], day.cut_power[off], day.feed[off] = 0.0, 0.0, 0.0
-    day.execution[off], day.mode[off] = STOPPED, MANUAL
+    day.execution[off], day.mode[off] = Execution.STOPPED, Mode.MANUAL
     day.emergency[off] = False

@@ -8,12 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pipeline.shop.drives.axis import Followed, follow, truth
-from pipeline.shop.drives.commands import Limits, Move, travel
+from pipeline.shop.drives.commands import Move, travel
 from pipeline.shop.drives.parameters import Axis, Cascade, Drives, Friction
 
 from .conftest import shop_parameters
 
-LIMITS = Limits(acceleration=3000.0, jerk=50000.0)
+LIMITS = (3000.0, 50000.0)  # [mm/s2], [mm/s3]
 FINE = {"scale_step": 1e-3, "steps_per_turn": 2**26}
 """Encoders whose steps count for nothing."""
 

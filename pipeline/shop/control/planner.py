@@ -91,7 +91,7 @@ def section(
 ) -> Section:
     """Plan ``steps`` (lines and arcs) from ``start`` [mm] with ``feeds`` (N,) [mm/s]."""
     blocks = _blocks(start, steps, feeds, control)
-    a, j = control.cutting_acceleration * 1e3, control.cutting_jerk * 1e3
+    a, j = control.path_bounds
     ends = np.cumsum(blocks.length)
     corner = _corner_speeds(blocks, control)
     _limit_to_look_ahead(corner, ends, blocks.cap, control)
@@ -145,11 +145,10 @@ def _limit_to_look_ahead(
     count = control.look_ahead
     if len(ends) <= count:
         return
-    a, j = control.cutting_acceleration * 1e3, control.cutting_jerk * 1e3
     inside = slice(0, len(ends) - count)
     ahead = ends[count:] - ends[inside]
-    still = np.zeros(len(ahead))
-    corner[inside] = np.minimum(corner[inside], reachable_speed(still, ahead, cap[inside], a, j))
+    fastest = reachable_speed(np.zeros(len(ahead)), ahead, cap[inside], *control.path_bounds)
+    corner[inside] = np.minimum(corner[inside], fastest)
 
 
 def _critical(blocks: Blocks, corner: Floats, a: float) -> Ints:
@@ -176,9 +175,8 @@ def _reachable_nodes(limit: Floats, lengths: Floats, a: float, j: float) -> Floa
     """Speeds at the nodes: each can be reached from the one before and left for the next."""
     speeds = limit.copy()
     count = len(lengths)
-    for here, there in [(k, k + 1) for k in range(count - 1, -1, -1)] + [
-        (k + 1, k) for k in range(count)
-    ]:
+    backward = [(k, k + 1) for k in range(count - 1, -1, -1)]
+    for here, there in backward + [(k + 1, k) for k in range(count)]:
         v, u, length = speeds[here], speeds[there], lengths[min(here, there)]
         if v > u and change_distance(u, v, a, j) > length:
             speeds[here] = reachable_speed(u, length, v, a, j)
@@ -296,10 +294,10 @@ class Control:
     parameters: ControlParameters
     motor: MotorParameters
     lengths: Mapping[int, float]
-    operator: Operator
     random: np.random.Generator
-    place: list[float]
     tool: int
+    operator: Operator = field(default_factory=Operator)
+    place: list[float] = field(default_factory=lambda: list(HOME))
     time: float = 0.0
     line: int = 0
     speed: float = 0.0  # of the spindle, commanded [rev/min]
@@ -338,7 +336,8 @@ class Control:
             case "dwell":
                 self._wait("dwell", self.time + step.seconds)
             case _:
-                self._code(getattr(times, f"m{step.number}"))
+                answer = self._scattered(getattr(times, f"m{step.number}"))
+                self._wait("code", self.time + answer)
 
     def _machine(self, step: Step) -> list[float]:
         offset = self.parameters.work_offset
@@ -359,9 +358,7 @@ class Control:
             self._wait("rapid_stop", self.time + self.stops.pop(self.line))
         share = self.operator.rapid_override / 100 / 60
         axes = tuple(
-            rest_to_rest(
-                round(abs(b - a), 6), axis.rapid * share, axis.acceleration * 1e3, axis.jerk * 1e3
-            )
+            rest_to_rest(round(abs(b - a), 6), axis.rapid * share, *axis.bounds)
             for a, b, axis in zip(self.place, target, self.parameters.axes, strict=True)
             if abs(b - a) > SHORTEST
         )
@@ -374,20 +371,17 @@ class Control:
         """Wait until the following error that each axis has when its motion ends has died down."""
         gain, window = self.parameters.position_gain, self.parameters.in_position
         last = max(p.duration for p in axes)
-        ready = [
+        self._wait("in_position", max(
             self.time - last + p.duration + log(max(p.lag(gain) / window, 1.0)) / gain for p in axes
-        ]
-        self._wait("in_position", max(ready))
+        ))  # fmt: skip
 
     def _change(self, tool: int) -> None:
         self._wait("spindle", self.turning)
         self._rapid([*self.place[:2], self.parameters.change_height])
         scatter = self.parameters.tool_change_scatter
+        until = self.time + self.parameters.tool_change + self.random.uniform(-scatter, scatter)
         self.tool = 0
-        self._wait(
-            "tool_change",
-            self.time + self.parameters.tool_change + self.random.uniform(-scatter, scatter),
-        )
+        self._wait("tool_change", until)
         self.tool = tool
 
     def _turn(self, speed: float, answer: float) -> None:
@@ -399,9 +393,6 @@ class Control:
         self.answered = self.time + self._scattered(answer)
         if self.parameters.spindle_wait == "at_m3":
             self.answered += ramp.duration
-
-    def _code(self, seconds: float) -> None:
-        self._wait("code", self.time + self._scattered(seconds))
 
     def _scattered(self, seconds: float) -> float:
         scatter = self.parameters.codes.scatter

@@ -46,6 +46,8 @@ STILL = 1e-7
 """Changes of height that count as none [mm]."""
 BATCH = 0.04
 """Standard deviation of a batch's specific force [1]."""
+SPECIFIC = ("tangential", "radial", "axial", "edge_tangential", "edge_radial", "edge_axial")
+"""Fields of ``Workpiece`` that go with the batch."""
 SHARPNESS = 0.08
 """Standard deviation of a tooth's own edge force [1]."""
 USED = 15.0
@@ -256,7 +258,8 @@ class Chance:
 def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generator) -> Chance:
     """Draw one part; ``EndMill.runout`` and ``tilt`` are the means of all mountings."""
     batch = float(np.clip(random.normal(1.0, BATCH), 0.8, 1.2))
-    work, top = job.workpiece, float(random.normal(0.0, TOP))
+    work = {name: getattr(job.workpiece, name) * batch for name in SPECIFIC}
+    top = float(random.normal(0.0, TOP))
     tools, used, deeper = {}, {}, {}
     for number, tool in sorted(job.tools.items()):
         teeth = np.clip(random.normal(1.0, SHARPNESS, tool.flutes), 0.7, 1.3)
@@ -272,12 +275,8 @@ def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generato
         deeper[number] = top + float(random.normal(0.0, LENGTH))
     error = parameters.cutting.dynamometer.speed_error
     return Chance(
-        workpiece=replace(
-            work, tangential=work.tangential * batch, radial=work.radial * batch,
-            axial=work.axial * batch, edge_tangential=work.edge_tangential * batch,
-            edge_radial=work.edge_radial * batch, edge_axial=work.edge_axial * batch,
-        ), tools=tools, used=used, deeper=deeper, speed_error=float(random.uniform(-error, error)),
-        angle=float(random.uniform(0, 2 * pi)),
+        workpiece=replace(job.workpiece, **work), tools=tools, used=used, deeper=deeper,
+        speed_error=float(random.uniform(-error, error)), angle=float(random.uniform(0, 2 * pi)),
     )  # fmt: skip
 
 
@@ -301,10 +300,8 @@ def cut(
     used = dict(part.used)
     for begin, end in _pieces(track, blank):
         number = int(track.tool[begin])
-        tool = part.tools[number]
-        load, moment, gone = _piece(
-            track, blank, turned, part, begin=begin, end=end, used=used[number]
-        )
+        tool, worn = part.tools[number], used[number]
+        load, moment, gone = _piece(track, blank, turned, part, begin=begin, end=end, used=worn)
         used[number] += gone
         lines = track.line[np.minimum((moment / track.cycle).astype(np.int64), track.line.size - 1)]
         for line in np.unique(lines).tolist():
@@ -390,18 +387,11 @@ def _cutter(tool: EndMill) -> Cutter:
 
 def _layers(blank: Swept, deeper: float) -> Layers:
     """The blank for a tool that cuts by ``deeper`` [mm] more at its top than is programmed."""
-    low, high, layer = [], [], []
-    for k, (a, b) in enumerate(pairwise(blank.heights.tolist())):
+    slices = []
+    for a, b in pairwise(blank.heights.tolist()):
         count = ceil((b - a) / SLICE - 1e-9)
-        edges = a + (b - a) * np.arange(count + 1) / count
-        low.append(edges[:-1])
-        high.append(edges[1:])
-        layer += [k] * count
-    tops = np.concatenate(high)
-    tops[-1] += deeper
-    b = blank.blank
-    return Layers(
-        low_x=b[0], high_x=b[1], low_y=b[2], high_y=b[3], first=blank.first,
-        corner_x=blank.corner[0], corner_y=blank.corner[1], cell=blank.cell,
-        layer=np.array(layer, dtype=np.int64), low=np.concatenate(low), high=tops,
-    )  # fmt: skip
+        slices.append(a + (b - a) * np.arange(count + 1) / count)
+    low, high = (np.concatenate([s[cut] for s in slices]) for cut in (np.s_[:-1], np.s_[1:]))
+    high[-1] += deeper
+    layer = np.repeat(np.arange(len(slices)), [s.size - 1 for s in slices])
+    return Layers(*blank.blank[:4], blank.first, *blank.corner, blank.cell, layer, low, high)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.parallel import mapped
-from pipeline.schema.arrays import Floats
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import Swept, swept
@@ -101,6 +100,8 @@ class Trial:
 def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters) -> Prepared:
     """Read a program, let the shop's control run it once, and sweep the blank.
 
+    ``name`` is the file's, for messages.
+
     Raises
     ------
     GcodeError
@@ -123,11 +124,8 @@ def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParamet
 
 def _check(prepared: Prepared, job: TrialJob) -> None:
     track, name = prepared.track, prepared.program.name
-    low, blank = track.tip[:, 2] < job.blank[5], job.blank
-    inside = low & (track.tip[:, 2] > blank[4])
-    for axis in (0, 1):
-        at = track.tip[:, axis]
-        inside &= (at > blank[2 * axis]) & (at < blank[2 * axis + 1])
+    low, high = np.array(job.blank).reshape(3, 2).T
+    inside = np.all((track.tip > low) & (track.tip < high), axis=1)
     other = inside & ~np.isin(track.tool, list(job.tools))
     if other.any():
         k = int(np.argmax(other))
@@ -144,8 +142,8 @@ def _check(prepared: Prepared, job: TrialJob) -> None:
 
 
 def trial(prepared: Prepared, job: TrialJob, parameters: ShopParameters, seed: int) -> Trial:
-    """Cut one part of a program that :func:`prepare` has read."""
-    random = _generator(parameters, seed)
+    """Cut one part of a program that :func:`prepare` has read; ``seed`` of its differences."""
+    random = np.random.Generator(np.random.PCG64([parameters.seed, seed, *b"trial cut"]))
     part = chance(job, parameters, random)
     loads = cut(prepared.track, prepared.swept, part, job, parameters, random)
     plan = control_of(prepared.program, job, parameters, random).run(prepared.program)
@@ -154,11 +152,6 @@ def trial(prepared: Prepared, job: TrialJob, parameters: ShopParameters, seed: i
         time_s=plan.duration, limit_load_N=job.limit_load_N, cutting_s=loads.cutting,
         above_s=loads.above, lines=lines,
     )  # fmt: skip
-
-
-def _generator(parameters: ShopParameters, seed: int) -> np.random.Generator:
-    words = [parameters.seed, seed, *b"trial cut"]
-    return np.random.Generator(np.random.PCG64(words))
 
 
 def _by_line(track: Track, loads: Loads) -> tuple[LineLoad, ...]:
@@ -171,32 +164,6 @@ def _by_line(track: Track, loads: Loads) -> tuple[LineLoad, ...]:
     )
 
 
-def trial_cut(
-    text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters, seed: int
-) -> Trial:
-    """Cut one part.
-
-    Parameters
-    ----------
-    text : bytes or str
-        Of the program.
-    name : str
-        For errors: the file's name.
-    job : TrialJob
-        Blank, tools, material, limit.
-    parameters : ShopParameters
-        The machine.
-    seed : int
-        Of the differences from part to part.
-
-    Raises
-    ------
-    GcodeError, ValueError
-        As :func:`prepare`.
-    """
-    return trial(prepare(text, name, job, parameters), job, parameters, seed)
-
-
 def trials(
     before: bytes | str, after: bytes | str, job: TrialJob, parameters: ShopParameters,
     seeds: Sequence[int],
@@ -207,8 +174,10 @@ def trials(
     ----------
     before, after : bytes or str
         Texts of the programs.
-    job, parameters
-        As of :func:`trial_cut`.
+    job : TrialJob
+        Blank, tools, material, limit.
+    parameters : ShopParameters
+        The machine.
     seeds : sequence of int
         One part of each program for each seed.
 
@@ -238,16 +207,9 @@ def _summary(cuts: Sequence[Trial]) -> dict[str, Any]:
     time = np.array([one.time_s for one in cuts])
     peak = np.array([one.peak_load_N for one in cuts])
     worst = cuts[int(np.argmax(peak))]
-    return {
-        "time_s": _spread(time, 3),
-        "peak_load_N": _spread(peak, 2),
-        "peak_line": worst.peak_line,
-        "above": int((peak > worst.limit_load_N).sum()),
+    spreads = {
+        name: {key: round(float(getattr(values, key)()), digits) for key in ("mean", "min", "max")}
+        for name, values, digits in (("time_s", time, 3), ("peak_load_N", peak, 2))
     }
-
-
-def _spread(values: Floats, digits: int) -> dict[str, float]:
-    return {
-        "mean": round(float(values.mean()), digits), "min": round(float(values.min()), digits),
-        "max": round(float(values.max()), digits),
-    }  # fmt: skip
+    above = int((peak > worst.limit_load_N).sum())
+    return {**spreads, "peak_line": worst.peak_line, "above": above}
