@@ -147,12 +147,8 @@ def predict(
 def interpret(
     program: kerf.Program,
     out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
-    machine: Annotated[
-        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
-    ] = None,
-    dialect: Annotated[
-        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
-    ] = None,
+    machine: kerf.Setup = None,
+    dialect: kerf.Dialect = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
@@ -222,12 +218,8 @@ def simulate(
 def check(
     before: Annotated[Path, typer.Argument(help="A part program.")],
     after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
-    machine: Annotated[
-        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
-    ] = None,
-    dialect: Annotated[
-        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
-    ] = None,
+    machine: kerf.Setup = None,
+    dialect: kerf.Dialect = None,
     splits: Annotated[
         bool, typer.Option(help="Let AFTER have more points on the path of straight cuts.")
     ] = False,

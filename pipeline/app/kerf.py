@@ -20,6 +20,12 @@ app = typer.Typer(
 Machine = Annotated[str, typer.Argument(help="As in conf/machine/.")]
 Program = Annotated[Path, typer.Argument(help="A part program.")]
 Whose = Annotated[str, typer.Option(help="Whose control, as in conf/machine/.")]
+Setup = Annotated[
+    str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
+]
+Dialect = Annotated[
+    str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
+]
 Unit = Annotated[str | None, typer.Option(help="Which of several machines of a kind.")]
 Stock = Annotated[
     str | None,

@@ -63,12 +63,32 @@ class Run:
     wear: float = 1.0  # cutting force against a new tool [1]
 
 
-def run_program(
-    day: Timeline, start: int, run: Run, number: int, p: ShopParameters, random: np.random.Generator
-) -> Cycle:
-    """Write one run into ``day`` from second ``start``; the cycle it made is returned and kept."""
+@dataclass(kw_only=True)
+class Job:
+    """The batch on the machine; it goes on the next day."""
+
+    program: Program
+    size: int
+    done: int = 0
+    wear: float = 1.0
+
+
+@dataclass(kw_only=True)
+class Shop:
+    """State of the shop that outlives a day."""
+
+    parameters: ShopParameters
+    random: np.random.Generator
+    job: Job | None = None
+    cycles: int = 0
+
+
+def run_program(shop: Shop, day: Timeline, start: int, run: Run) -> int:
+    """Write one run into ``day`` from second ``start``; the second at which it has ended."""
+    p, random = shop.parameters, shop.random
+    shop.cycles += 1
     name, kind = run.program.name, "part" if run.part else "warm_up"
-    cycle = Cycle(number=number, program=name, kind=kind, part=run.part, start=start)
+    cycle = Cycle(number=shop.cycles, program=name, kind=kind, part=run.part, start=start)
     aborted = bool(run.part) and random.random() < p.shift.abort_chance
     last = int(random.integers(len(run.program.operations))) if aborted else -1
     day.select(start, name)
@@ -78,7 +98,7 @@ def run_program(
     t = start
     for i, operation in enumerate(run.program.operations):
         t = _change_tool(day, t, operation, cycle)
-        t = _operation(day, t, i, run=run, cycle=cycle, p=p, random=random, breaks=i == last)
+        t = _operation(shop, day, t, i, run, cycle, breaks=i == last)
         if i == last:
             break
         if run.part == 1 and random.random() < 0.35:
@@ -92,7 +112,7 @@ def run_program(
         if run.program.held and p.c_axis:
             day.hold[t:], day.c[t] = True, UNLOAD
     day.cycles.append(cycle)
-    return cycle
+    return t
 
 
 def _overrides(day: Timeline, t: int, run: Run, random: np.random.Generator) -> None:
@@ -119,10 +139,10 @@ def _change_tool(day: Timeline, t: int, operation: Operation, cycle: Cycle) -> i
 
 
 def _operation(
-    day: Timeline, t: int, index: int, *, run: Run, cycle: Cycle, p: ShopParameters,
-    random: np.random.Generator, breaks: bool,
-) -> int:  # fmt: skip
+    shop: Shop, day: Timeline, t: int, index: int, run: Run, cycle: Cycle, *, breaks: bool
+) -> int:
     """Approach, passes with the holds that people make, retract; ``breaks`` cuts it short."""
+    p, random = shop.parameters, shop.random
     operation = run.program.operations[index]
     override = day.feed_override[t] / 100 if operation.feed else 1.0
     length = max(int(operation.duration * random.uniform(0.99, 1.01) / override), 5)
@@ -139,7 +159,8 @@ def _operation(
     for piece, (a, b) in enumerate(pairwise(cuts)):
         if piece:
             t = _feed_hold(day, t, operation, cycle, random)
-        _write(day, t, path[:, a:b], operation, run.wear, p)
+        power = operation.power * p.spindle.motor.rated_power * p.power_scale * run.wear
+        _write(day, t, path[:, a:b], operation, power)
         day.line[t : t + b - a] = 100 * (index + 1) + np.arange(a, b) // LINE
         t += b - a
     day.line[t:] = 100 * (index + 1) + length // LINE
@@ -149,17 +170,14 @@ def _operation(
     return t + 2
 
 
-def _write(
-    day: Timeline, a: int, path: Floats, operation: Operation, wear: float, p: ShopParameters
-) -> None:
-    """Rows of ``path``: x, y, z, c [mm, deg], feed [mm/s], whether the tool is engaged."""
+def _write(day: Timeline, a: int, path: Floats, operation: Operation, power: float) -> None:
+    """Rows of ``path``: x, y, z, c [mm, deg], feed [mm/s], whether the tool cuts [W]."""
     b = a + path.shape[1]
     day.x[a:b], day.y[a:b], day.z[a:b] = path[:3]
     if operation.motion == "contour":
         day.hold[a:b] = True
         day.c[a:b] = path[3] % 360
     day.feed[a:b] = path[4]
-    power = operation.power * p.spindle.motor.rated_power * p.power_scale * wear
     day.cut_power[a:b] = power * path[5]
     day.coolant[a:b] = operation.coolant
 
@@ -221,26 +239,6 @@ def _trouble(day: Timeline, t: int, random: np.random.Generator) -> None:
     day.execution[end:] = Execution.READY
 
 
-@dataclass(kw_only=True)
-class Job:
-    """The batch on the machine; it goes on the next day."""
-
-    program: Program
-    size: int
-    done: int = 0
-    wear: float = 1.0
-
-
-@dataclass(kw_only=True)
-class Shop:
-    """State of the shop that outlives a day."""
-
-    parameters: ShopParameters
-    random: np.random.Generator
-    job: Job | None = None
-    cycles: int = 0
-
-
 def working_day(shop: Shop, number: int) -> Timeline:
     """Timeline of day ``number`` (0 = the first Monday); Saturday and Sunday stay off."""
     day = Timeline(day=number)
@@ -255,17 +253,13 @@ def working_day(shop: Shop, number: int) -> Timeline:
     t = day.on + int(random.integers(300, 900))
     day.execution[t:] = Execution.READY
     if random.random() < p.warm_up_chance:
-        t = _run(shop, day, t, Run(program=WARM_UP, part=0)) + int(random.integers(60, 400))
+        t = run_program(shop, day, t, Run(program=WARM_UP, part=0))
+        t += int(random.integers(60, 400))
     t = _batches(shop, day, t, min(end, LATEST - 5400))
     day.off = min(t + int(random.integers(300, 1500)), LATEST)
     _warnings(day, random)
     _switch_off(day)
     return day
-
-
-def _run(shop: Shop, day: Timeline, t: int, run: Run) -> int:
-    shop.cycles += 1
-    return run_program(day, t, run, shop.cycles, shop.parameters, shop.random).end
 
 
 def _batches(shop: Shop, day: Timeline, t: int, end: float) -> int:
@@ -278,7 +272,8 @@ def _batches(shop: Shop, day: Timeline, t: int, end: float) -> int:
         if t > end or shop.job is None:
             return t
         job = shop.job
-        t = _run(shop, day, t, Run(program=job.program, part=job.done + 1, wear=job.wear))
+        run = Run(program=job.program, part=job.done + 1, wear=job.wear)
+        t = run_program(shop, day, t, run)
         if day.cycles[-1].complete:
             job.done += 1
             job.wear *= 1 + random.uniform(0.0, 0.02)  # the edge dulls

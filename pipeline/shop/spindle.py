@@ -335,17 +335,17 @@ def no_load_power(speed: Floats, spindle: SpindleParameters, oil: float) -> Floa
 
     Friction of all bearings with oil of ``oil`` [degC] (Palmgren), and the air about the rotor.
     """
-    thick = viscosity(oil, *viscosity_line(spindle.viscosity_40, spindle.viscosity_100))
-    torque = sum(_friction(b, speed, thick) for b in (spindle.front, spindle.rear))
+    nu = viscosity(oil, *viscosity_line(spindle.viscosity_40, spindle.viscosity_100))
+    torque = sum(_friction(b, speed, nu) for b in (spindle.front, spindle.rear))
     air = spindle.motor.windage * (speed / 12000) ** 3
     return np.asarray(np.where(speed >= 1, torque * speed * RPM + air, 0.0))
 
 
-def _friction(bearings: BearingParameters, speed: Floats, thick: float) -> Floats:
-    """Torque of a set of bearings in oil ``thick`` [mm2/s], in [N m]."""
+def _friction(bearings: BearingParameters, speed: Floats, nu: float) -> Floats:
+    """Torque of a set of bearings in oil of viscosity ``nu`` [mm2/s], in [N m]."""
     b, distinct = bearings, np.unique(speed)
     torque = [
-        b.count * friction_torque(n, thick, b.preload, b.mean_diameter, b.f0, b.static_capacity)
+        b.count * friction_torque(n, nu, b.preload, b.mean_diameter, b.f0, b.static_capacity)
         for n in distinct.tolist()
     ]
     return np.asarray(np.interp(speed, distinct, torque))

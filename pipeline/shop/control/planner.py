@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from math import inf, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,24 +35,13 @@ HOME = (-400.0, 0.0, 0.0)
 """Place of the machine before its first run, in its own frame [mm]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Blocks:
-    """N blocks of a path.
+class Blocks(NamedTuple):
+    """N blocks of a path."""
 
-    Parameters
-    ----------
-    length : (N,) array
-        [mm].
-    begin, end : (N, 3) arrays
-        Directions at both ends.
-    cap : (N,) array
-        Greatest speed in the block [mm/s].
-    """
-
-    length: Floats
-    begin: Floats
-    end: Floats
-    cap: Floats
+    length: Floats  # (N,) [mm]
+    begin: Floats  # (N, 3), direction at the beginning
+    end: Floats  # (N, 3), direction at the end
+    cap: Floats  # (N,), greatest speed [mm/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +115,7 @@ def _blocks(
     cap = np.minimum(feeds, control.greatest_feed / 60)
     bound = np.sqrt(control.centripetal_acceleration * 1e3 * radius)
     cap = np.where(arc, np.minimum(cap, bound), cap)
-    return Blocks(length=length, begin=begin, end=end, cap=cap)
+    return Blocks(length, begin, end, cap)
 
 
 def _corner_speeds(blocks: Blocks, control: ControlParameters) -> Floats:

@@ -243,14 +243,14 @@ def write_dynamometer(folder: Path, parameters: ShopParameters) -> Recorded:
     for test in series(cutting):
         length = cut_length(test.conditions, cutting.tool, planned.block)
         random = parameters.generator(f"dynamometer {test.name}")
-        worn = wear(cutting.tool, cut + length / 2)
-        files.append(_recorded(folder, test, cutting, worn, mixed, random))
+        VB = wear(cutting.tool, cut + length / 2)
+        files.append(_recorded(folder, test, cutting, VB, mixed, random))
         cut += length * (1 + planned.passes_between)
     return Recorded(files=files, crosstalk=mixed, cut=cut)
 
 
 def _recorded(
-    folder: Path, test: CuttingTest, cutting: Cutting, worn: float, mixed: Floats,
+    folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats,
     random: np.random.Generator,
 ) -> dict[str, Any]:  # fmt: skip
     """Cut one test and write its file; the truth about it."""
@@ -259,7 +259,7 @@ def _recorded(
     motion = _motion(test, cutting, random)
     true = replace(test.conditions, depth=depth)
     force = pass_forces(
-        true, cutting.tool, cutting.workpiece, motion, worn=worn, length=d.series.block,
+        true, cutting.tool, cutting.workpiece, motion, VB=VB, length=d.series.block,
         slice_height=SLICE,
     )  # fmt: skip
     own, lead = baseline(d, random), round(LEAD * RATE) * FINE
@@ -287,7 +287,7 @@ def _recorded(
         "reason": REASON.get(test.fault, ""),
         "rows": rows,
         "true": {
-            "depth_mm": depth, "wear_um": worn * 1e6, "offset_N": own.offset.tolist(),
+            "depth_mm": depth, "wear_um": VB * 1e6, "offset_N": own.offset.tolist(),
             "drift_N_s": own.drift.tolist(), **counted,
             **_motion_truth(motion, force, lead, cutting),
         },

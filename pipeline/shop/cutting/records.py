@@ -50,9 +50,9 @@ PAUSE = 900.0
 """Time between the starts of the spindle's tests [s]."""
 
 
-def linear_edge(cutting: Cutting, conditions: list[Conditions], worn: float) -> dict[str, float]:
-    """Coefficients of the straight line: cutting [N/mm2], edge [N/mm]; ``worn`` [m]."""
-    tool, edge = cutting.tool, edge_coefficients(cutting.workpiece, worn)
+def linear_edge(cutting: Cutting, conditions: list[Conditions], VB: float) -> dict[str, float]:
+    """Coefficients of the straight line: cutting [N/mm2], edge [N/mm]; ``VB`` [m]."""
+    tool, edge = cutting.tool, edge_coefficients(cutting.workpiece, VB)
     h = np.concatenate([
         c.feed_per_tooth(tool.flutes) * 1e-3 * np.sin(_engagement(c, cutting)) for c in conditions
     ])  # fmt: skip
@@ -105,17 +105,17 @@ def dynamometer_truth(cutting: Cutting, recorded: Recorded) -> dict[str, Any]:
     """``parameters`` and ``more`` of the truth about the recordings of the dynamometer."""
     sound = [f for f in recorded.files if not f["reject"]]
     conditions = [f["settings"] for f in sound]
-    worn = float(np.mean([f["true"]["wear_um"] for f in sound]))
+    VB = float(np.mean([f["true"]["wear_um"] for f in sound]))
     depth = float(np.mean([c.depth for c in conditions]))
     parameters = {
-        **linear_edge(cutting, conditions, worn * 1e-6), **runout(cutting, depth),
+        **linear_edge(cutting, conditions, VB * 1e-6), **runout(cutting, depth),
         "helix": cutting.tool.helix,
     }  # fmt: skip
     d = cutting.dynamometer
     more = {
         "definition": DEFINITION,
         "mean_force": mean_force(cutting, sound),
-        "mean_wear_um": worn,
+        "mean_wear_um": VB,
         "mean_depth_mm": depth,
         "tool": asdict(cutting.tool),
         "workpiece": asdict(cutting.workpiece),

@@ -122,7 +122,7 @@ class PassPower:
     position: Floats
     power: Floats
     steady: float  # while the whole tool is in the blank
-    worn: float  # [m]
+    VB: float  # [m]
 
 
 def pass_powers(passes: list[Pass], cutting: Cutting, cut: float) -> list[PassPower]:
@@ -135,7 +135,7 @@ def pass_powers(passes: list[Pass], cutting: Cutting, cut: float) -> list[PassPo
     return out
 
 
-def _power(one: Pass, cutting: Cutting, worn: float) -> PassPower:
+def _power(one: Pass, cutting: Cutting, VB: float) -> PassPower:
     c, tool, length = one.conditions, cutting.tool, cutting.spindle.block
     feed = c.feed / c.speed  # mm a turn
     revolutions = int((length + tool.diameter) / feed) + 2
@@ -143,12 +143,12 @@ def _power(one: Pass, cutting: Cutting, worn: float) -> PassPower:
     x = -tool.diameter / 2 + angle / (2 * np.pi) * feed
     motion = Motion(angle=angle, x=x * 1e-3)
     force = pass_forces(
-        c, tool, cutting.workpiece, motion, worn=worn, length=length, slice_height=SLICE
+        c, tool, cutting.workpiece, motion, VB=VB, length=length, slice_height=SLICE
     )
     power = force[:, 3].reshape(revolutions, STEPS).mean(axis=1) * c.speed * np.pi / 30
     position = x.reshape(revolutions, STEPS).mean(axis=1)
     whole = (position > feed) & (position < length - tool.diameter / 2 - feed)
-    return PassPower(position=position, power=power, steady=float(power[whole].mean()), worn=worn)
+    return PassPower(position=position, power=power, steady=float(power[whole].mean()), VB=VB)
 
 
 def run(
@@ -171,9 +171,9 @@ def run(
     cut = np.zeros(shown.line.size)
     for one, power in passes:
         here = shown.line == one.line
-        gone = np.cumsum(shown.feedrate[here]) * control.cycle
+        travel = np.cumsum(shown.feedrate[here]) * control.cycle
         edge = abs(one.end - one.start) / 2 - parameters.cutting.spindle.block / 2
-        cut[here] = np.interp(gone - edge, power.position, power.power, left=0.0, right=0.0)
+        cut[here] = np.interp(travel - edge, power.position, power.power, left=0.0, right=0.0)
     load = shown_load(shown.speed, cut, control.cycle, spindle, parameters.cutting.spindle, random)
     return log_lines(shown, start, control, random, load=load), load
 
@@ -184,7 +184,7 @@ def pass_truth(one: Pass, power: PassPower) -> dict[str, Any]:
     return {
         "line": one.line, "immersion": c.immersion, "depth_mm": c.depth, "width_mm": c.width,
         "speed_rpm": c.speed, "feed_mm_min": c.feed, "from_x_mm": one.start, "to_x_mm": one.end,
-        "y_mm": one.y, "wear_um": power.worn * 1e6, "power_W": power.steady,
+        "y_mm": one.y, "wear_um": power.VB * 1e6, "power_W": power.steady,
         "removal_rate_mm3_s": c.removal_rate,
         "specific_force_N_mm2": power.steady * 1e3 / c.removal_rate,
     }  # fmt: skip

@@ -193,9 +193,9 @@ def _chip(
         dx, dy = steps.x[then] - steps.x[k], steps.y[then] - steps.y[k]
         # that tooth crossed this radius a little off the full pitches: its centre had moved on
         bend = -(dx * cosine - dy * sine) / before
-        gone = 1.0 - bend / (2 * np.pi * back / flutes)
-        bend *= gone
-        left = max(left, before * (1 - bend * bend / 2) + (dx * sine + dy * cosine) * gone)
+        share = 1.0 - bend / (2 * np.pi * back / flutes)
+        bend *= share
+        left = max(left, before * (1 - bend * bend / 2) + (dx * sine + dy * cosine) * share)
         if left >= own:
             return 0.0
     return own - left
@@ -280,38 +280,24 @@ def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generato
     )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class Loads:
-    """Peaks by line [N]; time in the cut, of it in pitches with a peak above the limit [s]."""
-
-    peaks: dict[int, float]
-    cutting: float
-    above: float
-
-
 def cut(
-    track: Track, blank: Swept, part: Chance, job: TrialJob, parameters: ShopParameters,
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
     random: np.random.Generator,
-) -> Loads:  # fmt: skip
-    """Loads of one part."""
+) -> dict[int, float]:  # fmt: skip
+    """Peak load in each line of the program while one part is cut [N]."""
     turned = _spindle_angle(track, part, parameters, random)
     peaks: dict[int, float] = {}
-    cutting = above = 0.0
     used = dict(part.used)
     for begin, end in _pieces(track, blank):
         number = int(track.tool[begin])
-        tool, worn = part.tools[number], used[number]
-        load, moment, gone = _piece(track, blank, turned, part, begin=begin, end=end, used=worn)
-        used[number] += gone
+        load, moment, length = _piece(
+            track, blank, turned, part, begin=begin, end=end, used=used[number]
+        )
+        used[number] += length
         lines = track.line[np.minimum((moment / track.cycle).astype(np.int64), track.line.size - 1)]
         for line in np.unique(lines).tolist():
             peaks[line] = max(peaks.get(line, 0.0), float(load[lines == line].max()))
-        pitch = _steps(tool) // tool.flutes
-        whole = load[: load.size // pitch * pitch].reshape(-1, pitch).max(axis=1)
-        each = (moment[-1] - moment[0]) / max(load.size - 1, 1) * pitch if load.size else 0.0
-        cutting += each * float((whole > 0).sum())
-        above += each * float((whole > job.limit_load_N).sum())
-    return Loads(peaks=peaks, cutting=cutting, above=above)
+    return peaks
 
 
 def _spindle_angle(
@@ -373,8 +359,8 @@ def _piece(
         edge_coefficients(part.workpiece, wear(tool, used)), _cutter(tool),
         np.array(tool.sharpness), _layers(blank, part.deeper[number]), steps, turn, first,
     )  # fmt: skip
-    gone = count / tool.flutes * part_of * tool.radius
-    return np.hypot(force[:, 0], force[:, 1]), at[first:] * track.cycle, gone
+    length = count / tool.flutes * part_of * tool.radius
+    return np.hypot(force[:, 0], force[:, 1]), at[first:] * track.cycle, length
 
 
 def _cutter(tool: EndMill) -> Cutter:

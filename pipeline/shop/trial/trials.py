@@ -17,7 +17,7 @@ from pipeline.parallel import mapped
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import Swept, swept
-from pipeline.shop.trial.cutting import Loads, chance, cut
+from pipeline.shop.trial.cutting import chance, cut
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.motion import Track, control_of, program_steps, track
 
@@ -32,15 +32,6 @@ class Prepared:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineLoad:
-    """Time of a line of the program [s], and its peak load [N]."""
-
-    line: int
-    seconds: float
-    peak_N: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class Trial:
     """Result of one cut.
 
@@ -50,51 +41,23 @@ class Trial:
         Of the program by the shop's control [s].
     limit_load_N : float
         Limit of the load [N].
-    cutting_s : float
-        While teeth cut [s].
-    above_s : float
-        Part of it, in pitches of the teeth whose peak is above the limit [s].
-    lines : tuple of LineLoad
-        Those in which the tool moves, in the order of the program's text.
+    peaks_N : dict of int to float
+        Peak load in each line of the program's text in which the tool moves [N].
     """
 
     time_s: float
     limit_load_N: float
-    cutting_s: float
-    above_s: float
-    lines: tuple[LineLoad, ...]
+    peaks_N: dict[int, float]
 
     @property
     def peak_load_N(self) -> float:
         """Greatest load across the tool's axis [N]; 0 when nothing is cut."""
-        return max((one.peak_N for one in self.lines), default=0.0)
+        return max(self.peaks_N.values(), default=0.0)
 
     @property
     def peak_line(self) -> int | None:
         """Line of that peak; None when nothing is cut."""
-        best = max(self.lines, key=lambda one: one.peak_N, default=None)
-        return best.line if best is not None and best.peak_N > 0 else None
-
-    @property
-    def lines_above(self) -> tuple[LineLoad, ...]:
-        """Lines whose peak is above the limit."""
-        return tuple(one for one in self.lines if one.peak_N > self.limit_load_N)
-
-    def document(self) -> dict[str, Any]:
-        """For JSON; forces to a hundredth of a newton, times to a millisecond."""
-        share = self.above_s / self.cutting_s if self.cutting_s else 0.0
-        return {
-            "time_s": round(self.time_s, 3),
-            "peak_load_N": round(self.peak_load_N, 2),
-            "peak_line": self.peak_line,
-            "limit_load_N": self.limit_load_N,
-            "lines_above": len(self.lines_above),
-            "share_above": round(share, 6),
-            "by_line": [
-                {"line": one.line, "seconds": round(one.seconds, 3),
-                 "peak_N": round(one.peak_N, 2)} for one in self.lines
-            ],
-        }  # fmt: skip
+        return max(self.peaks_N, key=self.peaks_N.__getitem__) if self.peak_load_N > 0 else None
 
 
 def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters) -> Prepared:
@@ -145,23 +108,14 @@ def trial(prepared: Prepared, job: TrialJob, parameters: ShopParameters, seed: i
     """Cut one part of a program that :func:`prepare` has read; ``seed`` of its differences."""
     random = np.random.Generator(np.random.PCG64([parameters.seed, seed, *b"trial cut"]))
     part = chance(job, parameters, random)
-    loads = cut(prepared.track, prepared.swept, part, job, parameters, random)
+    peaks = cut(prepared.track, prepared.swept, part, parameters, random)
     plan = control_of(prepared.program, job, parameters, random).run(prepared.program)
-    lines = _by_line(prepared.track, loads)
+    tip, line = prepared.track.tip, prepared.track.line
+    moving = np.any(np.diff(tip, axis=0, prepend=tip[:1]) != 0, axis=1)
     return Trial(
-        time_s=plan.duration, limit_load_N=job.limit_load_N, cutting_s=loads.cutting,
-        above_s=loads.above, lines=lines,
+        time_s=plan.duration, limit_load_N=job.limit_load_N,
+        peaks_N={n: peaks.get(n, 0.0) for n in np.unique(line[moving]).tolist()},
     )  # fmt: skip
-
-
-def _by_line(track: Track, loads: Loads) -> tuple[LineLoad, ...]:
-    moving = np.any(np.diff(track.tip, axis=0, prepend=track.tip[:1]) != 0, axis=1)
-    lines = np.unique(track.line[moving])
-    seconds = np.bincount(track.line) * track.cycle
-    return tuple(
-        LineLoad(line=n, seconds=float(seconds[n]), peak_N=loads.peaks.get(n, 0.0))
-        for n in lines.tolist()
-    )
 
 
 def trials(
