@@ -59,7 +59,8 @@ def _composed(override: str) -> dict[str, Any]:
     from pipeline.stages.compose import composed
 
     try:
-        values: dict[str, Any] = yaml.safe_load(composed(CONF, (override,)))
+        text = composed(CONF, (override,))
+        values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
         raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
     return values

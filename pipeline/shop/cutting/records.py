@@ -105,17 +105,17 @@ def dynamometer_truth(cutting: Cutting, recorded: Recorded) -> dict[str, Any]:
     """``parameters`` and ``more`` of the truth about the recordings of the dynamometer."""
     sound = [f for f in recorded.files if not f["reject"]]
     conditions = [f["settings"] for f in sound]
-    VB = float(np.mean([f["true"]["wear_um"] for f in sound]))
+    VB_um = float(np.mean([f["true"]["wear_um"] for f in sound]))
     depth = float(np.mean([c.depth for c in conditions]))
     parameters = {
-        **linear_edge(cutting, conditions, VB * 1e-6), **runout(cutting, depth),
+        **linear_edge(cutting, conditions, VB_um * 1e-6), **runout(cutting, depth),
         "helix": cutting.tool.helix,
     }  # fmt: skip
     d = cutting.dynamometer
     more = {
         "definition": DEFINITION,
         "mean_force": mean_force(cutting, sound),
-        "mean_wear_um": VB,
+        "mean_wear_um": VB_um,
         "mean_depth_mm": depth,
         "tool": asdict(cutting.tool),
         "workpiece": asdict(cutting.workpiece),
