@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.app import kerf
+import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar, steps_bar
 from pipeline.schema.limits import limit_options
 
@@ -184,7 +184,7 @@ def simulate(
 
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
-    from pipeline.app import programs
+    import pipeline.app.programs as programs
     from pipeline.app.cut import cut_document, cut_lines, cut_options, write_page
     from pipeline.app.fleet import check_outputs
     from pipeline.twin.simulation import write_trace

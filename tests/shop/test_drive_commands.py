@@ -41,7 +41,7 @@ def test_strokes_hold_twelve_speeds_and_keep_the_limits_of_the_axis(
     v = np.diff(way) * HERTZ
     a = np.diff(v) * HERTZ
     assert np.abs(v).max() == pytest.approx(limits.rapid / 60, rel=EXACT)
-    assert np.abs(a).max() <= own.acceleration * (1 + EXACT)
+    assert np.abs(a).max() <= own[0] * (1 + EXACT)
     assert np.ptp(way) < 400  # mm, the shortest travel of a mill of this size
     steady = np.abs(a) < 1e-3
     edges = np.flatnonzero(np.diff(np.concatenate([[False], steady, [False]]).astype(int)))
