@@ -33,7 +33,7 @@ def read_params(path: Path = PARAMS) -> dict[str, Any]:
             f"{path} does not exist: run `dvc repro compose` to write it from conf/"
         )
     try:
-        values = yaml.safe_load(path.read_text())
+        values = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
         raise ParametersError(f"{path} is no YAML: {error}") from error
     if not isinstance(values, dict):

@@ -1,11 +1,15 @@
 """What several rooms' tests need."""
 
 import os
+from collections.abc import Iterator
+from pathlib import Path
+from unittest import mock
 
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
+from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
 
 # The same examples in every run, so that a change and not chance decides; other ones are sought by
@@ -18,6 +22,23 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 # Hypothesis also tries numbers that stand in whatever modules happen to be loaded, which differ
 # with the tests that ran before in the same process.
 providers._get_local_constants = providers.Constants
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compositions() -> Iterator[None]:
+    """The same files of conf/ are composed once in a session: it takes Hydra a second."""
+    known: dict[object, str] = {}
+
+    def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
+        files = [f for f in sorted(conf.rglob("*")) if f.is_file()]
+        key = overrides, tuple((str(f.relative_to(conf)), f.read_bytes()) for f in files)
+        if key not in known:
+            known[key] = original(conf, overrides)
+        return known[key]
+
+    original = compose.composed
+    with mock.patch.object(compose, "composed", composed):
+        yield
 
 
 @pytest.fixture(scope="module")

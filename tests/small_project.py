@@ -6,7 +6,9 @@ import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
@@ -36,42 +38,53 @@ def inside(project: Path) -> Iterator[Path]:
 def new_project(folder: Path) -> Path:
     """Parameters of one machine for one week, and nothing built yet."""
     with_conf(folder)
-    with inside(folder):
-        run("compose", "conf", "params.yaml")
-        for path in PATHS:
-            Path(path).mkdir(parents=True)
-    change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE],
-           submodels={name: [MACHINE] for name in SUBMODELS}, optimised=[MACHINE],
-           trials=[MACHINE])  # fmt: skip
-    change(folder, f"machine.{MACHINE}.shop", weeks=1)
-    days = {"first": MONDAY, "last": WEDNESDAY}
-    change(folder, f"machine.{MACHINE}.roles", training_days=days)
-    change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])
-    change(folder, "residual_forest", trees=5, folds=2, every_s=3600.0)
+    for path in PATHS:
+        (folder / path).mkdir(parents=True)
+    (folder / "params.yaml").write_text(_params_of_one_week())
     return folder
 
 
-def with_conf(folder: Path, fleet: str = "simulated") -> None:
+@cache
+def _params_of_one_week() -> str:
+    """params.yaml of the project, composed once: that takes longer than most of its tests."""
+    with TemporaryDirectory() as name:
+        folder = with_conf(Path(name))
+        with inside(folder):
+            run("compose", "conf", "params.yaml")
+        change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE],
+               submodels={name: [MACHINE] for name in SUBMODELS}, optimised=[MACHINE],
+               trials=[MACHINE])  # fmt: skip
+        change(folder, f"machine.{MACHINE}.shop", weeks=1)
+        days = {"first": MONDAY, "last": WEDNESDAY}
+        change(folder, f"machine.{MACHINE}.roles", training_days=days)
+        change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])
+        change(folder, "residual_forest", trees=5, folds=2, every_s=3600.0)
+        return (folder / "params.yaml").read_text()
+
+
+def with_conf(folder: Path, fleet: str = "simulated") -> Path:
     """A copy of conf/ with ``fleet`` as the active one, whichever is active here."""
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     fleets = folder / "conf/fleet"
     (fleets / "active.yaml").write_text((fleets / f"{fleet}.yaml").read_text())
+    return folder
 
 
 def change(project: Path, section: str, **values: Any) -> None:
     """Set keys of a section of params.yaml."""
     path = project / "params.yaml"
-    params = yaml.safe_load(path.read_text())
+    params = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
     found = params
     for key in section.split("."):
         found = found[key]
     found.update(values)
-    path.write_text(yaml.safe_dump(params, sort_keys=False))  # sub-models have an order
+    text = yaml.dump(params, Dumper=yaml.CSafeDumper, sort_keys=False)  # sub-models have an order
+    path.write_text(text)
 
 
 def build(project: Path, *stages: str) -> None:
     """Run stages by the commands that dvc.yaml gives them."""
-    known = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    known = yaml.load((ROOT / "dvc.yaml").read_text(), Loader=yaml.CSafeLoader)["stages"]
     with inside(project):
         for stage in stages:
             command = known[stage].get("do", known[stage])["cmd"].replace("${item}", MACHINE)
@@ -83,7 +96,9 @@ def build(project: Path, *stages: str) -> None:
 
 def params(project: Path) -> dict[str, Any]:
     """All of the project's params.yaml."""
-    found: dict[str, Any] = yaml.safe_load((project / "params.yaml").read_text())
+    found: dict[str, Any] = yaml.load(
+        (project / "params.yaml").read_text(), Loader=yaml.CSafeLoader
+    )
     return found
 
 

@@ -11,25 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.app.kerf import (
-    Load,
-    Machine,
-    Material,
-    Model,
-    Program,
-    Resolution,
-    Responses,
-    Stock,
-    ToolTable,
-    Unit,
-    Whose,
-    WorkOffset,
-    app,
-    one_sentence,
-    share_bar,
-    stages_bar,
-    steps_bar,
-)
+import pipeline.app.kerf as kerf
+from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar, steps_bar
 from pipeline.schema.limits import limit_options
 
 
@@ -107,7 +90,7 @@ def fleet(
 
 @app.command()
 def golden(
-    machine: Machine,
+    machine: kerf.Machine,
     first: Annotated[str | None, typer.Option(help="First UTC day of logs, YYYY-MM-DD.")] = None,
     last: Annotated[str | None, typer.Option(help="Last UTC day of logs, YYYY-MM-DD.")] = None,
     files: Annotated[
@@ -127,7 +110,7 @@ def golden(
 
 @app.command()
 def promote(
-    machine: Machine,
+    machine: kerf.Machine,
     why: Annotated[str, typer.Option(help="The reason, for champions.json.")],
     to: Annotated[
         int | None, typer.Option(help="Go back to this registered version, without a comparison.")
@@ -146,11 +129,11 @@ def promote(
 
 @app.command()
 def predict(
-    machine: Machine,
+    machine: kerf.Machine,
     submodel: Annotated[str, typer.Argument(help="spindle, control, drive or cutting.")],
     table: Annotated[Path, typer.Argument(help="Its inputs, CSV or Parquet.")],
     out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
-    model: Model = "champion",
+    model: kerf.Model = "champion",
 ) -> None:
     """Predict TABLE with a sub-model of MACHINE's champion."""
     from pipeline.app.programs import predict_table
@@ -162,14 +145,10 @@ def predict(
 
 @app.command()
 def interpret(
-    program: Program,
+    program: kerf.Program,
     out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
-    machine: Annotated[
-        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
-    ] = None,
-    dialect: Annotated[
-        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
-    ] = None,
+    machine: kerf.Setup = None,
+    dialect: kerf.Dialect = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
@@ -184,36 +163,31 @@ def interpret(
 
 @app.command()
 def simulate(
-    program: Program,
-    machine: Whose,
-    unit: Unit = None,
+    program: kerf.Program,
+    machine: kerf.Whose,
+    unit: kerf.Unit = None,
     out: Annotated[
         Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
     ] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
-    stock: Stock = None,
-    tool_table: ToolTable = None,
-    material: Material = None,
-    limit_load: Load = None,
-    resolution: Resolution = None,
-    work_offset: WorkOffset = None,
-    frf: Responses = None,
+    stock: kerf.Stock = None,
+    tool_table: kerf.ToolTable = None,
+    material: kerf.Material = None,
+    limit_load: kerf.Load = None,
+    resolution: kerf.Resolution = None,
+    work_offset: kerf.WorkOffset = None,
+    frf: kerf.Responses = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
-    model: Model = "champion",
+    model: kerf.Model = "champion",
 ) -> None:
     """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
 
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
+    import pipeline.app.programs as programs
     from pipeline.app.cut import cut_document, cut_lines, cut_options
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.programs import (
-        simulate_program,
-        simulated_document,
-        simulated_lines,
-        write_document,
-        write_trace,
-    )
+    from pipeline.twin.simulation import write_trace
 
     with one_sentence():
         options = cut_options(
@@ -222,13 +196,13 @@ def simulate(
         )  # fmt: skip
         check_outputs(program, json, out, page, inputs=options.files if options else ())
         with share_bar("planning") as share:
-            simulated = simulate_program(program, machine, unit, share, model)
-        document = simulated_document(simulated, program.stem, machine)
+            simulated = programs.simulate_program(program, machine, unit, share, model)
+        document = programs.simulated_document(simulated, program.stem, machine)
         cut = None if options is None else cut_document(simulated, machine, options)
         if cut is not None:
             document["cut"] = cut
         if json is not None:
-            write_document(document, json)
+            programs.write_document(document, json)
         if out is not None:
             with share_bar("writing positions") as share:
                 write_trace(simulated.plan, out, share)
@@ -239,7 +213,7 @@ def simulate(
                 program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut
             )
             write_cut_page(shown, page, json)
-    for line in simulated_lines(document, program):
+    for line in programs.simulated_lines(document, program):
         typer.echo(line)
     if cut is not None:
         for line in cut_lines(cut):
@@ -250,14 +224,10 @@ def simulate(
 def check(
     before: Annotated[Path, typer.Argument(help="A part program.")],
     after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
-    machine: Annotated[
-        str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
-    ] = None,
-    dialect: Annotated[
-        str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
-    ] = None,
+    machine: kerf.Setup = None,
+    dialect: kerf.Dialect = None,
     splits: Annotated[
-        bool, typer.Option(help="Let AFTER have more points on the way of straight cuts.")
+        bool, typer.Option(help="Let AFTER have more points on the path of straight cuts.")
     ] = False,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1."""
@@ -311,22 +281,22 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
 @_with_limits
 def optimise(
     *,
-    program: Program,
-    machine: Whose,
+    program: kerf.Program,
+    machine: kerf.Whose,
     objective: Annotated[
         str, typer.Option(help="time, cost, energy, wear, or pareto: the knee of their front.")
     ] = "time",
     out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of what was found.")] = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of what was found.")] = None,
-    unit: Unit = None,
-    stock: Stock = None,
-    tool_table: ToolTable = None,
-    material: Material = None,
-    resolution: Resolution = None,
-    work_offset: WorkOffset = None,
-    frf: Responses = None,
-    model: Model = "champion",
+    unit: kerf.Unit = None,
+    stock: kerf.Stock = None,
+    tool_table: kerf.ToolTable = None,
+    material: kerf.Material = None,
+    resolution: kerf.Resolution = None,
+    work_offset: kerf.WorkOffset = None,
+    frf: kerf.Responses = None,
+    model: kerf.Model = "champion",
     limits: dict[str, Any],
     epsilon: Annotated[
         float | None, _limit("P(load > limit) at most; 0.01 by default, 0.5 takes nominal values.")

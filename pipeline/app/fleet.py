@@ -59,7 +59,8 @@ def _composed(override: str) -> dict[str, Any]:
     from pipeline.stages.compose import composed
 
     try:
-        values: dict[str, Any] = yaml.safe_load(composed(CONF, (override,)))
+        text = composed(CONF, (override,))
+        values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
         raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
     return values
@@ -101,16 +102,11 @@ def ingest_files(
         ingest(raw, out, list(chosen.values()), identity, progress=advance)
     entries = json.loads((out / "manifest.json").read_text())["files"]
     return [
-        FileResult(
-            path=path,
-            read=entries[place]["read"],
-            kept=entries[place]["kept"],
-            rejected=entries[place]["rejected"],
-            reason=entries[place]["reason"],
-            note=notes.get(place),
-        )
+        FileResult(path=path, note=notes.get(place), **{
+            name: entries[place][name] for name in ("read", "kept", "rejected", "reason")
+        })
         for place, path in places.items()
-    ]
+    ]  # fmt: skip
 
 
 def _places(files: Sequence[Path]) -> dict[str, Path]:
@@ -333,9 +329,7 @@ def write_report(out: Path) -> Path:
     return out / "index.html"
 
 
-def check_outputs(
-    program: Path, *outputs: Path | None, inputs: Sequence[Path] = ()
-) -> None:  # fmt: skip
+def check_outputs(program: Path, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
     """Refuse files that cannot be written, or would replace what is read or each other.
 
     Parameters

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,10 +19,13 @@ app = typer.Typer(
 
 Machine = Annotated[str, typer.Argument(help="As in conf/machine/.")]
 Program = Annotated[Path, typer.Argument(help="A part program.")]
-Pair = tuple[float, float]
-
-
 Whose = Annotated[str, typer.Option(help="Whose control, as in conf/machine/.")]
+Setup = Annotated[
+    str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
+]
+Dialect = Annotated[
+    str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
+]
 Unit = Annotated[str | None, typer.Option(help="Which of several machines of a kind.")]
 Stock = Annotated[
     str | None,
@@ -59,46 +63,34 @@ def one_sentence() -> Iterator[None]:
 
 
 @contextmanager
-def steps_bar(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A bar on standard error when a person looks, nothing in a log."""
+def _bar(what: str, total: float = 1.0) -> Iterator[Callable[..., None]]:
+    """``update`` of a bar on standard error when a person looks; in a log it does nothing."""
     if not sys.stderr.isatty():
-        yield lambda name: None
+        yield lambda **changes: None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        yield partial(bar.update, bar.add_task(what, total=total))
 
-        def advance(name: str) -> None:
-            bar.update(task, advance=1, description=f"{what} {name}")
 
-        yield advance
+@contextmanager
+def steps_bar(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A bar that goes one step ahead with each name."""
+    with _bar(what, total) as update:
+        yield lambda name: update(advance=1, description=f"{what} {name}")
 
 
 @contextmanager
 def share_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A bar that is told which share is done, on standard error when a person looks."""
-    if not sys.stderr.isatty():
-        yield lambda done: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda done: bar.update(task, completed=done)
+    """A bar that shows which share is done."""
+    with _bar(what) as update:
+        yield lambda done: update(completed=done)
 
 
 @contextmanager
 def stages_bar() -> Iterator[Callable[[str, float], None]]:
-    """A bar that is told what is under way and which share is done, with the time that is left."""
-    if not sys.stderr.isatty():
-        yield lambda what, done: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-        yield lambda what, done: bar.update(task, completed=done, description=what)
+    """A bar that shows what is under way, which share is done, and the time that is left."""
+    with _bar("reading") as update:
+        yield lambda what, done: update(completed=done, description=what)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.fleet import DATA, check_outputs, machine_parameters
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.gcode.program import Program, read_program
@@ -24,18 +24,7 @@ from pipeline.schema.verdict import Verdict
 from pipeline.twin.control import control_of_unit, read_controls
 from pipeline.twin.drive import read_drives
 from pipeline.twin.program import planned_program
-from pipeline.twin.simulation import blocks, summary, write_trace
-
-__all__ = [
-    "axes_table",
-    "moves_table",
-    "read_moves",
-    "simulate_program",
-    "simulated_document",
-    "simulated_lines",
-    "write_document",
-    "write_trace",
-]
+from pipeline.twin.simulation import blocks, summary
 
 Share = Callable[[float], None]
 
@@ -138,10 +127,14 @@ def program_at(path: Path) -> Program:
     ValueError
         When there is none.
     """
+    _is_program(path)
+    return read_program(path)
+
+
+def _is_program(path: Path) -> None:
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
-    return read_program(path)
 
 
 def setup_beside(setup: Setup, path: Path) -> Setup:
@@ -252,7 +245,7 @@ def axes_table(plan: Plan, models: Path) -> list[dict[str, Any]]:
     if not found.exists():
         return []
     drives, lines = read_drives(found), plan.path.moves.line
-    told: list[dict[str, Any]] = [
+    axes: list[dict[str, Any]] = [
         {
             "axis": letter,
             "max_following_um": round(float(abs(one.error[one.worst])) * 1e6, 3),
@@ -263,12 +256,12 @@ def axes_table(plan: Plan, models: Path) -> list[dict[str, Any]]:
         }
         for letter, one in follow_program(plan, drives).items()
     ]
-    told += [
+    axes += [
         {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
         for letter, drive in drives.items()
         if drive.servo is None
     ]
-    return told
+    return axes
 
 
 def _control(
@@ -308,8 +301,8 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
 def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     """What ``kerf simulate`` says: times by type, limit and tool, and what the axes make of it."""
     machine = document["machine"]
-    told = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
-    source = "identified" if document["control"] == "identified" else told
+    assumed = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
+    source = "identified" if document["control"] == "identified" else assumed
     label = f" ({document['origin']})" if document["origin"] == "simulated" else ""
     yield f"{program.name} on {machine}{label}, control {source}"
     if "/champion/" not in document["models"]:
@@ -360,9 +353,6 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
     ValueError
         When something named is not known, the table cannot be read or lacks a column.
     """
-    import pandas as pd
-
-    from pipeline.app.fleet import check_outputs
     from pipeline.submodels.contract import submodel
 
     machine_parameters(machine)  # refuses one that is not known
@@ -403,17 +393,11 @@ def check_programs(
     ValueError
         When a file does not exist or cannot be followed, or there is no such machine or dialect.
     """
-    setup = machine_setup(machine, dialect)
-    texts = [_text(path) for path in (before, after)]
-    setup = replace(setup, folders=(*setup.folders, before.resolve().parent))
-    return prove(texts[0], texts[1], before.name, after.name, setup, splits=splits)
-
-
-def _text(path: Path) -> bytes:
-    if not path.is_file():
-        state = "is no file" if path.exists() else "does not exist"
-        raise ValueError(f"{path} {state}: name a part program")
-    return path.read_bytes()
+    setup = setup_beside(machine_setup(machine, dialect), before)
+    for path in (before, after):
+        _is_program(path)
+    texts = before.read_bytes(), after.read_bytes()
+    return prove(*texts, before.name, after.name, setup, splits=splits)
 
 
 def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:

@@ -31,17 +31,17 @@ from pipeline.schema.ranges import Range, Ranged
 from pipeline.shop.cutting.parameters import Cutting
 from pipeline.shop.drives.parameters import Drives
 
+Bounds = tuple[float, float]
+"""Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
 DAY = 86400
 """Length of a day [s]."""
 
 
 def stamp(start: np.datetime64, seconds: float, digits: int = 3) -> str:
     """ISO time (UTC) ``seconds`` after ``start``, with 3 or 6 ``digits`` of a second."""
-    if digits == 3:
-        moment = start.astype("datetime64[ms]") + np.timedelta64(round(seconds * 1e3), "ms")
-    else:
-        moment = start.astype("datetime64[us]") + np.timedelta64(round(seconds * 1e6), "us")
-    return f"{moment}Z"
+    unit: Literal["ms", "us"] = "ms" if digits == 3 else "us"
+    step = np.timedelta64(round(seconds * (1e3 if digits == 3 else 1e6)), unit)
+    return f"{start.astype(f'datetime64[{unit}]') + step}Z"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +178,11 @@ class AxisLimits(Ranged, section="AxisLimits"):
     acceleration: Annotated[float, Range(least=0.2, most=30, unit="m/s2")] = 5.0
     jerk: Annotated[float, Range(least=1, most=2e3, unit="m/s3")] = 50.0
 
+    @property
+    def bounds(self) -> Bounds:
+        """Greatest acceleration [mm/s2] and jerk [mm/s3]."""
+        return self.acceleration * 1e3, self.jerk * 1e3
+
 
 @dataclass(frozen=True, kw_only=True)
 class CodeTimes(Ranged, section="CodeTimes"):
@@ -209,7 +214,7 @@ class ControlParameters(Ranged, section="ControlParameters"):
     )
     # along the path
     cutting_acceleration: Annotated[float, Range(least=0.2, most=30, unit="m/s2")] = 3.0
-    cutting_jerk: Annotated[float, Range(least=1, most=2e3, unit="m/s3")] = 40.0  # along the path
+    cutting_jerk: Annotated[float, Range(least=1, most=2e3, unit="m/s3")] = 40.0
     centripetal_acceleration: Annotated[float, Range(least=0.2, most=30, unit="m/s2")] = 2.4
     junction_deviation: Annotated[float, Range(least=1e-4, most=1, unit="mm")] = 0.012
     look_ahead: Annotated[int, Range(least=2, most=10000)] = 200  # blocks
@@ -250,6 +255,11 @@ class ControlParameters(Ranged, section="ControlParameters"):
     def axes(self) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
         """Limits of X, Y, Z."""
         return self.x, self.y, self.z
+
+    @property
+    def path_bounds(self) -> Bounds:
+        """Greatest acceleration [mm/s2] and jerk [mm/s3] along the path of a cut."""
+        return self.cutting_acceleration * 1e3, self.cutting_jerk * 1e3
 
 
 @dataclass(frozen=True, kw_only=True)

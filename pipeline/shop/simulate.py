@@ -7,21 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.schema.arrays import Floats
 from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.records import write_drives
+from pipeline.shop.files import write_text
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.records import sensors
 from pipeline.shop.records.agent_log import Log, write_day
 from pipeline.shop.records.data_items import write_devices
-from pipeline.shop.records.log_faults import LogTruth, Unobserved
-from pipeline.shop.records.sensors import (
-    Thermocouples,
-    air_of_day,
-    ambient_temperature,
-    new_machine,
-    sensed_day,
-    write_thermocouples,
-)
+from pipeline.shop.records.log_faults import Unobserved
 from pipeline.shop.schedule import Shop, working_day
 from pipeline.shop.timeline import Cycle, Timeline
 from pipeline.shop.trial.job import write_parts
@@ -51,23 +46,20 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     """
     if truth.resolve().is_relative_to(out.resolve()):
         raise ValueError(f"the truth {truth} must not stand among the records in {out}")
-    ambient = ambient_temperature(parameters)
+    ambient = sensors.ambient_temperature(parameters)
     shop = Shop(parameters=parameters, random=parameters.generator("schedule"))
-    machine = new_machine(parameters, float(ambient[0]))
-    log = Log(
-        parameters=parameters, folder=out, truth=LogTruth(), random=parameters.generator("log")
-    )
-    thermocouples = Thermocouples(tips=[])
+    machine = sensors.new_machine(parameters, float(ambient[0]))
+    log = Log(parameters=parameters, folder=out, random=parameters.generator("log"))
+    tips: list[Floats] = []
     cycles: list[Cycle] = []
     days: list[dict[str, str]] = []
     for number in range(parameters.days):
         timeline = working_day(shop, number)
-        day = sensed_day(machine, timeline, air_of_day(ambient, number))
+        day = sensors.sensed_day(machine, timeline, sensors.air_of_day(ambient, number))
         write_day(log, day)
-        thermocouples.keep(day.temperatures, day.ambient)
+        tips.append(sensors.tip_temperatures(day))
         cycles += _since_first_midnight(timeline)
         days.append(_hours(timeline, parameters.start))
-    tips = np.concatenate(thermocouples.tips)
     write_devices(out / "Devices.xml", parameters)
     document = {
         "simulated": True,
@@ -83,12 +75,13 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         "control": write_control(out, parameters),
         "drives": write_drives(out, parameters),
         "cutting": write_cutting(out, parameters),
-        "thermocouples": write_thermocouples(out / "thermocouples", tips, parameters),
+        "thermocouples": sensors.write_thermocouples(
+            out / "thermocouples", np.concatenate(tips), parameters
+        ),
         "log": log.truth.document(),
     }
     write_parts(out, parameters)
-    truth.parent.mkdir(parents=True, exist_ok=True)
-    truth.write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_text(truth, json.dumps(document, indent=1, sort_keys=True) + "\n")
 
 
 def _since_first_midnight(timeline: Timeline) -> list[Cycle]:

@@ -7,6 +7,7 @@ Sources stand in :mod:`pipeline.shop.parameters`.
 """
 
 import math
+from dataclasses import astuple
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -118,7 +119,9 @@ def _edges(p: SpindleParameters) -> list[tuple[int, int, float, Path]]:
 
 
 class _Bearing(NamedTuple):
-    pieces: float
+    """The fields of ``BearingParameters``, in their order."""
+
+    pieces: int
     d_m: float
     f0: float
     preload: float
@@ -177,17 +180,12 @@ class Heat(NamedTuple):
     to_chiller: float
 
 
-def _bearing(p: BearingParameters) -> _Bearing:
-    return _Bearing(
-        float(p.count), p.mean_diameter, p.f0, p.preload, p.static_capacity, p.thermal_preload
-    )
-
-
 def _constants(p: SpindleParameters) -> _Constants:
     slope, intercept = viscosity_line(p.viscosity_40, p.viscosity_100)
     m, c = p.motor, p.chiller
     return _Constants(
-        front=_bearing(p.front), rear=_bearing(p.rear), slope=slope, intercept=intercept,
+        front=_Bearing(*astuple(p.front)), rear=_Bearing(*astuple(p.rear)),
+        slope=slope, intercept=intercept,
         rated_torque=m.rated_power / (m.base_speed * RPM), base_speed=m.base_speed,
         top_speed=p.top_speed, copper=m.copper_loss, rotor=m.rotor_loss,
         hysteresis=m.hysteresis_loss, eddy=m.eddy_loss, magnetising=m.magnetising_share,
@@ -226,10 +224,9 @@ def heat(state: Floats, inputs: Inputs, p: SpindleParameters, substeps: int = 1)
     ends = np.array([(a, b) for a, b, _, _ in table])
     kinds = np.array([int(kind) for *_, kind in table])
     conductances = np.array([g for _, _, g, _ in table])
-    result = _simulated(
+    return Heat(*_simulated(
         state.copy(), inputs, _constants(p), ends, kinds, conductances, capacities(p), substeps
-    )
-    return Heat(*result)
+    ))  # fmt: skip
 
 
 @njit(cache=True)
@@ -338,26 +335,23 @@ def no_load_power(speed: Floats, spindle: SpindleParameters, oil: float) -> Floa
 
     Friction of all bearings with oil of ``oil`` [degC] (Palmgren), and the air about the rotor.
     """
-    thick = viscosity(oil, *viscosity_line(spindle.viscosity_40, spindle.viscosity_100))
-    torque = sum(_friction(b, speed, thick) for b in (spindle.front, spindle.rear))
+    nu = viscosity(oil, *viscosity_line(spindle.viscosity_40, spindle.viscosity_100))
+    torque = sum(_friction(b, speed, nu) for b in (spindle.front, spindle.rear))
     air = spindle.motor.windage * (speed / 12000) ** 3
-    power: Floats = np.where(speed >= 1, torque * speed * RPM + air, 0.0)
-    return power
+    return np.asarray(np.where(speed >= 1, torque * speed * RPM + air, 0.0))
 
 
-def _friction(bearings: BearingParameters, speed: Floats, thick: float) -> Floats:
-    """Torque of a set of bearings in oil ``thick`` [mm2/s], in [N m]."""
+def _friction(bearings: BearingParameters, speed: Floats, nu: float) -> Floats:
+    """Torque of a set of bearings in oil of viscosity ``nu`` [mm2/s], in [N m]."""
     b, distinct = bearings, np.unique(speed)
     torque = [
-        b.count * friction_torque(n, thick, b.preload, b.mean_diameter, b.f0, b.static_capacity)
+        b.count * friction_torque(n, nu, b.preload, b.mean_diameter, b.f0, b.static_capacity)
         for n in distinct.tolist()
     ]
-    out: Floats = np.interp(speed, distinct, torque)
-    return out
+    return np.asarray(np.interp(speed, distinct, torque))
 
 
 def available_power(speed: Floats, motor: MotorParameters) -> Floats:
     """Rated power at each speed [rev/min], in [W]: torque is limited below the base speed."""
     shares = np.minimum(np.maximum(speed, SLOWEST) / motor.base_speed, 1.0)
-    power: Floats = motor.rated_power * shares
-    return power
+    return np.asarray(motor.rated_power * shares)

@@ -6,6 +6,8 @@ spindle; 1/15 of the rated power is 1 kW.
 """
 
 from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -13,32 +15,33 @@ import numpy as np
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.parameters import DAY
 
-EXECUTION = ("READY", "ACTIVE", "FEED_HOLD", "INTERRUPTED", "STOPPED")
-READY, ACTIVE, FEED_HOLD, INTERRUPTED, STOPPED = range(5)
-MODES = ("AUTOMATIC", "MANUAL", "MANUAL_DATA_INPUT")
-AUTOMATIC, MANUAL, MANUAL_DATA_INPUT = range(3)
 NO_PROGRAM = "O0000"
 Motion = Literal["mill", "drill", "finish", "contour", "run"]
 
 
-def _zeros() -> Floats:
-    return np.zeros(DAY)
+class Execution(IntEnum):
+    """State of the execution of a program."""
+
+    READY = 0
+    ACTIVE = 1
+    FEED_HOLD = 2
+    INTERRUPTED = 3
+    STOPPED = 4
 
 
-def _integers() -> Ints:
-    return np.zeros(DAY, dtype=np.int64)
+class Mode(IntEnum):
+    """Mode of the controller."""
+
+    AUTOMATIC = 0
+    MANUAL = 1
+    MANUAL_DATA_INPUT = 2
 
 
-def _no() -> Bools:
-    return np.zeros(DAY, dtype=np.bool_)
-
-
-def _unset() -> Floats:
-    return np.full(DAY, np.nan)
-
-
-def _hundred() -> Floats:
-    return np.full(DAY, 100.0)
+_NO = partial(np.full, DAY, False)
+_ZERO_INT = partial(np.full, DAY, 0)
+_ZERO = partial(np.full, DAY, 0.0)
+_NAN = partial(np.full, DAY, np.nan)
+_HUNDRED = partial(np.full, DAY, 100.0)
 
 
 @dataclass(kw_only=True)
@@ -57,7 +60,7 @@ class Cycle:
     interrupted_s: int = 0
 
 
-@dataclass(kw_only=True)
+@dataclass
 class Alarm:
     """A condition between two seconds of the day."""
 
@@ -77,26 +80,26 @@ class Timeline:
     day: int
     on: int = DAY  # second at which the control is switched on; DAY when it never is
     off: int = DAY
-    power: Bools = field(default_factory=_no)
-    execution: Ints = field(default_factory=_integers)
-    mode: Ints = field(default_factory=_integers)
-    program: Ints = field(default_factory=_integers)  # index into ``program_names``
-    tool: Ints = field(default_factory=_integers)
-    line: Ints = field(default_factory=_integers)
-    part_count: Ints = field(default_factory=_integers)
-    speed_command: Floats = field(default_factory=_zeros)  # rev/min
-    cut_power: Floats = field(default_factory=_zeros)  # W, before its random process
-    feed: Floats = field(default_factory=_zeros)  # mm/s along the path
-    hold: Bools = field(default_factory=_no)  # spindle under position control
-    coolant: Bools = field(default_factory=_no)
-    x: Floats = field(default_factory=_unset)  # mm; nan = stays where it was
-    y: Floats = field(default_factory=_unset)
-    z: Floats = field(default_factory=_unset)
-    c: Floats = field(default_factory=_unset)  # deg
-    feed_override: Floats = field(default_factory=_hundred)
-    rapid_override: Floats = field(default_factory=_hundred)
-    spindle_override: Floats = field(default_factory=_hundred)
-    emergency: Bools = field(default_factory=_no)
+    power: Bools = field(default_factory=_NO)
+    execution: Ints = field(default_factory=_ZERO_INT)  # Execution
+    mode: Ints = field(default_factory=_ZERO_INT)  # Mode
+    program: Ints = field(default_factory=_ZERO_INT)  # index into ``program_names``
+    tool: Ints = field(default_factory=_ZERO_INT)
+    line: Ints = field(default_factory=_ZERO_INT)
+    part_count: Ints = field(default_factory=_ZERO_INT)
+    speed_command: Floats = field(default_factory=_ZERO)  # rev/min
+    cut_power: Floats = field(default_factory=_ZERO)  # W, before its random process
+    feed: Floats = field(default_factory=_ZERO)  # mm/s along the path
+    hold: Bools = field(default_factory=_NO)  # spindle under position control
+    coolant: Bools = field(default_factory=_NO)
+    x: Floats = field(default_factory=_NAN)  # mm; nan = stays where it was
+    y: Floats = field(default_factory=_NAN)
+    z: Floats = field(default_factory=_NAN)
+    c: Floats = field(default_factory=_NAN)  # deg
+    feed_override: Floats = field(default_factory=_HUNDRED)
+    rapid_override: Floats = field(default_factory=_HUNDRED)
+    spindle_override: Floats = field(default_factory=_HUNDRED)
+    emergency: Bools = field(default_factory=_NO)
     program_names: list[str] = field(default_factory=lambda: [NO_PROGRAM])
     cycles: list[Cycle] = field(default_factory=list)
     alarms: list[Alarm] = field(default_factory=list)
@@ -119,7 +122,7 @@ def carried(values: Floats, start: float) -> Floats:
     return np.concatenate([[start], values])[np.maximum.accumulate(last)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Operation:
     """One tool's work: ``power`` is a share of the rated power, ``feed`` in mm/s.
 
@@ -133,8 +136,8 @@ class Operation:
     duration: int
     power: float = 0.0
     feed: float = 0.0
-    length: float = 150.0
-    coolant: bool = True
+    length: float = field(default=150.0, kw_only=True)
+    coolant: bool = field(default=True, kw_only=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,26 +149,10 @@ class Program:
     held: bool = False
 
 
-def _op(
-    tool: int,
-    motion: Motion,
-    speed: float,
-    duration: int,
-    power: float,
-    feed: float,
-    *,
-    length: float,
-) -> Operation:
-    return Operation(
-        tool=tool, motion=motion, speed=speed, duration=duration, power=power, feed=feed,
-        length=length,
-    )  # fmt: skip
-
-
 WARM_UP = Program(
     name="O9001",
     operations=tuple(
-        Operation(tool=0, motion="run", speed=s, duration=d, coolant=False)
+        Operation(0, "run", s, d, coolant=False)
         for s, d in ((1500.0, 180), (3000.0, 180), (6000.0, 240), (9000.0, 240), (12000.0, 180))
     ),
 )
@@ -176,38 +163,38 @@ PROGRAMS: dict[str, Program] = {
         Program(  # aluminium housing
             name="O1101",
             operations=(
-                _op(1, "mill", 6000, 110, 0.42, 50.0, length=320),
-                _op(3, "mill", 12000, 240, 0.30, 66.0, length=240),
-                _op(5, "drill", 8000, 120, 0.18, 20.0, length=38),
-                _op(8, "drill", 900, 80, 0.06, 15.0, length=22),
-                _op(11, "finish", 12000, 300, 0.05, 40.0, length=210),
+                Operation(1, "mill", 6000, 110, 0.42, 50.0, length=320),
+                Operation(3, "mill", 12000, 240, 0.30, 66.0, length=240),
+                Operation(5, "drill", 8000, 120, 0.18, 20.0, length=38),
+                Operation(8, "drill", 900, 80, 0.06, 15.0, length=22),
+                Operation(11, "finish", 12000, 300, 0.05, 40.0, length=210),
             ),
         ),
         Program(  # steel bracket
             name="O2040",
             operations=(
-                _op(2, "mill", 1250, 260, 0.40, 8.0, length=180),
-                _op(4, "mill", 2400, 520, 0.40, 14.0, length=220),
-                _op(6, "drill", 3100, 180, 0.17, 6.0, length=45),
-                _op(7, "mill", 4200, 200, 0.22, 16.0, length=120),
-                _op(9, "finish", 7500, 320, 0.06, 20.0, length=160),
+                Operation(2, "mill", 1250, 260, 0.40, 8.0, length=180),
+                Operation(4, "mill", 2400, 520, 0.40, 14.0, length=220),
+                Operation(6, "drill", 3100, 180, 0.17, 6.0, length=45),
+                Operation(7, "mill", 4200, 200, 0.22, 16.0, length=120),
+                Operation(9, "finish", 7500, 320, 0.06, 20.0, length=160),
             ),
         ),
         Program(  # mould insert, finished with a ball nose
             name="O3307",
             operations=(
-                _op(4, "mill", 3000, 420, 0.33, 18.0, length=160),
-                _op(12, "finish", 9000, 780, 0.08, 45.0, length=90),
-                _op(14, "finish", 11500, 1500, 0.04, 55.0, length=70),
+                Operation(4, "mill", 3000, 420, 0.33, 18.0, length=160),
+                Operation(12, "finish", 9000, 780, 0.08, 45.0, length=90),
+                Operation(14, "finish", 11500, 1500, 0.04, 55.0, length=70),
             ),
         ),
         Program(  # shaft: turned and engraved with the spindle as C axis
             name="O4410",
             operations=(
-                _op(21, "contour", 0, 380, 0.0, 4.0, length=90),
-                _op(6, "drill", 4000, 140, 0.15, 9.0, length=30),
-                _op(22, "contour", 0, 460, 0.0, 2.5, length=60),
-                _op(7, "mill", 5200, 160, 0.18, 20.0, length=80),
+                Operation(21, "contour", 0, 380, 0.0, 4.0, length=90),
+                Operation(6, "drill", 4000, 140, 0.15, 9.0, length=30),
+                Operation(22, "contour", 0, 460, 0.0, 2.5, length=60),
+                Operation(7, "mill", 5200, 160, 0.18, 20.0, length=80),
             ),
             held=True,
         ),

@@ -196,7 +196,7 @@ def test_a_pass_goes_from_air_into_the_cut_and_out(immersion: Immersion) -> None
     angle = np.arange(turns * 90) * 2 * pi / 90
     x = -7.0 + angle / (2 * pi) * per_turn
     out = pass_forces(
-        c, tool, work, Motion(angle=angle, x=x * 1e-3), worn=0.0, length=length, slice_height=0.5
+        c, tool, work, Motion(angle=angle, x=x * 1e-3), VB=0.0, length=length, slice_height=0.5
     )
     torque = out[:, 3].reshape(turns, 90).mean(axis=1)
     way = x.reshape(turns, 90).mean(axis=1)

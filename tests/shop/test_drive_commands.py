@@ -9,10 +9,8 @@ import pytest
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.drives.commands import (
-    axis_limits,
     circles,
     commanded,
-    path_limits,
     reciprocation,
     smoothed,
     travel,
@@ -37,13 +35,13 @@ def test_strokes_hold_twelve_speeds_and_keep_the_limits_of_the_axis(
     """Each speed both ways for 0.3 s at least; neither speed, acceleration nor travel is passed."""
     shop = shop_parameters(machine)
     limits, axis = getattr(shop.control, letter.lower()), shop.drives.axes[letter]
-    own = axis_limits(limits)
+    own = limits.bounds
     moves = reciprocation(shop.drives.tool.speeds, limits.rapid / 60, own, axis.lead)
     way = travel(moves, own, HERTZ)
     v = np.diff(way) * HERTZ
     a = np.diff(v) * HERTZ
     assert np.abs(v).max() == pytest.approx(limits.rapid / 60, rel=EXACT)
-    assert np.abs(a).max() <= own.acceleration * (1 + EXACT)
+    assert np.abs(a).max() <= own[0] * (1 + EXACT)
     assert np.ptp(way) < 400  # mm, the shortest travel of a mill of this size
     steady = np.abs(a) < 1e-3
     edges = np.flatnonzero(np.diff(np.concatenate([[False], steady, [False]]).astype(int)))
@@ -71,7 +69,7 @@ def test_smoothing_delays_by_half_its_windows_and_keeps_the_ends() -> None:
 
 def test_circles_are_round_and_as_fast_as_told() -> None:
     """Radius in every sample; both feeds both ways within the path's acceleration."""
-    limits = path_limits(shop_parameters("mill01").control)
+    limits = shop_parameters("mill01").control.path_bounds
     x, y = circles(80.0, (50.0, 150.0), 1.25, limits, HERTZ)
     assert np.hypot(x, y) == pytest.approx(np.full(x.size, 40.0), abs=1e-12)
     turn = np.unwrap(np.arctan2(y, x))

@@ -11,7 +11,7 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.cutting import BATCH, LENGTH, TOP, chance
 from pipeline.shop.trial.job import TrialJob, shop_part
 from pipeline.shop.trial.motion import Track, control_of, program_steps, track
-from pipeline.shop.trial.trials import prepare, trial, trial_cut, trials
+from pipeline.shop.trial.trials import Trial, prepare, trial, trials
 
 from .conftest import shop_parameters
 
@@ -87,11 +87,16 @@ def test_a_slot_takes_its_own_area_and_each_cell_when_the_tool_reaches_it() -> N
     assert its.first[0, middle, columns] - begins == pytest.approx(ahead, abs=2 * cell)
 
 
+def slot_cut(job: TrialJob, seed: int) -> Trial:
+    """The slot read and cut anew."""
+    return trial(prepare(SLOT, "P", job, MACHINE), job, MACHINE, seed)
+
+
 def test_the_same_seed_is_the_same_part_and_another_one_is_not() -> None:
-    one, again = (trial_cut(SLOT, "P", JOB, MACHINE, 7) for _ in range(2))
-    assert one.document() == again.document()
+    one, again = (slot_cut(JOB, 7) for _ in range(2))
+    assert one == again
     its = prepare(SLOT, "P", JOB, MACHINE)
-    assert trial(its, JOB, MACHINE, 7).document() == one.document()
+    assert trial(its, JOB, MACHINE, 7) == one
     other = trial(its, JOB, MACHINE, 8)
     assert other.peak_load_N != one.peak_load_N and other.time_s != one.time_s
 
@@ -111,16 +116,11 @@ def test_parts_scatter_as_they_are_said_to() -> None:
     assert all(0 <= p.used[1] <= 15 for p in parts)
 
 
-def test_a_trial_tells_time_peaks_and_what_is_above_the_limit() -> None:
-    found = trial_cut(SLOT, "P", replace(JOB, limit_load_N=30.0), MACHINE, 1)
-    told = found.document()
-    assert told["peak_line"] == 5 and told["peak_load_N"] == round(found.peak_load_N, 2)
-    assert 0.95 < told["share_above"] <= 1 and told["lines_above"] >= 1
-    assert found.cutting_s == pytest.approx(30 / 5 + 0.6, abs=0.15)  # 30 mm and the entry's 3
-    free = trial_cut(SLOT, "P", replace(JOB, limit_load_N=500.0), MACHINE, 1)
-    assert free.document()["share_above"] == 0 and free.document()["lines_above"] == 0
-    assert free.document()["by_line"] == told["by_line"]
-    assert sum(one["seconds"] for one in told["by_line"]) == pytest.approx(found.time_s, abs=0.1)
+def test_a_trial_has_the_time_and_the_peak_of_each_line() -> None:
+    found = slot_cut(JOB, 1)
+    assert found.peak_line == 5 and found.peak_load_N == found.peaks_N[5] > 30
+    assert min(found.peaks_N.values()) == 0 and list(found.peaks_N) == sorted(found.peaks_N)
+    assert slot_cut(replace(JOB, limit_load_N=500.0), 1).peaks_N == found.peaks_N
 
 
 def test_trials_cut_the_same_parts_before_and_after() -> None:
@@ -149,7 +149,7 @@ def test_trials_cut_the_same_parts_before_and_after() -> None:
 )  # fmt: skip
 def test_what_the_mill_cannot_do_is_said_with_its_line(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        trial_cut(text, "P", JOB, MACHINE, 0)
+        prepare(text, "P", JOB, MACHINE)
 
 
 def test_what_is_no_job_is_refused() -> None:

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from pipeline.shop.cutting.force import Motion, pass_forces, wear
 from pipeline.shop.cutting.parameters import Conditions, Dynamometer, EndMill, Workpiece
 from pipeline.shop.parameters import Cutting, ShopParameters
-from pipeline.shop.trial.cutting import Chance, Loads, Steps, _chip, cut
+from pipeline.shop.trial.cutting import Chance, Steps, _chip, cut
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.trials import prepare
 
@@ -33,16 +33,16 @@ USED = 5.0
 """What a tooth has cut before [m]."""
 
 
-def loads(lines: str, tool: EndMill, blank=BLANK, speed: int = 5000, limit: float = 60.0) -> Loads:
+def loads(lines: str, tool: EndMill, blank=BLANK, speed: int = 5000) -> dict[int, float]:
     """Of a program that begins at X-20 Y-20 Z5, without any chance."""
     text = f"G21 G90 G54\nG0 X-20 Y-20 S{speed} M3\nG43 Z5 H1\n{lines}\nG0 Z5\nM30\n"
-    job = TrialJob(blank=blank, limit_load_N=limit, tools={1: tool})
+    job = TrialJob(blank=blank, limit_load_N=60.0, tools={1: tool})
     its = prepare(text, "P", job, STEADY)
     part = Chance(
         workpiece=job.workpiece, tools={1: tool}, used={1: USED}, deeper={1: 0.0},
         speed_error=0.0, angle=0.3,
     )  # fmt: skip
-    return cut(its.track, its.swept, part, job, STEADY, np.random.default_rng(0))
+    return cut(its.track, its.swept, part, STEADY, np.random.default_rng(0))
 
 
 def straight(tool: EndMill, immersion: str, width: float, feed: float, speed: float, depth: float):
@@ -55,7 +55,7 @@ def straight(tool: EndMill, immersion: str, width: float, feed: float, speed: fl
         tool,
         Workpiece(),
         Motion(angle=angle, x=x),
-        worn=wear(tool, USED),
+        VB=wear(tool, USED),
         length=40.0,
         slice_height=0.0625,
     )
@@ -71,14 +71,14 @@ def test_a_straight_cut_is_a_straight_pass(tool: EndMill, immersion: str, share:
     y = {"slot": 15.0, "up": 30.0 - width + r, "down": width - r}[immersion]
     found = loads(f"G0 Y{y}\nG1 Z-1 F200\nX30 F{feed}", tool)
     expected = straight(tool, immersion, width, feed, 5000.0, 1.0)
-    assert found.peaks[6] == pytest.approx(expected, rel=0.01)
+    assert found[6] == pytest.approx(expected, rel=0.01)
 
 
 def test_an_inside_corner_loads_the_tool_more_than_the_walls_beside_it() -> None:
     """0.3 mm along two walls of a frame that was slotted before; the corner has its own lines."""
     frame = "G0 X8 Y8\nG1 Z-1 F200\nX32 F300\nY22\nG0 Z5\n"
     walls = "G0 X8 Y7.7\nG1 Z-1 F200\nX26 F300\nX32.3\nY14\nY18\nG0 Z5"
-    found = loads(frame + walls, EVEN).peaks
+    found = loads(frame + walls, EVEN)
     wall = straight(EVEN, "down", 0.3, 300.0, 5000.0, 1.0)
     slot = straight(EVEN, "slot", 6.0, 300.0, 5000.0, 1.0)
     assert [found[11], found[14]] == pytest.approx([wall, wall], rel=0.02)
@@ -88,25 +88,25 @@ def test_an_inside_corner_loads_the_tool_more_than_the_walls_beside_it() -> None
 def test_what_was_cut_before_is_cut_no_more() -> None:
     """A second pass along the first, with teeth that are alike, finds nothing."""
     way = "G0 Y15\nG1 Z-1 F200\nX45 F300\nG0 Z5\nX-20\n"
-    found = loads(2 * way, EVEN).peaks
+    found = loads(2 * way, EVEN)
     assert found[6] > 50 and found.get(11, 0.0) == 0
-    deeper = loads(way + way.replace("Z-1", "Z-1.5"), EVEN).peaks
+    deeper = loads(way + way.replace("Z-1", "Z-1.5"), EVEN)
     assert deeper[11] == pytest.approx(found[6] / 2, rel=0.02)
 
 
 def test_an_open_arc_is_cut_like_the_line_that_it_nearly_is() -> None:
     """On a radius of 12 mm the chip is that of the slot: the tool's centre moves at the feed."""
-    found = loads("G0 X5 Y15\nG1 Z-1 F300\nX8\nG2 X32 Y15 I12 J0\nG0 Z5", EVEN).peaks
+    found = loads("G0 X5 Y15\nG1 Z-1 F300\nX8\nG2 X32 Y15 I12 J0\nG0 Z5", EVEN)
     expected = straight(EVEN, "slot", 6.0, 300.0, 5000.0, 1.0)
     assert found[7] == pytest.approx(expected, rel=0.02)
 
 
 def test_the_load_goes_with_the_depth_and_the_chip() -> None:
     way = "G0 Y15\nG1 Z-1 F200\nX45 F300\nG0 Z5"
-    one = loads(way, EVEN).peaks[6]
-    assert loads(way.replace("Z-1", "Z-2"), EVEN).peaks[6] == pytest.approx(2 * one, rel=1e-3)
+    one = loads(way, EVEN)[6]
+    assert loads(way.replace("Z-1", "Z-2"), EVEN)[6] == pytest.approx(2 * one, rel=1e-3)
     fast = straight(EVEN, "slot", 6.0, 500.0, 5000.0, 1.0)
-    assert loads(way.replace("F300", "F500"), EVEN).peaks[6] == pytest.approx(fast, rel=0.01)
+    assert loads(way.replace("F300", "F500"), EVEN)[6] == pytest.approx(fast, rel=0.01)
 
 
 def test_a_ramp_reaches_the_load_of_its_depth_little_by_little() -> None:
@@ -114,13 +114,13 @@ def test_a_ramp_reaches_the_load_of_its_depth_little_by_little() -> None:
     found = loads("G0 X0 Y15\nG1 Z0 F300\nX40 Z-1\nG0 Z5", EVEN, blank=(-30.0, 80.0, 0, 30, -5, 0))
     whole = straight(EVEN, "slot", 6.0, 300.0, 5000.0, 1.0)
     half = loads("G0 X0 Y15\nG1 Z0 F300\nX20 Z-0.5\nG0 Z5", EVEN, blank=(-30.0, 80.0, 0, 30, -5, 0))
-    assert found.peaks[6] == pytest.approx(whole, rel=0.03)
-    assert half.peaks[6] == pytest.approx(whole / 2, rel=0.04)
+    assert found[6] == pytest.approx(whole, rel=0.03)
+    assert half[6] == pytest.approx(whole / 2, rel=0.04)
 
 
 def test_where_the_blank_ends_the_cut_ends() -> None:
     found = loads("G0 Y15\nG1 Z-1 F200\nX-4 F300\nG0 Z5\nX46\nG1 Z-1\nX50\nG0 Z5", EVEN)
-    assert not any(found.peaks.values()) and found.cutting == 0
+    assert not any(found.values())
 
 
 @settings(max_examples=12, deadline=None)
@@ -137,7 +137,7 @@ def test_the_load_does_not_ask_where_the_way_points(turned: float) -> None:
     places = [-6 * along, 6 * along, 6 * along + 1.5 * left, -2 * along + 1.5 * left]
     a, b, c, d = (f"X{20 + x:.4f} Y{15 + y:.4f}" for x, y in places)
     way = f"G0 {a}\nG1 Z-1 F300\n{b} F300\nG0 Z5\n{c}\nG1 Z-1\n{d}\nG0 Z5"
-    found = loads(way, EVEN, blank=(0.0, 40.0, 0.0, 30.0, -5.0, 0.0)).peaks
+    found = loads(way, EVEN, blank=(0.0, 40.0, 0.0, 30.0, -5.0, 0.0))
     assert found[6] == pytest.approx(straight(EVEN, "slot", 6.0, 300.0, 5000.0, 1.0), rel=0.015)
     assert found[10] == pytest.approx(straight(EVEN, "down", 1.5, 300.0, 5000.0, 1.0), rel=0.015)
 

@@ -199,7 +199,7 @@ def test_without_nptdms_the_remedy_is_named(
 ) -> None:
     write_tdms(tmp_path / "x.tdms")
     monkeypatch.setitem(sys.modules, "nptdms", None)  # what an import finds when it is missing
-    with pytest.raises(UnreadableFile, match=r"pip install kerf\[tdms\]"):
+    with pytest.raises(UnreadableFile, match=r"pip install -e '\.\[tdms\]'"):
         columnar.read_tdms(tmp_path / "x.tdms", FORCE, tmp_path)
 
 

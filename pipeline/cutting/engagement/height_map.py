@@ -211,7 +211,7 @@ def _closed_mesh(stock: Mesh) -> "trimesh.Trimesh":
         import trimesh
     except ImportError as error:
         raise ValueError(
-            f"stock {stock.path}: reading STL needs trimesh: install kerf[stl]"
+            f"stock {stock.path}: reading STL needs trimesh: pip install -e '.[stl]'"
         ) from error
     if not stock.path.is_file():
         raise ValueError(f"stock {stock.path} is not a file")

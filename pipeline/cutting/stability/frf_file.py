@@ -172,7 +172,7 @@ def read_universal(path: Path, direction: str | None) -> FrequencyResponse:
     try:
         import pyuff
     except ImportError as error:
-        raise ValueError("universal files need the package pyuff: pip install kerf[uff]") from error
+        raise ValueError("universal files need pyuff: pip install -e '.[uff]'") from error
     path.read_bytes()  # the system names what hinders reading, pyuff does not
     try:
         file = pyuff.UFF(str(path))

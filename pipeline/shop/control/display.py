@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.shop.control.planner import Operator, Plan, Ramp, Span
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ControlParameters, stamp
@@ -212,23 +212,6 @@ def _rapid_knob(plan: Plan, operator: Operator, time: Floats) -> Floats:
     return shown
 
 
-@dataclass(frozen=True, kw_only=True)
-class Polled:
-    """One item as it was polled: P values, and whether each is available."""
-
-    name: str
-    values: Floats | Ints
-    available: Bools
-    words: tuple[str, ...] = ()
-
-    def text(self, place: int) -> str:
-        """The value at poll ``place`` as it is written."""
-        value = self.values[place]
-        if self.words:
-            return self.words[int(value)]
-        return f"{value + 0.0:.2f}".rstrip("0").rstrip(".")
-
-
 def log_lines(
     run: Display, start: np.datetime64, control: ControlParameters, random: np.random.Generator,
     torn: bool = False, load: Floats | None = None,
@@ -251,12 +234,11 @@ def log_lines(
     polls = _polls(run.line.size * control.cycle, control, random)
     cycle = np.floor(polls / control.cycle).astype(int)
     lines: list[tuple[int, int, str]] = []
-    for rank, item in enumerate(_items(run, cycle, load)):
-        new = np.append(True, item.values[1:] != item.values[:-1])
-        new |= item.available & ~np.append(False, item.available[:-1])
+    for rank, (name, values) in enumerate(_items(run, cycle, load).items()):
+        known = ~np.isnan(values)
+        new = np.append(True, values[1:] != values[:-1]) & known
         lines += [
-            (k, rank, f"|{item.name}|{item.text(k)}")
-            for k in np.flatnonzero(new & item.available).tolist()
+            (k, rank, f"|{name}|{_text(name, values[k])}") for k in np.flatnonzero(new).tolist()
         ]
     stamps = [stamp(start, t) for t in polls]
     text = [stamps[k] + words for k, _, words in sorted(lines)]
@@ -275,23 +257,26 @@ def _polls(end: float, control: ControlParameters, random: np.random.Generator) 
     return times[times < end]
 
 
-def _items(run: Display, cycle: Ints, load: Floats | None) -> list[Polled]:
-    """Items that are polled; before the start everything stands still."""
-    begun = cycle >= 0
+def _items(run: Display, cycle: Ints, load: Floats | None) -> dict[str, Floats]:
+    """Polled values (P,) of each item, nan where it is not available.
+
+    Before the start everything stands still.
+    """
+    shown = {
+        "exec": (run.execution, np.nan), "ln": (run.line, 0.0), "tool": (run.tool, run.tool_before),
+        "fovr": (run.feed_override, np.nan), "rovr": (run.rapid_override, run.rapid_override[0]),
+        "S1n": (np.round(run.speed), 0.0), "vpath": (np.round(run.feedrate, 2), 0.0),
+    }  # fmt: skip
+    if load is not None:
+        shown["S1load"] = (load, 0.0)
     at = np.maximum(cycle, 0)
+    return {
+        name: np.where(cycle >= 0, values[at], before) for name, (values, before) in shown.items()
+    }
 
-    def item(name: str, values: np.ndarray, before: float | None = 0.0) -> Polled:
-        shown = np.where(begun, values[at], np.nan if before is None else before)
-        return Polled(name=name, values=shown, available=~np.isnan(shown))
 
-    execution = np.where(begun, run.execution[at], -1)
-    return [
-        Polled(name="exec", values=execution, available=begun, words=EXECUTION),
-        item("ln", run.line),
-        item("tool", run.tool, before=float(run.tool_before)),
-        item("fovr", run.feed_override, before=None),
-        item("rovr", run.rapid_override, before=float(run.rapid_override[0])),
-        item("S1n", np.round(run.speed)),
-        item("vpath", np.round(run.feedrate, 2)),
-        *([] if load is None else [item("S1load", load)]),
-    ]
+def _text(name: str, value: float) -> str:
+    """A polled value as it is written."""
+    if name == "exec":
+        return EXECUTION[int(value)]
+    return f"{value + 0.0:.2f}".rstrip("0").rstrip(".")

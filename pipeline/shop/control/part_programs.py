@@ -5,6 +5,7 @@ been taken; the corner of the workpiece is the origin, its top is Z 0.  Cutting 
 catalogues (Sandvik, Walter) for aluminium.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
 
@@ -14,6 +15,8 @@ from pipeline.shop.control.postprocessor import PartProgram, Post, Tool
 from pipeline.shop.parameters import ControlParameters
 
 Holes = list[tuple[float, float]]
+Cut = Callable[[Post], None]
+"""Writes the lines of one tool."""
 
 CLEAR = 5.0
 """Height of rapids between cuts [mm]."""
@@ -193,13 +196,11 @@ def part_programs(
 
     Dimensions and feeds are drawn once; the edited program has the finish of one level more.
     """
-    lengths = {t.number: round(float(random.uniform(85, 165)), 3) for t in TOOLS}
-    pace = {t.number: round(float(random.uniform(0.85, 1.15)), 2) for t in TOOLS}
+    lengths = [round(float(random.uniform(85, 165)), 3) for _ in TOOLS]
+    pace = [round(float(random.uniform(0.85, 1.15)), 2) for _ in TOOLS]
     tools = {
-        t.number: replace(
-            t, length=lengths[t.number], feed=round(t.feed * pace[t.number] / 10) * 10.0
-        )
-        for t in TOOLS
+        t.number: replace(t, length=length, feed=round(t.feed * share / 10) * 10.0)
+        for t, length, share in zip(TOOLS, lengths, pace, strict=True)
     }
     work = Work(x=float(random.integers(110, 140)), y=float(random.integers(80, 100)))
     curve = Curve(
@@ -208,61 +209,43 @@ def part_programs(
         wave=float(random.uniform(0.2, 0.6)),
     )  # fmt: skip
     levels = int(random.integers(9, 11))
-    programs = [
-        _plate(control, tools, work), _pockets(control, tools, work),
-        _cam(control, tools, work, curve, levels), _manifold(control, tools, work),
-    ]  # fmt: skip
-    return programs, _cam(control, tools, work, curve, levels + 1)
+    holes, corners = grid(work, 4, 3, 14.0), grid(work, 3, 2, 12.0)
+    circle = bolt_circle(work.middle, 26.0, 10)
+    programs: dict[str, dict[int, Cut]] = {
+        "BASE PLATE": {
+            1: lambda post: facing(post, work, 1.0),
+            2: lambda post: contour(post, work, [4.0, 8.0, 12.0], springs=1),
+            11: lambda post: drilling(post, holes, 3.2),
+            12: lambda post: drilling(post, holes, 16.0, peck=4.0),
+        },
+        "BEARING HOUSING": {
+            1: lambda post: facing(post, work, 0.5),
+            4: lambda post: pocket(post, (work.x * 0.33, work.y / 2), 26.0, 9.0),
+            5: lambda post: trochoidal_slot(post, (work.x * 0.62, work.y / 2), 34.0, 6.0),
+        },
+        "CAM": {
+            4: lambda post: pocket(post, work.middle, 21.0, 6.0),
+            9: lambda post: chords(post, curve, levels, 0.6, 0.6),
+        },
+        "VALVE BLOCK": {
+            11: lambda post: drilling(post, circle + corners, 2.6),
+            14: lambda post: drilling(post, circle, 14.0, peck=3.5),
+            12: lambda post: drilling(post, corners, 20.0, peck=5.0),
+            2: lambda post: contour(post, work, [3.0]),
+        },
+    }
+    edited = programs["CAM"] | {9: lambda post: chords(post, curve, levels + 1, 0.6, 0.6)}
 
+    def written(number: int, title: str, cuts: Mapping[int, Cut]) -> PartProgram:
+        name = f"O{control.first_program + number}"
+        post = begin_program(control, name, title, [tools[k] for k in cuts])
+        for tool, cut in cuts.items():
+            post.take(tools[tool])
+            cut(post)
+        return post.end(name)
 
-def _plate(control: ControlParameters, tools: dict[int, Tool], work: Work) -> PartProgram:
-    post, name = _begin(control, 1, "BASE PLATE", [tools[k] for k in (1, 2, 11, 12)])
-    post.take(tools[1])
-    facing(post, work, 1.0)
-    post.take(tools[2])
-    contour(post, work, [4.0, 8.0, 12.0], springs=1)
-    holes = grid(work, 4, 3, 14.0)
-    post.take(tools[11])
-    drilling(post, holes, 3.2)
-    post.take(tools[12])
-    drilling(post, holes, 16.0, peck=4.0)
-    return post.end(name)
-
-
-def _pockets(control: ControlParameters, tools: dict[int, Tool], work: Work) -> PartProgram:
-    post, name = _begin(control, 2, "BEARING HOUSING", [tools[k] for k in (1, 4, 5)])
-    post.take(tools[1])
-    facing(post, work, 0.5)
-    post.take(tools[4])
-    pocket(post, (work.x * 0.33, work.y / 2), 26.0, 9.0)
-    post.take(tools[5])
-    trochoidal_slot(post, (work.x * 0.62, work.y / 2), 34.0, 6.0)
-    return post.end(name)
-
-
-def _cam(
-    control: ControlParameters, tools: dict[int, Tool], work: Work, curve: Curve, levels: int
-) -> PartProgram:
-    post, name = _begin(control, 3, "CAM", [tools[k] for k in (4, 9)])
-    post.take(tools[4])
-    pocket(post, work.middle, 21.0, 6.0)
-    post.take(tools[9])
-    chords(post, curve, levels, 0.6, 0.6)
-    return post.end(name)
-
-
-def _manifold(control: ControlParameters, tools: dict[int, Tool], work: Work) -> PartProgram:
-    post, name = _begin(control, 4, "VALVE BLOCK", [tools[k] for k in (11, 14, 12, 2)])
-    small, large = bolt_circle(work.middle, 26.0, 10), grid(work, 3, 2, 12.0)
-    post.take(tools[11])
-    drilling(post, small + large, 2.6)
-    post.take(tools[14])
-    drilling(post, small, 14.0, peck=3.5)
-    post.take(tools[12])
-    drilling(post, large, 20.0, peck=5.0)
-    post.take(tools[2])
-    contour(post, work, [3.0])
-    return post.end(name)
+    all_four = [written(k, title, cuts) for k, (title, cuts) in enumerate(programs.items(), 1)]
+    return all_four, written(3, "CAM", edited)
 
 
 def begin_program(control: ControlParameters, name: str, title: str, tools: list[Tool]) -> Post:
@@ -271,12 +254,5 @@ def begin_program(control: ControlParameters, name: str, title: str, tools: list
         numbered=control.numbered, spaced=not control.numbered,
         peck_clearance=control.peck_clearance,
     )  # fmt: skip
-    post.begin(name, title, tuple(tools), control.work_offset)
+    post.begin(name, title, tools, control.work_offset)
     return post
-
-
-def _begin(
-    control: ControlParameters, number: int, title: str, tools: list[Tool]
-) -> tuple[Post, str]:
-    name = f"O{control.first_program + number}"
-    return begin_program(control, name, title, tools), name

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from math import inf, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,24 +35,13 @@ HOME = (-400.0, 0.0, 0.0)
 """Place of the machine before its first run, in its own frame [mm]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Blocks:
-    """N blocks of a path.
+class Blocks(NamedTuple):
+    """N blocks of a path."""
 
-    Parameters
-    ----------
-    length : (N,) array
-        [mm].
-    begin, end : (N, 3) arrays
-        Directions at both ends.
-    cap : (N,) array
-        Greatest speed in the block [mm/s].
-    """
-
-    length: Floats
-    begin: Floats
-    end: Floats
-    cap: Floats
+    length: Floats  # (N,) [mm]
+    begin: Floats  # (N, 3), direction at the beginning
+    end: Floats  # (N, 3), direction at the end
+    cap: Floats  # (N,), greatest speed [mm/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +81,7 @@ def section(
 ) -> Section:
     """Plan ``steps`` (lines and arcs) from ``start`` [mm] with ``feeds`` (N,) [mm/s]."""
     blocks = _blocks(start, steps, feeds, control)
-    a, j = control.cutting_acceleration * 1e3, control.cutting_jerk * 1e3
+    a, j = control.path_bounds
     ends = np.cumsum(blocks.length)
     corner = _corner_speeds(blocks, control)
     _limit_to_look_ahead(corner, ends, blocks.cap, control)
@@ -125,7 +115,7 @@ def _blocks(
     cap = np.minimum(feeds, control.greatest_feed / 60)
     bound = np.sqrt(control.centripetal_acceleration * 1e3 * radius)
     cap = np.where(arc, np.minimum(cap, bound), cap)
-    return Blocks(length=length, begin=begin, end=end, cap=cap)
+    return Blocks(length, begin, end, cap)
 
 
 def _corner_speeds(blocks: Blocks, control: ControlParameters) -> Floats:
@@ -145,11 +135,10 @@ def _limit_to_look_ahead(
     count = control.look_ahead
     if len(ends) <= count:
         return
-    a, j = control.cutting_acceleration * 1e3, control.cutting_jerk * 1e3
     inside = slice(0, len(ends) - count)
     ahead = ends[count:] - ends[inside]
-    still = np.zeros(len(ahead))
-    corner[inside] = np.minimum(corner[inside], reachable_speed(still, ahead, cap[inside], a, j))
+    fastest = reachable_speed(np.zeros(len(ahead)), ahead, cap[inside], *control.path_bounds)
+    corner[inside] = np.minimum(corner[inside], fastest)
 
 
 def _critical(blocks: Blocks, corner: Floats, a: float) -> Ints:
@@ -176,9 +165,8 @@ def _reachable_nodes(limit: Floats, lengths: Floats, a: float, j: float) -> Floa
     """Speeds at the nodes: each can be reached from the one before and left for the next."""
     speeds = limit.copy()
     count = len(lengths)
-    for here, there in [(k, k + 1) for k in range(count - 1, -1, -1)] + [
-        (k + 1, k) for k in range(count)
-    ]:
+    backward = [(k, k + 1) for k in range(count - 1, -1, -1)]
+    for here, there in backward + [(k + 1, k) for k in range(count)]:
         v, u, length = speeds[here], speeds[there], lengths[min(here, there)]
         if v > u and change_distance(u, v, a, j) > length:
             speeds[here] = reachable_speed(u, length, v, a, j)
@@ -296,10 +284,10 @@ class Control:
     parameters: ControlParameters
     motor: MotorParameters
     lengths: Mapping[int, float]
-    operator: Operator
     random: np.random.Generator
-    place: list[float]
     tool: int
+    operator: Operator = field(default_factory=Operator)
+    place: list[float] = field(default_factory=lambda: list(HOME))
     time: float = 0.0
     line: int = 0
     speed: float = 0.0  # of the spindle, commanded [rev/min]
@@ -338,7 +326,8 @@ class Control:
             case "dwell":
                 self._wait("dwell", self.time + step.seconds)
             case _:
-                self._code(getattr(times, f"m{step.number}"))
+                answer = self._scattered(getattr(times, f"m{step.number}"))
+                self._wait("code", self.time + answer)
 
     def _machine(self, step: Step) -> list[float]:
         offset = self.parameters.work_offset
@@ -359,9 +348,7 @@ class Control:
             self._wait("rapid_stop", self.time + self.stops.pop(self.line))
         share = self.operator.rapid_override / 100 / 60
         axes = tuple(
-            rest_to_rest(
-                round(abs(b - a), 6), axis.rapid * share, axis.acceleration * 1e3, axis.jerk * 1e3
-            )
+            rest_to_rest(round(abs(b - a), 6), axis.rapid * share, *axis.bounds)
             for a, b, axis in zip(self.place, target, self.parameters.axes, strict=True)
             if abs(b - a) > SHORTEST
         )
@@ -374,20 +361,17 @@ class Control:
         """Wait until the following error that each axis has when its motion ends has died down."""
         gain, window = self.parameters.position_gain, self.parameters.in_position
         last = max(p.duration for p in axes)
-        ready = [
+        self._wait("in_position", max(
             self.time - last + p.duration + log(max(p.lag(gain) / window, 1.0)) / gain for p in axes
-        ]
-        self._wait("in_position", max(ready))
+        ))  # fmt: skip
 
     def _change(self, tool: int) -> None:
         self._wait("spindle", self.turning)
         self._rapid([*self.place[:2], self.parameters.change_height])
         scatter = self.parameters.tool_change_scatter
+        until = self.time + self.parameters.tool_change + self.random.uniform(-scatter, scatter)
         self.tool = 0
-        self._wait(
-            "tool_change",
-            self.time + self.parameters.tool_change + self.random.uniform(-scatter, scatter),
-        )
+        self._wait("tool_change", until)
         self.tool = tool
 
     def _turn(self, speed: float, answer: float) -> None:
@@ -399,9 +383,6 @@ class Control:
         self.answered = self.time + self._scattered(answer)
         if self.parameters.spindle_wait == "at_m3":
             self.answered += ramp.duration
-
-    def _code(self, seconds: float) -> None:
-        self._wait("code", self.time + self._scattered(seconds))
 
     def _scattered(self, seconds: float) -> float:
         scatter = self.parameters.codes.scatter

@@ -3,10 +3,10 @@
 Text and steps come from the same rounded coordinates, so that the control runs what the text says.
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from math import atan2, inf, tau
-from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 Kind = Literal["rapid", "line", "arc", "home", "tool", "spindle", "code", "dwell", "end"]
 Point = tuple[float, float, float]
@@ -85,12 +85,6 @@ def word(letter: str, value: float) -> str:
     return f"{letter}{round(value, 3) + 0.0:.3f}".rstrip("0")
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file as controls do, in ASCII with newlines; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="ascii", newline="\n")
-
-
 @dataclass(kw_only=True)
 class Post:
     """A program that is being written.
@@ -113,7 +107,7 @@ class Post:
     motion: str = ""  # modal G0 to G3
     feed: float = 0.0  # modal F
 
-    def begin(self, name: str, title: str, tools: tuple[Tool, ...], offset: Point) -> None:
+    def begin(self, name: str, title: str, tools: Sequence[Tool], offset: Point) -> None:
         """Write the head: name, set-up, safe state."""
         self.lines += ["%", f"{name}({title})"]
         self.comment("G54 " + " ".join(word(a, v) for a, v in zip("XYZ", offset, strict=True)))
@@ -122,14 +116,20 @@ class Post:
         self.words("G21")
         self.words("G0", "G17", "G40", "G49", "G80", "G90")
 
+    def blank(self, size: Sequence[float], material: str) -> None:
+        """Write a box, x y z from and to [mm], and what it is made of."""
+        box = (word(letter, edge) for letter, edge in zip("XXYYZZ", size, strict=True))
+        self.comment("BLANK BOX " + " ".join(box))
+        self.comment(f"MATERIAL {material.upper()}")
+
     def take(self, tool: Tool) -> None:
         """Change to ``tool``; what follows begins with :meth:`approach`."""
         if self.tools:
             self.words("M1")
-            self._add(Step(kind="code", line=len(self.lines), end=self.at, number=1))
+            self._add("code", number=1)
         self.tools.append(tool)
         self.words(f"T{tool.number}", "M6")
-        self._add(Step(kind="tool", line=len(self.lines), end=self.at, number=tool.number))
+        self._add("tool", number=tool.number)
         self.motion, self.feed = "", 0.0
 
     def approach(self, x: float, y: float, z: float) -> None:
@@ -137,13 +137,12 @@ class Post:
         tool = self.tools[-1]
         x, y, z = round(x, 3), round(y, 3), round(z, 3)
         self.words("G0", "G90", "G54", word("X", x), word("Y", y), f"S{tool.speed}", "M3")
-        line = len(self.lines)
-        self._add(Step(kind="spindle", line=line, end=self.at, number=tool.speed))
-        self._add(Step(kind="rapid", line=line, end=(x, y, self.at[2])))
+        self._add("spindle", number=tool.speed)
+        self._add("rapid", (x, y, self.at[2]))
         self.words("G43", word("Z", z), f"H{tool.number}")
-        self._add(Step(kind="rapid", line=line + 1, end=(x, y, z)))
+        self._add("rapid", (x, y, z))
         self.words("M8")
-        self._add(Step(kind="code", line=line + 2, end=self.at, number=8))
+        self._add("code", number=8)
         self.motion = "G0"
 
     def rapid(self, x: float | None = None, y: float | None = None, z: float | None = None) -> None:
@@ -151,7 +150,7 @@ class Post:
         end = self._point(x, y, z)
         if words := self._changed(end):
             self.words(self._modal("G0"), *words)
-            self._add(Step(kind="rapid", line=len(self.lines), end=end))
+            self._add("rapid", end)
 
     def line(
         self, x: float | None = None, y: float | None = None, z: float | None = None,
@@ -161,7 +160,7 @@ class Post:
         end = self._point(x, y, z)
         if words := self._changed(end):
             self.words(self._modal("G1"), *words, self._feed(feed))
-            self._add(Step(kind="line", line=len(self.lines), end=end, feed=self.feed))
+            self._add("line", end, feed=self.feed)
 
     def arc(
         self, x: float, y: float, centre: tuple[float, float], anticlockwise: bool = True,
@@ -180,10 +179,7 @@ class Post:
             self._modal("G3" if anticlockwise else "G2"), *words, word("I", i), word("J", j),
             self._feed(feed),
         )  # fmt: skip
-        self._add(
-            Step(kind="arc", line=len(self.lines), end=end, centre=middle, turn=swept,
-                 feed=self.feed)
-        )  # fmt: skip
+        self._add("arc", end, centre=middle, turn=swept, feed=self.feed)
 
     def drill(
         self, holes: list[tuple[float, float]], top: float, depth: float, peck: float = 0.0
@@ -203,28 +199,28 @@ class Post:
     def turn(self, speed: int) -> None:
         """Change the speed of the spindle [rev/min], or stop it."""
         self.words(*((f"S{speed}", "M3") if speed else ("M5",)))
-        self._add(Step(kind="spindle", line=len(self.lines), end=self.at, number=speed))
+        self._add("spindle", number=speed)
 
     def dwell(self, milliseconds: int) -> None:
         """Wait for a time [ms]."""
         self.words("G4", f"P{milliseconds}")
-        self._add(Step(kind="dwell", line=len(self.lines), end=self.at, seconds=milliseconds / 1e3))
+        self._add("dwell", seconds=milliseconds / 1e3)
 
     def retract(self) -> None:
         """Coolant off, to the reference position of Z, spindle off."""
         self.rapid(z=SAFE)
         self.words("M9")
-        self._add(Step(kind="code", line=len(self.lines), end=self.at, number=9))
+        self._add("code", number=9)
         self.words("G91", "G28", "Z0.")
-        self._add(Step(kind="home", line=len(self.lines), end=(*self.at[:2], inf)))
+        self._add("home", (*self.at[:2], inf))
         self.words("M5")
-        self._add(Step(kind="spindle", line=len(self.lines), end=self.at, number=0))
+        self._add("spindle", number=0)
 
     def end(self, name: str) -> PartProgram:
         """Write the last line; the program."""
         self.words("G90")
         self.words("M30")
-        self._add(Step(kind="end", line=len(self.lines), end=self.at, number=30))
+        self._add("end", number=30)
         self.lines.append("%")
         text = "\n".join(self.lines) + "\n"
         return PartProgram(name=name, text=text, steps=tuple(self.steps), tools=tuple(self.tools))
@@ -239,25 +235,24 @@ class Post:
         block += [w for w in words if w]
         self.lines.append((" " if self.spaced else "").join(block))
 
-    def _add(self, step: Step) -> None:
-        self.steps.append(step)
-        self.at = step.end
+    def _add(self, kind: Kind, end: Point | None = None, **more: Any) -> None:
+        """Add a step of the last line, to ``end`` where it moves."""
+        self.at = self.at if end is None else end
+        self.steps.append(Step(kind=kind, line=len(self.lines), end=self.at, **more))
 
     def _hole(
         self, x: float, y: float, top: float, depth: float, peck: float, initial: float
     ) -> None:
-        line, feed = len(self.lines), self.tools[-1].plunge
-        fast = Step(kind="rapid", line=line, end=(x, y, initial))
-        self._add(fast)
-        self._add(replace(fast, end=(x, y, top)))
+        self._add("rapid", (x, y, initial))
+        self._add("rapid", (x, y, top))
         reached = top
         while reached > depth:
             if reached < top:
-                self._add(replace(fast, end=(x, y, top)))
-                self._add(replace(fast, end=(x, y, round(reached + self.peck_clearance, 6))))
+                self._add("rapid", (x, y, top))
+                self._add("rapid", (x, y, round(reached + self.peck_clearance, 6)))
             reached = max(round(reached - peck, 6), depth) if peck else depth
-            self._add(Step(kind="line", line=line, end=(x, y, reached), feed=feed))
-        self._add(replace(fast, end=(x, y, initial)))
+            self._add("line", (x, y, reached), feed=self.tools[-1].plunge)
+        self._add("rapid", (x, y, initial))
 
     def _point(self, x: float | None, y: float | None, z: float | None) -> Point:
         a, b, c = self.at

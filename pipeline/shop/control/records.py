@@ -1,6 +1,7 @@
 """Records of a Sunday at the control: part programs, run twice each while an adapter listens."""
 
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from math import dist
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ import numpy as np
 from pipeline.shop.control.display import STOPPED, Display, display, log_lines
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME, Control, Operator, Plan
-from pipeline.shop.control.postprocessor import PartProgram, write_text
+from pipeline.shop.control.postprocessor import PartProgram
+from pipeline.shop.files import write_text
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
 
 OPENING = 8.0 * 3600
@@ -45,7 +47,11 @@ def write_control(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     start, place, runs = OPENING, list(HOME), []
     for number, play in enumerate(_plays(programs, edited, parameters)):
         random = parameters.generator(f"control run {number}")
-        control = _control(play, parameters, list(place), random)
+        control = Control(
+            parameters=parameters.control, motor=parameters.spindle.motor, random=random,
+            lengths=play.program.lengths, tool=play.program.tools[-1].number,
+            operator=play.operator, place=list(place),
+        )  # fmt: skip
         plan = control.run(play.program)
         shown = display(plan, play.operator, parameters.control)
         moment = _moment(parameters, start)
@@ -70,17 +76,6 @@ def _moment(parameters: ShopParameters, second: float) -> np.datetime64:
     sunday = (parameters.start - np.timedelta64(DAY, "s")).astype("datetime64[ms]")
     moment: np.datetime64 = sunday + np.timedelta64(round(second * 1e3), "ms")
     return moment
-
-
-def _control(
-    play: Play, parameters: ShopParameters, place: list[float], random: np.random.Generator
-) -> Control:
-    """The control before a run that begins at ``place`` [mm], with the tool of the last one."""
-    return Control(
-        parameters=parameters.control, motor=parameters.spindle.motor,
-        lengths=play.program.lengths, operator=play.operator, random=random,
-        place=place, tool=play.program.tools[-1].number,
-    )  # fmt: skip
 
 
 def _plays(
@@ -110,14 +105,14 @@ def _plays(
 
 def _long_cuts(program: PartProgram) -> list[int]:
     """Lines with a long straight cut."""
-    pairs = zip(program.steps, program.steps[1:], strict=False)
+    pairs = pairwise(program.steps)
     return [b.line for a, b in pairs if b.kind == "line" and dist(a.end, b.end) > LONG]
 
 
 def _rapids_after_cuts(program: PartProgram) -> list[int]:
     """Lines of the first rapid after a long cut."""
     lines, cut = [], 0.0
-    for before, step in zip(program.steps, program.steps[1:], strict=False):
+    for before, step in pairwise(program.steps):
         if step.kind in ("line", "arc"):
             cut += dist(before.end, step.end)
             continue

@@ -21,6 +21,7 @@ from pipeline.shop.cutting.parameters import (
     Dynamometer,
     Immersion,
 )
+from pipeline.shop.files import rows_text, torn, write_text
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ShopParameters
 
@@ -34,10 +35,6 @@ FINE = 4
 SHARE_OF_LOST = 0.004
 """Share that a channel without its cable still shows: stray capacitance [1]."""
 FOLDER = "C:\\Measurements\\"
-BLOCK = 5000
-"""Rows that are written at once."""
-LEFT = 0.6
-"""Share that is left of a torn row."""
 SLICE = 0.125
 """Greatest height of a slice of the edges [mm]."""
 LEAD = 0.05
@@ -50,6 +47,25 @@ MEASURED = 20.0
 """Length of each whole measurement [s]."""
 KEPT = 0.3
 """Share of a test that is left in the torn file."""
+SERIES: tuple[tuple[Immersion, int, int, int, Window, Fault], ...] = (
+    ("slot", 0, 0, 0, "inside", ""),
+    ("slot", 0, 0, 1, "inside", ""),
+    ("slot", 0, 0, 2, "inside", ""),
+    ("slot", 0, 0, 3, "entry", ""),
+    ("slot", 1, 0, 1, "inside", ""),
+    ("slot", 1, 0, 3, "exit", ""),
+    ("slot", 0, 1, 0, "inside", ""),
+    ("slot", 0, 1, 2, "inside", ""),
+    ("down", 0, 0, 1, "inside", ""),
+    ("down", 0, 0, 3, "entry", ""),
+    ("up", 0, 0, 1, "inside", ""),
+    ("up", 0, 0, 3, "exit", ""),
+    ("slot", 1, 1, 3, "inside", "clipped"),
+    ("down", 1, 1, 2, "inside", "lost"),
+    ("up", 1, 1, 1, "inside", "torn"),
+)
+"""Tests in order: immersion (half of the diameter, or a slot), places of speed, depth and feed in
+the machine's series, part of the pass, fault."""
 REASON = {
     "clipped": "the range of the amplifier was set too low: the peaks are cut off",
     "torn": "the file breaks off inside a row; what stands before it is sound",
@@ -75,38 +91,16 @@ class CuttingTest:
 
 def series(cutting: Cutting) -> list[CuttingTest]:
     """All tests of a machine, in the order in which they are cut."""
-    return [
-        _test(cutting, "slot", 0, 0, 0),
-        _test(cutting, "slot", 0, 0, 1),
-        _test(cutting, "slot", 0, 0, 2),
-        _test(cutting, "slot", 0, 0, 3, "entry"),
-        _test(cutting, "slot", 1, 0, 1),
-        _test(cutting, "slot", 1, 0, 3, "exit"),
-        _test(cutting, "slot", 0, 1, 0),
-        _test(cutting, "slot", 0, 1, 2),
-        _test(cutting, "down", 0, 0, 1),
-        _test(cutting, "down", 0, 0, 3, "entry"),
-        _test(cutting, "up", 0, 0, 1),
-        _test(cutting, "up", 0, 0, 3, "exit"),
-        _test(cutting, "slot", 1, 1, 3, fault="clipped"),
-        _test(cutting, "down", 1, 1, 2, fault="lost"),
-        _test(cutting, "up", 1, 1, 1, fault="torn"),
-    ]
-
-
-def _test(
-    cutting: Cutting, immersion: Immersion, speed: int, depth: int, feed: int,
-    window: Window = "inside", *, fault: Fault = "",
-) -> CuttingTest:  # fmt: skip
-    """A test by the places of its values in the series; a half immersion is D / 2 wide."""
     series, tool = cutting.dynamometer.series, cutting.tool
-    rate = series.feeds[feed] * tool.flutes * series.speeds[speed]
-    return CuttingTest(
-        conditions=Conditions(
+    tests = []
+    for immersion, speed, depth, feed, window, fault in SERIES:
+        rate = series.feeds[feed] * tool.flutes * series.speeds[speed]
+        conditions = Conditions(
             immersion=immersion, depth=series.depths[depth], speed=series.speeds[speed],
             width=tool.diameter / (1 if immersion == "slot" else 2), feed=round(rate / 10) * 10.0,
-        ), window=window, fault=fault,
-    )  # fmt: skip
+        )  # fmt: skip
+        tests.append(CuttingTest(conditions=conditions, window=window, fault=fault))
+    return tests
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,13 +136,6 @@ def plate_force(on_tool: Floats, dynamometer: Dynamometer) -> Floats:
     return np.stack([ahead, left, up] if along_x else [-left, ahead, up], axis=1)
 
 
-def disconnected(mixed: Floats, channel: int) -> Floats:
-    """The same as :func:`crosstalk` with the cable of a channel off: next to nothing is left."""
-    left = mixed.copy()
-    left[channel] *= SHARE_OF_LOST
-    return left
-
-
 def amplified(
     on_tool: Floats, mixed: Floats, own: Baseline, dynamometer: Dynamometer, lead: int,
     random: np.random.Generator,
@@ -170,10 +157,8 @@ def amplified(
     """
     force = plate_force(on_tool, dynamometer)
     modes = (dynamometer.x, dynamometer.y, dynamometer.z)
-    responses = [
-        _response(values, mode) for values, mode in zip((force @ mixed.T).T, modes, strict=True)
-    ]
-    rows = np.stack(responses, axis=1)[lead::FINE]
+    channels = zip((force @ mixed.T).T, modes, strict=True)
+    rows = np.stack([_response(values, mode) for values, mode in channels], axis=1)[lead::FINE]
     time = np.arange(len(rows))[:, None] / RATE
     hum = dynamometer.hum * np.sin(2 * np.pi * dynamometer.mains * time + own.hum_phase)
     noise = random.normal(0, dynamometer.noise, rows.shape)
@@ -202,7 +187,7 @@ def converted(values: Floats, ends: float, bits: int) -> tuple[Floats, dict[str,
 
 
 def write_recording(
-    path: Path, forces: Floats, *, start: float, measured: float, decimal: str, torn: bool
+    path: Path, forces: Floats, *, start: float, measured: float, decimal: str, breaks: bool
 ) -> None:
     """Write Fx, Fy, Fz of a recording.
 
@@ -218,48 +203,26 @@ def write_recording(
         Length of the whole measurement, of which the rows are a part [s].
     decimal : {".", ","}
         With a comma the separator is a semicolon.
-    torn : bool
-        Whether the last row breaks off.
+    breaks : bool
+        Whether the file breaks off inside its last row.
     """
-    separator = ";" if decimal == "," else ","
+    separator, name = ";" if decimal == "," else ",", path.stem
     time = start + np.arange(len(forces)) / RATE
     form = separator.join(["%.7g", "%.6g", "%.6g", "%.6g"]) + "\n"
-    table = np.column_stack([np.round(time, 4), forces]) + 0.0
-    blocks = (table[k : k + BLOCK] for k in range(0, len(table), BLOCK))
-    body = "".join(form * len(block) % tuple(block.ravel().tolist()) for block in blocks)
-    if torn:
-        last = body.rstrip("\n").rfind("\n") + 1
-        body = body[: last + int(LEFT * (len(body) - last))]
-    if decimal == ",":
-        body = body.replace(".", ",")
-    lines = [separator.join(line) for line in _head(path.stem, measured)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n" + body, encoding="ascii", newline="\n")
-
-
-def _head(name: str, measured: float) -> list[tuple[str, ...]]:
-    return [
-        ("DynoWare", "Version 2.6.5 (simulated)"),
-        ("Path:", FOLDER),
-        ("Filename:", f"{name}.dwd"),
-        ("Config ID:", f"{name}.cfg"),
-        ("Setup ID:", "0"),
-        ("Manipulated:", "0"),
-        ("Filename 1:", " "),
-        ("Filename 2:", " "),
-        ("Date:", " "),
-        ("Time:", " "),
-        ("Sampling rate [Hz]:", str(RATE)),
-        ("Measuring time [s]:", f"{measured:g}"),
-        ("Delay time [s]:", "0"),
-        ("Cycle time [s]:", "0"),
-        ("Cycles:", "1"),
-        ("Samples per channel:", str(round(measured * RATE) + 1)),
-        ("Cycle interval:", "0"),
-        ("Cycle No:", "1"),
-        ("Time", "Fx", "Fy", "Fz"),
-        ("s", "N", "N", "N"),
-    ]
+    body = rows_text(np.column_stack([np.round(time, 4), forces]), form)
+    body = torn(body) if breaks else body
+    head = {
+        "DynoWare": "Version 2.6.5 (simulated)", "Path:": FOLDER, "Filename:": f"{name}.dwd",
+        "Config ID:": f"{name}.cfg", "Setup ID:": 0, "Manipulated:": 0, "Filename 1:": " ",
+        "Filename 2:": " ", "Date:": " ", "Time:": " ", "Sampling rate [Hz]:": RATE,
+        "Measuring time [s]:": f"{measured:g}", "Delay time [s]:": 0, "Cycle time [s]:": 0,
+        "Cycles:": 1, "Samples per channel:": round(measured * RATE) + 1, "Cycle interval:": 0,
+        "Cycle No:": 1,
+    }  # fmt: skip
+    lines = [f"{key}{separator}{value}" for key, value in head.items()]
+    lines += [separator.join(("Time", "Fx", "Fy", "Fz")), separator.join("sNNN")]
+    text = "\n".join(lines) + "\n" + (body.replace(".", ",") if decimal == "," else body)
+    write_text(path, text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,14 +243,14 @@ def write_dynamometer(folder: Path, parameters: ShopParameters) -> Recorded:
     for test in series(cutting):
         length = cut_length(test.conditions, cutting.tool, planned.block)
         random = parameters.generator(f"dynamometer {test.name}")
-        worn = wear(cutting.tool, cut + length / 2)
-        files.append(_recorded(folder, test, cutting, worn, mixed, random))
+        VB = wear(cutting.tool, cut + length / 2)
+        files.append(_recorded(folder, test, cutting, VB, mixed, random))
         cut += length * (1 + planned.passes_between)
     return Recorded(files=files, crosstalk=mixed, cut=cut)
 
 
 def _recorded(
-    folder: Path, test: CuttingTest, cutting: Cutting, worn: float, mixed: Floats,
+    folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats,
     random: np.random.Generator,
 ) -> dict[str, Any]:  # fmt: skip
     """Cut one test and write its file; the truth about it."""
@@ -296,53 +259,39 @@ def _recorded(
     motion = _motion(test, cutting, random)
     true = replace(test.conditions, depth=depth)
     force = pass_forces(
-        true,
-        cutting.tool,
-        cutting.workpiece,
-        motion,
-        worn=worn,
-        length=d.series.block,
+        true, cutting.tool, cutting.workpiece, motion, VB=VB, length=d.series.block,
         slice_height=SLICE,
-    )
+    )  # fmt: skip
     own, lead = baseline(d, random), round(LEAD * RATE) * FINE
-    whole = disconnected(mixed, LOST) if test.fault == "lost" else mixed
-    values = amplified(force, whole, own, d, lead, random)
+    if test.fault == "lost":
+        mixed = mixed.copy()
+        mixed[LOST] *= SHARE_OF_LOST
+    values = amplified(force, mixed, own, d, lead, random)
     ends = d.low_range if test.fault == "clipped" else d.range
     written, counted = converted(values, ends, d.bits)
     rows = round(KEPT * len(written)) if test.fault == "torn" else len(written)
     file = f"dynamometer/{test.name}.csv"
     start = round(float(random.uniform(2, 5)), 1)
     write_recording(
-        folder / file,
-        written[:rows],
-        start=start,
-        measured=MEASURED,
-        decimal=d.decimal,
-        torn=test.fault == "torn",
-    )
-    return {
-        "file": file,
-        **_set_truth(test, cutting),
-        "rows": rows,
-        "true": {
-            "depth_mm": depth, "wear_um": worn * 1e6, "offset_N": own.offset.tolist(),
-            "drift_N_s": own.drift.tolist(), **counted,
-            **_motion_truth(motion, force, lead, cutting),
-        },
-    }  # fmt: skip
-
-
-def _set_truth(test: CuttingTest, cutting: Cutting) -> dict[str, Any]:
-    """Settings of a test, and its fault."""
+        folder / file, written[:rows], start=start, measured=MEASURED, decimal=d.decimal,
+        breaks=test.fault == "torn",
+    )  # fmt: skip
     c = test.conditions
     return {
+        "file": file,
         "settings": c,
         "conditions": asdict(c) | {"feed_per_tooth": c.feed_per_tooth(cutting.tool.flutes)},
         "window": test.window,
         "fault": test.fault,
         "reject": test.fault in ("clipped", "lost"),
         "reason": REASON.get(test.fault, ""),
-    }
+        "rows": rows,
+        "true": {
+            "depth_mm": depth, "wear_um": VB * 1e6, "offset_N": own.offset.tolist(),
+            "drift_N_s": own.drift.tolist(), **counted,
+            **_motion_truth(motion, force, lead, cutting),
+        },
+    }  # fmt: skip
 
 
 def _motion_truth(motion: Motion, force: Floats, lead: int, cutting: Cutting) -> dict[str, Any]:

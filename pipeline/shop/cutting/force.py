@@ -87,18 +87,18 @@ def chip_thickness(
     left = 0.0
     for back in range(flutes, 0, -1):  # its own path first: behind the tool it ends the search
         before = radii[(tooth - back) % flutes, s]
-        bend, gone = 0.0, 0.0
+        bend, moved = 0.0, 0.0
         for _ in range(ROUNDS):
-            gone = feed * (back * pitch - bend)
-            share = gone * cosine / before
+            moved = feed * (back * pitch - bend)
+            share = moved * cosine / before
             bend = share + share**3 / 6
-        left = max(left, before * (1 - bend**2 / 2) - gone * sine)
+        left = max(left, before * (1 - bend**2 / 2) - moved * sine)
         if left >= own:
             return 0.0
-    thick = own - left
+    h = own - left
     if sine > 0.0:
-        thick = min(thick, ahead / sine)
-    return max(thick, 0.0)
+        h = min(h, ahead / sine)
+    return max(h, 0.0)
 
 
 @njit(cache=True)
@@ -155,10 +155,10 @@ def cut_length(conditions: Conditions, tool: EndMill, length: float) -> float:
     return length / conditions.feed * conditions.speed * (end - begin) * tool.radius
 
 
-def edge_coefficients(workpiece: Workpiece, worn: float) -> EdgeCoefficients:
-    """Force of an edge in the material, with a flank worn by ``worn`` [m], in SI."""
+def edge_coefficients(workpiece: Workpiece, VB: float) -> EdgeCoefficients:
+    """Force of an edge in the material, with a flank land ``VB`` wide [m], in SI."""
     return EdgeCoefficients(
-        cutting=workpiece.cutting, edge=workpiece.edge, flank=workpiece.flank(worn),
+        cutting=workpiece.cutting, edge=workpiece.edge, flank=workpiece.flank(VB),
         thickness=workpiece.thickness * 1e-3, exponent=workpiece.exponent,
         ploughing=workpiece.ploughing * 1e-6,
     )  # fmt: skip
@@ -205,7 +205,7 @@ class Motion:
 
 
 def pass_forces(
-    conditions: Conditions, tool: EndMill, workpiece: Workpiece, motion: Motion, *, worn: float,
+    conditions: Conditions, tool: EndMill, workpiece: Workpiece, motion: Motion, *, VB: float,
     length: float, slice_height: float,
 ) -> Floats:  # fmt: skip
     """Forces on the tool and torque at each step, shape (T, 4); columns X, Y, AXIAL, TORQUE.
@@ -216,7 +216,7 @@ def pass_forces(
         Tool and material; of the conditions only immersion, depth and width count.
     motion : Motion
         Position of the tool at each step.
-    worn : float
+    VB : float
         Width of the flank's land [m].
     length : float
         Of the block [mm].
@@ -225,7 +225,7 @@ def pass_forces(
     """
     teeth = edges(tool, conditions.depth, slice_height)
     out: Floats = forces(
-        edge_coefficients(workpiece, worn), block_of(conditions, tool, length), teeth.radii,
+        edge_coefficients(workpiece, VB), block_of(conditions, tool, length), teeth.radii,
         np.array(tool.sharpness), teeth.lag, teeth.height, motion.angle, motion.x,
         np.gradient(motion.x, motion.angle),
     )  # fmt: skip

@@ -4,7 +4,7 @@ The dynamometer is first, then the spindle without a cut, then the passes of a p
 is made of the shop's own edge forces, for a model with helix and offset runout.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +12,12 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.shop.control.part_programs import part_programs
-from pipeline.shop.control.postprocessor import PartProgram, Tool, write_text
+from pipeline.shop.control.postprocessor import Tool
+from pipeline.shop.cutting import spindle_test
 from pipeline.shop.cutting.dynamometer import Recorded, write_dynamometer
 from pipeline.shop.cutting.force import edge_coefficients, edge_force
 from pipeline.shop.cutting.parameters import Conditions, Cutting, engaged
-from pipeline.shop.cutting.spindle_test import (
-    Run,
-    cutting_program,
-    pass_powers,
-    pass_truth,
-    run,
-    warm_up,
-)
+from pipeline.shop.files import write_text
 from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.spindle import no_load_power
 
@@ -56,10 +50,14 @@ PAUSE = 900.0
 """Time between the starts of the spindle's tests [s]."""
 
 
-def linear_edge(cutting: Cutting, conditions: list[Conditions], worn: float) -> dict[str, float]:
-    """Coefficients of the straight line: cutting [N/mm2], edge [N/mm]; ``worn`` [m]."""
-    h = np.concatenate([_chip_thickness(c, cutting) for c in conditions])
-    forces = _edge_forces(cutting, h, worn)
+def linear_edge(cutting: Cutting, conditions: list[Conditions], VB: float) -> dict[str, float]:
+    """Coefficients of the straight line: cutting [N/mm2], edge [N/mm]; ``VB`` [m]."""
+    tool, edge = cutting.tool, edge_coefficients(cutting.workpiece, VB)
+    h = np.concatenate([
+        c.feed_per_tooth(tool.flutes) * 1e-3 * np.sin(_engagement(c, cutting)) for c in conditions
+    ])  # fmt: skip
+    sharpness = float(np.mean(tool.sharpness))
+    forces = np.array([edge_force(edge, thick, sharpness) for thick in h.tolist()])
     line = np.stack([h, np.ones(h.size)], axis=1)
     (k_c, k_e), *_ = np.linalg.lstsq(line, forces, rcond=None)
     return {f"K_{q}c": float(v) * 1e-6 for q, v in zip("tra", k_c, strict=True)} | {
@@ -67,22 +65,11 @@ def linear_edge(cutting: Cutting, conditions: list[Conditions], worn: float) -> 
     }
 
 
-def _chip_thickness(conditions: Conditions, cutting: Cutting) -> Floats:
-    """Thickness of the chip over the engagement [m]."""
+def _engagement(conditions: Conditions, cutting: Cutting) -> Floats:
+    """Angles of a tooth spread evenly over its engagement, shape (ANGLES,) [rad]."""
     begin, end = engaged(conditions, cutting.tool.diameter)
-    phi = begin + (end - begin) * (np.arange(ANGLES) + 0.5) / ANGLES
-    thick: Floats = conditions.feed_per_tooth(cutting.tool.flutes) * 1e-3 * np.sin(phi)
-    return thick
-
-
-def _edge_forces(cutting: Cutting, h: Floats, worn: float) -> Floats:
-    """Mean over the teeth for each thickness [m], shape (T, 3) [N/m]."""
-    edge, sharpness = (
-        edge_coefficients(cutting.workpiece, worn),
-        float(np.mean(cutting.tool.sharpness)),
-    )
-    out: Floats = np.array([edge_force(edge, thick, sharpness) for thick in h.tolist()])
-    return out
+    phi: Floats = begin + (end - begin) * (np.arange(ANGLES) + 0.5) / ANGLES
+    return phi
 
 
 def mean_force(cutting: Cutting, files: list[dict[str, Any]]) -> dict[str, float]:
@@ -97,7 +84,7 @@ def mean_force(cutting: Cutting, files: list[dict[str, Any]]) -> dict[str, float
 def _mean_rows(conditions: Conditions, cutting: Cutting) -> Floats:
     """Mean forces along the feed, left of it and along the axis for each coefficient, (3, 6)."""
     begin, end = engaged(conditions, cutting.tool.diameter)
-    phi = begin + (end - begin) * (np.arange(ANGLES) + 0.5) / ANGLES
+    phi = _engagement(conditions, cutting)
     none, s, c = np.zeros(ANGLES), np.sin(phi), np.cos(phi)
     edge = np.array([[-c, -s, none], [s, -c, none], [none, none, none + 1]])
     thick = conditions.feed_per_tooth(cutting.tool.flutes) * s
@@ -118,17 +105,17 @@ def dynamometer_truth(cutting: Cutting, recorded: Recorded) -> dict[str, Any]:
     """``parameters`` and ``more`` of the truth about the recordings of the dynamometer."""
     sound = [f for f in recorded.files if not f["reject"]]
     conditions = [f["settings"] for f in sound]
-    worn = float(np.mean([f["true"]["wear_um"] for f in sound]))
+    VB_um = float(np.mean([f["true"]["wear_um"] for f in sound]))
     depth = float(np.mean([c.depth for c in conditions]))
     parameters = {
-        **linear_edge(cutting, conditions, worn * 1e-6), **runout(cutting, depth),
+        **linear_edge(cutting, conditions, VB_um * 1e-6), **runout(cutting, depth),
         "helix": cutting.tool.helix,
     }  # fmt: skip
     d = cutting.dynamometer
     more = {
         "definition": DEFINITION,
         "mean_force": mean_force(cutting, sound),
-        "mean_wear_um": worn,
+        "mean_wear_um": VB_um,
         "mean_depth_mm": depth,
         "tool": asdict(cutting.tool),
         "workpiece": asdict(cutting.workpiece),
@@ -151,15 +138,6 @@ def _channels(cutting: Cutting) -> dict[str, str]:
         "Fy": "left of the feed" if straight else "along the feed",
         "Fz": "up" if d.axial == "lift" else "down",
     }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Session:
-    """A run of a program that is to be written."""
-
-    program: PartProgram
-    name: str
-    done: Run
 
 
 def write_cutting(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
@@ -191,9 +169,9 @@ def _write_spindle(
     folder: Path, parameters: ShopParameters, tool: Tool, cut: float
 ) -> dict[str, Any]:
     cutting, spindle = parameters.cutting, parameters.spindle
-    milling, passes = cutting_program(cutting, tool, parameters.control)
-    powers = pass_powers(passes, cutting, cut)
-    idle = warm_up(cutting, tool, parameters.control)
+    milling, passes = spindle_test.cutting_program(cutting, tool, parameters.control)
+    powers = spindle_test.pass_powers(passes, cutting, cut)
+    idle = spindle_test.warm_up(cutting, tool, parameters.control)
     begin = parameters.start.astype("datetime64[ms]") - np.timedelta64(86400 - round(OPENING), "s")
     later = begin + np.timedelta64(round(PAUSE), "s")
     files = []
@@ -201,9 +179,17 @@ def _write_spindle(
         ("no-load", idle, [], begin),
         (milling.name, milling, list(zip(passes, powers, strict=True)), later),
     ):
-        done = run(program, cuts, start, parameters, parameters.generator(f"cutting run {name}"))
-        files.append(_written(folder, Session(program=program, name=name, done=done), start))
-    rows = [pass_truth(one, power) for one, power in zip(passes, powers, strict=True)]
+        random = parameters.generator(f"cutting run {name}")
+        lines, load = spindle_test.run(program, cuts, start, parameters, random)
+        text, log = f"cutting/{name}.nc", f"cutting/{name}-run1.txt"
+        write_text(folder / text, program.text)
+        write_text(folder / log, "\n".join(lines) + "\n")
+        files.append({
+            "file": log, "program": text, "start": stamp(start, 0.0), "lines": len(lines),
+            "greatest_load_percent": float(load.max()),
+        })  # fmt: skip
+    pairs = zip(passes, powers, strict=True)
+    rows = [spindle_test.pass_truth(one, power) for one, power in pairs]
     speeds = np.array(cutting.spindle.speeds)
     power = no_load_power(speeds, spindle, cutting.spindle.oil_temperature)
     removed = [r["removal_rate_mm3_s"] for r in rows]
@@ -229,14 +215,3 @@ def _tool(parameters: ShopParameters) -> Tool:
         f"EndMill.number = {mill.number}: the control has no tool of that number with a diameter "
         f"of {mill.diameter} [mm]"
     )
-
-
-def _written(folder: Path, session: Session, start: np.datetime64) -> dict[str, Any]:
-    """Write program and log; the truth about the log."""
-    program, log = f"cutting/{session.name}.nc", f"cutting/{session.name}-run1.txt"
-    write_text(folder / program, session.program.text)
-    write_text(folder / log, "\n".join(session.done.lines) + "\n")
-    return {
-        "file": log, "program": program, "start": stamp(start, 0.0),
-        "lines": len(session.done.lines), "greatest_load_percent": float(session.done.load.max()),
-    }  # fmt: skip

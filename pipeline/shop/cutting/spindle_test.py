@@ -4,16 +4,16 @@ The passes are straight cuts through a blank, the warm-up turns the spindle with
 machine's own control runs both, and an adapter logs the load.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.control.display import Display, display, log_lines
+from pipeline.shop.control.display import display, log_lines
 from pipeline.shop.control.part_programs import begin_program
-from pipeline.shop.control.planner import HOME, Control, Operator
-from pipeline.shop.control.postprocessor import PartProgram, Post, Tool, word
+from pipeline.shop.control.planner import Control, Operator
+from pipeline.shop.control.postprocessor import PartProgram, Tool, word
 from pipeline.shop.cutting.force import Motion, cut_length, pass_forces, wear
 from pipeline.shop.cutting.parameters import Conditions, Cutting, SpindleTests
 from pipeline.shop.motion import RPM, lagged
@@ -49,17 +49,8 @@ class Pass:
     y: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Site:
-    """Place of a pass: Y of the tool's centre [mm], and whether towards +X."""
-
-    conditions: Conditions
-    y: float
-    forward: bool
-
-
-def sites(cutting: Cutting) -> tuple[list[Site], float]:
-    """Places of all passes, and the width that the blank must have [mm].
+def sites(cutting: Cutting) -> tuple[list[tuple[Conditions, float]], float]:
+    """Passes with Y of the tool's centre, and the width that the blank must have [mm].
 
     Shoulders eat into the blank from Y 0, the deepest first, so that each finds a fresh face; slots
     lie side by side behind them.  With a spindle that turns clockwise, material to the left of
@@ -69,9 +60,9 @@ def sites(cutting: Cutting) -> tuple[list[Site], float]:
     shoulders = [c for c in cutting.spindle.passes if c.immersion != "slot"]
     for c in sorted(shoulders, key=lambda c: -c.depth):
         y += c.width
-        placed.append(Site(conditions=c, y=round(y - r, 3), forward=c.immersion == "up"))
+        placed.append((c, round(y - r, 3)))
     for c in (c for c in cutting.spindle.passes if c.immersion == "slot"):
-        placed.append(Site(conditions=c, y=round(y + LAND + r, 3), forward=True))
+        placed.append((c, round(y + LAND + r, 3)))
         y += LAND + 2 * r
     return placed, 5.0 * (int((y + LAND) // 5) + 1)
 
@@ -83,28 +74,31 @@ def cutting_program(
     placed, width = sites(cutting)
     name = f"O{control.first_program + NUMBER}"
     post = begin_program(control, name, "CUTTING TEST", [tool])
-    _head(post, cutting, width)
+    deep = max(c.depth for c in cutting.spindle.passes)
+    post.blank((0.0, cutting.spindle.block, 0.0, width, -deep - FLOOR, 0.0), cutting.workpiece.name)
+    mill = cutting.tool
+    post.comment(
+        f"TOOL {word('D', mill.diameter)} FLUTES {mill.flutes} {word('HELIX ', mill.helix)}"
+    )
     post.take(tool)
     out, reach = [], cutting.tool.diameter / 2 + CLEAR
     ends = (-reach, cutting.spindle.block + reach)
     speed = 0.0
-    for number, site in enumerate(placed, 1):
-        c = site.conditions
-        start, end = ends if site.forward else ends[::-1]
-        post.comment(
-            f"PASS {number} {c.immersion.upper()} {word('AP', c.depth)} {word('AE', c.width)}"
-        )
+    for number, (c, y) in enumerate(placed, 1):
+        start, end = ends[::-1] if c.immersion == "down" else ends
+        size = f"{word('AP', c.depth)} {word('AE', c.width)}"
+        post.comment(f"PASS {number} {c.immersion.upper()} {size}")
         if speed == 0:
-            post.tools[-1] = _set(tool, c)
-            post.approach(start, site.y, 25.0)
+            post.tools[-1] = replace(tool, speed=round(c.speed), feed=c.feed)
+            post.approach(start, y, 25.0)
         elif c.speed != speed:
             post.turn(round(c.speed))
         speed = c.speed
-        post.rapid(start, site.y)
+        post.rapid(start, y)
         post.rapid(z=CLEAR)
         post.line(z=-c.depth, feed=tool.plunge)
         post.line(x=end, feed=c.feed)
-        out.append(Pass(conditions=c, line=len(post.lines), start=start, end=end, y=site.y))
+        out.append(Pass(conditions=c, line=len(post.lines), start=start, end=end, y=y))
         post.rapid(z=25.0)
     post.retract()
     return post.end(name), out
@@ -121,24 +115,6 @@ def warm_up(cutting: Cutting, tool: Tool, control: ControlParameters) -> PartPro
     return post.end(name)
 
 
-def _head(post: Post, cutting: Cutting, width: float) -> None:
-    """Write the blank, the material and the tool."""
-    deep = max(c.depth for c in cutting.spindle.passes)
-    size = (0.0, cutting.spindle.block, 0.0, width, -deep - FLOOR, 0.0)
-    post.comment("BLANK BOX " + " ".join(word(a, v) for a, v in zip("XXYYZZ", size, strict=True)))
-    post.comment(f"MATERIAL {cutting.workpiece.name.upper()}")
-    t = cutting.tool
-    post.comment(f"TOOL {word('D', t.diameter)} FLUTES {t.flutes} {word('HELIX ', t.helix)}")
-
-
-def _set(tool: Tool, c: Conditions) -> Tool:
-    """The tool with the speed and the feed of a pass."""
-    return Tool(
-        number=tool.number, name=tool.name, diameter=tool.diameter, speed=round(c.speed),
-        feed=c.feed, plunge=tool.plunge, length=tool.length,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True, kw_only=True)
 class PassPower:
     """Power of a pass at the tool [W] over the position of its centre from the first face [mm]."""
@@ -146,7 +122,7 @@ class PassPower:
     position: Floats
     power: Floats
     steady: float  # while the whole tool is in the blank
-    worn: float  # [m]
+    VB: float  # [m]
 
 
 def pass_powers(passes: list[Pass], cutting: Cutting, cut: float) -> list[PassPower]:
@@ -159,59 +135,47 @@ def pass_powers(passes: list[Pass], cutting: Cutting, cut: float) -> list[PassPo
     return out
 
 
-def _power(one: Pass, cutting: Cutting, worn: float) -> PassPower:
+def _power(one: Pass, cutting: Cutting, VB: float) -> PassPower:
     c, tool, length = one.conditions, cutting.tool, cutting.spindle.block
     feed = c.feed / c.speed  # mm a turn
     revolutions = int((length + tool.diameter) / feed) + 2
     angle = np.arange(revolutions * STEPS) * 2 * np.pi / STEPS
     x = -tool.diameter / 2 + angle / (2 * np.pi) * feed
+    motion = Motion(angle=angle, x=x * 1e-3)
     force = pass_forces(
-        c,
-        tool,
-        cutting.workpiece,
-        Motion(angle=angle, x=x * 1e-3),
-        worn=worn,
-        length=length,
-        slice_height=SLICE,
+        c, tool, cutting.workpiece, motion, VB=VB, length=length, slice_height=SLICE
     )
     power = force[:, 3].reshape(revolutions, STEPS).mean(axis=1) * c.speed * np.pi / 30
     position = x.reshape(revolutions, STEPS).mean(axis=1)
     whole = (position > feed) & (position < length - tool.diameter / 2 - feed)
-    return PassPower(position=position, power=power, steady=float(power[whole].mean()), worn=worn)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """A run: display of the control, load (T,) [percent], power of the cut (T,) [W], log."""
-
-    shown: Display
-    load: Floats
-    cut: Floats
-    lines: list[str]
+    return PassPower(position=position, power=power, steady=float(power[whole].mean()), VB=VB)
 
 
 def run(
     program: PartProgram, passes: list[tuple[Pass, PassPower]], start: np.datetime64,
     parameters: ShopParameters, random: np.random.Generator,
-) -> Run:  # fmt: skip
-    """Let the control run ``program`` from ``start`` (UTC) on and an adapter listen."""
+) -> tuple[list[str], Floats]:  # fmt: skip
+    """Let the control run ``program`` from ``start`` (UTC) on and an adapter listen.
+
+    Returns
+    -------
+    list of str, (T,) array
+        Lines of the log; displayed load in each cycle of the control [percent].
+    """
     control, spindle = parameters.control, parameters.spindle
-    number = parameters.cutting.tool.number
-    operator = Operator()
     plan = Control(
-        parameters=control, motor=spindle.motor, lengths=program.lengths, operator=operator,
-        random=random, place=list(HOME), tool=number,
+        parameters=control, motor=spindle.motor, lengths=program.lengths, random=random,
+        tool=parameters.cutting.tool.number,
     ).run(program)  # fmt: skip
-    shown = display(plan, operator, control)
+    shown = display(plan, Operator(), control)
     cut = np.zeros(shown.line.size)
     for one, power in passes:
         here = shown.line == one.line
-        gone = np.cumsum(shown.feedrate[here]) * control.cycle
+        travel = np.cumsum(shown.feedrate[here]) * control.cycle
         edge = abs(one.end - one.start) / 2 - parameters.cutting.spindle.block / 2
-        cut[here] = np.interp(gone - edge, power.position, power.power, left=0.0, right=0.0)
+        cut[here] = np.interp(travel - edge, power.position, power.power, left=0.0, right=0.0)
     load = shown_load(shown.speed, cut, control.cycle, spindle, parameters.cutting.spindle, random)
-    lines = log_lines(shown, start, control, random, load=load)
-    return Run(shown=shown, load=load, cut=cut, lines=lines)
+    return log_lines(shown, start, control, random, load=load), load
 
 
 def pass_truth(one: Pass, power: PassPower) -> dict[str, Any]:
@@ -220,7 +184,7 @@ def pass_truth(one: Pass, power: PassPower) -> dict[str, Any]:
     return {
         "line": one.line, "immersion": c.immersion, "depth_mm": c.depth, "width_mm": c.width,
         "speed_rpm": c.speed, "feed_mm_min": c.feed, "from_x_mm": one.start, "to_x_mm": one.end,
-        "y_mm": one.y, "wear_um": power.worn * 1e6, "power_W": power.steady,
+        "y_mm": one.y, "wear_um": power.VB * 1e6, "power_W": power.steady,
         "removal_rate_mm3_s": c.removal_rate,
         "specific_force_N_mm2": power.steady * 1e3 / c.removal_rate,
     }  # fmt: skip

@@ -17,8 +17,6 @@ from numba import njit
 from pipeline.schema.arrays import Floats
 from pipeline.shop.drives.parameters import INTEGRATION, Axis
 
-MEASURED, CURRENT, MOTOR, MOTOR_SPEED, CARRIAGE, SPEED, FRICTION, BRISTLE, FORCE = range(9)
-"""Columns of the result of :func:`followed`: m, A, m, m/s, m, m/s, N, m, N."""
 RIPPLE_PERIOD = 6
 """Periods of the torque ripple in each electrical period of the motor."""
 
@@ -42,7 +40,7 @@ class Mechanics(NamedTuple):
     ripple: float
     ripple_period: float
     coulomb: tuple[float, float]  # of negative, of positive motion
-    dip: tuple[float, float]
+    stribeck_amplitude: tuple[float, float]
     stribeck: tuple[float, float]
     viscous: tuple[float, float]
     bristle: float
@@ -87,7 +85,7 @@ def _friction(m: Mechanics, v: float, z: float, pitch: float) -> tuple[float, fl
     """Force against motion [N] and the bristle [m] after a step; ``pitch`` scales the level."""
     side = 1 if v > 0 else 0
     slow = np.exp(-((v / m.stribeck[side]) ** 2))
-    level = (m.coulomb[side] + m.dip[side] * slow) * pitch
+    level = (m.coulomb[side] + m.stribeck_amplitude[side] * slow) * pitch
     bent = (z + m.step * v) * level / (level + m.step * m.bristle * abs(v))
     damping = m.bristle_damping * slow * (bent - z) * m.frequency
     return m.bristle * bent + damping + m.viscous[side] * v, bent
@@ -122,6 +120,8 @@ def followed(
     noise: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """Motion of an axis, shape (T, 9), at the ticks of its position loop, from standstill.
+
+    Its columns are the fields of :class:`Followed`.
 
     Parameters
     ----------
@@ -233,7 +233,9 @@ def _mechanics(axis: Axis) -> Mechanics:
         cogging=motor.cogging * axis.gear, cogging_period=float(motor.cogging_period),
         ripple=motor.torque_ripple, ripple_period=float(RIPPLE_PERIOD * motor.pole_pairs),
         coulomb=(f.coulomb_negative, f.coulomb_positive),
-        dip=(f.static_negative - f.coulomb_negative, f.static_positive - f.coulomb_positive),
+        stribeck_amplitude=(
+            f.static_negative - f.coulomb_negative, f.static_positive - f.coulomb_positive,
+        ),
         stribeck=(f.stribeck_velocity_negative * 1e-3, f.stribeck_velocity_positive * 1e-3),
         viscous=(f.viscous_negative, f.viscous_positive), bristle=f.bristle_stiffness * 1e6,
         bristle_damping=f.bristle_damping * 1e3, pitch_ripple=f.pitch_ripple,

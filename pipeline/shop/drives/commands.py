@@ -11,10 +11,10 @@ from math import pi
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.control.planner import SHORTEST, Control, Operator, Section, Span
+from pipeline.shop.control.planner import SHORTEST, Control, Section, Span
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.motion import Profile, change_time, rest_to_rest
-from pipeline.shop.parameters import AxisLimits, ControlParameters, ShopParameters
+from pipeline.shop.parameters import Bounds, ShopParameters
 
 BELL = (0.008, 0.004)
 """Lengths of the two moving averages after the interpolation [s]."""
@@ -31,39 +31,16 @@ class Move:
     pause: float = 0.12
 
 
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """Acceleration [mm/s2] and jerk [mm/s3] of a motion."""
-
-    acceleration: float
-    jerk: float
-
-
-def axis_limits(axis: AxisLimits) -> Limits:
-    """Limits of one axis alone."""
-    return Limits(acceleration=axis.acceleration * 1e3, jerk=axis.jerk * 1e3)
-
-
-def path_limits(control: ControlParameters) -> Limits:
-    """Limits of a path."""
-    return Limits(acceleration=control.cutting_acceleration * 1e3, jerk=control.cutting_jerk * 1e3)
-
-
-def travel(moves: Sequence[Move], limits: Limits, frequency: int) -> Floats:
+def travel(moves: Sequence[Move], bounds: Bounds, frequency: int) -> Floats:
     """Position along ``moves`` from 0 [mm] at ``frequency`` [Hz], shape (T,)."""
-    profiles = [
-        rest_to_rest(abs(m.length), m.speed, limits.acceleration, limits.jerk) for m in moves
-    ]
-    starts = np.cumsum(
-        [REST, *(p.duration + m.pause for p, m in zip(profiles, moves, strict=True))]
-    )
+    profiles = [rest_to_rest(abs(m.length), m.speed, *bounds) for m in moves]
+    seconds = [p.duration + m.pause for p, m in zip(profiles, moves, strict=True)]
+    starts = np.cumsum([REST, *seconds])
     time: Floats = np.arange(int((starts[-1] + REST) * frequency), dtype=np.float64) / frequency
     position: Floats = np.zeros(time.size)
     place = 0.0
-    edges = [*np.searchsorted(time, starts[:-1]).tolist(), time.size]
-    for (first, last), start, move, one in zip(
-        pairwise(edges), starts[:-1], moves, profiles, strict=True
-    ):
+    edges = pairwise([*np.searchsorted(time, starts[:-1]).tolist(), time.size])
+    for (first, last), start, move, one in zip(edges, starts[:-1], moves, profiles, strict=True):
         position[first:last] = place + np.sign(move.length) * covered(one, time[first:last] - start)
         place += move.length
     return smoothed(position, frequency)
@@ -92,15 +69,13 @@ def smoothed(position: Floats, frequency: int) -> Floats:
     return ended
 
 
-def reciprocation(speeds: Sequence[float], rapid: float, limits: Limits, lead: float) -> list[Move]:
+def reciprocation(speeds: Sequence[float], rapid: float, bounds: Bounds, lead: float) -> list[Move]:
     """Back and forth at each speed and at rapid, from both ends of the range, then reversals.
 
     Plateaus last 1 s at creep and 0.36 s at least.  The other end is no whole number of revolutions
     of the screw (``lead`` [mm]) away.  Speeds that are not below ``rapid`` [mm/s] are left out.
     """
-    strokes = [
-        (speed, _stroke(speed, limits)) for speed in (*(v for v in speeds if v < rapid), rapid)
-    ]
+    strokes = [(v, _stroke(v, bounds)) for v in (*(v for v in speeds if v < rapid), rapid)]
     moves = [Move(length=sign * s, speed=v) for v, s in strokes for sign in (1, -1)]
     revolutions = np.floor(strokes[-1][1] / lead) + 0.37
     moves.append(Move(length=float(revolutions * lead), speed=rapid))
@@ -108,9 +83,9 @@ def reciprocation(speeds: Sequence[float], rapid: float, limits: Limits, lead: f
     return moves + quick_strokes(6, -40.0, rapid)
 
 
-def _stroke(speed: float, limits: Limits) -> float:
+def _stroke(speed: float, bounds: Bounds) -> float:
     """Length [mm] of a stroke with a plateau at ``speed`` [mm/s]."""
-    bends = change_time(np.zeros(1), np.array([speed]), limits.acceleration, limits.jerk)[0]
+    bends = change_time(np.zeros(1), np.array([speed]), *bounds)[0]
     return speed * (min(max(6.0 / speed, 0.36), 1.0) + float(bends))
 
 
@@ -120,13 +95,13 @@ def quick_strokes(count: int, length: float, speed: float) -> list[Move]:
 
 
 def circles(
-    diameter: float, feeds: Sequence[float], revolutions: float, limits: Limits, frequency: int
+    diameter: float, feeds: Sequence[float], revolutions: float, bounds: Bounds, frequency: int
 ) -> tuple[Floats, Floats]:
     """X and Y [mm] on a circle about 0, at each of ``feeds`` [mm/s] there and back."""
     radius = diameter / 2
     length = revolutions * pi * diameter
     moves = [Move(length=s * length, speed=v, pause=0.5) for v in feeds for s in (1, -1)]
-    angle = travel(moves, limits, frequency) / radius
+    angle = travel(moves, bounds, frequency) / radius
     return radius * np.cos(angle), radius * np.sin(angle)
 
 
@@ -136,7 +111,7 @@ def commanded(
     """Commanded X Y Z in the machine's frame [mm], shape (T, 3), from ``place`` to the end."""
     plan = Control(
         parameters=parameters.control, motor=parameters.spindle.motor, lengths=program.lengths,
-        operator=Operator(), random=parameters.generator("servo program"), place=list(place),
+        random=parameters.generator("servo program"), place=list(place),
         tool=program.tools[-1].number,
     ).run(program)  # fmt: skip
     time: Floats = np.arange(int((plan.duration + 2 * REST) * frequency)) / frequency - REST
@@ -145,11 +120,9 @@ def commanded(
     starts = np.searchsorted(time, [s.start for s in spans]).tolist()
     for (first, last), span in zip(pairwise([*starts, time.size]), spans, strict=True):
         if first < last:
-            within = time[first:last] - span.start
+            within, path = time[first:last] - span.start, span.section
             position[first:last] = (
-                _rapid_position(span, within)
-                if span.section is None
-                else _cut_position(span, span.section, within)
+                _rapid_position(span, within) if path is None else _cut_position(span, path, within)
             )
     return np.stack([smoothed(position[:, k], frequency) for k in range(3)], axis=1)
 

@@ -6,7 +6,7 @@ tool is set so).
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,41 +15,28 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME
+from pipeline.shop.drives import commands
 from pipeline.shop.drives.axis import follow, hidden, truth
-from pipeline.shop.drives.commands import (
-    Move,
-    axis_limits,
-    circles,
-    commanded,
-    path_limits,
-    quick_strokes,
-    reciprocation,
-    travel,
-)
+from pipeline.shop.drives.commands import Move
 from pipeline.shop.drives.motor import RATE as MOTOR_RATE
 from pipeline.shop.drives.motor import motor_truth, speed_steps
 from pipeline.shop.drives.parameters import RATE, Axis, ServoTool
+from pipeline.shop.files import rows_text, torn, write_text
 from pipeline.shop.motion import RPM
 from pipeline.shop.parameters import ShopParameters
 
-NAMES = {
-    "plain": {"reference": "{}_PosSet", "position": "{}_PosAct", "current": "{}_Iq",
-              "load": "{}_Force"},
-    "bracketed": {"reference": "CPOS({})", "position": "APOS({})", "current": "TCMD({})",
-                  "load": "FEXT({})"},
-}  # fmt: skip
-"""Column of an axis for each quantity."""
-UNITS = {"reference": "mm", "position": "mm", "current": "A", "load": "N"}
-DECIMALS = {"reference": 4, "position": 4, "current": 3, "load": 0}
+AXIS_COLUMNS = {
+    "reference": ({"plain": "{}_PosSet", "bracketed": "CPOS({})"}, "mm", 4),
+    "position": ({"plain": "{}_PosAct", "bracketed": "APOS({})"}, "mm", 4),
+    "current": ({"plain": "{}_Iq", "bracketed": "TCMD({})"}, "A", 3),
+    "load": ({"plain": "{}_Force", "bracketed": "FEXT({})"}, "N", 0),
+}
+"""Name by the tool's style, unit and decimals of an axis' column for each quantity."""
 TITLES = {"plain": "Drive trace DT-4 (simulated)", "bracketed": "SERVO TUNING GUIDE (simulated)"}
-BLOCK = 5000
-"""Rows that are written at once."""
 WIDEST = 3
 """Rows of the longest gap."""
 SLOT = 50
 """Rows from one place of a possible fault to the next."""
-LEFT = 0.6
-"""Share that is left of a torn row."""
 PROGRAM = 2
 """Index of the part program that is run, above the table."""
 CIRCLES = {20.0: (20.0, 60.0), 80.0: (50.0, 150.0)}
@@ -64,14 +51,15 @@ PUSH = (250.0, 1100.0)
 """Least and greatest force of a push [N]."""
 SETTLED = 0.03
 """Time that a push takes to come and to go [s]."""
-MOTOR_NAMES = {
-    "plain": ("Ud", "Uq", "Id", "Iq", "Speed"),
-    "bracketed": ("UD(X)", "UQ(X)", "ID(X)", "IQ(X)", "SPEED(X)"),
-}
-MOTOR_UNITS = ("V", "V", "A", "A", "1/min")
-MOTOR_DECIMALS = (2, 2, 3, 3, 2)
-MOTOR_NOISE = (0.0, 0.0, 0.02, 0.02, 0.05)
-"""Standard deviations of the measured columns, in those units; voltages are commands."""
+MOTOR_COLUMNS = (
+    ({"plain": "Ud", "bracketed": "UD(X)"}, "V", 2, 1.0, 0.0),
+    ({"plain": "Uq", "bracketed": "UQ(X)"}, "V", 2, 1.0, 0.0),
+    ({"plain": "Id", "bracketed": "ID(X)"}, "A", 3, 1.0, 0.02),
+    ({"plain": "Iq", "bracketed": "IQ(X)"}, "A", 3, 1.0, 0.02),
+    ({"plain": "Speed", "bracketed": "SPEED(X)"}, "1/min", 2, 1 / RPM, 0.05),
+)
+"""Name by the tool's style, unit, decimals, factor from SI and standard deviation of the noise of
+the motor's columns; voltages are commands, without noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,14 +70,6 @@ class Column:
     unit: str
     decimals: int
     values: Floats
-
-
-def column(quantity: str, letter: str, values: Floats, tool: ServoTool) -> Column:
-    """Column of an axis; values in mm, A or N."""
-    return Column(
-        name=NAMES[tool.style][quantity].format(letter), unit=UNITS[quantity],
-        decimals=DECIMALS[quantity], values=values,
-    )  # fmt: skip
 
 
 def write_trace(
@@ -117,11 +97,7 @@ def write_trace(
         values=stamps if seconds else stamps * 1e3,
     )  # fmt: skip
     text = _text(path.stem, head, [time, *columns], kept, tool)
-    if faults["torn"]:
-        last = text.rstrip("\n").rfind("\n") + 1
-        text = text[: last + int(LEFT * (len(text) - last))]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="ascii", newline="\n")
+    write_text(path, torn(text) if faults["torn"] else text)
     return {"rows": int(kept.size), "seconds": size / rate, **faults}
 
 
@@ -146,21 +122,13 @@ def _text(
 ) -> str:
     comma = tool.decimal == ","
     separator = ";" if comma else ","
-    first = [
-        TITLES[tool.style],
-        *(f"{k}{separator}{v}" for k, v in {"Trace": name, **head}.items()),
-    ]
+    lines = [TITLES[tool.style], f"Trace{separator}{name}"]
+    lines += [f"{key}{separator}{value}" for key, value in head.items()]
     if tool.style == "bracketed":
-        first = [f"# {line}" for line in first]
-    lines = [
-        *first,
-        separator.join(c.name for c in columns),
-        separator.join(c.unit for c in columns),
-    ]
+        lines = [f"# {line}" for line in lines]
+    lines += [separator.join(c.name for c in columns), separator.join(c.unit for c in columns)]
     form = separator.join(f"%.{c.decimals}f" for c in columns) + "\n"
-    table = np.stack([c.values[rows] for c in columns], axis=1) + 0.0
-    blocks = (table[k : k + BLOCK] for k in range(0, len(table), BLOCK))
-    body = "".join(form * len(block) % tuple(block.ravel().tolist()) for block in blocks)
+    body = rows_text(np.stack([c.values[rows] for c in columns], axis=1), form)
     return "\n".join(lines) + "\n" + (body.replace(".", ",") if comma else body)
 
 
@@ -175,17 +143,12 @@ class Session:
     truth: dict[str, Any] = field(default_factory=dict)
 
 
-def write_servo(folder: Path, parameters: ShopParameters) -> list[dict[str, Any]]:
-    """Write ``servo/*.csv`` into ``folder``; the truth about each file."""
-    return [_written(folder, session, parameters) for session in _sessions(parameters)]
-
-
 def _sessions(parameters: ShopParameters) -> Iterator[Session]:
     for letter in parameters.drives.axes:
         yield _reciprocation(letter, parameters)
+    bounds, frequency = parameters.control.path_bounds, _frequency(parameters)
     for diameter, feeds in CIRCLES.items():
-        limits, frequency = path_limits(parameters.control), _frequency(parameters)
-        x, y = circles(diameter, feeds, REVOLUTIONS, limits, frequency)
+        x, y = commands.circles(diameter, feeds, REVOLUTIONS, bounds, frequency)
         truth = {"diameter_mm": diameter, "feeds_mm_s": list(feeds)}
         yield Session(name=f"circle-{diameter:.0f}mm", commands={"X": x, "Y": y}, truth=truth)
     yield _program(parameters)
@@ -200,16 +163,16 @@ def _frequency(parameters: ShopParameters) -> int:
 
 
 def _reciprocation(letter: str, parameters: ShopParameters) -> Session:
-    limits = getattr(parameters.control, letter.lower())
-    own, lead = axis_limits(limits), parameters.drives.axes[letter].lead
-    moves = reciprocation(parameters.drives.tool.speeds, limits.rapid / 60, own, lead)
-    command = travel(moves, own, _frequency(parameters))
+    limits, speeds = getattr(parameters.control, letter.lower()), parameters.drives.tool.speeds
+    lead = parameters.drives.axes[letter].lead
+    moves = commands.reciprocation(speeds, limits.rapid / 60, limits.bounds, lead)
+    command = commands.travel(moves, limits.bounds, _frequency(parameters))
     return Session(name=f"reciprocation-{letter}", commands={letter: command})
 
 
 def _program(parameters: ShopParameters) -> Session:
     made = part_programs(parameters.control, parameters.generator("part programs"))[0][PROGRAM]
-    position = commanded(made, parameters, _frequency(parameters), HOME)
+    position = commands.commanded(made, parameters, _frequency(parameters), HOME)
     return Session(
         name=f"program-{made.name}", commands=dict(zip("XYZ", position.T, strict=True)),
         truth={"program": made.name},
@@ -217,12 +180,9 @@ def _program(parameters: ShopParameters) -> Session:
 
 
 def _load_step(letter: str, parameters: ShopParameters) -> Session:
-    own, frequency = (
-        axis_limits(getattr(parameters.control, letter.lower())),
-        _frequency(parameters),
-    )
+    bounds, frequency = getattr(parameters.control, letter.lower()).bounds, _frequency(parameters)
     moves = [Move(length=sign * 12 * CREEP, speed=CREEP, pause=0.5) for sign in (1, -1)]
-    command = travel(moves, own, frequency)
+    command = commands.travel(moves, bounds, frequency)
     random = parameters.generator(f"servo pushes {letter}")
     time = np.arange(command.size) / frequency
     load: Floats = np.zeros(command.size)
@@ -245,10 +205,10 @@ def _rise(u: Floats) -> Floats:
 
 def _inertia_step(parameters: ShopParameters) -> Session:
     """Quick strokes without and with a workpiece, which is set down at standstill between them."""
-    own, frequency = axis_limits(parameters.control.x), _frequency(parameters)
-    half = quick_strokes(8, 90.0, parameters.control.x.rapid / 60)
-    waits = [*half[:-1], Move(length=half[-1].length, speed=half[-1].speed, pause=2.5)]
-    command = travel([*waits, *half], own, frequency)
+    limits, frequency = parameters.control.x, _frequency(parameters)
+    half = commands.quick_strokes(8, 90.0, limits.rapid / 60)
+    waits = [*half[:-1], replace(half[-1], pause=2.5)]
+    command = commands.travel([*waits, *half], limits.bounds, frequency)
     middle = command.size // 2
     mass = parameters.drives.tool.workpiece
     extra: Floats = np.where(np.arange(command.size) < middle, 0.0, mass)
@@ -286,7 +246,12 @@ def _axis_columns(
     if session.load is not None:
         noise = random.standard_normal(current.size) * tool.load_cell_noise
         shown["load"] = _rounded(session.load[rows] + tool.load_cell_offset + noise, 1.0)
-    return [column(quantity, letter, values, tool) for quantity, values in shown.items()]
+    columns = []
+    for quantity, values in shown.items():
+        names, unit, decimals = AXIS_COLUMNS[quantity]
+        name = names[tool.style].format(letter)
+        columns.append(Column(name=name, unit=unit, decimals=decimals, values=values))
+    return columns
 
 
 def _rounded(values: Floats, step: float) -> Floats:
@@ -299,15 +264,12 @@ def write_motor(folder: Path, parameters: ShopParameters) -> tuple[dict[str, Any
     axis, tool = parameters.drives.x, parameters.drives.tool
     out = speed_steps(axis)
     random = parameters.generator("motor speed-steps-X")
-    scales = (1.0, 1.0, 1.0, 1.0, 1 / RPM)
     columns = [
         Column(
-            name=name, unit=unit, decimals=digits,
-            values=out[:, k] * scales[k] + random.standard_normal(len(out)) * MOTOR_NOISE[k],
+            name=names[tool.style], unit=unit, decimals=decimals,
+            values=out[:, k] * factor + random.standard_normal(len(out)) * noise,
         )
-        for k, (name, unit, digits) in enumerate(
-            zip(MOTOR_NAMES[tool.style], MOTOR_UNITS, MOTOR_DECIMALS, strict=True)
-        )
+        for k, (names, unit, decimals, factor, noise) in enumerate(MOTOR_COLUMNS)
     ]  # fmt: skip
     file = "motor/speed-steps-X.csv"
     head = {"Machine": parameters.machine, "Axis": "X", "Sampling": f"{1e3 / MOTOR_RATE:g} ms"}
@@ -328,7 +290,7 @@ def write_drives(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     drives = parameters.drives
     if not drives.recorded:
         return {}
-    files = write_servo(folder, parameters)
+    files = [_written(folder, session, parameters) for session in _sessions(parameters)]
     motor, file = write_motor(folder, parameters)
     return {
         "axes": {letter: truth(axis) for letter, axis in drives.axes.items()},

@@ -10,19 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.shop.files import write_text
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.records import log_faults as faults
 from pipeline.shop.records.data_items import DataItem, data_items
-from pipeline.shop.records.log_faults import (
-    Burst,
-    LogFile,
-    LogTruth,
-    Loss,
-    Unobserved,
-    broken_line,
-    inject_glitches,
-    late_polls,
-    losses,
-)
+from pipeline.shop.records.log_faults import Burst, LogFile, LogTruth, Loss, Unobserved
 from pipeline.shop.records.sensors import SensedDay
 from pipeline.shop.timeline import Alarm
 
@@ -109,8 +101,8 @@ class Log:
 
     parameters: ShopParameters
     folder: Path
-    truth: LogTruth
     random: np.random.Generator
+    truth: LogTruth = field(default_factory=LogTruth)
     last_burst: float = AGENT_UP  # s since the first midnight
 
     @property
@@ -137,7 +129,7 @@ def write_day(log: Log, day: SensedDay) -> None:
     _head(log, lines, midnight)
     late, first_broken = 0, len(log.truth.rejected)
     if timeline.on < DAY:
-        lost = losses(timeline.on, timeline.off, log.parameters.log, log.random)
+        lost = faults.losses(timeline.on, timeline.off, log.parameters.log, log.random)
         times = _polls(timeline.on, timeline.off, lost, log.parameters, log.random)
         _observations(log, lines, day, times, lost)
         _bursts(log, lines, day, times, lost)
@@ -145,9 +137,7 @@ def write_day(log: Log, day: SensedDay) -> None:
         _break_lines(log, lines, times, midnight)
     name = f"agent/{stamp(start, midnight)[:10]}.txt"
     text, count = lines.text()
-    path = log.folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8", newline="\n")
+    write_text(log.folder / name, text, "utf-8")
     for entry in log.truth.rejected[first_broken:]:
         entry["file"] = name
     first = stamp(start, midnight)
@@ -191,7 +181,7 @@ def _observations(
         if item.name in day.numbers
     }
     lines.times = _poll_stamps(p.start, day.timeline.day * DAY, times)
-    inject_glitches(numbers, lines.times, p, log.truth, log.random)
+    faults.inject_glitches(numbers, lines.times, p, log.truth, log.random)
     restarts = [int(np.searchsorted(times, x.restart)) for x in lost if x.cause == "disconnect"]
     for rank, item in enumerate(log.supplied):
         codes: Floats | Ints
@@ -269,7 +259,7 @@ def _delay_lines(log: Log, lines: LogLines, times: Floats, midnight: float) -> i
     regular = (keys >= 0) & (polls < times.size) & (keys - polls < 0.2)
     busy = np.bincount(polls[regular], minlength=times.size)
     count = 0
-    for poll, delay in late_polls(times, busy, log.parameters.log.late_lines, log.random):
+    for poll, delay in faults.late_polls(times, busy, log.parameters.log.late_lines, log.random):
         mates = np.flatnonzero(regular & (polls == poll) & ~np.array(lines.alone))
         if mates.size == 0:
             continue
@@ -287,6 +277,6 @@ def _break_lines(log: Log, lines: LogLines, times: Floats, midnight: float) -> N
     p = log.parameters
     count = int(log.random.poisson(p.log.broken_lines))
     for poll in log.random.integers(1, times.size, count):
-        kind, text = broken_line(stamp(p.start, midnight + times[poll]), log.random)
+        kind, text = faults.broken_line(stamp(p.start, midnight + times[poll]), log.random)
         lines.add_broken(poll + 0.5, text)
         log.truth.rejected.append({"reason": kind, "line": text, "file": ""})

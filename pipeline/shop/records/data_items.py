@@ -3,9 +3,9 @@
 The device model is an MTConnect Devices document (2.0).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,11 +17,12 @@ Category = Literal["SAMPLE", "EVENT", "CONDITION"]
 NAMESPACE = "urn:mtconnect.org:MTConnectDevices:2.0"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class DataItem:
     """One data item; ``native = value * factor``, written with ``decimals`` digits after the point.
 
-    ``supplied`` is False for items that the device model promises and the machine never sends.
+    ``native_units`` are those of ``units`` unless they are given.  ``supplied`` is False for items
+    that the device model promises and the machine never sends.
     """
 
     name: str
@@ -30,11 +31,12 @@ class DataItem:
     type: str
     sub_type: str = ""
     units: str = ""
-    native_units: str = ""
-    factor: float = 1.0
-    decimals: int = 0
-    supplied: bool = True
-    at_start: bool = False  # sent as soon as the control is up, before the machine is ready
+    native_units: str = field(default="", kw_only=True)
+    factor: float = field(default=1.0, kw_only=True)
+    decimals: int = field(default=0, kw_only=True)
+    supplied: bool = field(default=True, kw_only=True)
+    # sent as soon as the control is up, before the machine is ready
+    at_start: bool = field(default=False, kw_only=True)
 
     def written(self, values: Floats | Ints, native: bool) -> Floats:
         """``values`` (T,) in ``units`` -> as the log has them, rounded; no negative zero."""
@@ -47,89 +49,63 @@ class DataItem:
         return [f"{v:.10g}" for v in values.tolist()]
 
 
+_MM, _MM_S, _PERCENT = "MILLIMETER", "MILLIMETER/SECOND", "PERCENT"
+_MINUTELY: dict[str, Any] = {"native_units": "MILLIMETER/MINUTE", "factor": 60.0, "decimals": 3}
+_TIMER: dict[str, Any] = {"native_units": "MINUTE", "factor": 1 / 60}
+
+
 def _linear(axis: str) -> list[DataItem]:
-    mm = "MILLIMETER"
     return [
-        DataItem(name=f"{axis}pos", component=axis, category="SAMPLE", type="POSITION",
-                 sub_type="ACTUAL", units=mm, native_units=mm, decimals=4),
-        DataItem(name=f"{axis}feed", component=axis, category="SAMPLE", type="AXIS_FEEDRATE",
-                 sub_type="ACTUAL", units=f"{mm}/SECOND", native_units=f"{mm}/MINUTE", factor=60.0,
-                 decimals=3),
-        DataItem(name=f"{axis}load", component=axis, category="SAMPLE", type="LOAD",
-                 units="PERCENT", native_units="PERCENT"),
-        DataItem(name=f"{axis}travel", component=axis, category="CONDITION", type="POSITION"),
-    ]  # fmt: skip
+        DataItem(f"{axis}pos", axis, "SAMPLE", "POSITION", "ACTUAL", _MM, decimals=4),
+        DataItem(f"{axis}feed", axis, "SAMPLE", "AXIS_FEEDRATE", "ACTUAL", _MM_S, **_MINUTELY),
+        DataItem(f"{axis}load", axis, "SAMPLE", "LOAD", "", _PERCENT),
+        DataItem(f"{axis}travel", axis, "CONDITION", "POSITION"),
+    ]
 
 
 _ROTARY = [
-    DataItem(name="Cang", component="C", category="SAMPLE", type="ANGLE", sub_type="ACTUAL",
-             units="DEGREE", native_units="DEGREE", decimals=4),
-    DataItem(name="Cvel", component="C", category="SAMPLE", type="ANGULAR_VELOCITY",
-             units="DEGREE/SECOND", native_units="DEGREE/MINUTE", factor=60.0, decimals=4),
-    DataItem(name="S1func", component="C", category="EVENT", type="ROTARY_MODE"),
+    DataItem("Cang", "C", "SAMPLE", "ANGLE", "ACTUAL", "DEGREE", decimals=4),
+    DataItem("Cvel", "C", "SAMPLE", "ANGULAR_VELOCITY", "", "DEGREE/SECOND",
+             native_units="DEGREE/MINUTE", factor=60.0, decimals=4),
+    DataItem("S1func", "C", "EVENT", "ROTARY_MODE"),
 ]  # fmt: skip
 
 _SPINDLE = [
-    DataItem(name="S1n", component="C", category="SAMPLE", type="ROTARY_VELOCITY",
-                 sub_type="ACTUAL", units="REVOLUTION/MINUTE", native_units="REVOLUTION/MINUTE"),
-    DataItem(name="S1load", component="C", category="SAMPLE", type="LOAD", units="PERCENT",
-             native_units="PERCENT"),
-    DataItem(name="S1temp", component="C", category="SAMPLE", type="TEMPERATURE", units="CELSIUS",
-             native_units="CELSIUS"),
-    DataItem(name="spindle_c", component="C", category="CONDITION", type="LOAD"),
-    DataItem(name="S1temp_c", component="C", category="CONDITION", type="TEMPERATURE"),
-]  # fmt: skip
-
-
-def _event(name: str, component: str, kind: str, **more: str) -> DataItem:
-    return DataItem(name=name, component=component, category="EVENT", type=kind,
-                 sub_type=more.get("sub_type", ""), units=more.get("units", ""),
-                 native_units=more.get("units", ""))  # fmt: skip
-
-
-def _timer(name: str, sub_type: str) -> DataItem:
-    return DataItem(name=name, component="path", category="SAMPLE", type="EQUIPMENT_TIMER",
-                 sub_type=sub_type, units="SECOND", native_units="MINUTE",
-                 factor=1 / 60)  # fmt: skip
-
+    DataItem("S1n", "C", "SAMPLE", "ROTARY_VELOCITY", "ACTUAL", "REVOLUTION/MINUTE"),
+    DataItem("S1load", "C", "SAMPLE", "LOAD", "", _PERCENT),
+    DataItem("S1temp", "C", "SAMPLE", "TEMPERATURE", "", "CELSIUS"),
+    DataItem("spindle_c", "C", "CONDITION", "LOAD"),
+    DataItem("S1temp_c", "C", "CONDITION", "TEMPERATURE"),
+]
 
 _PATH = [
-    _event("prog", "path", "PROGRAM"),
-    _event("exec", "path", "EXECUTION"),
-    _event("opmode", "path", "CONTROLLER_MODE"),
-    _event("ln", "path", "LINE_NUMBER", sub_type="INCREMENTAL"),
-    _event("tool", "path", "TOOL_NUMBER"),
-    _event("parts", "path", "PART_COUNT", sub_type="ALL"),
-    DataItem(name="vpath", component="path", category="SAMPLE", type="PATH_FEEDRATE",
-             sub_type="ACTUAL", units="MILLIMETER/SECOND", native_units="MILLIMETER/MINUTE",
-             factor=60.0, decimals=3),
-    _event("fovr", "path", "PATH_FEEDRATE_OVERRIDE", sub_type="PROGRAMMED", units="PERCENT"),
-    _event("rovr", "path", "PATH_FEEDRATE_OVERRIDE", sub_type="RAPID", units="PERCENT"),
-    _event("sovr", "path", "ROTARY_VELOCITY_OVERRIDE", units="PERCENT"),
-    _timer("t_auto", "WORKING"),
-    _timer("t_cut", "LOADED"),
-    _timer("t_total", "POWERED"),
-    DataItem(name="motion_c", component="path", category="CONDITION", type="MOTION_PROGRAM"),
-]  # fmt: skip
-
-
-def _early(name: str, component: str, category: Category, kind: str) -> DataItem:
-    return DataItem(name=name, component=component, category=category, type=kind, at_start=True)
-
+    DataItem("prog", "path", "EVENT", "PROGRAM"),
+    DataItem("exec", "path", "EVENT", "EXECUTION"),
+    DataItem("opmode", "path", "EVENT", "CONTROLLER_MODE"),
+    DataItem("ln", "path", "EVENT", "LINE_NUMBER", "INCREMENTAL"),
+    DataItem("tool", "path", "EVENT", "TOOL_NUMBER"),
+    DataItem("parts", "path", "EVENT", "PART_COUNT", "ALL"),
+    DataItem("vpath", "path", "SAMPLE", "PATH_FEEDRATE", "ACTUAL", _MM_S, **_MINUTELY),
+    DataItem("fovr", "path", "EVENT", "PATH_FEEDRATE_OVERRIDE", "PROGRAMMED", _PERCENT),
+    DataItem("rovr", "path", "EVENT", "PATH_FEEDRATE_OVERRIDE", "RAPID", _PERCENT),
+    DataItem("sovr", "path", "EVENT", "ROTARY_VELOCITY_OVERRIDE", "", _PERCENT),
+    DataItem("t_auto", "path", "SAMPLE", "EQUIPMENT_TIMER", "WORKING", "SECOND", **_TIMER),
+    DataItem("t_cut", "path", "SAMPLE", "EQUIPMENT_TIMER", "LOADED", "SECOND", **_TIMER),
+    DataItem("t_total", "path", "SAMPLE", "EQUIPMENT_TIMER", "POWERED", "SECOND", **_TIMER),
+    DataItem("motion_c", "path", "CONDITION", "MOTION_PROGRAM"),
+]
 
 _MACHINE = [
-    _early("avail", "device", "EVENT", "AVAILABILITY"),
-    _early("estop", "controller", "EVENT", "EMERGENCY_STOP"),
-    _early("logic_c", "controller", "CONDITION", "LOGIC_PROGRAM"),
-    _early("system_c", "controller", "CONDITION", "SYSTEM"),
-    _early("coolant_c", "coolant", "CONDITION", "LEVEL"),
-    _early("lube_c", "lubrication", "CONDITION", "LEVEL"),
-    _event("pwr", "controller", "POWER_STATE"),
-    DataItem(name="asset_chg", component="device", category="EVENT", type="ASSET_CHANGED",
-             supplied=False),
-    DataItem(name="asset_rem", component="device", category="EVENT", type="ASSET_REMOVED",
-             supplied=False),
-]  # fmt: skip
+    DataItem("avail", "device", "EVENT", "AVAILABILITY", at_start=True),
+    DataItem("estop", "controller", "EVENT", "EMERGENCY_STOP", at_start=True),
+    DataItem("logic_c", "controller", "CONDITION", "LOGIC_PROGRAM", at_start=True),
+    DataItem("system_c", "controller", "CONDITION", "SYSTEM", at_start=True),
+    DataItem("coolant_c", "coolant", "CONDITION", "LEVEL", at_start=True),
+    DataItem("lube_c", "lubrication", "CONDITION", "LEVEL", at_start=True),
+    DataItem("pwr", "controller", "EVENT", "POWER_STATE"),
+    DataItem("asset_chg", "device", "EVENT", "ASSET_CHANGED", supplied=False),
+    DataItem("asset_rem", "device", "EVENT", "ASSET_REMOVED", supplied=False),
+]
 
 
 def data_items(c_axis: bool) -> list[DataItem]:
@@ -198,6 +174,6 @@ def _add_items(
         attributes = {
             "category": item.category, "id": f"{machine}-{item.name}", "name": item.name,
             "type": item.type, "subType": item.sub_type, "units": item.units,
-            "nativeUnits": item.native_units,
+            "nativeUnits": item.native_units or item.units,
         }  # fmt: skip
         ElementTree.SubElement(holder, _tag("DataItem"), {k: v for k, v in attributes.items() if v})

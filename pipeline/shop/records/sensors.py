@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged, slewed
 from pipeline.shop.parameters import DAY, AirParameters, ShopParameters, stamp
 from pipeline.shop.spindle import BED, COOLANT, FRONT, HOUSING, REAR, Inputs, heat, state_at_rest
-from pipeline.shop.timeline import ACTIVE, AUTOMATIC, EXECUTION, MODES, READY, Timeline, carried
+from pipeline.shop.timeline import Execution, Mode, Timeline, carried
 
 STEP = 60
 """Step of the grid on which the temperature of the air is computed [s]."""
@@ -55,8 +56,7 @@ def ambient_temperature(parameters: ShopParameters) -> Floats:
     wander = lagged(random.normal(0, 1, minutes.size), 1 / 45, 0.0) * 0.25 * np.sqrt(90)
     smooth_weather = np.interp(minutes / 1440, np.arange(parameters.days) + 0.5, weather)
     doors = _doors(p, day, hour, random)
-    air: Floats = building + outside + np.clip(smooth_weather, -4, 4) + wander - doors
-    return air
+    return np.asarray(building + outside + np.clip(smooth_weather, -4, 4) + wander - doors)
 
 
 def _doors(p: AirParameters, day: Ints, hour: Floats, random: np.random.Generator) -> Floats:
@@ -65,8 +65,7 @@ def _doors(p: AirParameters, day: Ints, hour: Floats, random: np.random.Generato
     opened = random.random(day.size) < np.where(working, p.doors_a_day / (11 * 60), 0.0)
     share = 1 - np.exp(-1 / p.door_recovery)
     drops = opened * random.uniform(0.4, 1.6, day.size) * p.door_drop / share
-    cold: Floats = lagged(drops, share, 0.0)
-    return cold
+    return np.asarray(lagged(drops, share, 0.0))
 
 
 def air_of_day(ambient: Floats, day: int) -> Floats:
@@ -181,14 +180,14 @@ def _controller(day: SensedDay, machine: MachineState) -> None:
     day.words["estop"] = (t.emergency.astype(int), ["ARMED", "TRIGGERED"])
     day.words["pwr"] = (np.zeros(DAY, int), ["ON"])
     day.words["prog"] = (t.program, t.program_names)
-    day.words["exec"] = (t.execution, list(EXECUTION))
-    day.words["opmode"] = (t.mode, list(MODES))
-    feed = t.feed * (t.execution == ACTIVE)
+    day.words["exec"] = (t.execution, list(Execution.__members__))
+    day.words["opmode"] = (t.mode, list(Mode.__members__))
+    feed = t.feed * (t.execution == Execution.ACTIVE)
     day.numbers |= {
         "ln": t.line, "tool": t.tool, "parts": t.part_count, "vpath": feed,
         "fovr": t.feed_override, "rovr": t.rapid_override, "sovr": t.spindle_override,
     }  # fmt: skip
-    automatic = (t.mode == AUTOMATIC) & (t.execution != READY) & t.power
+    automatic = (t.mode == Mode.AUTOMATIC) & (t.execution != Execution.READY) & t.power
     timers = (("t_total", t.power, 1.0), ("t_auto", automatic, TENTH), ("t_cut", t.cutting, TENTH))
     for name, counts, step in timers:
         total = machine.counters[name] + np.cumsum(counts)
@@ -196,17 +195,12 @@ def _controller(day: SensedDay, machine: MachineState) -> None:
         machine.counters[name] = float(total[-1])
 
 
-@dataclass(kw_only=True)
-class Thermocouples:
-    """Temperatures of the tips of the thermocouples, each 10 s, shape (T, 6) for each day."""
-
-    tips: list[Floats]
-
-    def keep(self, temperatures: Floats, ambient: Floats) -> None:
-        """Add one day: ``temperatures`` (86400, 10) of the nodes and the air (86400,) [degC]."""
-        nodes = temperatures[::GRID][:, [FRONT, REAR, HOUSING, BED, COOLANT]]
-        sources = np.column_stack([nodes, ambient[::GRID]])
-        self.tips.append(sources @ np.array(list(CHANNELS.values())).T)
+def tip_temperatures(day: SensedDay) -> Floats:
+    """Temperatures of the tips of the thermocouples over a day, each 10 s, (T, 6) [degC]."""
+    nodes = day.temperatures[::GRID][:, [FRONT, REAR, HOUSING, BED, COOLANT]]
+    sources = np.column_stack([nodes, day.ambient[::GRID]])
+    tips: Floats = sources @ np.array(list(CHANNELS.values())).T
+    return tips
 
 
 def write_thermocouples(folder: Path, tips: Floats, parameters: ShopParameters) -> dict[str, Any]:
@@ -219,16 +213,14 @@ def write_thermocouples(folder: Path, tips: Floats, parameters: ShopParameters) 
     shown, true = shown[inside], true[inside]
     grid = np.arange(tips.shape[0]) * GRID
     offsets = random.normal(0, p.offset, tips.shape[1])
-    read = np.column_stack([np.interp(true, grid, tips[:, j]) for j in range(tips.shape[1])])
+    read = np.column_stack([np.interp(true, grid, tip) for tip in tips.T])
     read += offsets + random.normal(0, p.noise, read.shape)
     read = np.round(read / RESOLUTION) * RESOLUTION
     dropouts, spikes = _faults(read, true, parameters, random)
-    folder.mkdir(parents=True, exist_ok=True)
     for day in range(parameters.days):
         rows = (shown >= day * DAY) & (shown < (day + 1) * DAY)
         name = f"{stamp(parameters.start, day * DAY)[:10]}.csv"
-        text = _text(shown[rows], read[rows], parameters)
-        (folder / name).write_text(text, encoding=p.encoding, newline="\n")
+        write_text(folder / name, _text(shown[rows], read[rows], parameters), p.encoding)
     return {
         "channels": list(CHANNELS), "rows": int(shown.size), "dropouts": dropouts,
         "blank_cells": int(np.isnan(read).sum()), "spikes": spikes,

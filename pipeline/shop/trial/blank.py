@@ -128,7 +128,7 @@ def _span(first: np.ndarray, row: int, a: int, b: int, path: float) -> bool:
     return new
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Swept:
     """Part of the blank that the tool has swept, in L layers of cells.
 
@@ -178,10 +178,7 @@ def swept(tip: Floats, tool: Ints, steps: tuple[Step, ...], job: TrialJob) -> Sw
     middles = (heights[1:] + heights[:-1]) / 2
     cuts = np.zeros(path.size, dtype=np.bool_)
     sweep(first, middles, (x_0, y_0), cell, tip, path, radius[tool], cuts)
-    return Swept(
-        blank=job.blank, cell=cell, heights=heights, first=first, corner=(x_0, y_0), path=path,
-        cuts=cuts,
-    )  # fmt: skip
+    return Swept(job.blank, cell, heights, first, (x_0, y_0), path, cuts)
 
 
 def _touched(tip: Floats, blank: Box, radius: float) -> tuple[float, float, float, float]:
@@ -189,10 +186,9 @@ def _touched(tip: Floats, blank: Box, radius: float) -> tuple[float, float, floa
     low = tip[tip[:, 2] < blank[5]]
     if not len(low):
         return blank[0], blank[0], blank[2], blank[2]
-    reach = [low[:, 0].min(), low[:, 0].max(), low[:, 1].min(), low[:, 1].max()]
-    reach = [r + side * (radius + 0.1) for r, side in zip(reach, (-1, 1, -1, 1), strict=True)]
-    x = np.clip(reach[:2], blank[0], blank[1]).tolist()
-    y = np.clip(reach[2:], blank[2], blank[3]).tolist()
+    reach = radius + 0.1
+    (x_0, y_0), (x_1, y_1) = low[:, :2].min(axis=0) - reach, low[:, :2].max(axis=0) + reach
+    x, y = np.clip([x_0, x_1], *blank[:2]).tolist(), np.clip([y_0, y_1], *blank[2:4]).tolist()
     return x[0], x[1], y[0], y[1]
 
 

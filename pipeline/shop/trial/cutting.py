@@ -46,6 +46,8 @@ STILL = 1e-7
 """Changes of height that count as none [mm]."""
 BATCH = 0.04
 """Standard deviation of a batch's specific force [1]."""
+SPECIFIC = ("tangential", "radial", "axial", "edge_tangential", "edge_radial", "edge_axial")
+"""Fields of ``Workpiece`` that go with the batch."""
 SHARPNESS = 0.08
 """Standard deviation of a tooth's own edge force [1]."""
 USED = 15.0
@@ -191,9 +193,9 @@ def _chip(
         dx, dy = steps.x[then] - steps.x[k], steps.y[then] - steps.y[k]
         # that tooth crossed this radius a little off the full pitches: its centre had moved on
         bend = -(dx * cosine - dy * sine) / before
-        gone = 1.0 - bend / (2 * np.pi * back / flutes)
-        bend *= gone
-        left = max(left, before * (1 - bend * bend / 2) + (dx * sine + dy * cosine) * gone)
+        share = 1.0 - bend / (2 * np.pi * back / flutes)
+        bend *= share
+        left = max(left, before * (1 - bend * bend / 2) + (dx * sine + dy * cosine) * share)
         if left >= own:
             return 0.0
     return own - left
@@ -256,7 +258,8 @@ class Chance:
 def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generator) -> Chance:
     """Draw one part; ``EndMill.runout`` and ``tilt`` are the means of all mountings."""
     batch = float(np.clip(random.normal(1.0, BATCH), 0.8, 1.2))
-    work, top = job.workpiece, float(random.normal(0.0, TOP))
+    work = {name: getattr(job.workpiece, name) * batch for name in SPECIFIC}
+    top = float(random.normal(0.0, TOP))
     tools, used, deeper = {}, {}, {}
     for number, tool in sorted(job.tools.items()):
         teeth = np.clip(random.normal(1.0, SHARPNESS, tool.flutes), 0.7, 1.3)
@@ -272,49 +275,29 @@ def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generato
         deeper[number] = top + float(random.normal(0.0, LENGTH))
     error = parameters.cutting.dynamometer.speed_error
     return Chance(
-        workpiece=replace(
-            work, tangential=work.tangential * batch, radial=work.radial * batch,
-            axial=work.axial * batch, edge_tangential=work.edge_tangential * batch,
-            edge_radial=work.edge_radial * batch, edge_axial=work.edge_axial * batch,
-        ), tools=tools, used=used, deeper=deeper, speed_error=float(random.uniform(-error, error)),
-        angle=float(random.uniform(0, 2 * pi)),
+        workpiece=replace(job.workpiece, **work), tools=tools, used=used, deeper=deeper,
+        speed_error=float(random.uniform(-error, error)), angle=float(random.uniform(0, 2 * pi)),
     )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class Loads:
-    """Peaks by line [N]; time in the cut, of it in pitches with a peak above the limit [s]."""
-
-    peaks: dict[int, float]
-    cutting: float
-    above: float
-
-
 def cut(
-    track: Track, blank: Swept, part: Chance, job: TrialJob, parameters: ShopParameters,
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
     random: np.random.Generator,
-) -> Loads:  # fmt: skip
-    """Loads of one part."""
+) -> dict[int, float]:  # fmt: skip
+    """Peak load in each line of the program while one part is cut [N]."""
     turned = _spindle_angle(track, part, parameters, random)
     peaks: dict[int, float] = {}
-    cutting = above = 0.0
     used = dict(part.used)
     for begin, end in _pieces(track, blank):
         number = int(track.tool[begin])
-        tool = part.tools[number]
-        load, moment, gone = _piece(
+        load, moment, length = _piece(
             track, blank, turned, part, begin=begin, end=end, used=used[number]
         )
-        used[number] += gone
+        used[number] += length
         lines = track.line[np.minimum((moment / track.cycle).astype(np.int64), track.line.size - 1)]
         for line in np.unique(lines).tolist():
             peaks[line] = max(peaks.get(line, 0.0), float(load[lines == line].max()))
-        pitch = _steps(tool) // tool.flutes
-        whole = load[: load.size // pitch * pitch].reshape(-1, pitch).max(axis=1)
-        each = (moment[-1] - moment[0]) / max(load.size - 1, 1) * pitch if load.size else 0.0
-        cutting += each * float((whole > 0).sum())
-        above += each * float((whole > job.limit_load_N).sum())
-    return Loads(peaks=peaks, cutting=cutting, above=above)
+    return peaks
 
 
 def _spindle_angle(
@@ -376,8 +359,8 @@ def _piece(
         edge_coefficients(part.workpiece, wear(tool, used)), _cutter(tool),
         np.array(tool.sharpness), _layers(blank, part.deeper[number]), steps, turn, first,
     )  # fmt: skip
-    gone = count / tool.flutes * part_of * tool.radius
-    return np.hypot(force[:, 0], force[:, 1]), at[first:] * track.cycle, gone
+    length = count / tool.flutes * part_of * tool.radius
+    return np.hypot(force[:, 0], force[:, 1]), at[first:] * track.cycle, length
 
 
 def _cutter(tool: EndMill) -> Cutter:
@@ -390,18 +373,11 @@ def _cutter(tool: EndMill) -> Cutter:
 
 def _layers(blank: Swept, deeper: float) -> Layers:
     """The blank for a tool that cuts by ``deeper`` [mm] more at its top than is programmed."""
-    low, high, layer = [], [], []
-    for k, (a, b) in enumerate(pairwise(blank.heights.tolist())):
+    slices = []
+    for a, b in pairwise(blank.heights.tolist()):
         count = ceil((b - a) / SLICE - 1e-9)
-        edges = a + (b - a) * np.arange(count + 1) / count
-        low.append(edges[:-1])
-        high.append(edges[1:])
-        layer += [k] * count
-    tops = np.concatenate(high)
-    tops[-1] += deeper
-    b = blank.blank
-    return Layers(
-        low_x=b[0], high_x=b[1], low_y=b[2], high_y=b[3], first=blank.first,
-        corner_x=blank.corner[0], corner_y=blank.corner[1], cell=blank.cell,
-        layer=np.array(layer, dtype=np.int64), low=np.concatenate(low), high=tops,
-    )  # fmt: skip
+        slices.append(a + (b - a) * np.arange(count + 1) / count)
+    low, high = (np.concatenate([s[cut] for s in slices]) for cut in (np.s_[:-1], np.s_[1:]))
+    high[-1] += deeper
+    layer = np.repeat(np.arange(len(slices)), [s.size - 1 for s in slices])
+    return Layers(*blank.blank[:4], blank.first, *blank.corner, blank.cell, layer, low, high)

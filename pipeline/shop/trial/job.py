@@ -12,8 +12,9 @@ from typing import Annotated, Literal
 
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.shop.control.part_programs import begin_program, part_programs
-from pipeline.shop.control.postprocessor import PartProgram, Post, Tool, word, write_text
+from pipeline.shop.control.postprocessor import PartProgram, Post, Tool
 from pipeline.shop.cutting.parameters import EndMill, Workpiece
+from pipeline.shop.files import write_text
 from pipeline.shop.parameters import ShopParameters
 
 Box = tuple[float, float, float, float, float, float]
@@ -27,8 +28,8 @@ CLEAR = 3.0
 """Clearance above the blank, and beside it [mm]."""
 SKIN = 0.5
 """Allowance on a pocket's wall for the finish [mm]."""
-SHARPNESS = (1.0, 1.08, 0.94, 1.02, 0.96)
-"""Relative edge forces of the teeth of tools that no dynamometer test uses [1]."""
+SHARPNESS = (1.0, 1.08, 0.94)
+"""Relative edge forces of the teeth of a tool that no dynamometer test uses [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +93,7 @@ class ShopPart:
         """Trial cut of the part."""
         return TrialJob(
             blank=self.blank, limit_load_N=self.limit_load_N, tools=self.tools,
-            workpiece=parameters.cutting.workpiece,
-            lengths=self.program.lengths,
+            workpiece=parameters.cutting.workpiece, lengths=self.program.lengths,
         )  # fmt: skip
 
 
@@ -139,9 +139,11 @@ def _guide_plate(parameters: ShopParameters, tools: dict[int, Tool]) -> ShopPart
     post.approach(28.0, 40.0, 25.0)
     _finish(post, (28.0, 40.0), (20.0, 12.0), 4.0)
     post.retract()
+    # of the same make and in the same kind of chuck as the tool of the tests
+    finisher = replace(own, number=9, diameter=fine.diameter, flutes=3, sharpness=SHARPNESS)
     return ShopPart(
         program=post.end(name), blank=blank, limit_load_N=450.0,
-        tools={own.number: own, 9: _like(own, fine, 3)},
+        tools={own.number: own, 9: finisher},
     )  # fmt: skip
 
 
@@ -170,17 +172,8 @@ def _begin(
 ) -> tuple[Post, str]:
     control, name = parameters.control, f"O{parameters.control.first_program + NUMBER}"
     post = begin_program(control, name, title, tools)
-    post.comment("BLANK BOX " + " ".join(word(a, v) for a, v in zip("XXYYZZ", blank, strict=True)))
-    post.comment(f"MATERIAL {parameters.cutting.workpiece.name.upper()}")
+    post.blank(blank, parameters.cutting.workpiece.name)
     return post, name
-
-
-def _like(own: EndMill, tool: Tool, flutes: int) -> EndMill:
-    """A tool that no test used: of the same make and in the same kind of chuck as ``own``."""
-    return replace(
-        own, number=tool.number, diameter=tool.diameter, flutes=flutes,
-        sharpness=SHARPNESS[:flutes],
-    )  # fmt: skip
 
 
 def _path(post: Post, depth: float, points: list[tuple[float, float]]) -> None:

@@ -17,7 +17,7 @@ from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.shop.control.planner import HOME, SHORTEST, Control, Operator, Plan, Section, Span
+from pipeline.shop.control.planner import HOME, SHORTEST, Control, Plan, Section, Span
 from pipeline.shop.control.postprocessor import Kind as StepKind
 from pipeline.shop.control.postprocessor import PartProgram, Point, Step
 from pipeline.shop.motion import lagged
@@ -163,9 +163,8 @@ def control_of(
     """The shop's control before ``program``, with the job's tools in its magazine."""
     called = {s.number for s in program.steps if s.kind == "tool"} | {0, first_tool(job)}
     return Control(
-        parameters=parameters.control, motor=parameters.spindle.motor,
-        lengths={number: job.length(number) for number in called}, operator=Operator(),
-        random=random, place=list(HOME), tool=first_tool(job),
+        parameters=parameters.control, motor=parameters.spindle.motor, random=random,
+        lengths={number: job.length(number) for number in called}, tool=first_tool(job),
     )  # fmt: skip
 
 
@@ -192,9 +191,8 @@ class Track:
 
 def track(plan: Plan, job: TrialJob, control: ControlParameters) -> Track:
     """Motion of the tool while the control runs ``plan``."""
-    time = (
-        np.arange(int(np.ceil(plan.duration / control.cycle)) + 1, dtype=np.float64) * control.cycle
-    )
+    cycles = int(np.ceil(plan.duration / control.cycle)) + 1
+    time: Floats = np.arange(cycles, dtype=np.float64) * control.cycle
     command, line, tool = _commands(plan, job, control, time)
     share = -np.expm1(-control.position_gain * control.cycle)
     tip = np.stack([lagged(np.ascontiguousarray(c), share, c[0]) for c in command.T], axis=1)

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.parallel import mapped
-from pipeline.schema.arrays import Floats
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import Swept, swept
-from pipeline.shop.trial.cutting import Loads, chance, cut
+from pipeline.shop.trial.cutting import chance, cut
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.motion import Track, control_of, program_steps, track
 
@@ -33,15 +32,6 @@ class Prepared:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineLoad:
-    """Time of a line of the program [s], and its peak load [N]."""
-
-    line: int
-    seconds: float
-    peak_N: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class Trial:
     """Result of one cut.
 
@@ -51,55 +41,29 @@ class Trial:
         Of the program by the shop's control [s].
     limit_load_N : float
         Limit of the load [N].
-    cutting_s : float
-        While teeth cut [s].
-    above_s : float
-        Part of it, in pitches of the teeth whose peak is above the limit [s].
-    lines : tuple of LineLoad
-        Those in which the tool moves, in the order of the program's text.
+    peaks_N : dict of int to float
+        Peak load in each line of the program's text in which the tool moves [N].
     """
 
     time_s: float
     limit_load_N: float
-    cutting_s: float
-    above_s: float
-    lines: tuple[LineLoad, ...]
+    peaks_N: dict[int, float]
 
     @property
     def peak_load_N(self) -> float:
         """Greatest load across the tool's axis [N]; 0 when nothing is cut."""
-        return max((one.peak_N for one in self.lines), default=0.0)
+        return max(self.peaks_N.values(), default=0.0)
 
     @property
     def peak_line(self) -> int | None:
         """Line of that peak; None when nothing is cut."""
-        best = max(self.lines, key=lambda one: one.peak_N, default=None)
-        return best.line if best is not None and best.peak_N > 0 else None
-
-    @property
-    def lines_above(self) -> tuple[LineLoad, ...]:
-        """Lines whose peak is above the limit."""
-        return tuple(one for one in self.lines if one.peak_N > self.limit_load_N)
-
-    def document(self) -> dict[str, Any]:
-        """For JSON; forces to a hundredth of a newton, times to a millisecond."""
-        share = self.above_s / self.cutting_s if self.cutting_s else 0.0
-        return {
-            "time_s": round(self.time_s, 3),
-            "peak_load_N": round(self.peak_load_N, 2),
-            "peak_line": self.peak_line,
-            "limit_load_N": self.limit_load_N,
-            "lines_above": len(self.lines_above),
-            "share_above": round(share, 6),
-            "by_line": [
-                {"line": one.line, "seconds": round(one.seconds, 3),
-                 "peak_N": round(one.peak_N, 2)} for one in self.lines
-            ],
-        }  # fmt: skip
+        return max(self.peaks_N, key=self.peaks_N.__getitem__) if self.peak_load_N > 0 else None
 
 
 def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters) -> Prepared:
     """Read a program, let the shop's control run it once, and sweep the blank.
+
+    ``name`` is the file's, for messages.
 
     Raises
     ------
@@ -123,11 +87,8 @@ def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParamet
 
 def _check(prepared: Prepared, job: TrialJob) -> None:
     track, name = prepared.track, prepared.program.name
-    low, blank = track.tip[:, 2] < job.blank[5], job.blank
-    inside = low & (track.tip[:, 2] > blank[4])
-    for axis in (0, 1):
-        at = track.tip[:, axis]
-        inside &= (at > blank[2 * axis]) & (at < blank[2 * axis + 1])
+    low, high = np.array(job.blank).reshape(3, 2).T
+    inside = np.all((track.tip > low) & (track.tip < high), axis=1)
     other = inside & ~np.isin(track.tool, list(job.tools))
     if other.any():
         k = int(np.argmax(other))
@@ -144,57 +105,17 @@ def _check(prepared: Prepared, job: TrialJob) -> None:
 
 
 def trial(prepared: Prepared, job: TrialJob, parameters: ShopParameters, seed: int) -> Trial:
-    """Cut one part of a program that :func:`prepare` has read."""
-    random = _generator(parameters, seed)
+    """Cut one part of a program that :func:`prepare` has read; ``seed`` of its differences."""
+    random = np.random.Generator(np.random.PCG64([parameters.seed, seed, *b"trial cut"]))
     part = chance(job, parameters, random)
-    loads = cut(prepared.track, prepared.swept, part, job, parameters, random)
+    peaks = cut(prepared.track, prepared.swept, part, parameters, random)
     plan = control_of(prepared.program, job, parameters, random).run(prepared.program)
-    lines = _by_line(prepared.track, loads)
+    tip, line = prepared.track.tip, prepared.track.line
+    moving = np.any(np.diff(tip, axis=0, prepend=tip[:1]) != 0, axis=1)
     return Trial(
-        time_s=plan.duration, limit_load_N=job.limit_load_N, cutting_s=loads.cutting,
-        above_s=loads.above, lines=lines,
+        time_s=plan.duration, limit_load_N=job.limit_load_N,
+        peaks_N={n: peaks.get(n, 0.0) for n in np.unique(line[moving]).tolist()},
     )  # fmt: skip
-
-
-def _generator(parameters: ShopParameters, seed: int) -> np.random.Generator:
-    words = [parameters.seed, seed, *b"trial cut"]
-    return np.random.Generator(np.random.PCG64(words))
-
-
-def _by_line(track: Track, loads: Loads) -> tuple[LineLoad, ...]:
-    moving = np.any(np.diff(track.tip, axis=0, prepend=track.tip[:1]) != 0, axis=1)
-    lines = np.unique(track.line[moving])
-    seconds = np.bincount(track.line) * track.cycle
-    return tuple(
-        LineLoad(line=n, seconds=float(seconds[n]), peak_N=loads.peaks.get(n, 0.0))
-        for n in lines.tolist()
-    )
-
-
-def trial_cut(
-    text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters, seed: int
-) -> Trial:
-    """Cut one part.
-
-    Parameters
-    ----------
-    text : bytes or str
-        Of the program.
-    name : str
-        For errors: the file's name.
-    job : TrialJob
-        Blank, tools, material, limit.
-    parameters : ShopParameters
-        The machine.
-    seed : int
-        Of the differences from part to part.
-
-    Raises
-    ------
-    GcodeError, ValueError
-        As :func:`prepare`.
-    """
-    return trial(prepare(text, name, job, parameters), job, parameters, seed)
 
 
 def trials(
@@ -207,8 +128,10 @@ def trials(
     ----------
     before, after : bytes or str
         Texts of the programs.
-    job, parameters
-        As of :func:`trial_cut`.
+    job : TrialJob
+        Blank, tools, material, limit.
+    parameters : ShopParameters
+        The machine.
     seeds : sequence of int
         One part of each program for each seed.
 
@@ -238,16 +161,9 @@ def _summary(cuts: Sequence[Trial]) -> dict[str, Any]:
     time = np.array([one.time_s for one in cuts])
     peak = np.array([one.peak_load_N for one in cuts])
     worst = cuts[int(np.argmax(peak))]
-    return {
-        "time_s": _spread(time, 3),
-        "peak_load_N": _spread(peak, 2),
-        "peak_line": worst.peak_line,
-        "above": int((peak > worst.limit_load_N).sum()),
+    spreads = {
+        name: {key: round(float(getattr(values, key)()), digits) for key in ("mean", "min", "max")}
+        for name, values, digits in (("time_s", time, 3), ("peak_load_N", peak, 2))
     }
-
-
-def _spread(values: Floats, digits: int) -> dict[str, float]:
-    return {
-        "mean": round(float(values.mean()), digits), "min": round(float(values.min()), digits),
-        "max": round(float(values.max()), digits),
-    }  # fmt: skip
+    above = int((peak > worst.limit_load_N).sum())
+    return {**spreads, "peak_line": worst.peak_line, "above": above}

@@ -177,7 +177,7 @@ def read_tdms(path: Path, source: RecordSource, root: Path) -> Trace:
     try:
         from nptdms import TdmsFile
     except ImportError as error:
-        raise UnreadableFile("TDMS needs the package npTDMS: pip install kerf[tdms]") from error
+        raise UnreadableFile("TDMS needs the package npTDMS: pip install -e '.[tdms]'") from error
     if not path.stat().st_size:
         raise UnreadableFile("the file is empty")
     try:
