@@ -18,8 +18,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pipeline.signals.columns import OBSERVATIONS, REJECTED
-from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.columns import OBSERVATIONS, REJECTED, RUNS, TIME
+from pipeline.signals.formats import Batch, RecordSource, Rejection, Trace, UnreadableFile
 
 GROUP = 1 << 19
 """Rows that are gathered before a row group is written."""
@@ -76,8 +76,7 @@ def write_observations(batches: Iterable[Batch], path: Path) -> Written:
         for table in _groups(_counted(batches, rejections, counts)):
             writer.write_table(table, row_group_size=2 * GROUP)
             rows += len(table)
-            ends = pc.min_max(table["time"].cast(pa.int64()))
-            times += [ends["min"].as_py(), ends["max"].as_py()]
+            times += _ends(table)
     read, kept = counts
     return Written(
         read=read,
@@ -88,6 +87,25 @@ def write_observations(batches: Iterable[Batch], path: Path) -> Written:
         last=_iso(max(times)) if times else None,
         rejections=rejections,
     )
+
+
+def write_trace(trace: Trace, path: Path) -> Written:
+    """Write one trace; ``first`` and ``last`` are None where times only count from the start."""
+    table = trace.table
+    with replacing(path) as part:
+        pq.write_table(table, part, compression="zstd")
+    dated = "time" in table.column_names and table.num_rows > 0
+    first, last = map(_iso, _ends(table)) if dated else (None, None)
+    return Written(
+        read=trace.read, kept=trace.kept, rejected=len(trace.rejected), rows=table.num_rows,
+        first=first, last=last, rejections=trace.rejected,
+    )  # fmt: skip
+
+
+def _ends(table: pa.Table) -> tuple[int, int]:
+    """Earliest and latest time [ns since 1970] of a table that has rows."""
+    ends = pc.min_max(table["time"].cast(pa.int64())).as_py()
+    return ends["min"], ends["max"]
 
 
 def _layout() -> dict[str, Any]:
@@ -274,17 +292,6 @@ Entry = dict[str, Any]
 LONGEST = 160
 """Bytes of a raw file's name that go into the name of its Parquet; file systems allow 255."""
 
-RUNS = pa.schema(
-    [
-        ("recording", pa.string()),
-        ("file", pa.string()),
-        ("format", pa.string()),
-        ("start", pa.timestamp("ns", tz="UTC")),
-        ("end", pa.timestamp("ns", tz="UTC")),
-        ("rows", pa.int64()),
-    ]
-)
-
 
 def read_manifest(out: Path) -> dict[str, Entry]:
     """Entries of the last ingest; none when there is no manifest that can be read."""
@@ -317,23 +324,16 @@ def read_rejections(out: Path) -> dict[str, list[Rejection]]:
 
 def write_runs(out: Path, entries: dict[str, Entry]) -> None:
     """Write ``runs.parquet``: one row a recording that was read."""
-    rows = [
-        {
-            "recording": Path(name).stem,
-            "file": name,
-            "format": entry["format"],
-            "start": entry["first"],
-            "end": entry["last"],
-            "rows": entry["rows"],
-        }
-        for name, entry in sorted(entries.items())
-        if entry["output"] is not None
+    read = [(name, e) for name, e in sorted(entries.items()) if e["output"] is not None]
+    keys = ("format", "first", "last", "rows")
+    rows = [(Path(name).stem, name, *(e[key] for key in keys)) for name, e in read]
+    columns = zip(*rows, strict=True) if rows else [()] * len(RUNS)
+    arrays = [
+        pa.array(values, pa.string()).cast(one.type)  # times in ISO 8601
+        if one.type == TIME
+        else pa.array(values, one.type)
+        for one, values in zip(RUNS, columns, strict=True)
     ]
-    arrays = []
-    for column in RUNS:
-        values = [row[column.name] for row in rows]
-        words = pa.types.is_timestamp(column.type)  # ISO 8601
-        arrays.append(pa.array(values, pa.string() if words else column.type).cast(column.type))
     table = pa.table(arrays, names=RUNS.names)
     with replacing(out / "runs.parquet") as part:
         pq.write_table(table, part, compression="zstd")

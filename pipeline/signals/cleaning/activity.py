@@ -21,6 +21,7 @@ import pandas as pd
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.signals.cleaning.series import Series, held
 from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.columns import SEGMENT_KINDS
 
 CONTROLLER = ("execution", "controller_mode", "emergency_stop", "program", "tool_number",
               "part_count")  # fmt: skip
@@ -256,7 +257,6 @@ def _limit(load: Floats, settings: CleanSettings) -> float:
     return level + max(settings.load_margin, settings.load_spreads * spread)
 
 
-KINDS = ("off", "warm_up", "idle", "air", "cut")
 SPINDLES = ("", "second_")
 FEEDS = ("path_feedrate", "x_feedrate", "y_feedrate", "z_feedrate",
          "a_angular_velocity", "b_angular_velocity", "c_angular_velocity")  # fmt: skip
@@ -269,6 +269,7 @@ USED = (
 """Columns of the state table that segments are derived from, where the machine has them."""
 
 _UNKNOWN = -1
+_OFF, _WARM_UP, _IDLE, _AIR, _CUT = range(len(SEGMENT_KINDS))
 _SETTLE_S = 2
 """A spindle's load counts from this long after its speed last changed [s]; it accelerated."""
 
@@ -335,17 +336,19 @@ def _changing(speed: Floats, settings: CleanSettings) -> Bools:
 def _kinds(state: pd.DataFrame, turning: Bools, loaded: Bools, warm: tuple[str, ...]) -> Ints:
     """Kind of each row before warm-up after a cold start is looked at, shape (T,)."""
     execution = _words(state, "execution")
-    kind = np.full(len(state), KINDS.index("idle"))
+    kind = np.full(len(state), _IDLE)
     known = [name for name in FEEDS if name in state]
     moving = np.zeros(len(state), dtype=bool)
     for name in known:
         moving |= np.abs(_column(state, name)) > 0
     active = execution == "ACTIVE" if "execution" in state else turning | moving
     cut = active & loaded & (moving if known else True)
-    kind[active & (turning | moving)] = KINDS.index("air")
-    kind[cut] = KINDS.index("cut")
+    kind[active & (turning | moving)] = _AIR
+    kind[cut] = _CUT
     if warm:
-        kind[active & np.isin(_words(state, "program"), list(warm))] = KINDS.index("warm_up")
+        kind[active & np.isin(_words(state, "program"), list(warm))] = SEGMENT_KINDS.index(
+            "warm_up"
+        )
     if "execution" in state:
         kind[execution == ""] = _UNKNOWN
     return kind
@@ -361,7 +364,7 @@ def _warm_up(
     kind: Ints, time: Ints, operation: Ints, turning: Bools, settings: CleanSettings
 ) -> None:
     """Mark turning without load, from a cold start to the first cut, as warm_up; in place."""
-    cut, known_off = KINDS.index("cut"), settings.cold_after_s * NS
+    cut, known_off = _CUT, settings.cold_after_s * NS
     starts = np.flatnonzero(np.r_[True, np.diff(operation) > 0])
     for n, first in enumerate(starts):
         if n > 0 and time[first] - time[first - 1] < known_off:
@@ -372,7 +375,7 @@ def _warm_up(
         for a, b in _runs_of(turning[first:until]):
             if (b - a) * settings.period_s >= settings.warm_up_min_s:
                 part = kind[first + a : first + b]
-                part[part != _UNKNOWN] = KINDS.index("warm_up")
+                part[part != _UNKNOWN] = _WARM_UP
 
 
 def _runs_of(mask: Bools) -> list[tuple[int, int]]:
@@ -404,7 +407,7 @@ def _runs(kind: Ints, time: Ints, operation: Ints, period: int) -> pd.DataFrame:
     known = kind[start] != _UNKNOWN
     begin, end = time[start], time[stop] + period
     off = np.flatnonzero(operation[1:] != operation[:-1])
-    words = [KINDS[k] for k in kind[start][known]] + ["off"] * len(off)
+    words = [SEGMENT_KINDS[k] for k in kind[start][known]] + ["off"] * len(off)
     return _segment_table(
         np.r_[begin[known], time[off] + period], np.r_[end[known], time[off + 1]], words
     )

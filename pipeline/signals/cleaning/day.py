@@ -266,15 +266,14 @@ def _lost(
         t, i, s = carry["agent"]
         time, instance = np.r_[np.int64(t), time], np.r_[np.uint64(i), instance]
         sequence = np.r_[np.uint64(s), sequence]
-    real = np.ones(len(time), dtype=bool)
     quiet = found_gaps.silences(spoken, interval, settings, None)
-    anew = found_gaps.instances(time, instance, real)
-    missing = found_gaps.missing_sequences(time, sequence, instance, real)
+    anew = found_gaps.instances(time, instance)
+    missing = found_gaps.missing_sequences(time, sequence, instance)
     off = [
         g
         for g in quiet
         if (g.end or g.start) - g.start > settings.off_after_s * NS
-        and not found_gaps.continuous(g, time, sequence, instance, real)
+        and not found_gaps.continuous(g, time, sequence, instance)
     ]
     longest = interval.threshold_s(settings) * NS
     torn = [g for g in missing if (g.end or g.start) - g.start > longest]

@@ -19,47 +19,8 @@ from pipeline.signals.cleaning.glitches import Audit
 from pipeline.signals.cleaning.recorded import Index, day_of
 from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import CleanMachine
+from pipeline.signals.columns import AUDIT, CYCLES, GAPS, SEGMENTS, TIME
 
-TIME = pa.timestamp("ns", tz="UTC")
-AUDIT = pa.schema(
-    [
-        pa.field("time", TIME, nullable=False),
-        pa.field("data_item", pa.string(), nullable=False),
-        pa.field("before", pa.string()),
-        pa.field("after", pa.string()),
-        pa.field("rule", pa.string(), nullable=False),
-    ]
-)
-GAPS = pa.schema(
-    [
-        pa.field("data_item", pa.string()),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME),
-        pa.field("cause", pa.string(), nullable=False),
-    ]
-)
-CYCLES = pa.schema(
-    [
-        pa.field("cycle", pa.int64(), nullable=False),
-        pa.field("program", pa.string()),
-        pa.field("part", pa.string()),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME, nullable=False),
-        *(
-            pa.field(n, pa.float64(), nullable=False, metadata={"unit": "SECOND"})
-            for n in ("active_s", "feed_hold_s", "interrupted_s", "idle_s")
-        ),
-        pa.field("tool_changes", pa.int64(), nullable=False),
-        pa.field("complete", pa.bool_(), nullable=False),
-    ]
-)
-SEGMENTS = pa.schema(
-    [
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME, nullable=False),
-        pa.field("kind", pa.string(), nullable=False),
-    ]
-)
 _WHOLE = {"audit": AUDIT, "gaps": GAPS, "cycles": CYCLES, "segments": SEGMENTS}
 
 

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.columns import KINDS, OBSERVATIONS
-from pipeline.signals.formats import Batch
+from pipeline.signals.formats import Batch, encoded
 from pipeline.signals.mtconnect import scan as scanning
 from pipeline.signals.mtconnect import tokens
 from pipeline.signals.mtconnect.model import number_of
@@ -26,23 +26,9 @@ from pipeline.signals.mtconnect.rows import RECORDS, Rows
 from pipeline.signals.mtconnect.xml_events import attributes_of, local
 
 
-def encoded(code: npt.NDArray[np.integer], words: list[str]) -> pa.DictionaryArray:
-    """Words by their number; null where it is negative."""
-    code = code.astype(np.int32, copy=False)
-    absent = code < 0
-    indices = pa.array(code, mask=absent) if absent.any() else pa.array(code)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(words, pa.string()))
-
-
 def numbers(values: Floats) -> pa.Array:
     """Numbers; null where there is none."""
     return pa.array(values, mask=np.isnan(values))
-
-
-def merged(table: pa.Table, element: Ints, reference: pa.Table, places: list[int]) -> pa.Table:
-    """Both tables in the order of the elements; rows of one element keep theirs."""
-    order = np.argsort(np.concatenate([element, np.array(places, np.int64)]), kind="stable")
-    return pa.concat_tables([table, reference]).unify_dictionaries().combine_chunks().take(order)
 
 
 _SECTIONS = ("SAMPLE", "EVENT", "CONDITION")
@@ -269,7 +255,12 @@ class Assembly:
         ]
         columns.insert(7, columns.pop(4))
         table = pa.table(columns, schema=OBSERVATIONS)
-        return merged(table, element, reference.table(), places) if places else table
+        if not places:
+            return table
+        # In the order of the elements; rows of one element keep theirs.
+        order = np.argsort(np.concatenate([element, np.array(places, np.int64)]), kind="stable")
+        both = pa.concat_tables([table, reference.table()])
+        return both.unify_dictionaries().combine_chunks().take(order)
 
     def _key(self, rows: Ints, shape: Ints) -> pa.Array:
         axis = rows[:, tokens.R_AXIS]

@@ -12,7 +12,9 @@ import numpy as np
 from numba import njit
 
 from pipeline.kernels import compiled
-from pipeline.signals.shdr.reference import NOTHING, NUMBER, TEXT
+
+NOTHING, NUMBER, TEXT = 0, 1, 2
+"""What a row holds."""
 
 LINES, NEW_KEY, FULL = 0, 1, 2
 """Why :func:`scan` returned: all lines are read, a name is met first, a table is full."""
