@@ -8,7 +8,8 @@ import pytest
 from shdr_log import NATIVE, NS, SOURCE, TIME, UNITS, Log, rows_of, said
 
 from pipeline.signals.formats import UnreadableFile
-from pipeline.signals.shdr.lines import LONGEST, entries_of, fields_of, iso_ns
+from pipeline.signals.mtconnect.observations import iso_ns
+from pipeline.signals.shdr.lines import LONGEST, entries_of, fields_of
 from pipeline.signals.shdr.log import read, read_fast, read_reference
 
 

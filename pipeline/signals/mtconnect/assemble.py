@@ -89,7 +89,7 @@ class Assembly:
         self._text_slots = np.empty(_TEXT_SLOTS, np.int32)
         self._slow = np.empty(RECORDS, np.int64)
         self._hard = np.empty((RECORDS, 3), np.int64)
-        self._counts, self._date = np.zeros(4, np.int64), np.zeros(2, np.int64)
+        self._counts = np.zeros(4, np.int64)
         self._three = np.empty(3)
         self.forget()
 
@@ -135,11 +135,10 @@ class Assembly:
         for s in range(self.known, n_shapes):
             self._learn(s, shapes[s])
         self._text_slots.fill(-1)
-        self._date[0] = -1
         tokens.values(
             self.buffer, self.elements, n, self._manners, self._rows, self._numbers,
             self._sequences, self._texts, self._text_slots, self._slow, self._hard, self._counts,
-            self._date, self._three,
+            self._three,
         )  # fmt: skip
         n_rows, n_texts, n_slow, n_hard = self._counts.tolist()
         slow = sorted(self._slow[:n_slow].tolist() + self._hard_numbers(n_hard))

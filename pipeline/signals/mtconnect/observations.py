@@ -21,6 +21,7 @@ SECTIONS = {"Samples": "SAMPLE", "Events": "EVENT", "Condition": "CONDITION",
 LEVELS = {"normal": "NORMAL", "warning": "WARNING", "fault": "FAULT", "unavailable": None}
 AXES = ("X", "Y", "Z")
 FIRST_YEAR, LAST_YEAR = 1678, 2261
+"""Whole years that fit 64 bits of nanoseconds since 1970."""
 LAST_SEQUENCE = 2**64 - 1
 
 _SUFFIXES = (("TimeSeries", "TIME_SERIES"), ("DataSet", "DATA_SET"), ("Table", "TABLE"))
@@ -28,9 +29,8 @@ _MESSAGES = ("Message", "MessageDiscrete", "Alarm")
 _SPATIAL_EVENTS = ("Rotation", "Translation")
 _OWN = ("dataItemId", "itemId", "name", "timestamp", "sequence")
 _ISO = re.compile(
-    r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d)(?:[.,](\d+))?(?:[Zz]|([+-])(\d\d):?(\d\d)?)?", re.ASCII
+    r"(\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d)(?:[.,](\d+))?(?:[Zz]|([+-])(\d\d):?(\d\d)?)?", re.ASCII
 )
-_SCALE = [10 ** (9 - n) for n in range(10)]
 _EPOCH = date(1970, 1, 1).toordinal()
 
 Manner = Literal["number", "value", "text", "condition", "series", "set"]
@@ -207,25 +207,44 @@ def sequence_of(text: str) -> int:
 
 
 def nanoseconds(text: str) -> int:
-    """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
-
-    Digits after the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
+    """As :func:`iso_ns`.
 
     Raises
     ------
     MalformedError
         When ``text`` is no such time, or one outside the years 1678 to 2261.
     """
-    fraction = text[20:-1]
-    if len(fraction) < 10 and text[19:20] == "." and text[-1] == "Z" and _digits(fraction):
-        return _seconds(text[:19]) * 1_000_000_000 + int(fraction) * _SCALE[len(fraction)]
-    found = _ISO.fullmatch(text)
-    if not found:
-        raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time")
-    seconds, fraction, sign, hours, minutes = found.groups()
-    away = (int(hours) * 60 + int(minutes or 0)) * 60 if sign else 0
-    since = _seconds(seconds) - (away if sign == "+" else -away)
-    return since * 1_000_000_000 + int((fraction or "0")[:9].ljust(9, "0"))
+    ns = iso_ns(text)
+    if ns is None:
+        raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time of 1678 to 2261")
+    return ns
+
+
+def iso_ns(text: str) -> int | None:
+    """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
+
+    Digits after the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
+
+    Returns
+    -------
+    int or None
+        None when ``text`` is no such time or its year is outside 1678 to 2261.
+    """
+    fraction, away = text[20:-1], 0
+    if text[19:20] == "." and text[-1] == "Z" and _digits(fraction):  # nearly all
+        seconds = _seconds(text[:19])
+    elif found := _ISO.fullmatch(text):
+        moment, fraction, sign, hours, minutes = found.groups()
+        seconds = _seconds(moment)
+        if sign:
+            away = (int(hours) * 60 + int(minutes or 0)) * 60 * (1 if sign == "+" else -1)
+            if int(hours) > 23 or int(minutes or 0) > 59:
+                return None
+    else:
+        return None
+    if seconds is None:
+        return None
+    return (seconds - away) * 1_000_000_000 + int((fraction or "0")[:9].ljust(9, "0"))
 
 
 def _digits(text: str) -> bool:
@@ -233,17 +252,18 @@ def _digits(text: str) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _seconds(text: str) -> int:
+def _seconds(text: str) -> int | None:
+    """Seconds since 1970 of a date and time of day."""
+    if not _ISO.fullmatch(text):
+        return None
+    hour, minute, second = int(text[11:13]), int(text[14:16]), int(text[17:19])
     try:
-        year, month, day = int(text[:4]), int(text[5:7]), int(text[8:10])
-        hour, minute, second = int(text[11:13]), int(text[14:16]), int(text[17:19])
-        days = date(year, month, day).toordinal() - _EPOCH
+        day = date.fromisoformat(text[:10])
     except ValueError:
-        raise MalformedError(f"the timestamp {text!r} is no ISO 8601 time") from None
-    within = hour < 24 and minute < 60 and second <= 60 and FIRST_YEAR <= year <= LAST_YEAR
-    if not within or not _ISO.fullmatch(text):
-        raise MalformedError(f"the timestamp {text!r} is no ISO 8601 time of 1678 to 2261")
-    return days * 86400 + hour * 3600 + minute * 60 + second
+        return None
+    if hour > 23 or minute > 59 or second > 60 or not FIRST_YEAR <= day.year <= LAST_YEAR:
+        return None
+    return (day.toordinal() - _EPOCH) * 86400 + hour * 3600 + minute * 60 + second
 
 
 EARLIEST = -(2.0**63)

@@ -12,12 +12,12 @@ import pyarrow as pa
 
 from pipeline.signals.formats import EXCERPT, Rejection, observations_of
 from pipeline.signals.mtconnect.model import number_of
+from pipeline.signals.mtconnect.observations import iso_ns
 from pipeline.signals.shdr.lines import (
     LONGEST,
     TOO_LONG,
     Segment,
     fields_of,
-    iso_ns,
     json_of,
     milliseconds_ns,
 )
