@@ -9,7 +9,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +24,6 @@ GROUP = 1 << 19
 """Rows that are gathered before a row group is written."""
 
 _WORDS = ["data_item", "text", "kind", "key", "attributes"]
-
-Moment = str | datetime | np.datetime64
-"""A point in time; UTC where it names no zone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,94 +192,6 @@ def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> i
     with replacing(path) as part:
         pq.write_table(pa.Table.from_pylist(said, schema=REJECTED), part, compression="zstd")
     return len(said)
-
-
-def read_observations(
-    folder: Path,
-    items: Iterable[str] | None = None,
-    start: Moment | None = None,
-    end: Moment | None = None,
-) -> pa.Table:
-    """All observations of a machine, in the order of time.
-
-    Rows of one time stand in the order of the files' names, then of ``sequence``, then as written.
-    Where documents of one agent overlap, a row that has ``instance`` is kept once: rows equal in
-    instance, sequence, data_item and key are the same observation.
-
-    Parameters
-    ----------
-    folder : Path
-        ``data/signals/<machine>/observations``.
-    items : iterable of str or None
-        Data items to keep; None keeps all.
-    start, end : str, datetime, datetime64 or None
-        ``start <= time < end``.
-
-    Returns
-    -------
-    pyarrow.Table
-        Of ``OBSERVATIONS``.
-    """
-    wanted = None if items is None else pa.array(list(items), pa.string())
-    bounds = [None if m is None else _ns(m) for m in (start, end)]
-    tables = [_selected(path, wanted, *bounds) for path in sorted(folder.glob("*.parquet"))]
-    if not tables:
-        return OBSERVATIONS.empty_table()
-    table = pa.concat_tables(tables).unify_dictionaries().combine_chunks()
-    of_file = np.repeat(np.arange(len(tables)), [len(t) for t in tables])
-    time, sequence = _numpy(table, "time"), _numpy(table, "sequence")
-    order = np.lexsort((sequence, of_file, time))
-    return table.take(pa.array(order[_first_of_each(table, order)]))
-
-
-def _numpy(table: pa.Table, name: str) -> Any:
-    column = table[name]
-    whole = column.cast(pa.int64()) if name == "time" else column
-    return whole.to_numpy()
-
-
-def _ns(moment: Moment) -> int:
-    if isinstance(moment, np.datetime64):
-        return int(moment.astype("datetime64[ns]").astype(np.int64))
-    at = datetime.fromisoformat(moment) if isinstance(moment, str) else moment
-    at = at.replace(tzinfo=UTC) if at.tzinfo is None else at
-    past = at - datetime(1970, 1, 1, tzinfo=UTC)
-    return (past.days * 86400 + past.seconds) * 10**9 + past.microseconds * 1000
-
-
-def _selected(path: Path, items: pa.Array | None, start: int | None, end: int | None) -> pa.Table:
-    """Rows of one file; row groups outside the times are not read."""
-    time = pc.field("time")
-    conditions = []
-    if start is not None:
-        conditions.append(time >= pa.scalar(start, pa.timestamp("ns", tz="UTC")))
-    if end is not None:
-        conditions.append(time < pa.scalar(end, pa.timestamp("ns", tz="UTC")))
-    if items is not None:
-        conditions.append(pc.field("data_item").isin(items))
-    where = None
-    for condition in conditions:
-        where = condition if where is None else where & condition
-    return pq.read_table(path, filters=where).cast(OBSERVATIONS)
-
-
-def _first_of_each(table: pa.Table, order: Any) -> Any:
-    """Which places of ``order`` hold the first row of an observation that may stand in several."""
-    keep = np.ones(len(order), bool)
-    known = table["instance"].is_valid().to_numpy()[order]
-    if not known.any():
-        return keep
-    at = np.flatnonzero(known)
-    chosen = table.take(pa.array(order[at]))
-    codes = [chosen[name].combine_chunks().indices.fill_null(-1) for name in ("data_item", "key")]
-    columns = [chosen["instance"], chosen["sequence"], *codes]
-    by = [np.asarray(column) for column in columns]
-    ranked = np.lexsort(by)  # stable: the first of equal rows comes first
-    same = np.ones(max(len(ranked) - 1, 0), bool)
-    for column in by:
-        same &= column[ranked][1:] == column[ranked][:-1]
-    keep[at[ranked[1:][same]]] = False
-    return keep
 
 
 Entry = dict[str, Any]

@@ -184,13 +184,11 @@ def _cycle_table(rows: list[dict[str, object]]) -> pd.DataFrame:
     for name in ("start", "end"):
         at = pd.to_datetime(table[name].astype("int64"), unit="ns", utc=True)
         table[name] = at.astype("datetime64[ns, UTC]")
-    words = ("program", "part")
-    numbers = (*TIMES.values(), "idle_s")
-    kinds: dict[Hashable, Any] = {"cycle": "int64", "tool_changes": "int64", "complete": bool}
-    for name in words:
-        kinds[name] = object
-    for name in numbers:
-        kinds[name] = float
+    kinds: dict[Hashable, Any] = {
+        "cycle": "int64", "tool_changes": "int64", "complete": bool,
+        **dict.fromkeys(("program", "part"), object),
+        **dict.fromkeys((*TIMES.values(), "idle_s"), float),
+    }  # fmt: skip
     return table.astype(kinds)
 
 
@@ -383,29 +381,26 @@ def _runs_of(mask: Bools) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(edge == 1), np.flatnonzero(edge == -1), strict=True))
 
 
-def _absorb_short(kind: Ints, operation: Ints, settings: CleanSettings) -> None:
-    """Join segments that are too short to the one before them, within one operation; in place."""
+def _stretches(kind: Ints, operation: Ints) -> tuple[Ints, Ints]:
+    """Begin and end of each stretch of rows of one kind within one operation, shape (S,)."""
     change = (kind[1:] != kind[:-1]) | (operation[1:] != operation[:-1])
     start = np.flatnonzero(np.r_[True, change])
-    stop = np.r_[start[1:], len(kind)]
-    for a, b in zip(start, stop, strict=True):
-        short = (b - a) * settings.period_s < settings.segment_min_s
-        if (
-            short
-            and a > 0
-            and operation[a] == operation[a - 1]
-            and _UNKNOWN not in kind[[a - 1, a]]
-        ):
+    return start, np.r_[start[1:], len(kind)]
+
+
+def _absorb_short(kind: Ints, operation: Ints, settings: CleanSettings) -> None:
+    """Join segments that are too short to the one before them, within one operation; in place."""
+    for a, b in zip(*_stretches(kind, operation), strict=True):
+        short = a > 0 and (b - a) * settings.period_s < settings.segment_min_s
+        if short and operation[a] == operation[a - 1] and _UNKNOWN not in kind[[a - 1, a]]:
             kind[a:b] = kind[a - 1]
 
 
 def _runs(kind: Ints, time: Ints, operation: Ints, period: int) -> pd.DataFrame:
     """Rows of one kind as segments, with ``off`` between the periods of operation."""
-    change = (kind[1:] != kind[:-1]) | (operation[1:] != operation[:-1])
-    start = np.flatnonzero(np.r_[True, change])
-    stop = np.r_[start[1:], len(kind)] - 1
+    start, stop = _stretches(kind, operation)
     known = kind[start] != _UNKNOWN
-    begin, end = time[start], time[stop] + period
+    begin, end = time[start], time[stop - 1] + period
     off = np.flatnonzero(operation[1:] != operation[:-1])
     words = [SEGMENT_KINDS[k] for k in kind[start][known]] + ["off"] * len(off)
     return _segment_table(
@@ -414,11 +409,9 @@ def _runs(kind: Ints, time: Ints, operation: Ints, period: int) -> pd.DataFrame:
 
 
 def _segment_table(start: Ints, end: Ints, kind: list[str]) -> pd.DataFrame:
-    table = pd.DataFrame(
-        {
-            "start": pd.to_datetime(start, unit="ns", utc=True).astype("datetime64[ns, UTC]"),
-            "end": pd.to_datetime(end, unit="ns", utc=True).astype("datetime64[ns, UTC]"),
-            "kind": pd.Series(kind, dtype=object),
-        }
-    )
+    times = {
+        name: pd.to_datetime(at, unit="ns", utc=True).astype("datetime64[ns, UTC]")
+        for name, at in (("start", start), ("end", end))
+    }
+    table = pd.DataFrame({**times, "kind": pd.Series(kind, dtype=object)})
     return table.sort_values("start", ignore_index=True)

@@ -1,7 +1,7 @@
 """Batches of rows from the observations that the fast path located."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -59,7 +59,6 @@ class DeviceRun:
 
     prologue: bytes
     tag: bytes
-    attributes: dict[str, str]
     instance: int | None
     device: int
     first: int
@@ -119,16 +118,14 @@ class Assembly:
         device = self._devices.setdefault(tag, len(self._devices))
         if device == len(self._names):
             self._names.append(device_name(attributes))
-        run = DeviceRun(prologue, tag, attributes, instance, device, first, place)
+        run = DeviceRun(prologue, tag, instance, device, first, place)
         self.runs.append(run)
         return run
 
     def restart(self, run: DeviceRun | None, place: int) -> None:
         """A batch was handed over in the middle of ``run``."""
-        self.runs.clear()
+        self.runs = [] if run is None else [replace(run, first=0, place=place)]
         self.notes.clear()
-        if run is not None:
-            self.begin(run.prologue, run.tag, run.attributes, run.instance, 0, place)
 
     def batch(self, n: int, shapes: Ints, n_shapes: int) -> tuple[Batch, BrokenElement | None]:
         """The first ``n`` elements as a batch, up to the first that is not well formed."""
