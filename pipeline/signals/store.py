@@ -151,12 +151,14 @@ def _counted(
 def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
     """Tables joined until they have enough rows for a row group."""
     held: list[pa.Table] = []
+    rows = 0
     for table in tables:
         if len(table):
             held.append(table)
-        if sum(map(len, held)) >= GROUP:
+            rows += len(table)
+        if rows >= GROUP:
             yield _joined(held)
-            held = []
+            held, rows = [], 0
     if held:
         yield _joined(held)
 

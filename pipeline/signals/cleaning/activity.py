@@ -223,7 +223,7 @@ def _speed_class(speed: Floats) -> np.ndarray:
 
 
 def no_load(speed: Floats, load: Floats, settings: CleanSettings) -> NoLoadLevel:
-    """No-load limit of a spindle, learnt from the machine's own seconds.
+    """No-load limit of a spindle, estimated from the machine's own records.
 
     At one speed the load of a spindle that cuts nothing is the lowest that it ever shows (friction
     and iron losses), so the lower fifth of the loads at a speed is its no-load level, and the

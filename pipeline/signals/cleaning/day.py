@@ -201,8 +201,9 @@ def clean_day(
     all_gaps = list(lost.gaps)
     clean: dict[str, Series] = {}
     items: Carry = {}
+    signals = machine.signal_of
     for item in machine.items:
-        one = Item(item, _signal_of(item, machine), carry.get("items", {}).get(item, {}))
+        one = Item(item, COLUMNS[signals[item]], carry.get("items", {}).get(item, {}))
         one.read(rows)
         audit += [a for a in one.glitches(settings, lost) if start <= a.time < end]
         all_gaps += one.gaps(lost, reporting.get(item, ReportingInterval()), settings)
@@ -223,14 +224,6 @@ def clean_day(
         key=lambda g: (g.start, g.end or 0, g.data_item or "", g.cause),
     )
     return Day(state=state, audit=audit, gaps=ended, series=clean, carry=left, counts=counts)
-
-
-def _signal_of(item: str, machine: CleanMachine) -> Column:
-    for name, found in machine.signals.items():
-        if found == item:
-            return COLUMNS[name]
-    control = machine.position_control
-    return COLUMNS["spindle_speed" if control is None else control.signals[item]]
 
 
 def _spoken(rows: pd.DataFrame, carry: Carry) -> Ints:

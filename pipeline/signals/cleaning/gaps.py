@@ -10,7 +10,7 @@ silence that is too short for the machine to have been off and in which its agen
 (it would have said UNAVAILABLE), and after any silence over which the agent's numbers go on
 without a hole.  Else an item is unknown until it reports again.
 
-Reporting intervals are learnt from an item's own reports while the machine is on, counted in eight
+Reporting intervals are estimated from an item's own reports while the machine is on, in eight
 bins an octave, so that the counts of many files add up in any order and a new day seldom moves
 them.
 """
@@ -33,7 +33,7 @@ FAST_S = 10.0
 """Longest typical interval [s] of an item that reports by the clock; others follow the work."""
 
 ENOUGH = 300
-"""Smallest number of intervals [1] from which a reporting interval is learnt."""
+"""Smallest number of intervals [1] from which a reporting interval is estimated."""
 
 STEADY_SHARE = 0.01
 """Share of its time [1] that long intervals take up at most of an item that reports steadily."""

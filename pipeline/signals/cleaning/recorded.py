@@ -212,8 +212,7 @@ def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, 
     """
     units = _units(signals)
     found = {}
-    named = {} if machine.position_control is None else machine.position_control.signals
-    for item, name in (named | {item: name for name, item in machine.signals.items()}).items():
+    for item, name in machine.signal_of.items():
         unit, wanted = units.get(item, ""), COLUMNS[name].unit
         if not wanted or not unit or unit == wanted:
             continue

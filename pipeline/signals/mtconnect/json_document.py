@@ -11,13 +11,13 @@ from typing import Any
 from pipeline.signals.formats import EXCERPT, Batch, RecordSource, UnreadableFile
 from pipeline.signals.mtconnect.devices import (
     Node,
+    attributes_in,
     bodies,
     device_model,
     devices_of,
     items_of,
     named,
     part,
-    plain,
     word,
 )
 from pipeline.signals.mtconnect.model import element_name
@@ -38,7 +38,7 @@ from pipeline.signals.mtconnect.reference import (
     instance_of,
     selection,
 )
-from pipeline.signals.mtconnect.rows import RECORDS, Rows, gathered
+from pipeline.signals.mtconnect.rows import RECORDS, Rows
 from pipeline.signals.mtconnect.xml_events import content
 
 _VALUES = ("value", "result", "samples", "entries")
@@ -62,9 +62,9 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
         When it is no JSON, or nothing of MTConnect.
     """
     trees, broken = _trees(content(path).everything())
-    names = {device_name(plain(d)) for tree in trees for d in _device_streams(tree)}
+    names = {device_name(attributes_in(d)) for tree in trees for d in _device_streams(tree)}
     chosen = selection(source, device_model(source, root), lambda: len(names) > 1)
-    return gathered(_batches(_Reader(chosen), trees, broken))
+    return _batches(_Reader(chosen), trees, broken)
 
 
 def _trees(text: bytes) -> tuple[list[Any], list[tuple[int, str, str]]]:
@@ -130,7 +130,7 @@ class _Reader:
             return
         root = part(tree, "MTConnectStreams", "MTConnectAssets", "MTConnectError") or tree
         header = part(root, "Header")
-        attributes = plain(header) if isinstance(header, dict) else {}
+        attributes = attributes_in(header) if isinstance(header, dict) else {}
         self._instance = instance_of({k[:1].lower() + k[1:]: v for k, v in attributes.items()})
         self._created = word(part(header, "creationTime")) or None
         if part(root, "Streams") is not None:
@@ -183,7 +183,7 @@ class _Reader:
     # Streams ------------------------------------------------------------------------------------
 
     def _device_stream(self, stream: Node) -> Iterator[bool]:
-        attributes = plain(stream)
+        attributes = attributes_in(stream)
         device = device_name(attributes)
         if not self._selection.wants(attributes):
             self._reject(foreign_reason(device), attributes)

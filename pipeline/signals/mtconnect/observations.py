@@ -299,7 +299,7 @@ def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
     if value == "UNAVAILABLE":
         return [(time, (shape.key, None, None, False))]
     if shape.manner == "number" and isinstance(value, str):
-        return _plain(shape, time, value)
+        return _one_value(shape, time, value)
     if shape.manner == "series":
         return _series(shape, time, value)
     if isinstance(value, list):
@@ -308,10 +308,10 @@ def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
         return _pairs(time, value)
     if shape.manner == "text":
         return [(time, (shape.key, None, value, False))]
-    return _plain(shape, time, value)
+    return _one_value(shape, time, value)
 
 
-def _plain(shape: Shape, time: int, value: str) -> list[tuple[int, Value]]:
+def _one_value(shape: Shape, time: int, value: str) -> list[tuple[int, Value]]:
     number = number_of(value)
     if number is not None:
         return [(time, (shape.key, number, None, False))]

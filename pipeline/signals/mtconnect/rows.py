@@ -4,7 +4,7 @@ Plain samples are converted many at a time, all other observations one by one.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import pyarrow as pa
@@ -177,32 +177,3 @@ class Rows:
         """What was read so far, as a batch."""
         kept = self.read - len(self.rejected)
         return Batch(observations=self.table(), read=self.read, kept=kept, rejected=self.rejected)
-
-
-def gathered(batches: Iterator[Batch]) -> Iterator[Batch]:
-    """The same records in batches of about :data:`RECORDS`, however small they came.
-
-    ``line`` of no rejection changes; the order stays.
-    """
-    waiting: list[Batch] = []
-    count = 0
-    for batch in batches:
-        waiting.append(batch)
-        count += batch.read
-        if count >= RECORDS:
-            yield _joined(waiting)
-            waiting, count = [], 0
-    if waiting:
-        yield _joined(waiting)
-
-
-def _joined(batches: list[Batch]) -> Batch:
-    if len(batches) == 1:
-        return batches[0]
-    return replace(
-        batches[0],
-        observations=pa.concat_tables([b.observations for b in batches]),
-        read=sum(b.read for b in batches),
-        kept=sum(b.kept for b in batches),
-        rejected=[r for b in batches for r in b.rejected],
-    )

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from pipeline.signals.formats import Batch, RecordSource, UnreadableFile
 from pipeline.signals.mtconnect.devices import device_model
 from pipeline.signals.mtconnect.reference import Document, Selection, selection
-from pipeline.signals.mtconnect.rows import gathered
 from pipeline.signals.mtconnect.xml_events import BEGIN, FRAGMENT, Content, content, quoted
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
     """
     whole = content(path)
     chosen = selection_of(whole, source, root)
-    return gathered(documents(whole, chosen, fast=whole.size >= FAST_FROM))
+    return documents(whole, chosen, fast=whole.size >= FAST_FROM)
 
 
 def selection_of(whole: Content, source: RecordSource, root: Path) -> Selection:
