@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from pipeline.signals.cleaning import tables
@@ -30,7 +31,6 @@ from pipeline.signals.cleaning.recorded import (
     files_of,
     index,
     is_trace,
-    merged_intervals,
     rows_of,
 )
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
@@ -83,14 +83,13 @@ def _index(
 
 
 def _reporting(indices: list[Index], machine: CleanMachine) -> dict[str, ReportingInterval]:
-    import numpy as np
-
     found = {}
     for item in (WHOLE, *machine.items):
         counts = np.zeros(N_BINS, dtype=np.int64)
         voice = LOGGER if item == WHOLE and not _has_agent(indices) else item
-        for place, n in merged_intervals(indices, voice).items():
-            counts[int(place)] = n
+        for one in indices:
+            for place, n in one.intervals.get(voice, {}).items():
+                counts[int(place)] += n
         found[item] = reporting_interval(counts)
     return found
 

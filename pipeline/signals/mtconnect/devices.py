@@ -100,8 +100,6 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
     """
     whole = content(path)
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
-        from pipeline.signals.mtconnect.devices import model_of_json
-
         return chosen(model_of_json(whole.everything()), device)
     reader = _Reader(whole)
     end = reader.parse_fragment()

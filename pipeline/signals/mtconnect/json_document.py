@@ -26,9 +26,8 @@ from pipeline.signals.mtconnect.observations import (
     SECTIONS,
     Entry,
     MalformedError,
-    Shape,
-    json_of,
-    nanoseconds,
+    asset_shape,
+    asset_time,
     shape_of,
 )
 from pipeline.signals.mtconnect.reference import (
@@ -224,20 +223,10 @@ class _Reader:
         try:
             if not isinstance(asset, dict) or not part(asset, "assetId"):
                 raise MalformedError("the asset has no assetId")
-            timestamp = word(part(asset, "timestamp")) or self._created
-            if not timestamp:
-                raise MalformedError("the asset has no timestamp and its document no creationTime")
-            shape = Shape(
-                data_item=self._selection.naming.label(
-                    word(part(asset, "deviceUuid")), None, "asset"
-                ),
-                kind="ASSET",
-                manner="text",
-                key=word(part(asset, "assetId")),
-                attributes=json_of({"json": asset}),
-            )
+            time = asset_time(word(part(asset, "timestamp")) or self._created)
+            naming, device = self._selection.naming, word(part(asset, "deviceUuid"))
+            shape = asset_shape(device, word(part(asset, "assetId")), {"json": asset}, naming)
             kind = tag or word(part(asset, "type")) or "Asset"
-            time = nanoseconds(timestamp)
             self.rows.add(shape, time, self._place + 1, self._instance, kind)
             self._place += 1
         except MalformedError as malformed:

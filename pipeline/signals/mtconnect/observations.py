@@ -133,6 +133,29 @@ def shape_of(
     )
 
 
+def asset_shape(
+    device: str, asset_id: str | None, document: dict[str, Any], naming: Naming
+) -> Shape:
+    """The shape of an asset that ``device`` announced; its ``document`` stands in attributes."""
+    return Shape(
+        data_item=naming.label(device, None, "asset"), kind="ASSET", manner="text", key=asset_id,
+        attributes=json_of(document),
+    )  # fmt: skip
+
+
+def asset_time(timestamp: str | None) -> int:
+    """Time [ns since 1970] of an asset by its own timestamp, or else by its document's.
+
+    Raises
+    ------
+    MalformedError
+        When it has none, or one that is no time.
+    """
+    if not timestamp:
+        raise MalformedError("the asset has no timestamp and its document no creationTime")
+    return nanoseconds(timestamp)
+
+
 def _kind(section: str, tag: str, item: DataItem | None) -> tuple[str, Manner]:
     if section == "CONDITION":
         return "CONDITION", "condition"

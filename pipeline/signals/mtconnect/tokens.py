@@ -13,11 +13,6 @@ from numba.extending import intrinsic
 from pipeline.kernels import compiled
 from pipeline.signals.literals import COPIED, EXACT, NONE, number_at, time_at
 
-_DEVICE = np.frombuffer(b"DeviceStream ", np.uint8).copy()
-# How far the search may go on when this byte stands where the last of `_DEVICE` would.
-_SKIP = np.full(256, _DEVICE.size, np.int64)
-_SKIP[_DEVICE] = _DEVICE.size - 1 - np.arange(_DEVICE.size)
-
 
 @intrinsic
 def load8(typing_context: Any, buf: Any, at: Any) -> Any:
@@ -101,22 +96,6 @@ def element_end(buf: Any, at: Any, end: Any, name: Any, length: Any) -> Any:
                 if not name_char(after):
                     return -1
         at += 1
-    return -1
-
-
-@compiled
-def device_tag(buf: Any, at: Any, end: Any) -> Any:
-    """The next place of ``DeviceStream `` from ``at`` on, -1 when there is none."""
-    n = _DEVICE.size
-    i = at + n - 1
-    while i < end:
-        c = buf[i]
-        skip = _SKIP[c]
-        if skip == 0:
-            if is_at(buf, i - n + 1, end, _DEVICE):
-                return i - n + 1
-            skip = 1
-        i += skip
     return -1
 
 
