@@ -466,7 +466,7 @@ def test_huge_texts_are_rejected_without_being_kept(tmp_path: Path) -> None:
     assert "17825792 characters" in rejected[0].reason
 
 
-@pytest.mark.parametrize("shapes", ["few", "many"])
+@pytest.mark.parametrize("shapes", ["few", pytest.param("many", marks=pytest.mark.proof)])
 def test_more_records_than_fit_a_batch(tmp_path: Path, shapes: str) -> None:
     n = 210_000
     more = ' duration="{0}"' if shapes == "many" else ""

@@ -6,7 +6,7 @@ free text).
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from operator import attrgetter
@@ -133,8 +133,9 @@ class DeviceModel:
     @cached_property
     def _indices(self) -> tuple[dict[str, DataItem], ...]:
         """Items by name in observations, name, id and source; of one key the first item counts."""
-        keys = (self.item_name, *map(attrgetter, ("name", "id", "source")))
-        return tuple({key(i): i for i in reversed(self.items) if key(i)} for key in keys)
+        keys: list[Callable[[DataItem], str | None]] = [self.item_name]
+        keys += [attrgetter(name) for name in ("name", "id", "source")]
+        return tuple({k: i for i in reversed(self.items) if (k := key(i))} for key in keys)
 
 
 def device_of(attributes: dict[str, str], others: Iterable[Device]) -> Device:

@@ -61,7 +61,8 @@ def selection_of(whole: Content, source: RecordSource, root: Path) -> Selection:
 
 def _several_devices(whole: Content) -> bool:
     """Whether the streams in a file are of more than one device."""
-    mapped, at, seen = whole.mapped, -1, set()
+    mapped, at = whole.mapped, -1
+    seen: set[bytes] = set()
     while len(seen) < 2 and (at := mapped.find(b"DeviceStream ", at + 1)) >= 0:
         attributes = dict(_NAME.findall(mapped[at : at + 1024].split(b">", 1)[0]))
         seen.add(attributes.get(b"name") or attributes.get(b"uuid") or b"?")
