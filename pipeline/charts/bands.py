@@ -55,7 +55,7 @@ class Band:
         for mark in svg.ticks(self.low, self.high, most=most):
             y = self.pixel(mark)
             kind = "grid zero" if mark == 0 and self.low < 0 else "grid"
-            parts += [svg.across(y, kind), svg.text(0, y + 4, plain(mark), "tick end", dx=-6)]
+            parts += [svg.across(y, kind), svg.text(0, y + 4, tick_words(mark), "tick end", dx=-6)]
         return parts
 
     def content(self, parts: list[Markup]) -> Markup:
@@ -88,11 +88,12 @@ def clock(span: tuple[float, float], top: float, bottom: float) -> list[Markup]:
     parts = [svg.text(50, bottom + 31, "Time, s", "tick mid")]
     for mark in svg.ticks(*span, most=6):
         x = 100 * (mark - span[0]) / max(span[1] - span[0], 1e-12)
-        parts += [svg.down(x, top, bottom), svg.text(x, bottom + 16, plain(mark), svg.anchor(x))]
+        parts.append(svg.down(x, top, bottom))
+        parts.append(svg.text(x, bottom + 16, tick_words(mark), svg.anchor(x)))
     return parts
 
 
-def plain(mark: float) -> str:
+def tick_words(mark: float) -> str:
     """A tick's words, with a real minus and without one before 0."""
     return f"{mark + 0.0:.6g}".replace("-", "−")
 

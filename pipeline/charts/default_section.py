@@ -169,23 +169,32 @@ def _error(value: float | None) -> str:
     return "–" if value is None else number(value)
 
 
+def _listing(
+    caption: str, heads: Sequence[str], rows: Sequence[list[Cell]], made: Sequence[Source],
+    open_up_to: int = 0,
+) -> Table | None:  # fmt: skip
+    """A table of words, its first rows; longer ones than ``open_up_to`` rows are folded."""
+    if not rows:
+        return None
+    return Table(
+        caption=f"{caption}{left_out(len(rows), MOST_ROWS)}",
+        heads=names(*heads),
+        rows=list(rows[:MOST_ROWS]),
+        sources=list(made),
+        folded=len(rows) > open_up_to,
+    )
+
+
 def outside_table(verdict: Verdict, made: Sequence[Source]) -> Table | None:
     """Cases under conditions that the model was not fitted on."""
-    if not verdict.outside:
-        return None
     rows = [
         cells(Cell(text=one.case, code=True), one.condition,
               one.value if isinstance(one.value, str) else number(one.value), one.learnt,
               powers(unit_words(one.unit)))
-        for one in verdict.outside[:MOST_ROWS]
+        for one in verdict.outside
     ]  # fmt: skip
-    return Table(
-        caption=f"Outside of the conditions of training{left_out(len(verdict.outside), MOST_ROWS)}",
-        heads=names("Case", "condition", "value", "range of training", "unit"),
-        rows=rows,
-        sources=list(made),
-        folded=len(rows) > 10,
-    )
+    heads = ("Case", "condition", "value", "range of training", "unit")
+    return _listing("Outside of the conditions of training", heads, rows, made, open_up_to=10)
 
 
 def training_table(model: Model, made: Sequence[Source]) -> Table | None:
@@ -195,38 +204,24 @@ def training_table(model: Model, made: Sequence[Source]) -> Table | None:
               Cell(text=one.sha256, code=True))
         for case in model.trained_on for one in case.files
     ]  # fmt: skip
-    used = len(rows)
+    caption = (
+        f"Files that it was fitted on ({number(len(rows))}), and records left out "
+        f"({number(len(model.left_out))})"
+    )
     rows += [
         cells(Cell(text=one.case, code=True), "left out", one.reason, "–") for one in model.left_out
     ]
-    if not rows:
-        return None
-    return Table(
-        caption=f"Files that it was fitted on ({number(used)}), and records left out "
-        f"({number(len(rows) - used)}){left_out(len(rows), MOST_ROWS)}",
-        heads=names("Case", "use", "file, or why not", "sha256"),
-        rows=rows[:MOST_ROWS],
-        sources=list(made),
-        folded=True,
-    )
+    return _listing(caption, ("Case", "use", "file, or why not", "sha256"), rows, made)
 
 
 def files_table(trained_on: Sequence[Training], what: str, made: Sequence[Source]) -> Table | None:
     """Raw files by hash that a model was fitted on; ``what`` is the model with its verb."""
     files = {one.file: one.sha256 for case in trained_on for one in case.files}
-    if not files:
-        return None
     rows = [
         cells(Cell(text=file, code=True), Cell(text=sha256, code=True))
         for file, sha256 in sorted(files.items())
     ]
-    return Table(
-        caption=f"Files that {what} fitted on{left_out(len(rows), MOST_ROWS)}",
-        heads=names("File", "sha256"),
-        rows=rows[:MOST_ROWS],
-        sources=list(made),
-        folded=True,
-    )
+    return _listing(f"Files that {what} fitted on", ("File", "sha256"), rows, made)
 
 
 def left_out_table(verdict: Verdict, made: Sequence[Source]) -> Table | None:
@@ -237,16 +232,8 @@ def left_out_table(verdict: Verdict, made: Sequence[Source]) -> Table | None:
         for one in verdict.cases
         if one.note and not any(s.group == one.group for s in verdict.scores)
     ]
-    if not rows:
-        return None
-    return Table(
-        caption=f"Records that were not compared ({number(len(rows))}), and why"
-        f"{left_out(len(rows), MOST_ROWS)}",
-        heads=names("Record", "why"),
-        rows=rows[:MOST_ROWS],
-        sources=list(made),
-        folded=len(rows) > 10,
-    )
+    caption = f"Records that were not compared ({number(len(rows))}), and why"
+    return _listing(caption, ("Record", "why"), rows, made, open_up_to=10)
 
 
 def typical_and_worst(verdict: Verdict) -> tuple[Score, ...]:

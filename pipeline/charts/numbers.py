@@ -172,17 +172,12 @@ def moment(value: Any) -> str:
 
 
 def day_words(day: str, *, year: bool = False) -> str:
-    """``2016-10-12`` as ``Wed 12 Oct``, with the year when asked; other text as it is."""
+    """``2016-10-12`` as ``Wed 12 Oct``, with ``year`` also that; other text as it is."""
     try:
         d = date.fromisoformat(day)
     except ValueError:
         return day
-    words = [
-        WEEKDAYS[d.weekday()],
-        str(d.day),
-        MONTHS[d.month - 1],
-        *([str(d.year)] if year else []),
-    ]
+    words = (WEEKDAYS[d.weekday()], str(d.day), MONTHS[d.month - 1], *[str(d.year)] * year)
     return TOGETHER.join(words)
 
 
@@ -191,7 +186,7 @@ def day_list(days: list[str], most: int = 4) -> str:
     names = [day_words(d) for d in days[:most]]
     if len(days) > most:
         names.append(f"{len(days) - most} more")
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+    return joined(names)
 
 
 def counted(count: int, one: str, many: str | None = None) -> str:

@@ -14,13 +14,13 @@ FULL = 1000  # height of a curve's viewport, in its own units
 def tag(name: str, content: str | Markup = "", **attributes: str | float | None) -> Markup:
     """One SVG element; ``class_`` is written ``class`` and ``_`` in names becomes ``-``."""
     parts = [
-        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _plain(value))
+        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _short(value))
         for key, value in attributes.items() if value is not None
     ]  # fmt: skip
     return Markup("<{0}{1}>{2}</{0}>").format(name, Markup("").join(parts), escape(content))
 
 
-def _plain(value: str | float) -> str:
+def _short(value: str | float) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 
@@ -62,7 +62,7 @@ def map_plot(parts: list[Markup], *, wide: float, most: float, label: str) -> Ma
 
 def text(x: float, y: float, words: str, kind: str = "", dx: float = 0) -> Markup:
     """Words at ``x`` percent and ``y`` pixels; ``kind`` holds their CSS classes."""
-    return tag("text", words, x=f"{_plain(float(x))}%", y=float(y), dx=dx or None, class_=kind)
+    return tag("text", words, x=f"{_short(float(x))}%", y=float(y), dx=dx or None, class_=kind)
 
 
 def across(y: float, kind: str = "grid") -> Markup:
@@ -72,7 +72,7 @@ def across(y: float, kind: str = "grid") -> Markup:
 
 def down(x: float, y1: float, y2: float, kind: str = "grid") -> Markup:
     """A vertical line at ``x`` percent."""
-    at = f"{_plain(float(x))}%"
+    at = f"{_short(float(x))}%"
     return tag("line", x1=at, x2=at, y1=float(y1), y2=float(y2), class_=kind)
 
 

@@ -190,7 +190,7 @@ class MethodTried:
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualConditions:
-    """Conditions under which the waveform residual was learnt, and the feeds it is used for."""
+    """Conditions under which the waveform residual was identified, and the feeds it is used for."""
 
     speed_rpm: float
     axial_depth_mm: float

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.store import write_json
-from pipeline.schema.structure import plain, structured
+from pipeline.schema.structure import structured, unstructured
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
 """Quantity to be minimised; ``pareto`` takes the knee of the front of all that are known."""
@@ -415,7 +415,7 @@ class OptimisedPart:
 
 def part_values(part: OptimisedPart) -> dict[str, Any]:
     """A part as it is stored: limits that do not hold are left out."""
-    values: dict[str, Any] = plain(part)
+    values: dict[str, Any] = unstructured(part)
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values

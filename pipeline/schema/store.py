@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pipeline.schema.structure import plain, structured
+from pipeline.schema.structure import structured, unstructured
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,7 +29,7 @@ def json_text(document: Any) -> str:
     ValueError
         When a number is infinite or NaN: what is not known is ``None``.
     """
-    return json.dumps(plain(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json.dumps(unstructured(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def write_json(document: Any, path: Path) -> None:

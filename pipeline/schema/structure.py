@@ -45,7 +45,7 @@ def structured(value: Any, wanted: type[T], path: str) -> T:
         raise ValueError(reasons) from error
 
 
-def plain(value: Any) -> Any:
+def unstructured(value: Any) -> Any:
     """A dataclass as mappings, lists, numbers and words, in the order of its fields.
 
     A limit that is infinite is left out: JSON has no number for it, and it is so by default.

@@ -58,7 +58,7 @@ class Score(Figures):
     baselines : mapping of str to Figures
         The same errors of each baseline on the same samples.
     limits : mapping of str to float
-        Greatest value of an error (by its name above), None of them where nothing is asked.
+        Greatest value of an error (by its name above), empty where nothing is required.
     status : Status
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
@@ -97,7 +97,7 @@ class Skill:
 
 @dataclass(frozen=True, kw_only=True)
 class OutsideConditions:
-    """A case under a condition that the model was not fitted on; ``learnt`` says the range."""
+    """A case outside of a condition of training, whose range ``learnt`` says."""
 
     case: str
     condition: str
@@ -157,7 +157,7 @@ class Verdict:
     skills : tuple of Skill
         Over the groups that decided, against each baseline.
     outside : tuple of OutsideConditions
-        Cases outside of the conditions that were learnt from.
+        Cases outside of the conditions of training.
     cases : tuple of JudgedCase
         Every case that was compared.
     left_out : tuple of LeftOut

@@ -13,6 +13,7 @@ __all__ = [
     "contracts",
     "formats",
     "ingest",
+    "literals",
     "mtconnect",
     "recordings",
     "sampling",

@@ -154,9 +154,11 @@ def field(name: str) -> pa.Field:
     return pa.field(name, pa.string() if c.text else pa.float64(), metadata={"unit": c.unit})
 
 
+TIME = pa.timestamp("ns", tz="UTC")
+
 OBSERVATIONS = pa.schema(
     [
-        pa.field("time", pa.timestamp("ns", tz="UTC"), nullable=False),
+        pa.field("time", TIME, nullable=False),
         pa.field("data_item", pa.dictionary(pa.int32(), pa.string()), nullable=False),
         pa.field("number", pa.float64()),
         pa.field("text", pa.dictionary(pa.int32(), pa.string())),
@@ -189,3 +191,58 @@ REJECTED = pa.schema(
     ]
 )
 """What could not be read: file, line (null for the whole file), reason, its beginning."""
+
+RUNS = pa.schema(
+    [
+        pa.field("recording", pa.string(), nullable=False),
+        pa.field("file", pa.string(), nullable=False),
+        pa.field("format", pa.string(), nullable=False),
+        pa.field("start", TIME),
+        pa.field("end", TIME),
+        pa.field("rows", pa.int64(), nullable=False),
+    ]
+)
+"""One row a recording; further columns are its conditions."""
+
+AUDIT = pa.schema(
+    [
+        pa.field("time", TIME, nullable=False),
+        pa.field("data_item", pa.string(), nullable=False),
+        pa.field("before", pa.string()),
+        pa.field("after", pa.string()),
+        pa.field("rule", pa.string(), nullable=False),
+    ]
+)
+GAPS = pa.schema(
+    [
+        pa.field("data_item", pa.string()),
+        pa.field("start", TIME, nullable=False),
+        pa.field("end", TIME),
+        pa.field("cause", pa.string(), nullable=False),
+    ]
+)
+CYCLES = pa.schema(
+    [
+        pa.field("cycle", pa.int64(), nullable=False),
+        pa.field("program", pa.string()),
+        pa.field("part", pa.string()),
+        pa.field("start", TIME, nullable=False),
+        pa.field("end", TIME, nullable=False),
+        *(
+            pa.field(n, pa.float64(), nullable=False, metadata={"unit": "SECOND"})
+            for n in ("active_s", "feed_hold_s", "interrupted_s", "idle_s")
+        ),
+        pa.field("tool_changes", pa.int64(), nullable=False),
+        pa.field("complete", pa.bool_(), nullable=False),
+    ]
+)
+SEGMENTS = pa.schema(
+    [
+        pa.field("start", TIME, nullable=False),
+        pa.field("end", TIME, nullable=False),
+        pa.field("kind", pa.string(), nullable=False),
+    ]
+)
+
+GAP_CAUSES = ("unavailable", "silence", "instance", "sequence")
+SEGMENT_KINDS = ("off", "warm_up", "idle", "air", "cut")

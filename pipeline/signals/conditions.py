@@ -14,6 +14,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.signals.columns import RUNS
 from pipeline.signals.units import conversion
 
 SAME_CONDITION = 1e-6
@@ -161,17 +162,13 @@ def _agree(one: Condition, other: Condition) -> bool:
     return abs(one.value - value) <= SAME_CONDITION * max(abs(one.value), abs(value))
 
 
-RUN_COLUMNS = ("recording", "file", "format", "start", "end", "rows")
-"""Columns of ``runs.parquet`` that every recording has; further ones are conditions."""
-
-
 def conditions_in_runs(path: Path) -> dict[str, dict[str, Condition]]:
     """Conditions in the further columns of ``runs.parquet`` by raw file; empty without the file."""
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException):
         return {}
-    names = [name for name in table.column_names if name not in RUN_COLUMNS]
+    names = [name for name in table.column_names if name not in RUNS.names]
     units = {name: unit_of(table.schema.field(name)) for name in names}
     found: dict[str, dict[str, Condition]] = {}
     for row in table.select(["file", *names]).to_pylist():

@@ -9,19 +9,42 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+import pyarrow
 
-from pipeline.signals.columns import COLUMNS, KINDS, Column
+from pipeline.signals.columns import (
+    AUDIT,
+    COLUMNS,
+    CYCLES,
+    GAP_CAUSES,
+    GAPS,
+    KINDS,
+    OBSERVATIONS,
+    REJECTED,
+    RUNS,
+    SEGMENT_KINDS,
+    SEGMENTS,
+    Column,
+)
 
 if TYPE_CHECKING:
     import pandera.pandas as pa
 
-TABLES = ("observations", "traces", "runs", "rejected", "state", "cycles", "segments", "gaps",
-          "audit")  # fmt: skip
-GAP_CAUSES = ("unavailable", "silence", "instance", "sequence")
-SEGMENT_KINDS = ("off", "warm_up", "idle", "air", "cut")
+SCHEMAS = {
+    "observations": OBSERVATIONS, "runs": RUNS, "rejected": REJECTED, "cycles": CYCLES,
+    "segments": SEGMENTS, "gaps": GAPS, "audit": AUDIT,
+}  # fmt: skip
+"""Tables whose columns are always the same."""
+TABLES = ("observations", "traces", "state", *tuple(SCHEMAS)[1:])
 
-_CLOSED = ("state", "observations", "rejected", "cycles", "segments", "gaps")
-"""Tables that have no columns but their own."""
+_OPEN = ("traces", "runs")
+"""Tables that may have columns beside their own."""
+
+_AMONG = {("observations", "kind"): KINDS, ("segments", "kind"): SEGMENT_KINDS,
+          ("gaps", "cause"): GAP_CAUSES}  # fmt: skip
+"""Words that a column may hold."""
+
+_NOT_NEGATIVE = {"sequence", "rows", "line", "active_s", "feed_hold_s", "interrupted_s", "idle_s",
+                 "tool_changes"}  # fmt: skip
 
 _REMEDY = {
     "observations": "read the raw file again",
@@ -83,13 +106,8 @@ def schema(table_name: str, present: Iterable[str] = ()) -> "pa.DataFrameSchema"
 
     if table_name not in TABLES:
         raise ValueError(f"table {table_name!r} has no contract; name one of {', '.join(TABLES)}")
-    if table_name in ("state", "traces"):
-        columns = _wide(table_name, list(present))
-    else:
-        columns = {"observations": _observations, "runs": _runs, "rejected": _rejected,
-                   "cycles": _cycles, "segments": _segments, "gaps": _gaps,
-                   "audit": _audit}[table_name]()  # fmt: skip
-    return pa.DataFrameSchema(columns, strict=table_name in _CLOSED)
+    columns = _fixed(table_name) if table_name in SCHEMAS else _wide(table_name, list(present))
+    return pa.DataFrameSchema(columns, strict=table_name not in _OPEN)
 
 
 def _of(accepts: str, *, nullable: bool = False, checks: Any = None) -> "pa.Column":
@@ -115,12 +133,6 @@ def _is_words(series: pd.Series) -> bool:
     return all(isinstance(word, str) for word in series.dropna().unique())
 
 
-def _among(words: Iterable[str]) -> Any:
-    import pandera.pandas as pa
-
-    return [pa.Check.isin(list(words), error=f"one of {', '.join(words)}")]
-
-
 def _between(column: Column) -> Any:
     import pandera.pandas as pa
 
@@ -129,10 +141,27 @@ def _between(column: Column) -> Any:
     return [pa.Check.in_range(column.low, column.high, error=text)]
 
 
-def _not_negative() -> Any:
+def _fixed(table_name: str) -> "dict[str, pa.Column]":
+    """Columns of a table by its Arrow schema."""
     import pandera.pandas as pa
 
-    return [pa.Check.ge(0, error="at least 0")]
+    columns = {}
+    for one in SCHEMAS[table_name]:
+        checks = None
+        if among := _AMONG.get((table_name, one.name)):
+            checks = [pa.Check.isin(list(among), error=f"one of {', '.join(among)}")]
+        elif one.name in _NOT_NEGATIVE:
+            checks = [pa.Check.ge(0, error="at least 0")]
+        columns[one.name] = _of(_accepts(one.type), nullable=one.nullable, checks=checks)
+    return columns
+
+
+def _accepts(kind: pyarrow.DataType) -> str:
+    if pyarrow.types.is_timestamp(kind):
+        return "time"
+    if pyarrow.types.is_boolean(kind):
+        return "truth"
+    return "number" if pyarrow.types.is_primitive(kind) else "word"
 
 
 def _wide(table_name: str, present: list[str]) -> "dict[str, pa.Column]":
@@ -150,69 +179,6 @@ def _wide(table_name: str, present: list[str]) -> "dict[str, pa.Column]":
             checks = _between(known) if table_name == "state" else None
             columns[name] = _of("number", nullable=True, checks=checks)
     return columns
-
-
-def _observations() -> "dict[str, pa.Column]":
-    return {
-        "time": _of("time"),
-        "data_item": _of("word"),
-        "number": _of("number", nullable=True),
-        "text": _of("word", nullable=True),
-        "sequence": _of("number", checks=_not_negative()),
-        "kind": _of("word", checks=_among(KINDS)),
-        "key": _of("word", nullable=True),
-        "attributes": _of("word", nullable=True),
-        "instance": _of("number", nullable=True),
-    }
-
-
-def _runs() -> "dict[str, pa.Column]":
-    return {
-        "recording": _of("word"),
-        "file": _of("word"),
-        "start": _of("time", nullable=True),
-        "end": _of("time", nullable=True),
-        "rows": _of("number", checks=_not_negative()),
-    }
-
-
-def _rejected() -> "dict[str, pa.Column]":
-    return {
-        "file": _of("word"),
-        "line": _of("number", nullable=True, checks=_not_negative()),
-        "reason": _of("word"),
-        "excerpt": _of("word", nullable=True),
-    }
-
-
-def _cycles() -> "dict[str, pa.Column]":
-    seconds = ("active_s", "feed_hold_s", "interrupted_s", "idle_s")
-    return {
-        "cycle": _of("number"),
-        "program": _of("word", nullable=True),
-        "part": _of("word", nullable=True),
-        "start": _of("time"),
-        "end": _of("time"),
-        **{name: _of("number", checks=_not_negative()) for name in seconds},
-        "tool_changes": _of("number", checks=_not_negative()),
-        "complete": _of("truth"),
-    }
-
-
-def _segments() -> "dict[str, pa.Column]":
-    return {"start": _of("time"), "end": _of("time"),
-            "kind": _of("word", checks=_among(SEGMENT_KINDS))}  # fmt: skip
-
-
-def _gaps() -> "dict[str, pa.Column]":
-    return {"data_item": _of("word", nullable=True), "start": _of("time"),
-            "end": _of("time", nullable=True),
-            "cause": _of("word", checks=_among(GAP_CAUSES))}  # fmt: skip
-
-
-def _audit() -> "dict[str, pa.Column]":
-    return {"time": _of("time"), "data_item": _of("word"), "before": _of("word", nullable=True),
-            "after": _of("word", nullable=True), "rule": _of("word")}  # fmt: skip
 
 
 def _check_columns(table_name: str, frame: pd.DataFrame, contract: "pa.DataFrameSchema") -> None:

@@ -7,13 +7,17 @@ bytes of a file; gzip is unpacked up to where it is cut or damaged.
 
 import codecs
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Any, Literal
 
+import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
+
+from pipeline.signals.columns import KINDS, OBSERVATIONS
 
 Format = Literal[
     "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms", "program"
@@ -168,18 +172,26 @@ class RecordSource:
     table: TableLayout | None = None
 
 
-class ObservationReader(Protocol):
-    """``read`` of the modules for logs and documents."""
+def observations_of(columns: Mapping[str, Sequence[Any]], rows: int) -> pa.Table:
+    """Table of observations from values column by column; what is left out is null."""
+    arrays = []
+    for one in OBSERVATIONS:
+        values = columns.get(one.name, [None] * rows)
+        if one.name == "kind":
+            arrays.append(encoded(np.array([KINDS.index(v) for v in values], np.int32), KINDS))
+        elif pa.types.is_dictionary(one.type):
+            arrays.append(pa.array(values, pa.string()).dictionary_encode())
+        else:
+            arrays.append(pa.array(values, one.type))
+    return pa.table(arrays, schema=OBSERVATIONS)
 
-    def __call__(self, path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
-        """Read ``path``; ``root`` is the machine's raw folder."""
 
-
-class TraceReader(Protocol):
-    """``read`` of the modules for tables."""
-
-    def __call__(self, path: Path, source: RecordSource, root: Path) -> Trace:
-        """Read ``path``; ``root`` is the machine's raw folder."""
+def encoded(codes: NDArray[np.integer], words: Sequence[str] | pa.Array) -> pa.DictionaryArray:
+    """Words by their number; null where it is negative."""
+    codes = codes.astype(np.int32, copy=False)
+    absent = codes < 0
+    indices = pa.array(codes, mask=absent) if absent.any() else pa.array(codes)
+    return pa.DictionaryArray.from_arrays(indices, pa.array(words, pa.string()))
 
 
 GZIP_MAGIC = b"\x1f\x8b"

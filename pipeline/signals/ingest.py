@@ -9,30 +9,26 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.formats import RecordSource, Rejection, Trace, UnreadableFile
+from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
 from pipeline.signals.store import (
     Entry,
     parquet_name,
     read_manifest,
     read_rejections,
     remove_stale,
-    replacing,
     sha256_of,
     write_data_items,
     write_manifest,
     write_observations,
     write_rejected,
     write_runs,
+    write_trace,
 )
 
 
@@ -149,10 +145,23 @@ NOT_NAMED = "no source in the machine's file in conf/machine/ names it"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one raw file: its entry in the manifest, and its rejections."""
+    """What became of one raw file: its entry in the manifest, with the rejections themselves."""
 
-    entry: Entry
-    rejected: list[Rejection]
+    format: str | None
+    read: int = 1
+    kept: int = 0
+    rows: int = 0
+    first: str | None = None
+    last: str | None = None
+    output: str | None = None
+    reason: str | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+    rejected: list[Rejection] = field(default_factory=list)
+
+    def entry(self, file: RawFile) -> Entry:
+        """The entry of ``file`` in the manifest."""
+        made_from = {"sha256": file.made_from["sha256"], "made_from": file.made_from}
+        return {**vars(self), "rejected": len(self.rejected), **made_from}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,9 +221,7 @@ def ingest(
         if file.name not in entries:
             progress(file.name)
             outcome = _read(file, raw, out)
-            entries[file.name] = {
-                **outcome.entry, "sha256": file.made_from["sha256"], "made_from": file.made_from,
-            }  # fmt: skip
+            entries[file.name] = outcome.entry(file)
             rejections[file.name] = outcome.rejected
     remove_stale(out, entries)
     write_rejected({n: rejections.get(n, []) for n in sorted(entries)}, out / "rejected.parquet")
@@ -244,75 +251,30 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
         return _unreadable(file.broken, source.format if source else None)
     if source is None:
         return _unreadable(NOT_NAMED, None)
-    if source.format == "program":
-        return _program()
+    if source.format == "program":  # nothing of it is a signal
+        return Outcome(format="program", kept=1)
     module, _, function = READERS[source.format].partition(":")
     read = getattr(import_module(f"pipeline.signals.{module}"), function)
-    target = parquet_name(file.name)
+    observing = source.format in OBSERVING
+    target = f"{'observations' if observing else 'traces'}/{parquet_name(file.name)}"
+    notes: dict[str, Any] = {}
     try:
-        if source.format in OBSERVING:
-            return _observations(read(file.path, source, raw), out, target, source.format)
-        return _trace(read(file.path, source, raw), out, target, source.format)
+        found = read(file.path, source, raw)
+        if observing:
+            written = write_observations(found, out / target)
+        else:
+            written = write_trace(found, out / target)
+            notes = json.loads((found.table.schema.metadata or {}).get(b"notes", b"{}"))
     except UnreadableFile as error:
         return _unreadable(str(error), source.format)
     except ValueError as error:
         raise ValueError(f"{file.name}: {error}") from error
-
-
-def _observations(batches: Any, out: Path, target: str, form: str) -> Outcome:
-    written = write_observations(batches, out / "observations" / target)
-    entry = {
-        "format": form,
-        "read": written.read,
-        "kept": written.kept,
-        "rejected": written.rejected,
-        "rows": written.rows,
-        "first": written.first,
-        "last": written.last,
-        "output": f"observations/{target}",
-        "reason": None,
-        "notes": {},
-    }
-    return Outcome(entry=entry, rejected=written.rejections)
-
-
-def _trace(trace: Trace, out: Path, target: str, form: str) -> Outcome:
-    table = trace.table
-    with replacing(out / "traces" / target) as part:
-        pq.write_table(table, part, compression="zstd")
-    first, last = _ends(table)
-    entry = {
-        "format": form,
-        "read": trace.read,
-        "kept": trace.kept,
-        "rejected": len(trace.rejected),
-        "rows": table.num_rows,
-        "first": first,
-        "last": last,
-        "output": f"traces/{target}",
-        "reason": None,
-        "notes": json.loads((table.schema.metadata or {}).get(b"notes", b"{}")),
-    }
-    return Outcome(entry=entry, rejected=trace.rejected)
-
-
-def _ends(table: pa.Table) -> tuple[str | None, str | None]:
-    """Earliest and latest time (ISO 8601, UTC); None where times only count from the start."""
-    if "time" not in table.column_names or not table.num_rows:
-        return None, None
-    time = table["time"].cast(pa.int64()).to_numpy()
-    first, last = (f"{np.datetime64(int(ns), 'ns')}Z" for ns in (time.min(), time.max()))
-    return first, last
-
-
-def _program() -> Outcome:
-    """A part program: nothing of it is a signal."""
-    entry: Entry = {"format": "program", "read": 1, "kept": 1, "rejected": 0, "rows": 0}
-    entry |= {"first": None, "last": None, "output": None, "reason": None, "notes": {}}
-    return Outcome(entry=entry, rejected=[])
+    return Outcome(
+        format=source.format, read=written.read, kept=written.kept, rows=written.rows,
+        first=written.first, last=written.last, output=target, notes=notes,
+        rejected=written.rejections,
+    )  # fmt: skip
 
 
 def _unreadable(reason: str, form: str | None) -> Outcome:
-    entry: Entry = {"format": form, "read": 1, "kept": 0, "rejected": 1, "rows": 0, "notes": {}}
-    missing = {"first": None, "last": None, "output": None, "reason": reason}
-    return Outcome(entry={**entry, **missing}, rejected=[Rejection(line=None, reason=reason)])
+    return Outcome(format=form, reason=reason, rejected=[Rejection(line=None, reason=reason)])

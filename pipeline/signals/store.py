@@ -9,7 +9,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +17,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pipeline.signals.columns import OBSERVATIONS, REJECTED
-from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.columns import OBSERVATIONS, REJECTED, RUNS, TIME
+from pipeline.signals.formats import Batch, RecordSource, Rejection, Trace, UnreadableFile
 
 GROUP = 1 << 19
 """Rows that are gathered before a row group is written."""
 
 _WORDS = ["data_item", "text", "kind", "key", "attributes"]
-
-Moment = str | datetime | np.datetime64
-"""A point in time; UTC where it names no zone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +72,7 @@ def write_observations(batches: Iterable[Batch], path: Path) -> Written:
         for table in _groups(_counted(batches, rejections, counts)):
             writer.write_table(table, row_group_size=2 * GROUP)
             rows += len(table)
-            ends = pc.min_max(table["time"].cast(pa.int64()))
-            times += [ends["min"].as_py(), ends["max"].as_py()]
+            times += _ends(table)
     read, kept = counts
     return Written(
         read=read,
@@ -88,6 +83,25 @@ def write_observations(batches: Iterable[Batch], path: Path) -> Written:
         last=_iso(max(times)) if times else None,
         rejections=rejections,
     )
+
+
+def write_trace(trace: Trace, path: Path) -> Written:
+    """Write one trace; ``first`` and ``last`` are None where times only count from the start."""
+    table = trace.table
+    with replacing(path) as part:
+        pq.write_table(table, part, compression="zstd")
+    dated = "time" in table.column_names and table.num_rows > 0
+    first, last = map(_iso, _ends(table)) if dated else (None, None)
+    return Written(
+        read=trace.read, kept=trace.kept, rejected=len(trace.rejected), rows=table.num_rows,
+        first=first, last=last, rejections=trace.rejected,
+    )  # fmt: skip
+
+
+def _ends(table: pa.Table) -> tuple[int, int]:
+    """Earliest and latest time [ns since 1970] of a table that has rows."""
+    ends = pc.min_max(table["time"].cast(pa.int64())).as_py()
+    return ends["min"], ends["max"]
 
 
 def _layout() -> dict[str, Any]:
@@ -137,12 +151,14 @@ def _counted(
 def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
     """Tables joined until they have enough rows for a row group."""
     held: list[pa.Table] = []
+    rows = 0
     for table in tables:
         if len(table):
             held.append(table)
-        if sum(map(len, held)) >= GROUP:
+            rows += len(table)
+        if rows >= GROUP:
             yield _joined(held)
-            held = []
+            held, rows = [], 0
     if held:
         yield _joined(held)
 
@@ -180,110 +196,11 @@ def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> i
     return len(said)
 
 
-def read_observations(
-    folder: Path,
-    items: Iterable[str] | None = None,
-    start: Moment | None = None,
-    end: Moment | None = None,
-) -> pa.Table:
-    """All observations of a machine, in the order of time.
-
-    Rows of one time stand in the order of the files' names, then of ``sequence``, then as written.
-    Where documents of one agent overlap, a row that has ``instance`` is kept once: rows equal in
-    instance, sequence, data_item and key are the same observation.
-
-    Parameters
-    ----------
-    folder : Path
-        ``data/signals/<machine>/observations``.
-    items : iterable of str or None
-        Data items to keep; None keeps all.
-    start, end : str, datetime, datetime64 or None
-        ``start <= time < end``.
-
-    Returns
-    -------
-    pyarrow.Table
-        Of ``OBSERVATIONS``.
-    """
-    wanted = None if items is None else pa.array(list(items), pa.string())
-    bounds = [None if m is None else _ns(m) for m in (start, end)]
-    tables = [_selected(path, wanted, *bounds) for path in sorted(folder.glob("*.parquet"))]
-    if not tables:
-        return OBSERVATIONS.empty_table()
-    table = pa.concat_tables(tables).unify_dictionaries().combine_chunks()
-    of_file = np.repeat(np.arange(len(tables)), [len(t) for t in tables])
-    time, sequence = _numpy(table, "time"), _numpy(table, "sequence")
-    order = np.lexsort((sequence, of_file, time))
-    return table.take(pa.array(order[_first_of_each(table, order)]))
-
-
-def _numpy(table: pa.Table, name: str) -> Any:
-    column = table[name]
-    whole = column.cast(pa.int64()) if name == "time" else column
-    return whole.to_numpy()
-
-
-def _ns(moment: Moment) -> int:
-    if isinstance(moment, np.datetime64):
-        return int(moment.astype("datetime64[ns]").astype(np.int64))
-    at = datetime.fromisoformat(moment) if isinstance(moment, str) else moment
-    at = at.replace(tzinfo=UTC) if at.tzinfo is None else at
-    past = at - datetime(1970, 1, 1, tzinfo=UTC)
-    return (past.days * 86400 + past.seconds) * 10**9 + past.microseconds * 1000
-
-
-def _selected(path: Path, items: pa.Array | None, start: int | None, end: int | None) -> pa.Table:
-    """Rows of one file; row groups outside the times are not read."""
-    time = pc.field("time")
-    conditions = []
-    if start is not None:
-        conditions.append(time >= pa.scalar(start, pa.timestamp("ns", tz="UTC")))
-    if end is not None:
-        conditions.append(time < pa.scalar(end, pa.timestamp("ns", tz="UTC")))
-    if items is not None:
-        conditions.append(pc.field("data_item").isin(items))
-    where = None
-    for condition in conditions:
-        where = condition if where is None else where & condition
-    return pq.read_table(path, filters=where).cast(OBSERVATIONS)
-
-
-def _first_of_each(table: pa.Table, order: Any) -> Any:
-    """Which places of ``order`` hold the first row of an observation that may stand in several."""
-    keep = np.ones(len(order), bool)
-    known = table["instance"].is_valid().to_numpy()[order]
-    if not known.any():
-        return keep
-    at = np.flatnonzero(known)
-    chosen = table.take(pa.array(order[at]))
-    codes = [chosen[name].combine_chunks().indices.fill_null(-1) for name in ("data_item", "key")]
-    columns = [chosen["instance"], chosen["sequence"], *codes]
-    by = [np.asarray(column) for column in columns]
-    ranked = np.lexsort(by)  # stable: the first of equal rows comes first
-    same = np.ones(max(len(ranked) - 1, 0), bool)
-    for column in by:
-        same &= column[ranked][1:] == column[ranked][:-1]
-    keep[at[ranked[1:][same]]] = False
-    return keep
-
-
 Entry = dict[str, Any]
 """One raw file in the manifest."""
 
 LONGEST = 160
 """Bytes of a raw file's name that go into the name of its Parquet; file systems allow 255."""
-
-RUNS = pa.schema(
-    [
-        ("recording", pa.string()),
-        ("file", pa.string()),
-        ("format", pa.string()),
-        ("start", pa.timestamp("ns", tz="UTC")),
-        ("end", pa.timestamp("ns", tz="UTC")),
-        ("rows", pa.int64()),
-    ]
-)
 
 
 def read_manifest(out: Path) -> dict[str, Entry]:
@@ -317,23 +234,16 @@ def read_rejections(out: Path) -> dict[str, list[Rejection]]:
 
 def write_runs(out: Path, entries: dict[str, Entry]) -> None:
     """Write ``runs.parquet``: one row a recording that was read."""
-    rows = [
-        {
-            "recording": Path(name).stem,
-            "file": name,
-            "format": entry["format"],
-            "start": entry["first"],
-            "end": entry["last"],
-            "rows": entry["rows"],
-        }
-        for name, entry in sorted(entries.items())
-        if entry["output"] is not None
+    read = [(name, e) for name, e in sorted(entries.items()) if e["output"] is not None]
+    keys = ("format", "first", "last", "rows")
+    rows = [(Path(name).stem, name, *(e[key] for key in keys)) for name, e in read]
+    columns = zip(*rows, strict=True) if rows else [()] * len(RUNS)
+    arrays = [
+        pa.array(values, pa.string()).cast(one.type)  # times in ISO 8601
+        if one.type == TIME
+        else pa.array(values, one.type)
+        for one, values in zip(RUNS, columns, strict=True)
     ]
-    arrays = []
-    for column in RUNS:
-        values = [row[column.name] for row in rows]
-        words = pa.types.is_timestamp(column.type)  # ISO 8601
-        arrays.append(pa.array(values, pa.string() if words else column.type).cast(column.type))
     table = pa.table(arrays, names=RUNS.names)
     with replacing(out / "runs.parquet") as part:
         pq.write_table(table, part, compression="zstd")

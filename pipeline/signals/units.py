@@ -94,7 +94,7 @@ AMBIGUOUS = {
 }
 
 # Of several MTConnect units for one dimension, the one that the names in the text ask for.
-ASKED = (
+PREFERRED = (
     ("hertz", "HERTZ"),
     ("turn", "REVOLUTION/MINUTE"),
     ("revolution", "REVOLUTION/MINUTE"),
@@ -152,7 +152,7 @@ def conversion(from_unit: str, to_unit: str) -> tuple[float, float]:
     >>> conversion("°C", "CELSIUS")
     (1.0, 0.0)
     """
-    source, target = _plain(from_unit), _plain(to_unit)
+    source, target = _normalised(from_unit), _normalised(to_unit)
     if source == target and source in _KNOWN:
         return 1.0, 0.0
     return _conversion(source, target)
@@ -192,19 +192,19 @@ def mtconnect_unit(unit: str) -> str:
     ValueError
         When the unit is not known, or is a letter that stands for several quantities.
     """
-    plain = _plain(unit)
-    if plain in MTCONNECT_UNITS or not plain:
-        return plain
-    if plain in AMBIGUOUS:
-        either = " or ".join(repr(name) for name in AMBIGUOUS[plain])
-        raise ValueError(f"unit {plain!r} can be {either}: write the one that is meant")
-    alike = _alike().get(_dimension(plain), [plain])
-    names = " ".join(_names(_parsed(plain)))
-    asked = [choice for word, choice in ASKED if word in names and choice in alike]
-    return (asked or alike)[0]
+    text = _normalised(unit)
+    if text in MTCONNECT_UNITS or not text:
+        return text
+    if text in AMBIGUOUS:
+        either = " or ".join(repr(name) for name in AMBIGUOUS[text])
+        raise ValueError(f"unit {text!r} can be {either}: write the one that is meant")
+    alike = _alike().get(_dimension(text), [text])
+    names = " ".join(_names(_parsed(text)))
+    preferred = [choice for word, choice in PREFERRED if word in names and choice in alike]
+    return (preferred or alike)[0]
 
 
-def _plain(unit: str) -> str:
+def _normalised(unit: str) -> str:
     """Text without brackets, namespace and ``_3D``, as MTConnect's name where it is one."""
     text = unit.strip()
     if text[:1] + text[-1:] in ("[]", "()") and text != "[-]":
@@ -237,8 +237,8 @@ def _meanings(text: str) -> list[Any]:
 
 
 @lru_cache(maxsize=4096)
-def _dimension(plain: str) -> tuple[tuple[str, Fraction], ...]:
-    return tuple(sorted(_parsed(plain).dimensionality.items()))
+def _dimension(text: str) -> tuple[tuple[str, Fraction], ...]:
+    return tuple(sorted(_parsed(text).dimensionality.items()))
 
 
 @lru_cache(maxsize=1)

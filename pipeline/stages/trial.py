@@ -1,6 +1,6 @@
 """Stage: the simulated shop floor cuts parts by their programs before and after.
 
-It is told the two texts and the limit of the load, and nothing that the twin knows.
+It gets the two texts and the limit of the load, and nothing that the twin knows.
 """
 
 import json

@@ -28,7 +28,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import DriveAxis, DriveModel
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import StoreError, read_json
-from pipeline.schema.structure import plain, structured
+from pipeline.schema.structure import structured, unstructured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -420,7 +420,7 @@ def identified_drive(axis: DriveAxis) -> IdentifiedDrive:
         values = {name: value for name, value in vars(axis.servo).items() if value is not None}
         servo = ServoParameters(**values)
     return IdentifiedDrive(
-        feed_drive=structured(plain(axis.feed_drive), FeedDriveParameters, "feed_drive"),
+        feed_drive=structured(unstructured(axis.feed_drive), FeedDriveParameters, "feed_drive"),
         servo=servo, command_unit=axis.command_unit, force_unit=axis.force_unit,
         servo_reason=axis.servo_reason, bandwidth_Hz=axis.fit.bandwidth_Hz,
         delay=axis.fit.delay_s or 0.0,

@@ -14,7 +14,7 @@ MEGABYTES = int(os.environ.get("KERF_BENCHMARK_MB", "150"))
 CONVERT = """
 import resource, sys, time
 from pathlib import Path
-from pipeline.signals.records import RecordSource
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.shdr.log import read
 from pipeline.signals.store import write_observations
 log, out = Path(sys.argv[1]), Path(sys.argv[2])

@@ -85,7 +85,7 @@ def test_a_steady_item_that_is_silent_while_others_speak_is_a_gap():
 
 
 def test_a_changed_instance_is_a_gap():
-    (gap,) = instances(ns(0, 1, 5, 6), np.array([7, 7, 8, 8], np.uint64), np.ones(4, bool))
+    (gap,) = instances(ns(0, 1, 5, 6), np.array([7, 7, 8, 8], np.uint64))
     assert (gap.start // NS, gap.end // NS, gap.cause) == (1, 5, "instance")
 
 
@@ -93,25 +93,22 @@ def test_a_missing_sequence_number_is_a_gap_near_the_top_of_64_bits():
     top = 2**64 - 1
     sequence = np.array([*range(top - 20, top - 5), *range(top - 3, top)], dtype=np.uint64)
     time = ns(*range(len(sequence)))
-    given, instance = np.ones(len(sequence), bool), np.full(len(sequence), 1, np.uint64)
-    (gap,) = missing_sequences(time, sequence, instance, given)
+    (gap,) = missing_sequences(time, sequence, np.full(len(sequence), 1, np.uint64))
     assert (gap.start // NS, gap.end // NS, gap.cause) == (14, 15, "sequence")
 
 
 def test_a_record_that_is_a_choice_from_the_stream_has_no_sequence_gaps():
     n = 50
-    found = missing_sequences(
-        ns(*range(n)), np.arange(n, dtype=np.uint64) * 7, np.ones(n, np.uint64), np.ones(n, bool)
-    )
-    assert found == []
+    sequence = np.arange(n, dtype=np.uint64) * 7
+    assert missing_sequences(ns(*range(n)), sequence, np.ones(n, np.uint64)) == []
 
 
 def test_numbers_that_go_on_prove_that_a_silence_lost_nothing():
     gap = Gap(start=1 * NS, end=50 * NS, data_item=None, cause="silence")
-    time, instance, given = ns(0, 1, 50), np.ones(3, np.uint64), np.ones(3, bool)
-    assert continuous(gap, time, np.array([4, 5, 6], np.uint64), instance, given)
-    assert not continuous(gap, time, np.array([4, 5, 7], np.uint64), instance, given)
-    assert not continuous(gap, time, np.array([4, 5, 6], np.uint64), instance, ~given)
+    time, instance, nothing = ns(0, 1, 50), np.ones(3, np.uint64), np.zeros(0, np.uint64)
+    assert continuous(gap, time, np.array([4, 5, 6], np.uint64), instance)
+    assert not continuous(gap, time, np.array([4, 5, 7], np.uint64), instance)
+    assert not continuous(gap, ns(), nothing, nothing)
 
 
 TEMPERATURE = column("spindle_temperature")

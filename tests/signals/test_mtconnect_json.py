@@ -7,8 +7,8 @@ from typing import Any
 
 import pyarrow as pa
 import pytest
-from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from proof_sizes import few_and_many
 
 from pipeline.signals.columns import OBSERVATIONS
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
@@ -300,10 +300,7 @@ TREES = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
-@given(replaced=TREES, at=st.integers(0, 60), form=st.sampled_from([version_1, version_2, net]))
-def test_any_tree_is_read_or_refused(tmp_path: Path, replaced: Any, at: int, form: Any) -> None:
+def _tree_is_read_or_refused(tmp_path: Path, replaced: Any, at: int, form: Any) -> None:
     tree = json.loads(json.dumps(form()))
     nodes = [tree]
     for node in nodes:
@@ -320,16 +317,26 @@ def test_any_tree_is_read_or_refused(tmp_path: Path, replaced: Any, at: int, for
             assert str(error)
 
 
-@settings(max_examples=200, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
-@given(text=st.binary(max_size=100) | st.builds(
-    lambda cut, insert: json.dumps(version_1()).encode()[:cut] + insert,
-    st.integers(0, 3000), st.binary(max_size=5)))  # fmt: skip
-def test_any_bytes_are_read_or_refused(tmp_path: Path, text: bytes) -> None:
+test_any_tree_is_read_or_refused, test_many_trees_are_read_or_refused = few_and_many(
+    _tree_is_read_or_refused, 80, 300,
+    replaced=TREES, at=st.integers(0, 60), form=st.sampled_from([version_1, version_2, net]),
+)  # fmt: skip
+
+
+def _bytes_are_read_or_refused(tmp_path: Path, text: bytes) -> None:
     try:
         _read(text, tmp_path)
     except UnreadableFile as error:
         assert str(error)
+
+
+test_any_bytes_are_read_or_refused, test_many_bytes_are_read_or_refused = few_and_many(
+    _bytes_are_read_or_refused, 60, 200,
+    text=st.binary(max_size=100) | st.builds(
+        lambda cut, insert: json.dumps(version_1()).encode()[:cut] + insert,
+        st.integers(0, 3000), st.binary(max_size=5),
+    ),
+)  # fmt: skip
 
 
 def test_nesting_that_nobody_means_is_rejected(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 
 import pyarrow as pa
 import pytest
-from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from proof_sizes import few_and_many
 
 from pipeline.signals.columns import OBSERVATIONS
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
@@ -466,7 +466,7 @@ def test_huge_texts_are_rejected_without_being_kept(tmp_path: Path) -> None:
     assert "17825792 characters" in rejected[0].reason
 
 
-@pytest.mark.parametrize("shapes", ["few", "many"])
+@pytest.mark.parametrize("shapes", ["few", pytest.param("many", marks=pytest.mark.proof)])
 def test_more_records_than_fit_a_batch(tmp_path: Path, shapes: str) -> None:
     n = 210_000
     more = ' duration="{0}"' if shapes == "many" else ""
@@ -509,10 +509,7 @@ def mutated(draw: Callable[..., Any]) -> bytes:
     return text[: draw(st.none() | st.integers(0, len(text)))]
 
 
-@settings(max_examples=300, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
-@given(text=st.binary(max_size=200) | mutated())
-def test_any_bytes_are_read_alike_or_refused_alike(tmp_path: Path, text: bytes) -> None:
+def _read_or_refused_alike(tmp_path: Path, text: bytes) -> None:
     refused = []
     for fast in (True, False):
         path = tmp_path / "any.xml"
@@ -527,6 +524,11 @@ def test_any_bytes_are_read_alike_or_refused_alike(tmp_path: Path, text: bytes) 
     else:
         assert len(refused) == 2
         assert refused[0] == refused[1]
+
+
+test_any_bytes_are_read_alike_or_refused_alike, test_many_bytes_are_read_alike = few_and_many(
+    _read_or_refused_alike, 60, 300, text=st.binary(max_size=200) | mutated()
+)
 
 
 def _left_to_the_reference_path(path: Path) -> int | None:

@@ -92,8 +92,8 @@ def test_damage_is_never_another_exception(
     write(path)
     whole = path.read_bytes()
     chance = random.Random(7)
-    damaged = [whole[: chance.randrange(len(whole))] for _ in range(60)]
-    for _ in range(200):
+    damaged = [whole[: chance.randrange(len(whole))] for _ in range(30)]
+    for _ in range(60):
         noisy = bytearray(whole)
         for _ in range(chance.choice((1, 4, 40))):
             noisy[chance.randrange(len(noisy))] = chance.randrange(256)
@@ -109,7 +109,7 @@ def test_damage_is_never_another_exception(
             assert str(error)
         else:
             assert result.read == result.kept + len(result.rejected)
-    assert refused > 40
+    assert refused > 15
 
 
 def test_constants_of_a_mat_file_are_noted(tmp_path: Path) -> None:

@@ -6,26 +6,15 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from proof_sizes import few_and_many
 from shdr_log import DEVICES, NAMES, NATIVE, SOURCE, TIME, UNITS, outcome, rows_of
 
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.shdr.log import read_fast, read_reference
 
 
-@settings(
-    max_examples=300,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(
-    st.one_of(
-        st.floats(allow_nan=False, allow_infinity=False).map(repr),
-        st.from_regex(r"[+-]?[0-9]{0,25}(\.[0-9]{0,25})?([eE][+-]?[0-9]{1,3})?", fullmatch=True),
-    )
-)
-def test_numbers_equal_pythons_bit_for_bit(tmp_path: Path, text: str) -> None:
+def _as_python_reads_it(tmp_path: Path, text: str) -> None:
     path = tmp_path / "log.txt"
     path.write_text(f"{TIME}|a|{text}\n")
     (row,) = rows_of(list(read_fast(path, SOURCE, tmp_path)))
@@ -37,6 +26,15 @@ def test_numbers_equal_pythons_bit_for_bit(tmp_path: Path, text: str) -> None:
         assert repr(row[2]) == repr(expected)
     else:
         assert row[3] == text
+
+
+test_numbers_equal_pythons_bit_for_bit, test_many_numbers_equal_pythons = few_and_many(
+    _as_python_reads_it, 60, 300,
+    text=st.one_of(
+        st.floats(allow_nan=False, allow_infinity=False).map(repr),
+        st.from_regex(r"[+-]?[0-9]{0,25}(\.[0-9]{0,25})?([eE][+-]?[0-9]{1,3})?", fullmatch=True),
+    ),
+)  # fmt: skip
 
 
 _KEYS = st.sampled_from(
@@ -140,11 +138,7 @@ _LINES = st.one_of(
 )
 
 
-@settings(max_examples=400, deadline=None)
-@given(
-    st.lists(_LINES, max_size=12), st.sampled_from([SOURCE, UNITS, NATIVE]), st.integers(16, 300)
-)
-def test_the_fast_path_equals_the_reference(
+def _alike(
     tmp_path_factory: pytest.TempPathFactory, lines: list[bytes], source: RecordSource, chunk: int
 ) -> None:
     folder = tmp_path_factory.getbasetemp()
@@ -156,23 +150,40 @@ def test_the_fast_path_equals_the_reference(
     assert outcome(read_reference, path, source, 1 << 20) == plain
 
 
-@settings(max_examples=300, deadline=None)
-@given(st.binary(max_size=400), st.booleans())
-def test_any_bytes_are_read_or_refused_with_a_reason(
-    tmp_path_factory: pytest.TempPathFactory, data: bytes, packed: bool
-) -> None:
+test_the_fast_path_equals_the_reference, test_both_paths_are_equal_on_many_logs = few_and_many(
+    _alike, 100, 400,
+    lines=st.lists(_LINES, max_size=12), source=st.sampled_from([SOURCE, UNITS, NATIVE]),
+    chunk=st.integers(16, 300),
+)  # fmt: skip
+
+
+def _refused_alike(tmp_path_factory: pytest.TempPathFactory, data: bytes, packed: bool) -> None:
     path = tmp_path_factory.getbasetemp() / "bytes.txt"
     path.write_bytes(b"\x1f\x8b" + data if packed else data)
     assert outcome(read_fast, path, SOURCE, 64) == outcome(read_reference, path, SOURCE, 64)
 
 
-def test_many_names_and_many_words(tmp_path: Path) -> None:
-    lines = [f"{TIME}|k{i}|v{i}\n" for i in range(70_000)]  # more than the scanner takes in
-    path = tmp_path / "log.txt"
+test_any_bytes_are_read_or_refused_with_a_reason, test_many_bytes_are_refused = few_and_many(
+    _refused_alike, 80, 300, data=st.binary(max_size=400), packed=st.booleans()
+)
+
+
+def _equal_with_many_words(path: Path, names: int) -> None:
+    lines = [f"{TIME}|k{i}|v{i}\n" for i in range(names)]  # more than the scanner takes in
     path.write_text("".join(lines * 2))
     assert outcome(read_fast, path, SOURCE, 1 << 20) == outcome(
         read_reference, path, SOURCE, 1 << 20
     )
+
+
+def test_many_names_and_many_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.signals.shdr.fast.KEYS", 1 << 10)
+    _equal_with_many_words(tmp_path / "log.txt", 1_100)
+
+
+@pytest.mark.proof
+def test_as_many_names_as_the_scanner_holds(tmp_path: Path) -> None:
+    _equal_with_many_words(tmp_path / "log.txt", 70_000)
 
 
 def _recordings() -> Path:
@@ -182,10 +193,9 @@ def _recordings() -> Path:
     return Path(folder)
 
 
-def test_recorded_weeks_are_read_whole_and_alike() -> None:
-    root = _recordings() / "nist_mazak01"
+def _equal_days(paths: list[Path], root: Path) -> None:
     source = RecordSource(format="shdr", files="*", devices="Devices.xml", device="Mazak01")
-    for path in sorted(root.glob("week_*/*")):
+    for path in paths:
         for batches in zip(
             read_fast(path, source, root), read_reference(path, source, root), strict=True
         ):
@@ -199,15 +209,31 @@ def test_recorded_weeks_are_read_whole_and_alike() -> None:
                 assert words[0].equals(words[1]), (path.name, name)
 
 
-def test_every_text_of_the_recordings_is_read_or_refused() -> None:
+def test_recorded_days_begin_and_end_alike(tmp_path: Path) -> None:
+    root = _recordings() / "nist_mazak01"
+    for path in sorted(root.glob("week_*/*")):
+        lines = path.read_bytes().splitlines(keepends=True)
+        (tmp_path / path.name).write_bytes(b"".join([*lines[:800], *lines[-800:]]))
+    _equal_days(sorted(tmp_path.iterdir()), root)
+
+
+@pytest.mark.proof
+def test_recorded_weeks_are_read_whole_and_alike() -> None:
+    root = _recordings() / "nist_mazak01"
+    _equal_days(sorted(root.glob("week_*/*")), root)
+
+
+def _every_text_is_read_or_refused(compared: int) -> None:
+    """Texts of up to ``compared`` bytes are read by both paths."""
     root = _recordings()
     logs = sorted(root.glob("nist_box/*/*")) + sorted(root.glob("mtconnect_docs/*.[tc][xs][tv]"))
     assert len(logs) > 60
     readable = set()
     for path in logs:
-        told = outcome(read_fast, path, SOURCE, 1 << 20)
-        assert told == outcome(read_reference, path, SOURCE, 1 << 20)
-        if len(told) == 3:
+        found = outcome(read_fast, path, SOURCE, 1 << 20)
+        if path.stat().st_size <= compared:
+            assert found == outcome(read_reference, path, SOURCE, 1 << 20)
+        if len(found) == 3:
             readable.add(path.name)
     # Exactly the logs are logs: not the programs, the lists of settings, the bits of XML.
     assert {n for n in readable if "Hurco" not in n} == {
@@ -217,3 +243,12 @@ def test_every_text_of_the_recordings_is_read_or_refused() -> None:
         "mtconnecttoolbox-telent_DMG.txt",
     }
     assert len([n for n in readable if "Hurco" in n]) == 15
+
+
+def test_every_text_of_the_recordings_is_read_or_refused() -> None:
+    _every_text_is_read_or_refused(20_000)
+
+
+@pytest.mark.proof
+def test_long_texts_of_the_recordings_are_read_alike() -> None:
+    _every_text_is_read_or_refused(1 << 40)

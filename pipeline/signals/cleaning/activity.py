@@ -21,6 +21,7 @@ import pandas as pd
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.signals.cleaning.series import Series, held
 from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.columns import SEGMENT_KINDS
 
 CONTROLLER = ("execution", "controller_mode", "emergency_stop", "program", "tool_number",
               "part_count")  # fmt: skip
@@ -183,13 +184,11 @@ def _cycle_table(rows: list[dict[str, object]]) -> pd.DataFrame:
     for name in ("start", "end"):
         at = pd.to_datetime(table[name].astype("int64"), unit="ns", utc=True)
         table[name] = at.astype("datetime64[ns, UTC]")
-    words = ("program", "part")
-    numbers = (*TIMES.values(), "idle_s")
-    kinds: dict[Hashable, Any] = {"cycle": "int64", "tool_changes": "int64", "complete": bool}
-    for name in words:
-        kinds[name] = object
-    for name in numbers:
-        kinds[name] = float
+    kinds: dict[Hashable, Any] = {
+        "cycle": "int64", "tool_changes": "int64", "complete": bool,
+        **dict.fromkeys(("program", "part"), object),
+        **dict.fromkeys((*TIMES.values(), "idle_s"), float),
+    }  # fmt: skip
     return table.astype(kinds)
 
 
@@ -224,7 +223,7 @@ def _speed_class(speed: Floats) -> np.ndarray:
 
 
 def no_load(speed: Floats, load: Floats, settings: CleanSettings) -> NoLoadLevel:
-    """No-load limit of a spindle, learnt from the machine's own seconds.
+    """No-load limit of a spindle, estimated from the machine's own records.
 
     At one speed the load of a spindle that cuts nothing is the lowest that it ever shows (friction
     and iron losses), so the lower fifth of the loads at a speed is its no-load level, and the
@@ -256,7 +255,6 @@ def _limit(load: Floats, settings: CleanSettings) -> float:
     return level + max(settings.load_margin, settings.load_spreads * spread)
 
 
-KINDS = ("off", "warm_up", "idle", "air", "cut")
 SPINDLES = ("", "second_")
 FEEDS = ("path_feedrate", "x_feedrate", "y_feedrate", "z_feedrate",
          "a_angular_velocity", "b_angular_velocity", "c_angular_velocity")  # fmt: skip
@@ -269,6 +267,7 @@ USED = (
 """Columns of the state table that segments are derived from, where the machine has them."""
 
 _UNKNOWN = -1
+_OFF, _WARM_UP, _IDLE, _AIR, _CUT = range(len(SEGMENT_KINDS))
 _SETTLE_S = 2
 """A spindle's load counts from this long after its speed last changed [s]; it accelerated."""
 
@@ -335,17 +334,19 @@ def _changing(speed: Floats, settings: CleanSettings) -> Bools:
 def _kinds(state: pd.DataFrame, turning: Bools, loaded: Bools, warm: tuple[str, ...]) -> Ints:
     """Kind of each row before warm-up after a cold start is looked at, shape (T,)."""
     execution = _words(state, "execution")
-    kind = np.full(len(state), KINDS.index("idle"))
+    kind = np.full(len(state), _IDLE)
     known = [name for name in FEEDS if name in state]
     moving = np.zeros(len(state), dtype=bool)
     for name in known:
         moving |= np.abs(_column(state, name)) > 0
     active = execution == "ACTIVE" if "execution" in state else turning | moving
     cut = active & loaded & (moving if known else True)
-    kind[active & (turning | moving)] = KINDS.index("air")
-    kind[cut] = KINDS.index("cut")
+    kind[active & (turning | moving)] = _AIR
+    kind[cut] = _CUT
     if warm:
-        kind[active & np.isin(_words(state, "program"), list(warm))] = KINDS.index("warm_up")
+        kind[active & np.isin(_words(state, "program"), list(warm))] = SEGMENT_KINDS.index(
+            "warm_up"
+        )
     if "execution" in state:
         kind[execution == ""] = _UNKNOWN
     return kind
@@ -361,7 +362,7 @@ def _warm_up(
     kind: Ints, time: Ints, operation: Ints, turning: Bools, settings: CleanSettings
 ) -> None:
     """Mark turning without load, from a cold start to the first cut, as warm_up; in place."""
-    cut, known_off = KINDS.index("cut"), settings.cold_after_s * NS
+    cut, known_off = _CUT, settings.cold_after_s * NS
     starts = np.flatnonzero(np.r_[True, np.diff(operation) > 0])
     for n, first in enumerate(starts):
         if n > 0 and time[first] - time[first - 1] < known_off:
@@ -372,7 +373,7 @@ def _warm_up(
         for a, b in _runs_of(turning[first:until]):
             if (b - a) * settings.period_s >= settings.warm_up_min_s:
                 part = kind[first + a : first + b]
-                part[part != _UNKNOWN] = KINDS.index("warm_up")
+                part[part != _UNKNOWN] = _WARM_UP
 
 
 def _runs_of(mask: Bools) -> list[tuple[int, int]]:
@@ -380,42 +381,37 @@ def _runs_of(mask: Bools) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(edge == 1), np.flatnonzero(edge == -1), strict=True))
 
 
-def _absorb_short(kind: Ints, operation: Ints, settings: CleanSettings) -> None:
-    """Join segments that are too short to the one before them, within one operation; in place."""
+def _stretches(kind: Ints, operation: Ints) -> tuple[Ints, Ints]:
+    """Begin and end of each stretch of rows of one kind within one operation, shape (S,)."""
     change = (kind[1:] != kind[:-1]) | (operation[1:] != operation[:-1])
     start = np.flatnonzero(np.r_[True, change])
-    stop = np.r_[start[1:], len(kind)]
-    for a, b in zip(start, stop, strict=True):
-        short = (b - a) * settings.period_s < settings.segment_min_s
-        if (
-            short
-            and a > 0
-            and operation[a] == operation[a - 1]
-            and _UNKNOWN not in kind[[a - 1, a]]
-        ):
+    return start, np.r_[start[1:], len(kind)]
+
+
+def _absorb_short(kind: Ints, operation: Ints, settings: CleanSettings) -> None:
+    """Join segments that are too short to the one before them, within one operation; in place."""
+    for a, b in zip(*_stretches(kind, operation), strict=True):
+        short = a > 0 and (b - a) * settings.period_s < settings.segment_min_s
+        if short and operation[a] == operation[a - 1] and _UNKNOWN not in kind[[a - 1, a]]:
             kind[a:b] = kind[a - 1]
 
 
 def _runs(kind: Ints, time: Ints, operation: Ints, period: int) -> pd.DataFrame:
     """Rows of one kind as segments, with ``off`` between the periods of operation."""
-    change = (kind[1:] != kind[:-1]) | (operation[1:] != operation[:-1])
-    start = np.flatnonzero(np.r_[True, change])
-    stop = np.r_[start[1:], len(kind)] - 1
+    start, stop = _stretches(kind, operation)
     known = kind[start] != _UNKNOWN
-    begin, end = time[start], time[stop] + period
+    begin, end = time[start], time[stop - 1] + period
     off = np.flatnonzero(operation[1:] != operation[:-1])
-    words = [KINDS[k] for k in kind[start][known]] + ["off"] * len(off)
+    words = [SEGMENT_KINDS[k] for k in kind[start][known]] + ["off"] * len(off)
     return _segment_table(
         np.r_[begin[known], time[off] + period], np.r_[end[known], time[off + 1]], words
     )
 
 
 def _segment_table(start: Ints, end: Ints, kind: list[str]) -> pd.DataFrame:
-    table = pd.DataFrame(
-        {
-            "start": pd.to_datetime(start, unit="ns", utc=True).astype("datetime64[ns, UTC]"),
-            "end": pd.to_datetime(end, unit="ns", utc=True).astype("datetime64[ns, UTC]"),
-            "kind": pd.Series(kind, dtype=object),
-        }
-    )
+    times = {
+        name: pd.to_datetime(at, unit="ns", utc=True).astype("datetime64[ns, UTC]")
+        for name, at in (("start", start), ("end", end))
+    }
+    table = pd.DataFrame({**times, "kind": pd.Series(kind, dtype=object)})
     return table.sort_values("start", ignore_index=True)

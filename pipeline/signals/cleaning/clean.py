@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from pipeline.signals.cleaning import tables
@@ -30,7 +31,6 @@ from pipeline.signals.cleaning.recorded import (
     files_of,
     index,
     is_trace,
-    merged_intervals,
     rows_of,
 )
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
@@ -66,19 +66,7 @@ def clean(
     ValueError
         When a data item's unit cannot become its signal's.
     """
-    settings = settings or CleanSettings()
-    converted = conversions(signals, machine)
-    out.mkdir(parents=True, exist_ok=True)
-    before = tables.read_summary(out)
-    rules = _digest([tables.code_version(), asdict(machine), asdict(settings), converted])
-    known = before.get("files", {}) if before.get("rules") == rules else {}
-    indices = [_index(p, signals, known, machine, settings) for p in files_of(signals)]
-    reporting = _reporting(indices, machine)
-    build = _Build(
-        signals=signals, out=out, machine=machine, settings=settings, rules=rules,
-        indices=indices, reporting=reporting, before=before, converted=converted,
-    )  # fmt: skip
-    return build.run()
+    return _Build(signals, out, machine, settings or CleanSettings()).run()
 
 
 def _digest(what: Any) -> str:
@@ -95,14 +83,13 @@ def _index(
 
 
 def _reporting(indices: list[Index], machine: CleanMachine) -> dict[str, ReportingInterval]:
-    import numpy as np
-
     found = {}
     for item in (WHOLE, *machine.items):
         counts = np.zeros(N_BINS, dtype=np.int64)
         voice = LOGGER if item == WHOLE and not _has_agent(indices) else item
-        for place, n in merged_intervals(indices, voice).items():
-            counts[int(place)] = n
+        for one in indices:
+            for place, n in one.intervals.get(voice, {}).items():
+                counts[int(place)] += n
         found[item] = reporting_interval(counts)
     return found
 
@@ -112,19 +99,21 @@ def _has_agent(indices: list[Index]) -> bool:
     return any(one.days and not is_trace(one.file) for one in indices)
 
 
-@dataclass
 class _Build:
     """One run over all days."""
 
-    signals: Path
-    out: Path
-    machine: CleanMachine
-    settings: CleanSettings
-    rules: str
-    indices: list[Index]
-    reporting: dict[str, ReportingInterval]
-    before: Summary
-    converted: dict[str, tuple[float, float]]
+    def __init__(
+        self, signals: Path, out: Path, machine: CleanMachine, settings: CleanSettings
+    ) -> None:
+        self.signals, self.out, self.machine, self.settings = signals, out, machine, settings
+        self.converted = conversions(signals, machine)
+        out.mkdir(parents=True, exist_ok=True)
+        self.before = tables.read_summary(out)
+        rules = [tables.code_version(), asdict(machine), asdict(settings), self.converted]
+        self.rules = _digest(rules)
+        known = self.before.get("files", {}) if self.before.get("rules") == self.rules else {}
+        self.indices = [_index(p, signals, known, machine, settings) for p in files_of(signals)]
+        self.reporting = _reporting(self.indices, machine)
 
     def run(self) -> Summary:
         """Clean the days in their order, then what spans them."""
@@ -144,8 +133,8 @@ class _Build:
         tables.drop_days(self.out, keep=[d for d in days if done[d]["seconds"]])
         kept = [d for d in days if d not in fresh]
         tables.write_audit(self.out, [a for d in fresh.values() for a in d.audit], kept)
-        gaps = tables.write_gaps(self.out, [g for d in fresh.values() for g in d.gaps],
-                                 self._open_gaps(carry), kept)  # fmt: skip
+        ended = [gap for d in fresh.values() for gap in d.gaps]
+        gaps = tables.write_gaps(self.out, [*ended, *self._open_gaps(carry)], kept)
         return self._whole(days, done, list(fresh), gaps)
 
     def _files(self, day: str) -> list[Index]:
@@ -192,13 +181,12 @@ class _Build:
         }  # fmt: skip
 
     def _open_gaps(self, carry: Carry) -> list[Gap]:
-        found = []
-        for item, left in carry.get("items", {}).items():
-            if left["said"] is not None and left["said"][1] is None:
-                found.append(
-                    Gap(start=left["said"][0], end=None, data_item=item, cause="unavailable")
-                )
-        return found
+        said = {item: left["said"] for item, left in carry.get("items", {}).items()}
+        return [
+            Gap(start=last[0], end=None, data_item=item, cause="unavailable")
+            for item, last in said.items()
+            if last is not None and last[1] is None
+        ]
 
     def _whole(
         self, days: list[str], done: dict[str, Summary], written: list[str], gaps: pd.DataFrame

@@ -201,8 +201,9 @@ def clean_day(
     all_gaps = list(lost.gaps)
     clean: dict[str, Series] = {}
     items: Carry = {}
+    signals = machine.signal_of
     for item in machine.items:
-        one = Item(item, _signal_of(item, machine), carry.get("items", {}).get(item, {}))
+        one = Item(item, COLUMNS[signals[item]], carry.get("items", {}).get(item, {}))
         one.read(rows)
         audit += [a for a in one.glitches(settings, lost) if start <= a.time < end]
         all_gaps += one.gaps(lost, reporting.get(item, ReportingInterval()), settings)
@@ -223,14 +224,6 @@ def clean_day(
         key=lambda g: (g.start, g.end or 0, g.data_item or "", g.cause),
     )
     return Day(state=state, audit=audit, gaps=ended, series=clean, carry=left, counts=counts)
-
-
-def _signal_of(item: str, machine: CleanMachine) -> Column:
-    for name, found in machine.signals.items():
-        if found == item:
-            return COLUMNS[name]
-    control = machine.position_control
-    return COLUMNS["spindle_speed" if control is None else control.signals[item]]
 
 
 def _spoken(rows: pd.DataFrame, carry: Carry) -> Ints:
@@ -266,15 +259,14 @@ def _lost(
         t, i, s = carry["agent"]
         time, instance = np.r_[np.int64(t), time], np.r_[np.uint64(i), instance]
         sequence = np.r_[np.uint64(s), sequence]
-    real = np.ones(len(time), dtype=bool)
     quiet = found_gaps.silences(spoken, interval, settings, None)
-    anew = found_gaps.instances(time, instance, real)
-    missing = found_gaps.missing_sequences(time, sequence, instance, real)
+    anew = found_gaps.instances(time, instance)
+    missing = found_gaps.missing_sequences(time, sequence, instance)
     off = [
         g
         for g in quiet
         if (g.end or g.start) - g.start > settings.off_after_s * NS
-        and not found_gaps.continuous(g, time, sequence, instance, real)
+        and not found_gaps.continuous(g, time, sequence, instance)
     ]
     longest = interval.threshold_s(settings) * NS
     torn = [g for g in missing if (g.end or g.start) - g.start > longest]

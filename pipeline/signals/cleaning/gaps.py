@@ -10,7 +10,7 @@ silence that is too short for the machine to have been off and in which its agen
 (it would have said UNAVAILABLE), and after any silence over which the agent's numbers go on
 without a hole.  Else an item is unknown until it reports again.
 
-Reporting intervals are learnt from an item's own reports while the machine is on, counted in eight
+Reporting intervals are estimated from an item's own reports while the machine is on, in eight
 bins an octave, so that the counts of many files add up in any order and a new day seldom moves
 them.
 """
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import NS, CleanSettings
 
@@ -33,7 +33,7 @@ FAST_S = 10.0
 """Longest typical interval [s] of an item that reports by the clock; others follow the work."""
 
 ENOUGH = 300
-"""Smallest number of intervals [1] from which a reporting interval is learnt."""
+"""Smallest number of intervals [1] from which a reporting interval is estimated."""
 
 STEADY_SHARE = 0.01
 """Share of its time [1] that long intervals take up at most of an item that reports steadily."""
@@ -97,8 +97,6 @@ def reporting_interval(counts: Ints) -> ReportingInterval:
     steady = n >= ENOUGH and late <= STEADY_SHARE and typical <= FAST_S
     return ReportingInterval(typical_s=typical, long_s=long, steady=steady)
 
-
-CAUSES = ("unavailable", "silence", "instance", "sequence")
 
 SUBSET_SHARE = 0.1
 """Above this share of missing numbers, a record is a choice from the agent's stream."""
@@ -190,27 +188,23 @@ def item_silences(
     return found
 
 
-def instances(time: Ints, instance: np.ndarray, given: Bools) -> list[Gap]:
+def instances(time: Ints, instance: np.ndarray) -> list[Gap]:
     """From the last record of one instance of the agent until the first of the next."""
-    at = np.flatnonzero(given)
-    change = np.flatnonzero(instance[at][1:] != instance[at][:-1])
     return [
-        Gap(start=int(time[at[i]]), end=int(time[at[i + 1]]), data_item=None, cause="instance")
-        for i in change
-        if time[at[i + 1]] > time[at[i]]
+        Gap(start=int(time[i]), end=int(time[i + 1]), data_item=None, cause="instance")
+        for i in np.flatnonzero(instance[1:] != instance[:-1])
+        if time[i + 1] > time[i]
     ]
 
 
-def missing_sequences(
-    time: Ints, sequence: np.ndarray, instance: np.ndarray, given: Bools
-) -> list[Gap]:
+def missing_sequences(time: Ints, sequence: np.ndarray, instance: np.ndarray) -> list[Gap]:
     """Where sequence numbers of one instance of the agent are missing.
 
     A record that was made of some of the agent's items lacks numbers everywhere and shows no gap.
     """
     gaps: list[Gap] = []
-    for one in np.unique(instance[given]):
-        at = np.flatnonzero(given & (instance == one))
+    for one in np.unique(instance):
+        at = np.flatnonzero(instance == one)
         at = at[np.argsort(sequence[at], kind="stable")]
         number = sequence[at]
         missing = np.flatnonzero(number[1:] - number[:-1] > 1)  # unsigned, ascending
@@ -223,12 +217,10 @@ def missing_sequences(
     return sorted(gaps)
 
 
-def continuous(
-    gap: Gap, time: Ints, sequence: np.ndarray, instance: np.ndarray, given: Bools
-) -> bool:
+def continuous(gap: Gap, time: Ints, sequence: np.ndarray, instance: np.ndarray) -> bool:
     """Whether the agent proves that nothing was lost in a silence: numbers go on without a hole."""
-    before = np.flatnonzero(given & (time <= gap.start))
-    after = np.flatnonzero(given & (time >= (gap.end or gap.start)))
+    before = np.flatnonzero(time <= gap.start)
+    after = np.flatnonzero(time >= (gap.end or gap.start))
     if not len(before) or not len(after):
         return False
     i = before[np.argmax(sequence[before])]

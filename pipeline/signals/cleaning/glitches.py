@@ -15,14 +15,6 @@ from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import NS, CleanSettings
 from pipeline.signals.columns import Column
 
-RULES = {
-    "out_of_range": "the value is outside what any machine tool can have",
-    "not_a_number": "a word where a number belongs",
-    "zero": "a zero between values that cannot reach it",
-    "jump": "a jump that the quantity cannot make",
-    "counter": "a counter that ran ahead of the clock or fell back",
-}
-
 COUNTERS_OF_TIME = ("total_time", "auto_time", "cut_time")
 
 Possible = Callable[[Floats, Floats, Bools], Bools]

@@ -5,7 +5,6 @@ taken as reported at the first time that the file reports anew (its live start);
 they are in the file before, or not known to be complete.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -212,8 +211,7 @@ def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, 
     """
     units = _units(signals)
     found = {}
-    named = {} if machine.position_control is None else machine.position_control.signals
-    for item, name in (named | {item: name for name, item in machine.signals.items()}).items():
+    for item, name in machine.signal_of.items():
         unit, wanted = units.get(item, ""), COLUMNS[name].unit
         if not wanted or not unit or unit == wanted:
             continue
@@ -242,12 +240,3 @@ def _units(signals: Path) -> dict[str, str]:
             if unit:
                 units[one.name] = unit
     return units
-
-
-def merged_intervals(indices: Iterable[Index], item: str) -> dict[str, int]:
-    """Counted intervals of an item over files."""
-    total: dict[str, int] = {}
-    for one in indices:
-        for place, n in one.intervals.get(item, {}).items():
-            total[place] = total.get(place, 0) + n
-    return total

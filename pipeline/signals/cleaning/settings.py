@@ -86,12 +86,15 @@ class CleanMachine:
             seen[item] = name
 
     @property
+    def signal_of(self) -> dict[str, str]:
+        """Data item or channel -> the signal that it is."""
+        spindle = {} if self.position_control is None else self.position_control.signals
+        return spindle | {item: name for name, item in self.signals.items()}
+
+    @property
     def items(self) -> tuple[str, ...]:
         """Data items and channels that are read, sorted."""
-        wanted = set(self.signals.values())
-        if self.position_control is not None:
-            wanted |= set(self.position_control.signals)
-        return tuple(sorted(wanted))
+        return tuple(sorted(self.signal_of))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,9 +103,6 @@ class CleanMachine:
         if self.position_control is not None:
             wanted.add("spindle_position_control")
         return tuple(name for name in COLUMNS if name in wanted)
-
-
-SignalMap = CleanMachine
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Tables of ``data/clean/<machine>``, written and read back."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
@@ -19,47 +19,8 @@ from pipeline.signals.cleaning.glitches import Audit
 from pipeline.signals.cleaning.recorded import Index, day_of
 from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import CleanMachine
+from pipeline.signals.columns import AUDIT, CYCLES, GAPS, SEGMENTS, TIME
 
-TIME = pa.timestamp("ns", tz="UTC")
-AUDIT = pa.schema(
-    [
-        pa.field("time", TIME, nullable=False),
-        pa.field("data_item", pa.string(), nullable=False),
-        pa.field("before", pa.string()),
-        pa.field("after", pa.string()),
-        pa.field("rule", pa.string(), nullable=False),
-    ]
-)
-GAPS = pa.schema(
-    [
-        pa.field("data_item", pa.string()),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME),
-        pa.field("cause", pa.string(), nullable=False),
-    ]
-)
-CYCLES = pa.schema(
-    [
-        pa.field("cycle", pa.int64(), nullable=False),
-        pa.field("program", pa.string()),
-        pa.field("part", pa.string()),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME, nullable=False),
-        *(
-            pa.field(n, pa.float64(), nullable=False, metadata={"unit": "SECOND"})
-            for n in ("active_s", "feed_hold_s", "interrupted_s", "idle_s")
-        ),
-        pa.field("tool_changes", pa.int64(), nullable=False),
-        pa.field("complete", pa.bool_(), nullable=False),
-    ]
-)
-SEGMENTS = pa.schema(
-    [
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME, nullable=False),
-        pa.field("kind", pa.string(), nullable=False),
-    ]
-)
 _WHOLE = {"audit": AUDIT, "gaps": GAPS, "cycles": CYCLES, "segments": SEGMENTS}
 
 
@@ -82,10 +43,6 @@ def _array(series: pd.Series, kind: pa.DataType) -> pa.Array:
     if pa.types.is_timestamp(kind):
         return pa.array(series.astype("datetime64[ns, UTC]").astype("int64").to_numpy()).cast(kind)
     return pa.array(series.astype(object).to_numpy(), kind, from_pandas=True)
-
-
-def _times(values: Iterable[int | None]) -> pa.Array:
-    return pa.array(list(values), pa.int64()).cast(TIME)
 
 
 def state_path(out: Path, day: str) -> Path:
@@ -140,39 +97,23 @@ def _kept(path: Path, by: str, days: list[str]) -> pa.Table | None:
 
 def write_audit(out: Path, audit: list[Audit], kept_days: list[str]) -> pa.Table:
     """Write ``audit.parquet``: rows of the days that stay, and those made now."""
-    made = pa.table(
-        [
-            _times(a.time for a in audit),
-            pa.array([a.data_item for a in audit], pa.string()),
-            pa.array([a.before for a in audit], pa.string()),
-            pa.nulls(len(audit), pa.string()),
-            pa.array([a.rule for a in audit], pa.string()),
-        ],
-        schema=AUDIT,
-    )
-    return _rewrite(out / "audit.parquet", made, "time", kept_days, ["time", "data_item", "rule"])
+    return _rewrite(out, "audit", audit, kept_days, by="time", then=["time", "data_item", "rule"])
 
 
-def write_gaps(out: Path, gaps: list[Gap], open_gaps: list[Gap], kept_days: list[str]) -> pa.Table:
+def write_gaps(out: Path, gaps: list[Gap], kept_days: list[str]) -> pa.Table:
     """Write ``gaps.parquet``; a gap belongs to the day it ends in."""
-    rows = [*gaps, *open_gaps]
-    made = pa.table(
-        [
-            pa.array([g.data_item for g in rows], pa.string()),
-            _times(g.start for g in rows),
-            _times(g.end for g in rows),
-            pa.array([g.cause for g in rows], pa.string()),
-        ],
-        schema=GAPS,
+    return _rewrite(
+        out, "gaps", gaps, kept_days, by="end", then=["start", "end", "data_item", "cause"]
     )
-    order = ["start", "end", "data_item", "cause"]
-    return _rewrite(out / "gaps.parquet", made, "end", kept_days, order)
 
 
-def _rewrite(path: Path, made: pa.Table, by: str, kept: list[str], order: list[str]) -> pa.Table:
+def _rewrite(
+    out: Path, name: str, rows: Sequence[Audit | Gap], kept: list[str], *, by: str, then: list[str]
+) -> pa.Table:
+    path, made = out / f"{name}.parquet", pa.Table.from_pylist(list(map(vars, rows)), _WHOLE[name])
     stays = _kept(path, by, kept)
     table = made if stays is None else pa.concat_tables([stays.cast(made.schema), made])
-    table = table.sort_by([(name, "ascending") for name in order])
+    table = table.sort_by([(column, "ascending") for column in then])
     write_table(path, table)
     return table
 

@@ -1,7 +1,7 @@
 """Batches of rows from the observations that the fast path located."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.columns import KINDS, OBSERVATIONS
-from pipeline.signals.formats import Batch
+from pipeline.signals.formats import Batch, encoded
 from pipeline.signals.mtconnect import scan as scanning
 from pipeline.signals.mtconnect import tokens
 from pipeline.signals.mtconnect.model import number_of
@@ -26,23 +26,9 @@ from pipeline.signals.mtconnect.rows import RECORDS, Rows
 from pipeline.signals.mtconnect.xml_events import attributes_of, local
 
 
-def encoded(code: npt.NDArray[np.integer], words: list[str]) -> pa.DictionaryArray:
-    """Words by their number; null where it is negative."""
-    code = code.astype(np.int32, copy=False)
-    absent = code < 0
-    indices = pa.array(code, mask=absent) if absent.any() else pa.array(code)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(words, pa.string()))
-
-
 def numbers(values: Floats) -> pa.Array:
     """Numbers; null where there is none."""
     return pa.array(values, mask=np.isnan(values))
-
-
-def merged(table: pa.Table, element: Ints, reference: pa.Table, places: list[int]) -> pa.Table:
-    """Both tables in the order of the elements; rows of one element keep theirs."""
-    order = np.argsort(np.concatenate([element, np.array(places, np.int64)]), kind="stable")
-    return pa.concat_tables([table, reference]).unify_dictionaries().combine_chunks().take(order)
 
 
 _SECTIONS = ("SAMPLE", "EVENT", "CONDITION")
@@ -73,7 +59,6 @@ class DeviceRun:
 
     prologue: bytes
     tag: bytes
-    attributes: dict[str, str]
     instance: int | None
     device: int
     first: int
@@ -103,7 +88,7 @@ class Assembly:
         self._text_slots = np.empty(_TEXT_SLOTS, np.int32)
         self._slow = np.empty(RECORDS, np.int64)
         self._hard = np.empty((RECORDS, 3), np.int64)
-        self._counts, self._date = np.zeros(4, np.int64), np.zeros(2, np.int64)
+        self._counts = np.zeros(4, np.int64)
         self._three = np.empty(3)
         self.forget()
 
@@ -133,27 +118,24 @@ class Assembly:
         device = self._devices.setdefault(tag, len(self._devices))
         if device == len(self._names):
             self._names.append(device_name(attributes))
-        run = DeviceRun(prologue, tag, attributes, instance, device, first, place)
+        run = DeviceRun(prologue, tag, instance, device, first, place)
         self.runs.append(run)
         return run
 
     def restart(self, run: DeviceRun | None, place: int) -> None:
         """A batch was handed over in the middle of ``run``."""
-        self.runs.clear()
+        self.runs = [] if run is None else [replace(run, first=0, place=place)]
         self.notes.clear()
-        if run is not None:
-            self.begin(run.prologue, run.tag, run.attributes, run.instance, 0, place)
 
     def batch(self, n: int, shapes: Ints, n_shapes: int) -> tuple[Batch, BrokenElement | None]:
         """The first ``n`` elements as a batch, up to the first that is not well formed."""
         for s in range(self.known, n_shapes):
             self._learn(s, shapes[s])
         self._text_slots.fill(-1)
-        self._date[0] = -1
         tokens.values(
             self.buffer, self.elements, n, self._manners, self._rows, self._numbers,
             self._sequences, self._texts, self._text_slots, self._slow, self._hard, self._counts,
-            self._date, self._three,
+            self._three,
         )  # fmt: skip
         n_rows, n_texts, n_slow, n_hard = self._counts.tolist()
         slow = sorted(self._slow[:n_slow].tolist() + self._hard_numbers(n_hard))
@@ -269,7 +251,12 @@ class Assembly:
         ]
         columns.insert(7, columns.pop(4))
         table = pa.table(columns, schema=OBSERVATIONS)
-        return merged(table, element, reference.table(), places) if places else table
+        if not places:
+            return table
+        # In the order of the elements; rows of one element keep theirs.
+        order = np.argsort(np.concatenate([element, np.array(places, np.int64)]), kind="stable")
+        both = pa.concat_tables([table, reference.table()])
+        return both.unify_dictionaries().combine_chunks().take(order)
 
     def _key(self, rows: Ints, shape: Ints) -> pa.Array:
         axis = rows[:, tokens.R_AXIS]

@@ -100,8 +100,6 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
     """
     whole = content(path)
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
-        from pipeline.signals.mtconnect.devices import model_of_json
-
         return chosen(model_of_json(whole.everything()), device)
     reader = _Reader(whole)
     end = reader.parse_fragment()
@@ -200,7 +198,7 @@ def bodies(node: Any, *names: str) -> Iterator[Node]:
             yield from (member for member in members if isinstance(member, dict))
 
 
-def plain(node: Node) -> dict[str, str]:
+def attributes_in(node: Node) -> dict[str, str]:
     """The plain values of an object as an element's attributes would hold them."""
     return {k: word(v) for k, v in node.items() if isinstance(v, (str, int, float))}
 
@@ -232,7 +230,7 @@ def model_of_json(text: bytes) -> DeviceModel:
     known: list[Device] = []
     items: list[DataItem] = []
     for device in devices:
-        known.append(device_of(plain(device), known))
+        known.append(device_of(attributes_in(device), known))
         items += items_of(device, known[-1].label)
     return DeviceModel(items=tuple(items), devices=tuple(known))
 
@@ -255,7 +253,7 @@ def items_of(device: Node, label: str | None) -> Iterator[DataItem]:
     while waiting:
         tag, node = waiting.pop()
         for item in bodies(part(node, "DataItems"), "DataItem"):
-            attributes = plain(item)
+            attributes = attributes_in(item)
             if attributes.get("id"):
                 yield data_item(
                     attributes,

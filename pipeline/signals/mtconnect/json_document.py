@@ -11,13 +11,13 @@ from typing import Any
 from pipeline.signals.formats import EXCERPT, Batch, RecordSource, UnreadableFile
 from pipeline.signals.mtconnect.devices import (
     Node,
+    attributes_in,
     bodies,
     device_model,
     devices_of,
     items_of,
     named,
     part,
-    plain,
     word,
 )
 from pipeline.signals.mtconnect.model import element_name
@@ -26,9 +26,8 @@ from pipeline.signals.mtconnect.observations import (
     SECTIONS,
     Entry,
     MalformedError,
-    Shape,
-    json_of,
-    nanoseconds,
+    asset_shape,
+    asset_time,
     shape_of,
 )
 from pipeline.signals.mtconnect.reference import (
@@ -38,7 +37,7 @@ from pipeline.signals.mtconnect.reference import (
     instance_of,
     selection,
 )
-from pipeline.signals.mtconnect.rows import RECORDS, Rows, gathered
+from pipeline.signals.mtconnect.rows import RECORDS, Rows
 from pipeline.signals.mtconnect.xml_events import content
 
 _VALUES = ("value", "result", "samples", "entries")
@@ -62,9 +61,9 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
         When it is no JSON, or nothing of MTConnect.
     """
     trees, broken = _trees(content(path).everything())
-    names = {device_name(plain(d)) for tree in trees for d in _device_streams(tree)}
+    names = {device_name(attributes_in(d)) for tree in trees for d in _device_streams(tree)}
     chosen = selection(source, device_model(source, root), lambda: len(names) > 1)
-    return gathered(_batches(_Reader(chosen), trees, broken))
+    return _batches(_Reader(chosen), trees, broken)
 
 
 def _trees(text: bytes) -> tuple[list[Any], list[tuple[int, str, str]]]:
@@ -130,7 +129,7 @@ class _Reader:
             return
         root = part(tree, "MTConnectStreams", "MTConnectAssets", "MTConnectError") or tree
         header = part(root, "Header")
-        attributes = plain(header) if isinstance(header, dict) else {}
+        attributes = attributes_in(header) if isinstance(header, dict) else {}
         self._instance = instance_of({k[:1].lower() + k[1:]: v for k, v in attributes.items()})
         self._created = word(part(header, "creationTime")) or None
         if part(root, "Streams") is not None:
@@ -183,7 +182,7 @@ class _Reader:
     # Streams ------------------------------------------------------------------------------------
 
     def _device_stream(self, stream: Node) -> Iterator[bool]:
-        attributes = plain(stream)
+        attributes = attributes_in(stream)
         device = device_name(attributes)
         if not self._selection.wants(attributes):
             self._reject(foreign_reason(device), attributes)
@@ -224,20 +223,10 @@ class _Reader:
         try:
             if not isinstance(asset, dict) or not part(asset, "assetId"):
                 raise MalformedError("the asset has no assetId")
-            timestamp = word(part(asset, "timestamp")) or self._created
-            if not timestamp:
-                raise MalformedError("the asset has no timestamp and its document no creationTime")
-            shape = Shape(
-                data_item=self._selection.naming.label(
-                    word(part(asset, "deviceUuid")), None, "asset"
-                ),
-                kind="ASSET",
-                manner="text",
-                key=word(part(asset, "assetId")),
-                attributes=json_of({"json": asset}),
-            )
+            time = asset_time(word(part(asset, "timestamp")) or self._created)
+            naming, device = self._selection.naming, word(part(asset, "deviceUuid"))
+            shape = asset_shape(device, word(part(asset, "assetId")), {"json": asset}, naming)
             kind = tag or word(part(asset, "type")) or "Asset"
-            time = nanoseconds(timestamp)
             self.rows.add(shape, time, self._place + 1, self._instance, kind)
             self._place += 1
         except MalformedError as malformed:

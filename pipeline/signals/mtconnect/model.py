@@ -6,9 +6,10 @@ free text).
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
+from operator import attrgetter
 
 import pyarrow as pa
 
@@ -123,38 +124,18 @@ class DeviceModel:
 
     def find(self, key: str) -> DataItem | None:
         """The item called ``key``: by its name in observations, its name, its id or its source."""
-        for index in (self._by_label, self._by_name, self._by_id, self._by_source):
-            if key in index:
-                return index[key]
-        return None
+        return next((index[key] for index in self._indices if key in index), None)
 
     def by_id(self, item_id: str) -> DataItem | None:
         """The item whose id is ``item_id``; ids are unique in a document."""
-        return self._by_id.get(item_id)
+        return self._indices[2].get(item_id)
 
     @cached_property
-    def _by_label(self) -> dict[str, DataItem]:
-        return _first((self.item_name(i), i) for i in self.items)
-
-    @cached_property
-    def _by_name(self) -> dict[str, DataItem]:
-        return _first((i.name, i) for i in self.items)
-
-    @cached_property
-    def _by_id(self) -> dict[str, DataItem]:
-        return _first((i.id, i) for i in self.items)
-
-    @cached_property
-    def _by_source(self) -> dict[str, DataItem]:
-        return _first((i.source, i) for i in self.items)
-
-
-def _first(pairs: Iterable[tuple[str | None, DataItem]]) -> dict[str, DataItem]:
-    found: dict[str, DataItem] = {}
-    for key, item in pairs:
-        if key:
-            found.setdefault(key, item)
-    return found
+    def _indices(self) -> tuple[dict[str, DataItem], ...]:
+        """Items by name in observations, name, id and source; of one key the first item counts."""
+        keys: list[Callable[[DataItem], str | None]] = [self.item_name]
+        keys += [attrgetter(name) for name in ("name", "id", "source")]
+        return tuple({k: i for i in reversed(self.items) if (k := key(i))} for key in keys)
 
 
 def device_of(attributes: dict[str, str], others: Iterable[Device]) -> Device:

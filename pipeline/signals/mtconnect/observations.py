@@ -21,6 +21,7 @@ SECTIONS = {"Samples": "SAMPLE", "Events": "EVENT", "Condition": "CONDITION",
 LEVELS = {"normal": "NORMAL", "warning": "WARNING", "fault": "FAULT", "unavailable": None}
 AXES = ("X", "Y", "Z")
 FIRST_YEAR, LAST_YEAR = 1678, 2261
+"""Whole years that fit 64 bits of nanoseconds since 1970."""
 LAST_SEQUENCE = 2**64 - 1
 
 _SUFFIXES = (("TimeSeries", "TIME_SERIES"), ("DataSet", "DATA_SET"), ("Table", "TABLE"))
@@ -28,9 +29,8 @@ _MESSAGES = ("Message", "MessageDiscrete", "Alarm")
 _SPATIAL_EVENTS = ("Rotation", "Translation")
 _OWN = ("dataItemId", "itemId", "name", "timestamp", "sequence")
 _ISO = re.compile(
-    r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d)(?:[.,](\d+))?(?:[Zz]|([+-])(\d\d):?(\d\d)?)?", re.ASCII
+    r"(\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d)(?:[.,](\d+))?(?:[Zz]|([+-])(\d\d):?(\d\d)?)?", re.ASCII
 )
-_SCALE = [10 ** (9 - n) for n in range(10)]
 _EPOCH = date(1970, 1, 1).toordinal()
 
 Manner = Literal["number", "value", "text", "condition", "series", "set"]
@@ -133,6 +133,29 @@ def shape_of(
     )
 
 
+def asset_shape(
+    device: str, asset_id: str | None, document: dict[str, Any], naming: Naming
+) -> Shape:
+    """The shape of an asset that ``device`` announced; its ``document`` stands in attributes."""
+    return Shape(
+        data_item=naming.label(device, None, "asset"), kind="ASSET", manner="text", key=asset_id,
+        attributes=json_of(document),
+    )  # fmt: skip
+
+
+def asset_time(timestamp: str | None) -> int:
+    """Time [ns since 1970] of an asset by its own timestamp, or else by its document's.
+
+    Raises
+    ------
+    MalformedError
+        When it has none, or one that is no time.
+    """
+    if not timestamp:
+        raise MalformedError("the asset has no timestamp and its document no creationTime")
+    return nanoseconds(timestamp)
+
+
 def _kind(section: str, tag: str, item: DataItem | None) -> tuple[str, Manner]:
     if section == "CONDITION":
         return "CONDITION", "condition"
@@ -207,25 +230,44 @@ def sequence_of(text: str) -> int:
 
 
 def nanoseconds(text: str) -> int:
-    """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
-
-    Digits after the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
+    """As :func:`iso_ns`.
 
     Raises
     ------
     MalformedError
         When ``text`` is no such time, or one outside the years 1678 to 2261.
     """
-    fraction = text[20:-1]
-    if len(fraction) < 10 and text[19:20] == "." and text[-1] == "Z" and _digits(fraction):
-        return _seconds(text[:19]) * 1_000_000_000 + int(fraction) * _SCALE[len(fraction)]
-    found = _ISO.fullmatch(text)
-    if not found:
-        raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time")
-    seconds, fraction, sign, hours, minutes = found.groups()
-    away = (int(hours) * 60 + int(minutes or 0)) * 60 if sign else 0
-    since = _seconds(seconds) - (away if sign == "+" else -away)
-    return since * 1_000_000_000 + int((fraction or "0")[:9].ljust(9, "0"))
+    ns = iso_ns(text)
+    if ns is None:
+        raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time of 1678 to 2261")
+    return ns
+
+
+def iso_ns(text: str) -> int | None:
+    """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
+
+    Digits after the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
+
+    Returns
+    -------
+    int or None
+        None when ``text`` is no such time or its year is outside 1678 to 2261.
+    """
+    fraction, away = text[20:-1], 0
+    if text[19:20] == "." and text[-1] == "Z" and _digits(fraction):  # nearly all
+        seconds = _seconds(text[:19])
+    elif found := _ISO.fullmatch(text):
+        moment, fraction, sign, hours, minutes = found.groups()
+        seconds = _seconds(moment)
+        if sign:
+            away = (int(hours) * 60 + int(minutes or 0)) * 60 * (1 if sign == "+" else -1)
+            if int(hours) > 23 or int(minutes or 0) > 59:
+                return None
+    else:
+        return None
+    if seconds is None:
+        return None
+    return (seconds - away) * 1_000_000_000 + int((fraction or "0")[:9].ljust(9, "0"))
 
 
 def _digits(text: str) -> bool:
@@ -233,17 +275,18 @@ def _digits(text: str) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _seconds(text: str) -> int:
+def _seconds(text: str) -> int | None:
+    """Seconds since 1970 of a date and time of day."""
+    if not _ISO.fullmatch(text):
+        return None
+    hour, minute, second = int(text[11:13]), int(text[14:16]), int(text[17:19])
     try:
-        year, month, day = int(text[:4]), int(text[5:7]), int(text[8:10])
-        hour, minute, second = int(text[11:13]), int(text[14:16]), int(text[17:19])
-        days = date(year, month, day).toordinal() - _EPOCH
+        day = date.fromisoformat(text[:10])
     except ValueError:
-        raise MalformedError(f"the timestamp {text!r} is no ISO 8601 time") from None
-    within = hour < 24 and minute < 60 and second <= 60 and FIRST_YEAR <= year <= LAST_YEAR
-    if not within or not _ISO.fullmatch(text):
-        raise MalformedError(f"the timestamp {text!r} is no ISO 8601 time of 1678 to 2261")
-    return days * 86400 + hour * 3600 + minute * 60 + second
+        return None
+    if hour > 23 or minute > 59 or second > 60 or not FIRST_YEAR <= day.year <= LAST_YEAR:
+        return None
+    return (day.toordinal() - _EPOCH) * 86400 + hour * 3600 + minute * 60 + second
 
 
 EARLIEST = -(2.0**63)
@@ -279,7 +322,7 @@ def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
     if value == "UNAVAILABLE":
         return [(time, (shape.key, None, None, False))]
     if shape.manner == "number" and isinstance(value, str):
-        return _plain(shape, time, value)
+        return _one_value(shape, time, value)
     if shape.manner == "series":
         return _series(shape, time, value)
     if isinstance(value, list):
@@ -288,10 +331,10 @@ def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
         return _pairs(time, value)
     if shape.manner == "text":
         return [(time, (shape.key, None, value, False))]
-    return _plain(shape, time, value)
+    return _one_value(shape, time, value)
 
 
-def _plain(shape: Shape, time: int, value: str) -> list[tuple[int, Value]]:
+def _one_value(shape: Shape, time: int, value: str) -> list[tuple[int, Value]]:
     number = number_of(value)
     if number is not None:
         return [(time, (shape.key, number, None, False))]

@@ -19,8 +19,8 @@ from pipeline.signals.mtconnect.observations import (
     MalformedError,
     Naming,
     Shape,
-    json_of,
-    nanoseconds,
+    asset_shape,
+    asset_time,
     sequence_of,
     shape_of,
 )
@@ -424,23 +424,18 @@ class Document(Streams):
             self._keep_asset()
 
     def _keep_asset(self) -> None:
-        attributes = self._attributes
-        shape = Shape(
-            data_item=self.selection.naming.label(attributes.get("deviceUuid", ""), None, "asset"),
-            kind="ASSET",
-            manner="text",
-            key=attributes.get("assetId"),
-            attributes=json_of({"xml": "".join(self._text)}),
-        )
+        attributes, naming = self._attributes, self.selection.naming
+        shape = asset_shape(
+            attributes.get("deviceUuid", ""), attributes.get("assetId"),
+            {"xml": "".join(self._text)}, naming,
+        )  # fmt: skip
         try:
             if not shape.key:
                 raise MalformedError(f"the asset {quoted(self._tag)} has no assetId")
             if self._length > LONGEST:
                 raise MalformedError(f"the asset has {self._length} characters")
-            timestamp = attributes.get("timestamp") or self._created
-            if timestamp is None:
-                raise MalformedError("the asset has no timestamp and its document no creationTime")
-            self.rows.add(shape, nanoseconds(timestamp), self.place + 1, self.instance, self._tag)
+            time = asset_time(attributes.get("timestamp") or self._created)
+            self.rows.add(shape, time, self.place + 1, self.instance, self._tag)
             self.place += 1
         except MalformedError as malformed:
             self.reject(self._began, str(malformed))

@@ -3,15 +3,15 @@
 Plain samples are converted many at a time, all other observations one by one.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.signals.columns import OBSERVATIONS
-from pipeline.signals.formats import EXCERPT, Batch, Rejection
+from pipeline.signals.columns import OBSERVATIONS, TIME
+from pipeline.signals.formats import EXCERPT, Batch, Rejection, observations_of
 from pipeline.signals.mtconnect.observations import (
     MalformedError,
     Shape,
@@ -20,8 +20,6 @@ from pipeline.signals.mtconnect.observations import (
     sequence_of,
     values_of,
 )
-
-TIME = OBSERVATIONS.field("time").type
 
 
 @dataclass
@@ -91,17 +89,11 @@ def _table(rows: list[Row]) -> pa.Table:
         zip(*rows, strict=True) if rows else ((),) * 8
     )
     columns = {
-        "time": time,
-        "data_item": [shape.data_item for shape in shapes],
-        "number": number,
-        "text": text,
-        "sequence": sequence,
-        "kind": [shape.kind for shape in shapes],
-        "key": key,
-        "attributes": attributes,
-        "instance": instance,
-    }
-    return pa.table([_column(f, columns[f.name]) for f in OBSERVATIONS], schema=OBSERVATIONS)
+        "time": time, "number": number, "text": text, "sequence": sequence, "key": key,
+        "attributes": attributes, "instance": instance,
+        "data_item": [shape.data_item for shape in shapes], "kind": [s.kind for s in shapes],
+    }  # fmt: skip
+    return observations_of(columns, len(rows))
 
 
 @dataclass
@@ -185,38 +177,3 @@ class Rows:
         """What was read so far, as a batch."""
         kept = self.read - len(self.rejected)
         return Batch(observations=self.table(), read=self.read, kept=kept, rejected=self.rejected)
-
-
-def _column(of: pa.Field, values: Sequence[Any]) -> pa.Array:
-    if pa.types.is_dictionary(of.type):
-        return pa.array(values, pa.string()).dictionary_encode()
-    return pa.array(values, of.type)
-
-
-def gathered(batches: Iterator[Batch]) -> Iterator[Batch]:
-    """The same records in batches of about :data:`RECORDS`, however small they came.
-
-    ``line`` of no rejection changes; the order stays.
-    """
-    waiting: list[Batch] = []
-    count = 0
-    for batch in batches:
-        waiting.append(batch)
-        count += batch.read
-        if count >= RECORDS:
-            yield _joined(waiting)
-            waiting, count = [], 0
-    if waiting:
-        yield _joined(waiting)
-
-
-def _joined(batches: list[Batch]) -> Batch:
-    if len(batches) == 1:
-        return batches[0]
-    return replace(
-        batches[0],
-        observations=pa.concat_tables([b.observations for b in batches]),
-        read=sum(b.read for b in batches),
-        kept=sum(b.kept for b in batches),
-        rejected=[r for b in batches for r in b.rejected],
-    )

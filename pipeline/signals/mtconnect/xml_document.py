@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from pipeline.signals.formats import Batch, RecordSource, UnreadableFile
 from pipeline.signals.mtconnect.devices import device_model
 from pipeline.signals.mtconnect.reference import Document, Selection, selection
-from pipeline.signals.mtconnect.rows import gathered
 from pipeline.signals.mtconnect.xml_events import BEGIN, FRAGMENT, Content, content, quoted
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ FIRST_WITHIN = 1 << 16
 """Bytes within which a file's first document must begin."""
 
 _ROOT = re.compile(rb"\s*(?:<!--.*?-->\s*)*<([\w:.-]+)", re.S)
-_DEVICE = re.compile(rb"DeviceStream ")
 _NAME = re.compile(rb"""\b(name|uuid)\s*=\s*["']([^"'<]*)""")
 
 
@@ -53,7 +51,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
     """
     whole = content(path)
     chosen = selection_of(whole, source, root)
-    return gathered(documents(whole, chosen, fast=whole.size >= FAST_FROM))
+    return documents(whole, chosen, fast=whole.size >= FAST_FROM)
 
 
 def selection_of(whole: Content, source: RecordSource, root: Path) -> Selection:
@@ -63,28 +61,12 @@ def selection_of(whole: Content, source: RecordSource, root: Path) -> Selection:
 
 def _several_devices(whole: Content) -> bool:
     """Whether the streams in a file are of more than one device."""
+    mapped, at = whole.mapped, -1
     seen: set[bytes] = set()
-    for at in _device_tags(whole):
-        attributes = dict(_NAME.findall(whole.mapped[at : at + 1024].split(b">", 1)[0]))
+    while len(seen) < 2 and (at := mapped.find(b"DeviceStream ", at + 1)) >= 0:
+        attributes = dict(_NAME.findall(mapped[at : at + 1024].split(b">", 1)[0]))
         seen.add(attributes.get(b"name") or attributes.get(b"uuid") or b"?")
-        if len(seen) > 1:
-            return True
-    return False
-
-
-def _device_tags(whole: Content) -> Iterator[int]:
-    if whole.size < FAST_FROM:
-        yield from (found.start() for found in _DEVICE.finditer(whole.mapped))
-        return
-    import numpy as np
-
-    from pipeline.signals.mtconnect.tokens import device_tag
-
-    buffer = np.frombuffer(whole.mapped, np.uint8)
-    at = device_tag(buffer, 0, whole.size)
-    while at >= 0:
-        yield at
-        at = device_tag(buffer, at + 1, whole.size)
+    return len(seen) > 1
 
 
 def documents(whole: Content, selection: Selection, *, fast: bool) -> Iterator[Batch]:

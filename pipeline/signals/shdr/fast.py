@@ -7,19 +7,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.signals.columns import KINDS
-from pipeline.signals.formats import Batch, Rejection
+from pipeline.signals.columns import KINDS, OBSERVATIONS, TIME
+from pipeline.signals.formats import Batch, Rejection, encoded
 from pipeline.signals.shdr import scan
 from pipeline.signals.shdr.lines import LONGEST, Segment
 from pipeline.signals.shdr.record_forms import ItemPlan, Items
 from pipeline.signals.shdr.reference import (
-    Codes,
     LineReader,
     Row,
-    Rows,
-    merged,
     read_segment,
-    rows_of,
 )
 from pipeline.signals.shdr.scan import scan as scan_lines
 
@@ -120,27 +116,47 @@ class Scanner:
             self.reader.previous = int(self._rows[0][n - 1])
         self.reader.formed |= n > 0
         sequence = self.records + 1 + np.arange(n) + np.cumsum(odd_records)[:n]
-        table = self._table(n, sequence, rows, np.array(before, np.int64))
+        table = self._table(n, sequence, rows, before)
         self.records += n + done
         self._forget()
         kept = n + done - len(rejected)
         return Batch(observations=table, read=n + done, kept=kept, rejected=rejected)
 
-    def _table(self, n: int, sequence: Any, odd: list[Row], before: Any) -> pa.Table:
+    def _table(self, n: int, sequence: Any, odd: list[Row], before: list[int]) -> pa.Table:
+        """Rows of the scanner, each of ``odd`` after as many of them as ``before`` says."""
         time, item, number, text, holds = (column[:n] for column in self._rows)
         self._convert_hard(number, item)
-        names = Codes()
-        name_of = np.array([names.code(p.name) for p in self._known] or [0], np.int32)
+        names: dict[str, int] = {}
+        name_of = np.array([_code(names, p.name) for p in self._known] or [0], np.int32)
         kind_of = np.array([KINDS.index(p.kind) for p in self._known] or [0], np.int32)
         texts = _strings(int(self._state[scan.TEXTS]), *self._texts[1:])
-        fast = Rows(
-            time=time.copy(), item=name_of[item], number=number.copy(), holds=holds,
-            text=text.copy(), sequence=sequence, kind=kind_of[item], key=None, attributes=None,
-            items=names.array(), texts=texts, keys=pa.array([], pa.string()),
-        )  # fmt: skip
-        if not odd:
-            return fast.table()
-        return merged(fast, rows_of(odd, names, Codes(texts.to_pylist())), before).table()
+        keys: dict[str, int] = {}
+        columns = [time.copy(), name_of[item], number.copy(), holds == scan.NUMBER, text.copy(),
+                   sequence, kind_of[item], np.full(n, -1)]  # fmt: skip
+        attributes = pa.nulls(n + len(odd), pa.string())
+        if odd:
+            words = {word: code for code, word in enumerate(texts.to_pylist())}
+            rows = [
+                (r.time, _code(names, r.data_item), 0.0 if r.number is None else r.number,
+                 r.number is not None, _code(words, r.text), r.sequence, KINDS.index(r.kind),
+                 _code(keys, r.key))
+                for r in odd
+            ]  # fmt: skip
+            columns = [
+                np.insert(column, before, values)
+                for column, values in zip(columns, zip(*rows, strict=True), strict=True)
+            ]
+            texts = pa.array(words, pa.string())
+            which = np.insert(np.full(n, -1), before, range(len(odd)))
+            indices = pa.array(which, mask=which < 0)
+            attributes = pa.array([r.attributes for r in odd], pa.string()).take(indices)
+        time, item, number, known, text, sequence, kind, key = columns
+        arrays = [
+            pa.array(time).cast(TIME), encoded(item, list(names)), pa.array(number, mask=~known),
+            encoded(text, texts), pa.array(sequence.astype(np.uint64)), encoded(kind, KINDS),
+            encoded(key, list(keys)), attributes, pa.nulls(len(time), pa.uint64()),
+        ]  # fmt: skip
+        return pa.Table.from_arrays(arrays, schema=OBSERVATIONS)
 
     def _convert_hard(self, number: Any, item: Any) -> None:
         """Convert the numbers that the scanner copied out; Arrow rounds as Python does."""
@@ -157,6 +173,11 @@ class Scanner:
         self._odd = []
         self._texts[0][:] = 0
         self._state[scan.ROWS : scan.KEY_START] = 0
+
+
+def _code(codes: dict[str, int], word: str | None) -> int:
+    """The number of a word in the order in which they come, -1 for None."""
+    return -1 if word is None else codes.setdefault(word, len(codes))
 
 
 def _words(most: int, most_bytes: int) -> tuple[Any, Any, Any]:

@@ -13,7 +13,6 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import date
 from decimal import Decimal
 from pathlib import Path
 from typing import Literal
@@ -197,17 +196,9 @@ def _block_end(data: bytes, at: int, mark: bytes, limit: int) -> int:
 BLANK = " \t\r"
 """Characters around a field that are not part of it."""
 
-FIRST_YEAR, LAST_YEAR = 1678, 2261
-"""Whole years that fit 64 bits of nanoseconds since 1970."""
-
 _QUOTED = re.compile(r'[ \t]*"((?:[^"\\|]|\\.|\\$|"(?![ \t\r]*(?:\||$)))*+)"[ \t\r]*(?=\||$)', re.S)
 _PLAIN = re.compile(r"(?:[^|\\]|\\\||\\(?!\|))*+", re.S)
 _MILLISECONDS = re.compile(r"[+-]?\d{1,15}(?:\.\d{0,9})?", re.ASCII)
-_ISO = re.compile(
-    r"(\d{4})-(\d\d)-(\d\d)[Tt ](\d\d):(\d\d):(\d\d)(?:[.,](\d+))?"
-    r"(?:[Zz]|([+-])(\d\d)(?::?(\d\d))?)?",
-    re.ASCII,
-)
 _KEY = re.compile(r"[^\s={}]+")
 _BRACE = re.compile(r"\\.|[{}]", re.S)
 
@@ -233,35 +224,6 @@ def fields_of(line: str) -> list[str]:
         fields.append(line[at:end].replace("\\|", "|").strip(BLANK))
         at = end + 1
     return fields
-
-
-def iso_ns(text: str) -> int | None:
-    """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
-
-    Digits past the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
-
-    Returns
-    -------
-    int or None
-        None when ``text`` is no such time or its year is outside 1678 to 2261.
-    """
-    found = _ISO.fullmatch(text)
-    if not found:
-        return None
-    year, month, day, hour, minute, second = (int(found[i]) for i in range(1, 7))
-    if not FIRST_YEAR <= year <= LAST_YEAR or hour > 23 or minute > 59 or second > 60:
-        return None
-    try:
-        days = date(year, month, day).toordinal() - date(1970, 1, 1).toordinal()
-    except ValueError:
-        return None
-    seconds = days * 86400 + hour * 3600 + minute * 60 + second
-    if found[8]:
-        east = int(found[9]) * 3600 + int(found[10] or 0) * 60
-        if int(found[9]) > 23 or int(found[10] or 0) > 59:
-            return None
-        seconds -= east if found[8] == "+" else -east
-    return seconds * 10**9 + int((found[7] or "")[:9].ljust(9, "0"))
 
 
 def milliseconds_ns(text: str) -> int | None:

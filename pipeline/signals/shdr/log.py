@@ -28,7 +28,7 @@ from pathlib import Path
 from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
 from pipeline.signals.shdr.lines import CHUNK, LogBytes, Segment, segments
 from pipeline.signals.shdr.record_forms import Items
-from pipeline.signals.shdr.reference import Codes, LineReader, Row, read_segment, rows_of
+from pipeline.signals.shdr.reference import LineReader, Row, read_segment, table_of
 
 SMALL = 1 << 17
 """Bytes below which the scanner is not worth its start."""
@@ -93,8 +93,7 @@ def _reference_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
             rejected += result.rejected
             records += result.records
         n = records - before
-        table = rows_of(rows, Codes(), Codes()).table()
-        yield Batch(observations=table, read=n, kept=n - len(rejected), rejected=rejected)
+        yield Batch(observations=table_of(rows), read=n, kept=n - len(rejected), rejected=rejected)
 
 
 def _single_lines(segment: Segment) -> Iterator[Segment]:

@@ -5,22 +5,19 @@ Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes aro
 out and counted (``nulBytes``); within a line they make it unreadable.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-import numpy as np
 import pyarrow as pa
 
-from pipeline.signals.columns import KINDS, OBSERVATIONS
-from pipeline.signals.formats import EXCERPT, Rejection
+from pipeline.signals.formats import EXCERPT, Rejection, observations_of
 from pipeline.signals.mtconnect.model import number_of
+from pipeline.signals.mtconnect.observations import iso_ns
 from pipeline.signals.shdr.lines import (
     LONGEST,
     TOO_LONG,
     Segment,
     fields_of,
-    iso_ns,
     json_of,
     milliseconds_ns,
 )
@@ -44,7 +41,7 @@ class Row(NamedTuple):
     """One row of observations; ``attributes`` is JSON."""
 
     time: int
-    item: str
+    data_item: str
     number: float | None
     text: str | None
     sequence: int
@@ -196,129 +193,6 @@ def refused(line: int, reason: str, raw: bytes) -> LineResult:
     return LineResult([], 1, [Rejection(line=line, reason=reason, excerpt=excerpt)])
 
 
-NOTHING, NUMBER, TEXT = 0, 1, 2
-"""What a row holds."""
-
-
-class Codes:
-    """Numbers words in the order in which they come."""
-
-    def __init__(self, words: Iterable[str] = ()) -> None:
-        self.codes: dict[str, int] = {}
-        for word in words:
-            self.code(word)
-
-    def code(self, word: str | None) -> int:
-        """The word's number, -1 for None."""
-        return -1 if word is None else self.codes.setdefault(word, len(self.codes))
-
-    def array(self) -> pa.Array:
-        """The words."""
-        return pa.array(self.codes, pa.string())
-
-
-@dataclass(kw_only=True)
-class Rows:
-    """Rows column by column; words are codes, -1 for none, into the dictionaries.
-
-    ``holds`` says whether a row has nothing, a number or a text.  ``attributes`` is None when no
-    row has any.
-    """
-
-    time: Any
-    item: Any
-    number: Any
-    holds: Any
-    text: Any
-    sequence: Any
-    kind: Any
-    key: Any
-    attributes: list[str | None] | None
-    items: pa.Array
-    texts: pa.Array
-    keys: pa.Array
-
-    def table(self) -> pa.Table:
-        """The rows as observations."""
-        n = len(self.time)
-        attributes = (
-            pa.nulls(n, pa.string())
-            if self.attributes is None
-            else pa.array(self.attributes, pa.string())
-        )
-        key = pa.nulls(n, pa.int32()) if self.key is None else _indices(self.key)
-        columns = [
-            pa.array(self.time).cast(pa.timestamp("ns", tz="UTC")),
-            pa.DictionaryArray.from_arrays(pa.array(self.item), self.items),
-            pa.array(self.number, mask=self.holds != NUMBER),
-            pa.DictionaryArray.from_arrays(_indices(self.text), self.texts),
-            pa.array(self.sequence.astype(np.uint64)),
-            pa.DictionaryArray.from_arrays(pa.array(self.kind), pa.array(KINDS)),
-            pa.DictionaryArray.from_arrays(key, self.keys),
-            attributes,
-            pa.nulls(n, pa.uint64()),
-        ]
-        return pa.Table.from_arrays(columns, schema=OBSERVATIONS)
-
-
-def _indices(codes: Any) -> pa.Array:
-    return pa.array(codes, mask=codes < 0)
-
-
-def rows_of(rows: Sequence[Row], items: Codes, texts: Codes) -> Rows:
-    """Rows of the reference path; words that are new are added to ``items`` and ``texts``."""
-    keys = Codes()
-    n = len(rows)
-    held = (NUMBER if r.number is not None else NOTHING if r.text is None else TEXT for r in rows)
-    numbers = (0.0 if r.number is None else r.number for r in rows)
-    return Rows(
-        time=np.fromiter((r.time for r in rows), np.int64, n),
-        item=np.fromiter((items.code(r.item) for r in rows), np.int32, n),
-        number=np.fromiter(numbers, np.float64, n),
-        holds=np.fromiter(held, np.uint8, n),
-        text=np.fromiter((texts.code(r.text) for r in rows), np.int32, n),
-        sequence=np.fromiter((r.sequence for r in rows), np.int64, n),
-        kind=np.fromiter((KINDS.index(r.kind) for r in rows), np.int32, n),
-        key=np.fromiter((keys.code(r.key) for r in rows), np.int32, n),
-        attributes=[r.attributes for r in rows] if any(r.attributes for r in rows) else None,
-        items=items.array(),
-        texts=texts.array(),
-        keys=keys.array(),
-    )
-
-
-def merged(fast: Rows, odd: Rows, before: Any) -> Rows:
-    """Rows of the fast path with those of odd lines put between them.
-
-    Parameters
-    ----------
-    fast, odd : Rows
-        Items and texts of ``odd`` are codes into dictionaries that begin with those of ``fast``.
-    before : (K,) int array
-        How many fast rows stand before each odd row, in rising order.
-    """
-    at = before + np.arange(len(before))
-    total = len(fast.time) + len(before)
-    is_fast = np.ones(total, bool)
-    is_fast[at] = False
-
-    def both(a: Any, b: Any) -> Any:
-        column = np.empty(total, b.dtype)
-        column[is_fast], column[at] = a, b
-        return column
-
-    attributes: list[str | None] | None = None
-    if odd.attributes is not None:
-        attributes = [None] * total
-        for place, words in zip(at.tolist(), odd.attributes, strict=True):
-            attributes[place] = words
-    names = ("time", "item", "number", "holds", "text", "sequence", "kind")
-    columns = {name: both(getattr(fast, name), getattr(odd, name)) for name in names}
-    return Rows(
-        **columns,
-        key=both(np.int32(-1), odd.key),
-        attributes=attributes,
-        items=odd.items,
-        texts=odd.texts,
-        keys=odd.keys,
-    )
+def table_of(rows: Sequence[Row]) -> pa.Table:
+    """Rows as observations."""
+    return observations_of(dict(zip(Row._fields, zip(*rows, strict=True), strict=False)), len(rows))

@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.signals.formats import TableLayout, UnreadableFile
-from pipeline.signals.tables.table import RawTable, asked_for, wanted
+from pipeline.signals.tables.table import RawTable, columns_to_read, named_columns
 
 Array = NDArray[Any]
 
@@ -64,16 +64,16 @@ def raw_table(
     Raises
     ------
     UnreadableFile
-        When a column is missing, or the columns asked for are not of one length.
+        When a column is missing, or the columns that the layout names are not of one length.
     """
     columns = {}
     for block in named_arrays:
         columns.update(_columns(block))
-    length = _length(columns, asked_for(layout))
+    length = _length(columns, named_columns(layout))
     fitting = [name for name, column in columns.items() if column.length == length]
-    asked = set(asked_for(layout))
-    known = list(columns) if asked - set(fitting) else fitting
-    needed = wanted(layout, known)
+    named = set(named_columns(layout))
+    known = list(columns) if named - set(fitting) else fitting
+    needed = columns_to_read(layout, known)
     loaded: dict[str, Array] = {}
     cells = {name: _cells(name, columns[name], loaded) for name in needed}
     constants = {
@@ -109,9 +109,9 @@ def _columns(block: NamedArray) -> dict[str, _Column]:
     }
 
 
-def _length(columns: dict[str, _Column], asked: list[str]) -> int:
+def _length(columns: dict[str, _Column], named: list[str]) -> int:
     """Samples of the recording."""
-    lengths = {name: columns[name].length for name in asked if name in columns}
+    lengths = {name: columns[name].length for name in named if name in columns}
     if not lengths:
         return Counter(c.length for c in columns.values()).most_common(1)[0][0] if columns else 0
     first, *others = lengths

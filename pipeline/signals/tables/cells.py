@@ -54,7 +54,7 @@ def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, Bools]:
     UnreadableFile
         When the column's type holds neither numbers nor text.
     """
-    cells = plain(cells)
+    cells = one_array(cells)
     bad = np.zeros(len(cells), bool)
     if pa.types.is_string(cells.type):
         values = _cast(cells) if decimal == "." else None
@@ -71,7 +71,7 @@ def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, Bools]:
 
 def words(cells: Cells) -> pa.Array:
     """Cells as words without the blanks around them; null where blank or ``UNAVAILABLE``."""
-    cells = plain(cells)
+    cells = one_array(cells)
     if pa.types.is_floating(cells.type):
         whole = pc.equal(pc.floor(cells), cells).fill_null(False)
         as_integer = pc.cast(pc.if_else(whole, cells, None), pa.int64(), safe=False)
@@ -89,7 +89,7 @@ def words(cells: Cells) -> pa.Array:
     return pc.if_else(nothing, pa.scalar(None, pa.string()), text)
 
 
-def plain(cells: Cells) -> pa.Array:
+def one_array(cells: Cells) -> pa.Array:
     """One array, without dictionary; any kind of text as ``string``."""
     if isinstance(cells, pa.ChunkedArray):
         cells = cells.combine_chunks()
@@ -166,7 +166,7 @@ def instants(cells: Cells, layout: TableLayout) -> Instants:
     bad : ndarray of bool, shape (T,)
         True where the cell names no instant.
     """
-    cells = plain(cells)
+    cells = one_array(cells)
     if pa.types.is_timestamp(cells.type):
         return _timestamps(cells, layout.time_zone)
     if layout.time_unit == "iso":

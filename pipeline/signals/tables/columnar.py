@@ -17,7 +17,13 @@ import pyarrow as pa
 
 from pipeline.signals.formats import RecordSource, Rejection, TableLayout, Trace, UnreadableFile
 from pipeline.signals.tables.arrays import Array, ArrayCollector, NamedArray, raw_table
-from pipeline.signals.tables.table import RawTable, asked_for, assemble, layout_of, wanted
+from pipeline.signals.tables.table import (
+    RawTable,
+    assemble,
+    columns_to_read,
+    layout_of,
+    named_columns,
+)
 
 
 def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
@@ -48,7 +54,8 @@ def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
         with pq.ParquetFile(path) as file:
             schema = file.schema_arrow
             flat = [f.name for f in schema if not pa.types.is_nested(f.type)]
-            needed = wanted(layout, schema.names if set(asked_for(layout)) - set(flat) else flat)
+            nested = set(named_columns(layout)) - set(flat)  # refused with the names there are
+            needed = columns_to_read(layout, schema.names if nested else flat)
             table = file.read(columns=needed)
         table.validate(full=True)  # a damaged page may pass the reader and hold no text
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:

@@ -29,11 +29,11 @@ from pipeline.signals.formats import (
 )
 from pipeline.signals.tables.table import (
     RawTable,
-    asked_for,
     assemble,
+    columns_to_read,
     layout_of,
     missing_columns,
-    wanted,
+    named_columns,
 )
 
 _MARKS = (
@@ -170,7 +170,7 @@ def dialect_of(lines: Lines, layout: TableLayout) -> Dialect:
         )
     number, delimiter = _header(lines, layout)
     names = unique(cells_of(lines[number], delimiter))
-    missing = [name for name in asked_for(layout) if name not in names]
+    missing = [name for name in named_columns(layout) if name not in names]
     if missing:
         raise missing_columns(missing, names)
     units: dict[str, str] = {}
@@ -206,16 +206,16 @@ def _delimiters(layout: TableLayout) -> list[str]:
 
 def _header(lines: Lines, layout: TableLayout) -> tuple[int, str]:
     """Number of the line with the column names, and the delimiter."""
-    asked = asked_for(layout)
+    named = named_columns(layout)
     if layout.header is not None and layout.header >= len(lines):
         raise UnreadableFile(
             f"the header is line {layout.header} by the layout, the file has {len(lines)}: "
             "correct the layout"
         )
-    if not asked:
-        return _plainest(lines, layout)
+    if not named:
+        return _usual_header(lines, layout)
     only = None if layout.header is None else [layout.header]
-    stems = [re.sub(r"#\d+$", "", name) for name in asked]
+    stems = [re.sub(r"#\d+$", "", name) for name in named]
     best = (0, 0, 0, _delimiters(layout)[0])
     for number in only or range(len(lines)):
         line = lines[number]
@@ -223,18 +223,18 @@ def _header(lines: Lines, layout: TableLayout) -> tuple[int, str]:
             continue
         for delimiter in _delimiters(layout):
             names = unique(cells_of(line, delimiter))
-            found = sum(name in names for name in asked)
+            found = sum(name in names for name in named)
             if (found, len(names)) > best[:2] and (found or only):
                 best = (found, len(names), number, delimiter)
-        if best[0] == len(asked):
+        if best[0] == len(named):
             break
     if best[0] == 0 and only is None:
-        number, delimiter = _plainest(lines, layout)
-        raise missing_columns(asked, [n for n in cells_of(lines[number], delimiter) if n])
+        number, delimiter = _usual_header(lines, layout)
+        raise missing_columns(named, [n for n in cells_of(lines[number], delimiter) if n])
     return best[2], best[3]
 
 
-def _plainest(lines: Lines, layout: TableLayout) -> tuple[int, str]:
+def _usual_header(lines: Lines, layout: TableLayout) -> tuple[int, str]:
     """The first line with as many cells as most lines have, for a layout that names no column."""
     delimiter = _delimiter_of(lines, layout.header or 0, layout, 0)
     if layout.header is not None:
@@ -285,7 +285,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
     body = text_of(path.read_bytes(), layout.encoding)
     lines = Lines(body)
     dialect = dialect_of(lines, layout)
-    needed = wanted(layout, dialect.names)
+    needed = columns_to_read(layout, dialect.names)
     columns, numbers, rejected = rows_of(lines, dialect, needed, layout)
     cut = _cut(lines, dialect)
     if cut and len(numbers) and numbers[-1] == cut.line:

@@ -33,7 +33,7 @@ from pipeline.signals.tables.cells import (
     Cells,
     instants,
     numbers,
-    plain,
+    one_array,
     regular,
     seconds,
     start_of,
@@ -205,7 +205,7 @@ class RawTable:
     Parameters
     ----------
     columns : dict of str to pyarrow array, shape (T,)
-        Raw name -> cells, for the columns that :func:`wanted` asked for.
+        Raw name -> cells, for the columns of :func:`columns_to_read`.
     lines : ndarray of int64, shape (T,)
         Line of the file, or number of the record, of each row; from 1.
     units : dict of str to str
@@ -213,7 +213,7 @@ class RawTable:
     rejected : list of Rejection
         Rows that did not become cells.
     left_out : list of str
-        Columns of the file that were not asked for.
+        Columns of the file that are not read.
     notes : dict
         What else the file holds (constants beside the channels).
     rate, start : float or None, str or None
@@ -262,7 +262,7 @@ def layout_of(source: RecordSource) -> TableLayout:
     return layout
 
 
-def wanted(layout: TableLayout, available: Sequence[str]) -> list[str]:
+def columns_to_read(layout: TableLayout, available: Sequence[str]) -> list[str]:
     """Raw names to read, in the file's order.
 
     Parameters
@@ -277,18 +277,17 @@ def wanted(layout: TableLayout, available: Sequence[str]) -> list[str]:
     UnreadableFile
         When a column is missing; the message names it and the nearest ones that are there.
     """
-    asked = asked_for(layout)
-    have = set(available)
-    missing = [name for name in asked if name not in have]
+    named, there = named_columns(layout), set(available)
+    missing = [name for name in named if name not in there]
     if missing:
         raise missing_columns(missing, available)
-    return [name for name in available if layout.rest or name in set(asked)]
+    return [name for name in available if layout.rest or name in named]
 
 
-def asked_for(layout: TableLayout) -> list[str]:
+def named_columns(layout: TableLayout) -> list[str]:
     """Raw names that the layout itself names."""
-    asked = [layout.time, layout.date, *(source.column for source in layout.columns.values())]
-    return list(dict.fromkeys(name for name in asked if name is not None))
+    named = [layout.time, layout.date, *(source.column for source in layout.columns.values())]
+    return list(dict.fromkeys(name for name in named if name is not None))
 
 
 def missing_columns(missing: Sequence[str], available: Iterable[str]) -> UnreadableFile:
@@ -373,7 +372,7 @@ def _time(raw: RawTable, layout: TableLayout, reasons: dict[int, str]) -> tuple[
         time = regular(place, layout.rate, start_of(layout))
         return instant, pa.array(time).cast(instant.type)
     check_time_unit(layout, raw.units)
-    cells = plain(raw.columns[layout.time])
+    cells = one_array(raw.columns[layout.time])
     if layout.date is not None:
         cells = pc.binary_join_element_wise(words(raw.columns[layout.date]), words(cells), " ")
     counts = layout.time_unit in NANOSECONDS and layout.start is None
@@ -400,7 +399,7 @@ def _values(
     channel: TraceChannel, raw: RawTable, layout: TableLayout, reasons: dict[int, str]
 ) -> pa.Array:
     """A signal in its own unit; adds to ``reasons`` by row."""
-    cells = plain(raw.columns[channel.raw])
+    cells = one_array(raw.columns[channel.raw])
     if channel.text:
         return words(cells)
     values, bad = numbers(cells, layout.decimal)
@@ -412,7 +411,7 @@ def _rest(
     channel: TraceChannel, raw: RawTable, layout: TableLayout
 ) -> tuple[TraceChannel, pa.Array]:
     """A column that the layout does not name: numbers if all are, else words as they stand."""
-    cells = plain(raw.columns[channel.raw])
+    cells = one_array(raw.columns[channel.raw])
     if not (pa.types.is_temporal(cells.type) or pa.types.is_nested(cells.type)):
         values, bad = numbers(cells, layout.decimal)
         if not bad.any() or not pa.types.is_string(cells.type):

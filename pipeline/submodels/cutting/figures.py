@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.bands import UNITS, Band, band, line, plain
+from pipeline.charts.bands import UNITS, Band, band, line, tick_words
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, TOGETHER, counted, number
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.svg import anchor
@@ -141,7 +141,7 @@ def _angles(bottom: float) -> list[Markup]:
     parts = [svg.text(50, bottom + 31, "Angle of the spindle, °", "tick mid")]
     for mark in np.arange(REVOLUTION[0], REVOLUTION[1] + 1, QUARTER):
         x = 100 * float(mark - REVOLUTION[0]) / (REVOLUTION[1] - REVOLUTION[0])
-        parts += [svg.down(x, TOP, bottom), svg.text(x, bottom + 16, plain(float(mark)),
+        parts += [svg.down(x, TOP, bottom), svg.text(x, bottom + 16, tick_words(float(mark)),
                                                      anchor(x))]  # fmt: skip
     return parts
 
@@ -243,6 +243,6 @@ def _speeds(top_speed: float, into: Band) -> list[Markup]:
     parts = [svg.text(50, into.bottom + 31, "Speed, rev/min", "tick mid")]
     for mark in svg.ticks(0.0, top_speed, most=4):
         x = 100 * mark / top_speed
-        parts += [svg.down(x, into.top, into.bottom), svg.text(x, into.bottom + 16, plain(mark),
-                                                               anchor(x))]  # fmt: skip
+        parts.append(svg.down(x, into.top, into.bottom))
+        parts.append(svg.text(x, into.bottom + 16, tick_words(mark), anchor(x)))
     return parts

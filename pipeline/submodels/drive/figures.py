@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.bands import UNITS, Band, band, clock, line, plain, readings
+from pipeline.charts.bands import UNITS, Band, band, clock, line, readings, tick_words
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import CurvePoint, DriveAxis, FrictionPoint, RecursiveMass
 from pipeline.schema.model import Parameter
@@ -162,7 +162,7 @@ def _speeds(span: tuple[float, float], into: Band) -> list[Markup]:
         x = 100 * (np.log10(mark) - span[0]) / (span[1] - span[0])
         if -0.01 <= x <= 100.01:
             parts.append(svg.down(x, into.top, into.bottom))
-            parts.append(svg.text(x, into.bottom + 16, plain(mark), svg.anchor(x)))
+            parts.append(svg.text(x, into.bottom + 16, tick_words(mark), svg.anchor(x)))
     return parts
 
 
