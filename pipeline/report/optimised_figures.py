@@ -8,8 +8,11 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import asked, number
+from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.sources import Source
 from pipeline.charts.svg import anchor
 from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
+from pipeline.report.cut.tables import sentence
 from pipeline.report.optimised_tables import limit_name
 from pipeline.schema.part import (
     BlockGroup,
@@ -63,14 +66,11 @@ class PathLoad:
 
 def path_load(trace: LoadTrace) -> PathLoad | None:
     """The load along the path before or after; None where there is none to draw."""
-    way, load = (
-        np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-        for values in (trace.way_mm, trace.load_N)
+    way, load, line = (
+        np.array(values, dtype=np.float64) for values in (trace.way_mm, trace.load_N, trace.line)
     )
-    line, total = np.array(trace.line, dtype=np.float64), trace.total_mm
-    if len(load) == 0 or not len(way) == len(load) == len(line) or not np.isfinite(load).any():
-        return None
-    if total <= 0:
+    total = trace.total_mm
+    if not len(way) == len(load) == len(line) or not np.isfinite(load).any() or total <= 0:
         return None
     many = min(MOST, len(load))
     place = np.clip((way / total * many + 1e-9).astype(int), 0, many - 1)
@@ -96,6 +96,27 @@ def load_figure(
             parts.append(svg.across(panel.y(limit), "limit"))
             parts.append(svg.text(100, panel.top - 7, f"limit {asked(limit)} N", "name end"))
     return svg.figure(parts, height=lower.bottom + 54, label=label, kind="golden")
+
+
+def load_figures(
+    part: OptimisedPart, name: str, caption: str, sources: list[Source], *, kind: str
+) -> Figures | None:
+    """Load along the path before and after, with its legend; None where there is none to draw.
+
+    Where ``caption`` is empty the figure's own words are.
+    """
+    trace, limit = part.trace, part.limits.load_N
+    before, after = path_load(trace.before), path_load(trace.after)
+    if before is None or after is None:
+        return None
+    legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
+    words = f"Load along the way of {name}, as programmed and optimised"
+    picture = Figure(
+        svg=load_figure(before, after, limit, trace.tools, words),
+        caption=caption or f"{words}: the highest force on the tool in the plane, predicted.",
+        sources=sources,
+    )
+    return Figures(figures=[picture], legend=legend, kind=kind)
 
 
 def _columns(panel: Panel, trace: PathLoad, limit: float | None, kind: str) -> Markup:
@@ -135,56 +156,57 @@ def _tools(tools: Sequence[tuple[int, float, float]], bottom: float) -> list[Mar
     return parts
 
 
-@dataclass(frozen=True, kw_only=True)
-class Blocks:
-    """G groups of blocks, in the order of the program."""
-
-    rows: Sequence[BlockGroup]
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def column(self, key: str) -> np.ndarray:
-        """Values of one field, NaN where not known; shape (G,)."""
-        values = [getattr(row, key) for row in self.rows]
-        return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-
-    def only(self, key: str, keep: Callable[[BlockGroup], bool]) -> np.ndarray:
-        """The same with NaN in rows that are not kept."""
-        kept = np.array([keep(row) for row in self.rows], dtype=bool)
-        return np.where(kept, self.column(key), np.nan)
-
-
-def words_figure(blocks: Blocks, label: str) -> Markup | None:
+def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
     """Panels of F and S before and after, and a lane for each limit that binds.
 
     None where neither F nor S is known of any group.
     """
-    shown = [
-        (f"F, {unit}", f"feed_{{}}@{unit}") for unit in FEED_UNITS
-        if any(row.feed_unit == unit for row in blocks.rows)
+    feeds = [
+        (f"F, {unit}", *_before_after(groups, "feed_{}", unit)) for unit in FEED_UNITS
+        if any(row.feed_unit == unit for row in groups)
     ]  # fmt: skip
-    top, parts = float(BLOCK_TOP), []
-    for head, key in [*shown, ("S, rev/min", "speed_{}")]:
-        pair = [_values(blocks, key.format(which)) for which in ("before", "after")]
-        known = np.concatenate(pair)[np.isfinite(np.concatenate(pair))]
-        if not len(known) or known.max() <= 0:
-            continue
-        panel = Panel(head=head, top=top, height=BLOCK_HEIGHT, most=1.1 * float(known.max()))
-        curves = [_steps(values, panel.most, kind)
-                  for values, kind in zip(pair, ("before", "after"), strict=True)]  # fmt: skip
-        parts += [*panel.frame(), svg.band(panel.top, panel.height, UNITS, curves)]
-        top = panel.bottom + BLOCK_GAP
+    pairs = [*feeds, ("S, rev/min", *_before_after(groups, "speed_{}"))]
+    parts, bottom = _panels(pairs, 1.1, _levels)
     if not parts:
         return None
-    lanes, bottom = _lanes(blocks, top - BLOCK_GAP + 6)
-    behind = _lines(blocks.column("first_line"), BLOCK_TOP, bottom)
+    lanes, bottom = _lanes(groups, bottom + 6)
+    behind = _lines(_values(groups, "first_line"), BLOCK_TOP, bottom)
     return svg.figure([*behind, *parts, *lanes], height=bottom + 36, label=label, kind="golden")
 
 
-def _values(blocks: Blocks, key: str) -> np.ndarray:
-    name, _, unit = key.partition("@")
-    return blocks.only(name, lambda row: not unit or row.feed_unit == unit)
+def _values(groups: Sequence[BlockGroup], key: str, unit: str = "") -> np.ndarray:
+    """Values of one field, NaN where not known or where F has another unit; shape (G,)."""
+    known = [getattr(row, key) if unit in ("", row.feed_unit) else None for row in groups]
+    return np.array(known, dtype=np.float64)
+
+
+def _before_after(
+    groups: Sequence[BlockGroup], key: str, unit: str = ""
+) -> tuple[np.ndarray, np.ndarray]:
+    return _values(groups, key.format("before"), unit), _values(groups, key.format("after"), unit)
+
+
+def _panels(
+    pairs: Sequence[tuple[str, np.ndarray, np.ndarray]], room: float,
+    drawn: Callable[[Panel, np.ndarray, np.ndarray], Markup],
+) -> tuple[list[Markup], float]:  # fmt: skip
+    """Panels of (head, before, after) below one another, and where the last ends [px].
+
+    A panel reaches to ``room`` times its greatest value; one without any is left out.
+    """
+    top, parts = float(BLOCK_TOP), []
+    for head, before, after in pairs:
+        most = np.nanmax(np.concatenate([before, after, [0.0]]))
+        if most > 0:
+            panel = Panel(head=head, top=top, height=BLOCK_HEIGHT, most=room * float(most))
+            parts += [*panel.frame(), drawn(panel, before, after)]
+            top = panel.bottom + BLOCK_GAP
+    return parts, top - BLOCK_GAP
+
+
+def _levels(panel: Panel, before: np.ndarray, after: np.ndarray) -> Markup:
+    curves = [_steps(before, panel.most, "before"), _steps(after, panel.most, "after")]
+    return svg.band(panel.top, panel.height, UNITS, curves)
 
 
 def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
@@ -197,21 +219,17 @@ def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
     return svg.curve(*svg.thinned(middle, y, UNITS / STEPS), kind)
 
 
-def _lanes(blocks: Blocks, top: float) -> tuple[list[Markup], float]:
+def _lanes(groups: Sequence[BlockGroup], top: float) -> tuple[list[Markup], float]:
     """One lane for each limit, marked where it binds; the most frequent first."""
-    binds = [limit_name(row.binds) if row.binds else "" for row in blocks.rows]
+    binds = [limit_name(row.binds) if row.binds else "" for row in groups]
     names = sorted({word for word in binds if word}, key=lambda word: (-binds.count(word), word))
     parts: list[Markup] = []
     for name in names:
         here = np.array([word == name for word in binds])
-        parts.append(svg.text(0, top + 12, f"{_capital(name)} binds", "head"))
+        parts.append(svg.text(0, top + 12, f"{sentence(name)} binds", "head"))
         parts.append(svg.band(top + 18, BAR, UNITS, [_marks(here)]))
         top += LANE
     return parts, top
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
 
 
 def _marks(here: np.ndarray) -> Markup:
@@ -238,22 +256,15 @@ def _lines(first: np.ndarray, top: float, bottom: float) -> list[Markup]:
     return parts
 
 
-def pairs_figure(blocks: Blocks, heads: list[tuple[str, str]], label: str) -> Markup | None:
+def pairs_figure(
+    groups: Sequence[BlockGroup], heads: list[tuple[str, str]], label: str
+) -> Markup | None:
     """Panels of columns, before beside after; ``heads`` are (head, key with {})."""
-    top, parts = float(BLOCK_TOP), []
-    for head, key in heads:
-        before, after = (_sums(blocks.column(key.format(w))) for w in ("before", "after"))
-        known = np.concatenate([before, after])
-        known = known[np.isfinite(known)]
-        if not len(known) or known.max() <= 0:
-            continue
-        panel = Panel(head=head, top=top, height=BLOCK_HEIGHT, most=1.08 * float(known.max()))
-        parts += [*panel.frame(), _pairs(panel, before, after)]
-        top = panel.bottom + BLOCK_GAP
+    pairs = [(head, *map(_sums, _before_after(groups, key))) for head, key in heads]
+    parts, bottom = _panels(pairs, 1.08, _pairs)
     if not parts:
         return None
-    bottom = top - BLOCK_GAP
-    first = blocks.column("first_line")[:: per_pair(len(blocks))]
+    first = _values(groups, "first_line")[:: per_pair(len(groups))]
     behind = _lines(first, BLOCK_TOP, bottom)
     return svg.figure([*behind, *parts], height=bottom + 36, label=label, kind="golden")
 

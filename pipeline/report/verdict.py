@@ -198,10 +198,8 @@ def _sensors(facts: MachineFacts) -> list[str]:
 
 
 def _stopped_days(facts: MachineFacts) -> list[str]:
-    days = []
-    for day in facts.work.worked_days:
-        stopped = day.seconds.get("FEED_HOLD", 0.0) + day.seconds.get("INTERRUPTED", 0.0)
-        work = stopped + day.seconds.get("ACTIVE", 0.0)
-        if work > WORKED_S and stopped > STOPPED_SHARE * work:
-            days.append(day.day)
-    return days
+    return [
+        day.day
+        for day in facts.work.worked_days
+        if (work := day.stopped + day.active) > WORKED_S and day.stopped > STOPPED_SHARE * work
+    ]

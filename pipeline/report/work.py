@@ -17,6 +17,7 @@ DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve
 STANDS_BELOW = 1.0  # rev/min; slower is standing still, within what encoders say at rest
 NO_RECORD = "no record"
+NO_NAME = "(no name)"
 UNUSED = np.iinfo(np.int64).min
 STATES = "data/clean state table"
 
@@ -51,6 +52,21 @@ class Day:
     speed: np.ndarray
     held: np.ndarray
     kinds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def known(self) -> float:
+        """Time in a known execution state [s]."""
+        return sum(seconds for state, seconds in self.seconds.items() if state != NO_RECORD)
+
+    @property
+    def active(self) -> float:
+        """Time in state ACTIVE [s]."""
+        return self.seconds.get("ACTIVE", 0.0)
+
+    @property
+    def stopped(self) -> float:
+        """Time in feed hold or interrupted [s]."""
+        return self.seconds.get("FEED_HOLD", 0.0) + self.seconds.get("INTERRUPTED", 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +106,7 @@ class Work:
     @property
     def active(self) -> float:
         """Time in state ACTIVE on all days [s]."""
-        return sum(d.seconds.get("ACTIVE", 0.0) for d in self.days)
+        return sum(day.active for day in self.days)
 
     @property
     def periods(self) -> list[tuple[str, str]]:
