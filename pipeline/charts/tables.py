@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 from pipeline.charts.numbers import number
 from pipeline.charts.sources import Source, SourceRegistry
 
-Thing = TypeVar("Thing")
+Thing = TypeVar("Thing", contravariant=True)
 
 
 @dataclass(frozen=True, kw_only=True)

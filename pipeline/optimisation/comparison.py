@@ -1,4 +1,4 @@
-"""Programs before and after, row by row: limits passed, groups of blocks, load along the path.
+"""Programs before and after, row by row: limits exceeded, groups of blocks, load along the path.
 
 Rows of the program after are counted to the rows that they have become; columns of the load trace
 belong to the same places of the part in both.
@@ -25,15 +25,15 @@ COLUMNS = 900
 MM = 1e3
 
 
-def passed(of: AssessedCut, limits: CutLimit) -> Bools:
-    """Whether each of the K blocks that cut passes a limit; margins are not counted."""
-    return np.logical_or.reduce([*passed_by_limit(of, limits).values()])
+def exceeded(of: AssessedCut, limits: CutLimit) -> Bools:
+    """Whether each of the K blocks that cut exceeds a limit; margins are not counted."""
+    return np.logical_or.reduce([*exceeded_limits(of, limits).values()])
 
 
-def passed_by_limit(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
-    """By the limit's name, which of the K blocks that cut pass it; margins are not counted.
+def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
+    """By the limit's name, which of the K blocks that cut exceed it; margins are not counted.
 
-    A quantity that is not known passes nothing.  A block's F is the feed that it reaches.
+    A quantity that is not known exceeds nothing.  A block's F is the feed that it reaches.
     """
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
     running = blocks.spindle_speed > 0

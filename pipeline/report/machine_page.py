@@ -75,7 +75,7 @@ def _key_figures(facts: MachineFacts) -> list[tuple[str, str, str]]:
         *part_key_figures(facts.parts),
         ("Time ACTIVE", f"{hours(work.active)} h" if work.days else NOT_KNOWN,
          f"on {counted(len(work.worked_days), 'day')}"),
-        ("Records rejected", percent(r.rejected, r.records) if r.files else NOT_KNOWN,
+        ("Records rejected", percent(r.rejected, r.records),
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
         ("Last record", moment(r.last), ""),
     ]  # fmt: skip

@@ -10,7 +10,6 @@ from pipeline.charts import svg
 from pipeline.charts.numbers import asked, number
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
-from pipeline.charts.svg import anchor
 from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
 from pipeline.report.cut.tables import sentence
 from pipeline.report.optimised_tables import limit_name
@@ -70,15 +69,14 @@ def path_load(trace: LoadTrace) -> PathLoad | None:
         np.array(values, dtype=np.float64) for values in (trace.way_mm, trace.load_N, trace.line)
     )
     total = trace.total_mm
-    if not len(way) == len(load) == len(line) or not np.isfinite(load).any() or total <= 0:
+    if not len(way) == len(load) == len(line) or np.isnan(load).all() or total <= 0:
         return None
     many = min(MOST, len(load))
     place = np.clip((way / total * many + 1e-9).astype(int), 0, many - 1)
-    high = np.full(many, -np.inf)
-    np.maximum.at(high, place, np.where(np.isnan(load), -np.inf, load))
+    high = np.full(many, np.nan)
+    np.fmax.at(high, place, load)
     first = np.searchsorted(np.maximum.accumulate(place), np.arange(many))
-    line = line[np.minimum(first, len(line) - 1)]
-    return PathLoad(total=total, load=np.where(high > -np.inf, high, np.nan), line=line)
+    return PathLoad(total=total, load=high, line=line[np.minimum(first, len(line) - 1)])
 
 
 def load_figure(
@@ -111,12 +109,10 @@ def load_figures(
         return None
     legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
     words = f"Load along the way of {name}, as programmed and optimised"
-    picture = Figure(
-        svg=load_figure(before, after, limit, trace.tools, words),
-        caption=caption or f"{words}: the highest force on the tool in the plane, predicted.",
-        sources=sources,
-    )
-    return Figures(figures=[picture], legend=legend, kind=kind)
+    drawn = load_figure(before, after, limit, trace.tools, words)
+    caption = caption or f"{words}: the highest force on the tool in the plane, predicted."
+    figures = [Figure(svg=drawn, caption=caption, sources=sources)]
+    return Figures(figures=figures, legend=legend, kind=kind)
 
 
 def _columns(panel: Panel, trace: PathLoad, limit: float | None, kind: str) -> Markup:
@@ -141,9 +137,9 @@ def _path_axis(trace: PathLoad, top: float, bottom: float) -> list[Markup]:
         x = 100 * mark * unit / trace.total
         line = trace.line[min(int(x / 100 * len(trace.line)), len(trace.line) - 1)]
         parts.append(svg.down(x, top, bottom))
-        parts.append(svg.text(x, bottom + 16, f"{round(mark, 6) + 0.0:g}", anchor(x)))
+        parts.append(svg.text(x, bottom + 16, f"{round(mark, 6) + 0.0:g}", svg.anchor(x)))
         if np.isfinite(line):
-            parts.append(svg.text(x, bottom + 31, f"{line:.0f}", anchor(x)))
+            parts.append(svg.text(x, bottom + 31, f"{line:.0f}", svg.anchor(x)))
     return parts
 
 
@@ -161,12 +157,9 @@ def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
 
     None where neither F nor S is known of any group.
     """
-    feeds = [
-        (f"F, {unit}", *_before_after(groups, "feed_{}", unit)) for unit in FEED_UNITS
-        if any(row.feed_unit == unit for row in groups)
-    ]  # fmt: skip
-    pairs = [*feeds, ("S, rev/min", *_before_after(groups, "speed_{}"))]
-    parts, bottom = _panels(pairs, 1.1, _levels)
+    units = [unit for unit in FEED_UNITS if any(row.feed_unit == unit for row in groups)]
+    feeds = [_pair(f"F, {unit}", groups, "feed_{}", unit) for unit in units]
+    parts, bottom = _panels([*feeds, _pair("S, rev/min", groups, "speed_{}")], 1.1, _levels)
     if not parts:
         return None
     lanes, bottom = _lanes(groups, bottom + 6)
@@ -180,10 +173,13 @@ def _values(groups: Sequence[BlockGroup], key: str, unit: str = "") -> np.ndarra
     return np.array(known, dtype=np.float64)
 
 
-def _before_after(
-    groups: Sequence[BlockGroup], key: str, unit: str = ""
-) -> tuple[np.ndarray, np.ndarray]:
-    return _values(groups, key.format("before"), unit), _values(groups, key.format("after"), unit)
+def _pair(
+    head: str, groups: Sequence[BlockGroup], key: str, unit: str = "",
+    of: Callable[[np.ndarray], np.ndarray] = np.asarray,
+) -> tuple[str, np.ndarray, np.ndarray]:  # fmt: skip
+    """Head, values before, values after; ``key`` has {} where it says which."""
+    before, after = (of(_values(groups, key.format(w), unit)) for w in ("before", "after"))
+    return head, before, after
 
 
 def _panels(
@@ -237,10 +233,8 @@ def _marks(here: np.ndarray) -> Markup:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], here, [False]]).astype(int)))
     starts = np.floor(edges[::2] * UNITS / len(here)).astype(int)
     ends = np.maximum(np.ceil(edges[1::2] * UNITS / len(here)).astype(int), starts + 1)
-    data = "".join(
-        f"M{a} 0h{b - a}v{svg.FULL}h{a - b}z"
-        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
-    )
+    runs = zip(starts.tolist(), ends.tolist(), strict=True)
+    data = "".join(f"M{a} 0h{b - a}v{svg.FULL}h{a - b}z" for a, b in runs)
     return svg.tag("path", d=data, class_="s-after")
 
 
@@ -252,7 +246,7 @@ def _lines(first: np.ndarray, top: float, bottom: float) -> list[Markup]:
         if np.isfinite(first[k]):
             x = 100 * k / many
             parts.append(svg.down(x, top, bottom))
-            parts.append(svg.text(x, bottom + 16, f"{first[k]:.0f}", anchor(x)))
+            parts.append(svg.text(x, bottom + 16, f"{first[k]:.0f}", svg.anchor(x)))
     return parts
 
 
@@ -260,7 +254,7 @@ def pairs_figure(
     groups: Sequence[BlockGroup], heads: list[tuple[str, str]], label: str
 ) -> Markup | None:
     """Panels of columns, before beside after; ``heads`` are (head, key with {})."""
-    pairs = [(head, *map(_sums, _before_after(groups, key))) for head, key in heads]
+    pairs = [_pair(head, groups, key, of=_sums) for head, key in heads]
     parts, bottom = _panels(pairs, 1.08, _pairs)
     if not parts:
         return None
@@ -361,7 +355,10 @@ def front_figure(places: list[Place], heads: tuple[str, str], label: str) -> Mar
     ]
     for mark in svg.ticks(*across, most=5):
         x = 100 * _share(mark, across)
-        parts += [svg.down(x, FRONT_TOP, bottom), svg.text(x, bottom + 16, _tick(mark), anchor(x))]
+        parts += [
+            svg.down(x, FRONT_TOP, bottom),
+            svg.text(x, bottom + 16, _tick(mark), svg.anchor(x)),
+        ]
     for mark in svg.ticks(*up, most=5):
         y = FRONT_TOP + FRONT_HEIGHT * (1 - _share(mark, up))
         parts += [svg.across(y), svg.text(0, y + 4, _tick(mark), "tick end", dx=-6)]

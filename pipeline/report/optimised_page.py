@@ -7,6 +7,7 @@ from markupsafe import Markup
 from pipeline.charts.numbers import NARROW, asked, counted, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
+from pipeline.report import optimised_tables as tables
 from pipeline.report.cut.tables import sentence, share
 from pipeline.report.optimised_figures import (
     FRONT_LEGEND,
@@ -22,16 +23,6 @@ from pipeline.report.optimised_figures import (
     pairs_figure,
     per_pair,
     words_figure,
-)
-from pipeline.report.optimised_tables import (
-    binding_table,
-    front_table,
-    gain_table,
-    groups_table,
-    limits_table,
-    methods_table,
-    proof_table,
-    uncertain_table,
 )
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
@@ -122,7 +113,7 @@ def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None
     return Section(
         key="words", title="F and S, and what binds them",
         blocks=present(_drawn(picture, caption, WORDS_LEGEND, sources),
-                       binding_table(part, sources), groups_table(part, sources)),
+                       tables.binding_table(part, sources), tables.groups_table(part, sources)),
     )  # fmt: skip
 
 
@@ -137,7 +128,7 @@ def _time_section(part: OptimisedPart, sources: list[Source]) -> Section:
     caption = f"Time and cost, each pair of columns {one}."
     figures = _drawn(picture, caption, PAIR_LEGEND, sources)
     return Section(key="time", title="Time and cost",
-                   blocks=present(gain_table(part, sources), figures))  # fmt: skip
+                   blocks=present(tables.gain_table(part, sources), figures))  # fmt: skip
 
 
 def _certainty_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -145,7 +136,7 @@ def _certainty_section(part: OptimisedPart, sources: list[Source]) -> Section | 
         return None
     return Section(
         key="certainty", title="How sure it is", text=_certainty_text(part, part.certainty),
-        blocks=present(uncertain_table(part, sources)),
+        blocks=present(tables.uncertain_table(part, sources)),
     )  # fmt: skip
 
 
@@ -188,9 +179,9 @@ def _price(part: OptimisedPart, of: Reliability) -> list[str]:
 
 
 def _methods_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
-    table, keys = methods_table(part, sources), compared(part)
+    table, keys = tables.methods_table(part, sources), compared(part)
     figures = None if keys is None else _front(part, keys, sources)
-    blocks = present(table, figures, front_table(part, sources))
+    blocks = present(table, figures, tables.front_table(part, sources))
     if not blocks:
         return None
     title = "Methods side by side" if figures is None else "Methods, and what else is possible"
@@ -228,7 +219,7 @@ def _proof_section(part: OptimisedPart, sources: list[Source]) -> Section:
     ]  # fmt: skip
     return Section(
         key="proof", title="What was changed", text=_proof_text(part), pairs=pairs,
-        blocks=present(proof_table(part, sources)),
+        blocks=present(tables.proof_table(part, sources)),
     )  # fmt: skip
 
 
@@ -262,5 +253,5 @@ def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
     return Section(
         key="basis", title="What these numbers rest on",
         text=[*filter(None, [control]), *part.notes], pairs=unknown,
-        blocks=present(limits_table(part, sources)), closing=True,
+        blocks=present(tables.limits_table(part, sources)), closing=True,
     )  # fmt: skip

@@ -78,8 +78,9 @@ def _safe(part: OptimisedPart) -> list[str]:
     if beyond:
         said.append(f"{counted(beyond, 'block')} pass a limit.")
     elif beyond is not None:
+        limits = ", ".join(part.before.beyond_of)
         said.append(
-            f"No block passes a limit; as programmed {was} did{_which(part)}." if was
+            f"No block passes a limit; as programmed {was} did ({limits})." if was
             else "No block passes a limit, as programmed or now."
         )  # fmt: skip
     if peak is not None and limit is not None:
@@ -89,21 +90,14 @@ def _safe(part: OptimisedPart) -> list[str]:
     return said
 
 
-def _which(part: OptimisedPart) -> str:
-    """Limits that the program as it was passed."""
-    return f" ({', '.join(part.before.beyond_of)})"
-
-
 def _certain(part: OptimisedPart) -> list[str]:
     of = part.certainty
     if of is None or of.exceedance is None:
         return []
     extra = None if of.price is None else of.price.time_percent
-    price = (
-        f"; being that sure costs {number(extra, 2)}{NARROW}% of time"
-        if extra and extra > 0
-        else ""
-    )
+    price = ""
+    if extra and extra > 0:
+        price = f"; being that sure costs {number(extra, 2)}{NARROW}% of time"
     between = f" ({' to '.join(share(end) for end in of.interval_95)})"
     return [
         f"With all that is uncertain, the load passes its limit in {share(of.exceedance)} of parts"

@@ -6,19 +6,9 @@ from pipeline.charts.numbers import NARROW, counted, number, signed
 from pipeline.charts.sections import Block, Heading, PartVerdict, Section, present
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Cell, Column, Head, Table, cells, numbers, sources, tabulated
+from pipeline.report import optimised_tables as tables
 from pipeline.report.cut.tables import NONE, share
 from pipeline.report.optimised_figures import load_figures
-from pipeline.report.optimised_tables import (
-    binding_table,
-    change,
-    figure,
-    gain_table,
-    groups_table,
-    methods_table,
-    proof_table,
-    side,
-    uncertain_table,
-)
 from pipeline.report.optimised_verdict import aim, verdict
 from pipeline.report.part_programs import PartProgram, PartPrograms
 from pipeline.schema.part import OptimisedPart
@@ -57,13 +47,13 @@ def _program(
     return present(
         Heading(heading=f"{one.label}: {word}", text=words),
         load_figures(part, one.label, "", files, kind="one"),
-        gain_table(part, files),
+        tables.gain_table(part, files),
         cut_table(parts, shelf, one),
-        binding_table(part, files),
-        methods_table(part, files),
-        uncertain_table(part, files),
-        groups_table(part, files),
-        proof_table(part, files),
+        tables.binding_table(part, files),
+        tables.methods_table(part, files),
+        tables.uncertain_table(part, files),
+        tables.groups_table(part, files),
+        tables.proof_table(part, files),
     )
 
 
@@ -77,7 +67,7 @@ def _trial(one: PartProgram) -> list[str]:
         f"Cut on the simulated shop floor {cuts[1]} times, it passed the limit of the load in "
         f"{cuts[0]} of them, the program as it was in {before[0]}"
     )
-    times = [figure(side.time_s.mean, 4) for side in (one.cut.after, one.cut.before)]
+    times = [tables.figure(side.time_s.mean, 4) for side in (one.cut.after, one.cut.before)]
     if error is not None:
         said += (
             f"; it took {times[0]}{NARROW}s instead of {times[1]}{NARROW}s, and its time was "
@@ -110,19 +100,19 @@ def overview_table(parts: PartPrograms, shelf: SourceRegistry) -> Table | None:
 
     def total(name: str, unit: str, key: str, digits: int) -> list[Column[PartProgram]]:
         return [
-            Column("before", lambda one: side(one.part, "before", key, digits), unit, name),
-            Column("after", lambda one: side(one.part, "after", key, digits), unit, name),
+            Column("before", lambda one: tables.side(one.part, "before", key, digits), unit, name),
+            Column("after", lambda one: tables.side(one.part, "after", key, digits), unit, name),
         ]
 
     return tabulated("Part programs before and after", programs, (
         Column("Program", lambda one: one.label),
         Column("aim", lambda one: aim(one.part)),
         *total("Time", "s", "time_s", 4),
-        Column("change", lambda one: change(one.part.gain.time_percent), "", "Time"),
+        Column("change", lambda one: tables.change(one.part.gain.time_percent), "", "Time"),
         *total("Cost", currency, "cost", 4),
-        Column("change", lambda one: change(one.part.gain.cost_percent), "", "Cost"),
+        Column("change", lambda one: tables.change(one.part.gain.cost_percent), "", "Cost"),
         *total("Peak load", "N", "peak_load_N", 3),
-        Column("limit", lambda one: figure(one.limit), "N"),
+        Column("limit", lambda one: tables.figure(one.limit), "N"),
         Column("same moves", lambda one: Cell(
             text="proved" if one.proved else "not proved",
             status="passed" if one.proved else "failed",
@@ -140,14 +130,14 @@ def cut_table(parts: PartPrograms, shelf: SourceRegistry, one: PartProgram) -> T
     def totals(key: str, digits: int) -> Iterator[str]:
         """Predicted and cut, before and after."""
         for which in ("before", "after"):
-            yield side(one.part, which, key, digits)
-            yield figure(getattr(cut.side(which), key).mean, digits)
+            yield tables.side(one.part, which, key, digits)
+            yield tables.figure(getattr(cut.side(which), key).mean, digits)
 
     rows = [
         cells("Time, s", *totals("time_s", 4)),
         cells("Peak load, N", *totals("peak_load_N", 3)),
-        cells("Highest peak load, N", NONE, figure(cut.before.peak_load_N.max), NONE,
-              figure(cut.after.peak_load_N.max)),
+        cells("Highest peak load, N", NONE, tables.figure(cut.before.peak_load_N.max), NONE,
+              tables.figure(cut.after.peak_load_N.max)),
         cells(f"Above the limit{f' of {number(limit)}{NARROW}N' if limit is not None else ''}",
               NONE, f"{cut.before.above} of {cut.seeds}",
               share(None if of is None else of.exceedance), f"{cut.after.above} of {cut.seeds}"),

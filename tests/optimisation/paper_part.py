@@ -25,7 +25,7 @@ from pipeline.machine.control.parameters import (
     AxisParameters,
     ControlParameters,
 )
-from pipeline.optimisation.job import Job
+from pipeline.optimisation.job import Job, MachineModels
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
 from pipeline.schema.cutting import CuttingModel
@@ -203,7 +203,8 @@ def paper_job(
     material = _conf("material/A6061.yaml", Material)
     laws = tool_coefficients(table.tools, MATERIAL, material, identified_coefficients(knowledge))
     return Job(
-        program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP, control=CONTROL,
+        program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP,
+        models=MachineModels(control=CONTROL, cutting=knowledge),
         cut=CutJob(
             stock=stock_of(STOCK), tools=table.tools,
             laws={number: one.law for number, one in laws.items()}, resolution=0.1e-3,
@@ -214,7 +215,6 @@ def paper_job(
             rates=_conf("cost/default.yaml", CostRates),
         ),
         limits=LIMITS, objective=objective, settings=settings or OptimisationSettings(),
-        identified=knowledge,
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from pipeline.cutting.tool import Tool
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
+from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
 from pipeline.optimisation.text.rewrite import rewrite
@@ -85,7 +86,7 @@ def shares(found, cutting, which, speed) -> np.ndarray:
     block, moves = found.editable.block, found.cut.plan.path.moves
     feeds = np.where(block >= 0, SLOWEST, moves.feed)
     S = np.where(found.editable.speed, speed, moves.speed)
-    rows = found.row_objectives(feeds[None], S[None])[which, 0]
+    rows = BlockModel.alone(found, "time").demands(feeds[None], S[None])[which, 0]
     return np.array([rows[block == one].sum() for one in cutting])
 
 
@@ -123,7 +124,7 @@ def test_brute_force_over_two_speeds_with_a_least_change_and_waits():
     S = np.where(found.editable.speed, S, moves.speed)
     F = np.tile(moves.feed, (len(S), 1))
     for row in cuts:
-        most = found.f_z_high[row] * found.flutes[row] * S[:, row] * 1e3
+        most = found.bounds.high[row] * found.flutes[row] * S[:, row] * 1e3
         F[:, found.editable.block == found.editable.block[row]] = np.minimum(most, 600.0)[:, None]
     result = found.evaluate_rows(F * (1 - 1e-9), S)
     searched = np.where(result.violation > 0, np.inf, result.objectives[:, 1]).min()
@@ -216,7 +217,7 @@ def test_a_line_that_is_run_again_has_one_feed_and_one_speed():
     assert len(cuts) == 3
     assert len(set(decision.row_speeds[cuts])) == 1
     assert len(set(decision.row_feeds[cuts])) == 1
-    deepest = found.f_z_high[cuts].min() * found.flutes[cuts[0]] * 1e3
+    deepest = found.bounds.high[cuts].min() * found.flutes[cuts[0]] * 1e3
     assert decision.row_feeds[cuts[0]] == pytest.approx(deepest * decision.row_speeds[cuts[0]])
 
 
@@ -227,7 +228,7 @@ def test_a_feed_per_turn_is_one_per_turn():
     decision = blockwise_optimum(found, "time", FREE)
     row = int(np.flatnonzero(found.cuts)[0])
     assert decision.row_speeds[row] == 12000
-    assert decision.row_feeds[row] == pytest.approx(found.f_z_high[row] * 2 * 1e3, rel=1e-6)
+    assert decision.row_feeds[row] == pytest.approx(found.bounds.high[row] * 2 * 1e3, rel=1e-6)
 
 
 def test_the_spindle_is_not_run_up_for_what_that_does_not_save():
@@ -372,7 +373,8 @@ def test_fastest_slot_at_its_load_limit():
     assert S == 8000
     assert feed == pytest.approx(load_f_z(60.0) * FLUTES * 8000, rel=NEAR)
     row = int(np.flatnonzero(found.cuts)[0])
-    time = found.row_objectives(decision.row_feeds[None], decision.row_speeds[None])[0, 0, row]
+    alone = BlockModel.alone(found, "time")
+    time = alone.values(decision.row_feeds[None], decision.row_speeds[None])[0, row]
     assert time == pytest.approx(LENGTH * 1e3 / (load_f_z(60.0) * FLUTES * 8000) * 60, rel=NEAR)
 
 
@@ -429,7 +431,7 @@ def test_cheapest_feed_inside_its_range_where_wear_grows_with_the_chip():
     B = life_cost * load ** (1 / n) / 60
     feed, _, _ = optimum(found, "cost")
     assert feed == pytest.approx((RATES.per_second / (B * (a / n - 1))) ** (n / a), rel=NEAR)
-    assert 20 < feed < found.f_z_high.min() * FLUTES * speed * 1e3
+    assert 20 < feed < found.bounds.high.min() * FLUTES * speed * 1e3
 
 
 def test_least_energy_of_a_slot():
