@@ -90,10 +90,15 @@ def shares(found, cutting, which, speed) -> np.ndarray:
     return np.array([rows[block == one].sum() for one in cutting])
 
 
-@pytest.mark.parametrize("objective", ["time", "cost", "wear"])
-@pytest.mark.parametrize("depths", [(2.0,), (1.0, 3.0)])
-@pytest.mark.parametrize("taylor", [TAYLOR, GROWING], ids=["plain", "growing"])
-def test_no_brute_force_is_better(objective, depths, taylor):
+ONE_SLOT = [((2.0,), objective, taylor)
+            for objective in ("time", "cost", "wear") for taylor in (TAYLOR, GROWING)]  # fmt: skip
+TWO_SLOTS = [pytest.param((1.0, 3.0), *case[1:], marks=pytest.mark.proof) for case in ONE_SLOT]
+
+
+@pytest.mark.parametrize(
+    ("depths", "objective", "taylor"), [*ONE_SLOT, ((1.0, 3.0), "cost", GROWING), *TWO_SLOTS]
+)
+def test_no_brute_force_is_better(depths, objective, taylor):
     """With one S, and with an S for each slot.
 
     0.1 %, but 0.2 % of the wear, which may grow with F^1.4: words round F down by up to 0.1 %, and
@@ -269,6 +274,7 @@ def test_a_part_whose_cost_is_not_known():
         blockwise_optimum(found, "cost", Grouping())
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_recorded_program_of_4000_blocks_takes_seconds():
     """NIST / MTC plate with its tool table: 8 s of processor time, five times what it needs."""

@@ -56,7 +56,7 @@ def somewhere(seed: int, chance: int) -> Decision:
     seed=st.integers(0, 2), objective=st.sampled_from(OBJECTIVES), chance=st.integers(0, 99),
     from_direct=st.booleans(),
 )  # fmt: skip
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=12)
 def test_it_is_never_worse_than_its_start(
     seed: int, objective: Objective, chance: int, from_direct: bool
 ) -> None:

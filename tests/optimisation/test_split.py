@@ -44,7 +44,7 @@ def test_points_are_put_in_as_the_program_writes() -> None:
     assert not proof_of(program.data, after, splits=False).same
 
 
-@pytest.mark.parametrize("seed", seeds(12, 60))
+@pytest.mark.parametrize("seed", seeds(6, 60))
 def test_any_split_with_any_answer_is_proved(seed: int) -> None:
     rng = np.random.default_rng(seed)
     program, moves = read(modal_program(rng))
