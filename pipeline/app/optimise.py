@@ -28,11 +28,7 @@ from pipeline.schema.part import Objective, OptimisedPart, part_values
 
 T = TypeVar("T")
 
-OPTION = {
-    "certainty.epsilon": "--epsilon",
-    "certainty.seed": "--seed",
-    "search.seed": "--seed",
-} | {
+OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
     known: words.option
     for name, _, words in limit_options()
     for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])

@@ -8,13 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.control.path import Motion
-from pipeline.optimisation.comparison import (
-    Side,
-    exceeded,
-    exceeded_limits,
-    load_trace,
-    tool_spans,
-)
+from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
@@ -78,9 +72,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         words=_words(result),
         proof=_proof(result),
         trace=stored.Traces(
-            before=load_trace(before.cut),
-            after=load_trace(after.cut),
-            tools=tool_spans(before.cut),
+            before=load_trace(before.cut), after=load_trace(after.cut), tools=tool_spans(before.cut)
         ),
         verified=_verified(result),
         interrupted=result.interrupted,
@@ -94,10 +86,7 @@ def _sides(result: Result) -> tuple[Side, Side]:
     basis, answer = result.job.basis, result.answer
     before, after = assessed(result.before, basis), assessed(answer.cut, basis)
     own = np.arange(len(result.moves))
-    return (
-        Side.of_rows(result.before, before, own),
-        Side.of_rows(answer.cut, after, answer.rows),
-    )
+    return (Side.of_rows(result.before, before, own), Side.of_rows(answer.cut, after, answer.rows))
 
 
 def _totals(side: Side, result: Result) -> Totals:

@@ -127,10 +127,12 @@ def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
     """Simulated records and cycles against those that were read."""
     r, cycles = facts.records, facts.work.cycles
     glitches = truth.counts.glitches
+    lost = sum(not (c.start_seen and c.end_seen) for c in truth.cycles or [])
+    unseen = f", of which the log loses an end of {number(lost)}" if lost else ""
     lines = [
         ("records that cannot be read", truth.counts.rejected,
          r.rejected if r.files is not None else None),
-        (f"cycles{_unseen(truth)}", None if truth.cycles is None else len(truth.cycles),
+        (f"cycles{unseen}", None if truth.cycles is None else len(truth.cycles),
          None if cycles is None else len(cycles)),
         ("wrong values in the log; removed or changed by cleaning",
          None if glitches is None else sum(glitches.values()),
@@ -139,12 +141,6 @@ def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
     rows = [(what, true, found) for what, true, found in lines if true is not None]
     caption = "What was simulated against what was found"
     return tabulated(caption, rows, FOUND, sources(facts.shelf, truth.path))
-
-
-def _unseen(truth: Truth) -> str:
-    """How many cycles the log cannot show whole, because it was lost at one of their ends."""
-    lost = sum(not (c.start_seen and c.end_seen) for c in truth.cycles or [])
-    return f", of which the log loses an end of {number(lost)}" if lost else ""
 
 
 def _difference(true: int, seen: int | None) -> str:

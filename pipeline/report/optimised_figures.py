@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import asked, number
+from pipeline.charts.numbers import as_stated, number
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
 from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
@@ -92,7 +92,7 @@ def load_figure(
         parts += [*panel.frame(), _columns(panel, trace, limit, kind)]
         if limit is not None:
             parts.append(svg.across(panel.y(limit), "limit"))
-            parts.append(svg.text(100, panel.top - 7, f"limit {asked(limit)} N", "name end"))
+            parts.append(svg.text(100, panel.top - 7, f"limit {as_stated(limit)} N", "name end"))
     return svg.figure(parts, height=lower.bottom + 54, label=label, kind="golden")
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from pipeline.charts.numbers import NARROW, asked, counted, number, signed
+from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
 from pipeline.report import optimised_tables as tables
@@ -147,14 +147,14 @@ def _certainty_text(part: OptimisedPart, of: Reliability) -> list[str]:
         said.append(
             f"The load passes its limit somewhere in the part in {share(of.exceedance)}{interval} "
             f"of {counted(of.draws, 'draw')} that the answer was not made with; asked for was at "
-            f"most {asked(100 * of.epsilon)}{NARROW}%."
+            f"most {as_stated(100 * of.epsilon)}{NARROW}%."
         )
     return said + _peaks(of) + _price(part, of)
 
 
 def _peaks(of: Reliability) -> list[str]:
     words = [
-        f"below {number(row.load_N)}{NARROW}N in {asked(100 * row.share)}{NARROW}%"
+        f"below {number(row.load_N)}{NARROW}N in {as_stated(100 * row.share)}{NARROW}%"
         for row in of.peaks
         if row.load_N is not None
     ]

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 
-from pipeline.charts.numbers import NARROW, asked, counted, number, signed
+from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
 from pipeline.report.cut.tables import NONE, sentence, share, tool_name
@@ -209,7 +209,7 @@ def limits_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 def _printed(value: float | tuple[float, ...], unit: str) -> str:
     """A limit, or a range, with its unit."""
     known = value if isinstance(value, tuple) else (value,)
-    words = " to ".join(asked(v) for v in known)
+    words = " to ".join(as_stated(v) for v in known)
     return f"{words}{NARROW}{unit}" if unit else words
 
 

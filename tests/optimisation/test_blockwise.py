@@ -305,7 +305,7 @@ def test_a_recorded_program_of_4000_blocks_takes_seconds():
 
 
 @pytest.mark.parametrize(("least", "down"), [(50, 150.0), (200, 200.0)])
-def test_a_way_down_in_air_is_no_faster_than_programmed(least, down):
+def test_a_descent_in_air_is_no_faster_than_programmed(least, down):
     """To the depth beside the blank F 150 stays, or the least of the range; across it may rise."""
     text = slots(2.0).replace("G0 Z-2", "G1 Z-2 F150\nG1 X-9 F200")
     found = problem(text, replace(LIMITS, feed_mm_min=(least, 600)))
