@@ -92,11 +92,16 @@ def shares(found, cutting, which, speed) -> np.ndarray:
 
 ONE_SLOT = [((2.0,), objective, taylor)
             for objective in ("time", "cost", "wear") for taylor in (TAYLOR, GROWING)]  # fmt: skip
-TWO_SLOTS = [pytest.param((1.0, 3.0), *case[1:], marks=pytest.mark.proof) for case in ONE_SLOT]
+TWO_SLOTS = [((1.0, 3.0), *case[1:]) for case in ONE_SLOT]
 
 
 @pytest.mark.parametrize(
-    ("depths", "objective", "taylor"), [*ONE_SLOT, ((1.0, 3.0), "cost", GROWING), *TWO_SLOTS]
+    ("depths", "objective", "taylor"),
+    [
+        *ONE_SLOT[:-1],
+        ((1.0, 3.0), "cost", GROWING),
+        *(pytest.param(*case, marks=pytest.mark.proof) for case in (ONE_SLOT[-1], *TWO_SLOTS)),
+    ],
 )
 def test_no_brute_force_is_better(depths, objective, taylor):
     """With one S, and with an S for each slot.
@@ -152,7 +157,7 @@ def test_speeds_of_one_tool_stay_or_change_by_the_least_change():
     st.floats(60, 200), st.floats(1.5, 100), st.floats(1.1, 10), st.floats(0, 4000),
     st.booleans(), st.booleans(), st.booleans(),
 )  # fmt: skip
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_whatever_the_limits_the_words_of_the_answer_keep_them(
     depths, objective, load, feed_ratio, speed_ratio, change, waits, growing, weak
 ):
