@@ -7,12 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pipeline.app.cut import REMEDY, CutOptions, cut_options, part_of, section, workshop_of
 from pipeline.app.programs import (
     CHAMPION,
-    Controlled,
     machine_control,
     program_at,
     setup_beside,
@@ -20,18 +19,16 @@ from pipeline.app.programs import (
 )
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import Job, Progress, machine_models, part_job
+from pipeline.optimisation.job import Progress, machine_models, part_job
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective, OptimisedPart, part_values
 
-OPTION = {
-    "certainty.epsilon": "--epsilon",
-    "certainty.seed": "--seed",
-    "search.seed": "--seed",
-} | {
+T = TypeVar("T")
+
+OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
     known: words.option
     for name, _, words in limit_options()
     for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])
@@ -69,24 +66,24 @@ class SearchOptions:
         ValueError
             When a value is out of its range; it names the option.
         """
-        known = section(dict(parameters), "optimisation", OptimisationSettings)
-        own = known or OptimisationSettings()
+        own = section(dict(parameters), "optimisation", OptimisationSettings)
+        own = own or OptimisationSettings()
         if self.speeds not in (None, "own", "blocks"):
             raise ValueError(f"--speeds {self.speeds} is neither own nor blocks: name one of them")
         with _named_as_options():
-            certainty, search, grouping = own.certainty, own.search, own.grouping
-            if self.epsilon is not None:
-                certainty = replace(certainty, epsilon=self.epsilon)
-            if self.seed is not None:
-                certainty = replace(certainty, seed=self.seed)
-                search = replace(search, seed=self.seed)
-            if self.speeds is not None:
-                grouping = replace(grouping, speeds=self.speeds)  # type: ignore[arg-type]
             return replace(
-                own, certainty=certainty, search=search,
-                grouping=replace(grouping, split=self.split or grouping.split),
+                own,
+                certainty=_with(own.certainty, epsilon=self.epsilon, seed=self.seed),
+                search=_with(own.search, seed=self.seed),
+                grouping=_with(own.grouping, speeds=self.speeds, split=self.split or None),
                 proof_comment=self.proof_comment or own.proof_comment,
-            )  # fmt: skip
+            )
+
+
+def _with(settings: T, **options: float | str | None) -> T:
+    """Settings with those options that are given; None leaves a setting as it is."""
+    given = {name: value for name, value in options.items() if value is not None}
+    return replace(settings, **given)  # type: ignore[type-var]
 
 
 @contextmanager
@@ -192,24 +189,18 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
         When it was ended before anything kept the limits.
     """
     on = machine_control(request.machine, request.unit, request.model)
-    job = _job(request, on, request.search.settings(on.parameters))
+    job = part_job(
+        program_at(request.program),
+        part_of(request.cut, request.limits, request.objective),
+        models=machine_models(on.models, on.control),
+        workshop=workshop_of(on, request.machine, request.cut),
+        setup=setup_beside(on.setup, request.program),
+        settings=request.search.settings(on.parameters),
+    )
     with _named_as_options():
         result = optimise(job, progress)
     part = optimised_part(result, machine=request.machine, origin=on.origin, control=on.source)
     return result, part
-
-
-def _job(request: PartRequest, on: Controlled, settings: OptimisationSettings) -> Job:
-    program = program_at(request.program)
-    models = machine_models(on.models, on.control)
-    return part_job(
-        program,
-        part_of(request.cut, request.limits, request.objective),
-        models=models,
-        workshop=workshop_of(on, request.machine, request.cut),
-        setup=setup_beside(on.setup, request.program),
-        settings=settings,
-    )
 
 
 def write_optimised(result: Result, part: OptimisedPart, out: Outputs) -> list[Path]:

@@ -48,10 +48,10 @@ def number(value: Any, digits: int = 3) -> str:
     return text.replace(",", NARROW).replace("-", "−")
 
 
-def asked(value: Any, digits: int = 6) -> str:
+def as_stated(value: Any, digits: int = 6) -> str:
     """``value`` as a person states it: no digits that say nothing.
 
-    >>> asked(60.0), asked(0.05), asked(1e4)
+    >>> as_stated(60.0), as_stated(0.05), as_stated(1e4)
     ('60', '0.05', '10\u202f000')
     """
     x = real(value)

@@ -1,10 +1,14 @@
 """Tables as the pages show them: heads, units, cells in words, and where they come from."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from pipeline.charts.numbers import number
 from pipeline.charts.sources import Source, SourceRegistry
+
+Thing = TypeVar("Thing", contravariant=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +62,52 @@ class Table:
             else:
                 found.append((head.group, 1))
         return found
+
+
+@dataclass(frozen=True)
+class Column(Generic[Thing]):
+    """One column of a table of things: its head, and what stands in it of each thing.
+
+    ``unit`` None says that the column holds words; numbers without a unit have an empty one.
+    """
+
+    name: str
+    cell: Callable[[Thing], str | Cell]
+    unit: str | None = None
+    group: str = ""
+
+    @property
+    def head(self) -> Head:
+        """Head of the column."""
+        numeric = self.unit is not None
+        return Head(name=self.name, unit=self.unit or "", numeric=numeric, group=self.group)
+
+
+def tabulated(
+    caption: str, things: Sequence[Thing] | None, columns: Sequence[Column[Thing]],
+    sources: Sequence[Source] = (), *, most: int | None = None, folded: bool = False,
+    note: str = "",
+) -> Table | None:  # fmt: skip
+    """Table with a row for each of some things; None where there is none.
+
+    Beyond ``most`` rows the others are left out, and the caption says so.
+    """
+    if not things:
+        return None
+    rows = [cells(*(column.cell(thing) for column in columns)) for thing in things[:most]]
+    return Table(
+        caption=caption + left_out(len(things), len(rows)),
+        heads=[column.head for column in columns],
+        rows=rows,
+        sources=list(sources),
+        folded=folded,
+        note=note,
+    )
+
+
+def code(text: str) -> Cell:
+    """A cell of machine text: a file, a hash, a parameter's key."""
+    return Cell(text=text, code=True)
 
 
 def cells(*values: str | Cell) -> list[Cell]:

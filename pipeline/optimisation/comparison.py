@@ -1,4 +1,4 @@
-"""Programs before and after, row by row: limits passed, groups of blocks, load along the path.
+"""Programs before and after, row by row: limits exceeded, groups of blocks, load along the path.
 
 Rows of the program after are counted to the rows that they have become; columns of the load trace
 belong to the same places of the part in both.
@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.cutting.tool import Tool
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.problem.limits import feed_for_marks
 from pipeline.schema.arrays import Bools, Floats
@@ -25,18 +24,21 @@ COLUMNS = 900
 MM = 1e3
 
 
-def passed(of: AssessedCut, limits: CutLimit) -> Bools:
-    """Whether each of the K blocks that cut passes a limit; margins are not counted."""
-    return np.logical_or.reduce([*passed_by_limit(of, limits).values()])
+def exceeded(of: AssessedCut, limits: CutLimit) -> Bools:
+    """Whether each of the K blocks that cut exceeds a limit; margins are not counted."""
+    return np.logical_or.reduce([*exceeded_limits(of, limits).values()])
 
 
-def passed_by_limit(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
-    """By the limit's name, which of the K blocks that cut pass it; margins are not counted.
+def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
+    """By the limit's name, which of the K blocks that cut exceed it; margins are not counted.
 
-    A quantity that is not known passes nothing.  A block's F is the feed that it reaches.
+    A quantity that is not known exceeds nothing.  A block's F is the feed that it reaches.
     """
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
     running = blocks.spindle_speed > 0
+    surface = (
+        np.pi * np.array([tool.diameter for tool in tools])[blocks.tool] * blocks.spindle_speed
+    )
     height = None if limits.roughness_um is None else limits.roughness_um / UM
     checks = {
         "load": (np.where(running, blocks.peak, np.nan), limits.load_N),
@@ -45,7 +47,7 @@ def passed_by_limit(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
         "chip": (blocks.thickness * UM, limits.chip_um),
         "torque": (blocks.torque, limits.torque_Nm),
         "power": (found.drive, limits.power_share),
-        "cutting speed": (_cutting_speed(of, tools), limits.cutting_speed_m_min),
+        "cutting speed": (np.where(running, surface, np.nan), limits.cutting_speed_m_min),
         "spindle speed": (np.where(running, blocks.spindle_speed, np.nan), limits.speed_rpm),
         "feed": (blocks.feed, None if limits.feed_mm_min is None else (0.0, limits.feed_mm_min[1])),
     }
@@ -55,13 +57,6 @@ def passed_by_limit(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
             low, high = limit if isinstance(limit, tuple) else (0.0, limit)
             out[name] = (values > high * (1 + OVER)) | (values < low * (1 - OVER))
     return out
-
-
-def _cutting_speed(of: AssessedCut, tools: tuple[Tool, ...]) -> Floats:
-    """[m/min]; NaN where the spindle stands."""
-    blocks = of.found.blocks
-    diameter = np.array([tool.diameter for tool in tools])[blocks.tool]
-    return np.where(blocks.spindle_speed > 0, np.pi * diameter * blocks.spindle_speed, np.nan)
 
 
 def _marks(of: AssessedCut, height: float | None) -> Floats:

@@ -8,40 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.control.path import Motion
-from pipeline.optimisation.comparison import (
-    Side,
-    load_trace,
-    passed,
-    passed_by_limit,
-    tool_spans,
-)
+from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
 from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.optimisation.proof.prove import with_proof_comment
+from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
-from pipeline.schema.part import (
-    Binding,
-    BlockGroup,
-    FrontMember,
-    Gain,
-    HeldRows,
-    MethodResult,
-    Nominal,
-    NotKnown,
-    OptimisedPart,
-    PeakQuantile,
-    Price,
-    Reliability,
-    StoredProof,
-    Totals,
-    Traces,
-    TwinCheck,
-    UncertainQuantity,
-    WordCounts,
-    write_part,
-)
+from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.twin.cut_document import assessed, not_known, notes
 from pipeline.twin.cut_tables import figure, summary
 
@@ -93,16 +68,11 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         front=_front(result),
         groups=_groups(result, before, after),
         binding=_binding(result, after),
-        held=tuple(
-            HeldRows(reason=one.reason, rows=one.rows, first=one.first)
-            for one in result.problem.editable.held
-        ),
+        held=result.problem.editable.held,
         words=_words(result),
         proof=_proof(result),
-        trace=Traces(
-            before=load_trace(before.cut),
-            after=load_trace(after.cut),
-            tools=tool_spans(before.cut),
+        trace=stored.Traces(
+            before=load_trace(before.cut), after=load_trace(after.cut), tools=tool_spans(before.cut)
         ),
         verified=_verified(result),
         interrupted=result.interrupted,
@@ -116,16 +86,13 @@ def _sides(result: Result) -> tuple[Side, Side]:
     basis, answer = result.job.basis, result.answer
     before, after = assessed(result.before, basis), assessed(answer.cut, basis)
     own = np.arange(len(result.moves))
-    return (
-        Side.of_rows(result.before, before, own),
-        Side.of_rows(answer.cut, after, answer.rows),
-    )
+    return (Side.of_rows(result.before, before, own), Side.of_rows(answer.cut, after, answer.rows))
 
 
 def _totals(side: Side, result: Result) -> Totals:
     sums = summary(side.of.found)
     cost, limits = sums.cost, result.job.limits
-    beyond = {name: int(of.sum()) for name, of in passed_by_limit(side.of, limits).items()}
+    beyond = {name: int(of.sum()) for name, of in exceeded_limits(side.of, limits).items()}
     return Totals(
         time_s=sums.time_s,
         cost=None if cost is None else cost.sum,
@@ -133,13 +100,13 @@ def _totals(side: Side, result: Result) -> Totals:
         tool_life_share=sums.tool_life_share,
         peak_load_N=sums.peak_load_N,
         peak_line=sums.peak_line,
-        beyond=int(passed(side.of, limits).sum()),
+        beyond=int(exceeded(side.of, limits).sum()),
         beyond_of={name: many for name, many in beyond.items() if many},
     )
 
 
-def _gain(before: Totals, after: Totals) -> Gain:
-    return Gain(
+def _gain(before: Totals, after: Totals) -> stored.Gain:
+    return stored.Gain(
         time_percent=_change(before.time_s, after.time_s),
         cost_percent=_change(before.cost, after.cost),
         energy_percent=_change(before.energy_kWh, after.energy_kWh),
@@ -154,75 +121,75 @@ def _change(before: float | None, after: float | None) -> float | None:
     return figure(100 * (after / before - 1), 4)
 
 
-def _method(method: Method) -> MethodResult:
+def _method(method: Method) -> stored.MethodResult:
     time, cost, energy, life = (figure(float(one)) for one in method.objectives.tolist())
-    return MethodResult(
+    return stored.MethodResult(
         method=method.name, time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
         feasible=bool(method.violation <= ROUNDING), evaluations=method.evaluations,
     )  # fmt: skip
 
 
-def _front(result: Result) -> tuple[FrontMember, ...]:
+def _front(result: Result) -> tuple[stored.FrontMember, ...]:
     front = result.front
     if front is None:
         return ()
     members = []
     for k, values in enumerate(front.objectives.tolist()):
         time, cost, energy, life = (figure(float(one)) for one in values)
-        members.append(FrontMember(
+        members.append(stored.FrontMember(
             time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
             knee=k == front.knee, no_worse=bool(front.no_worse[k]),
         ))  # fmt: skip
     return tuple(members)
 
 
-def _reliability(result: Result) -> Reliability | None:
+def _reliability(result: Result) -> stored.Reliability | None:
     risk, settings = result.risk, result.job.settings.certainty
     if risk is None or result.uncertain is None:
         return None
     nominal, price = _price(result)
     low, high = risk.interval_95
-    return Reliability(
+    return stored.Reliability(
         epsilon=settings.epsilon,
         exceedance=figure(risk.probability),
         interval_95=(figure(low), figure(high)),
         draws=risk.draws,
         peaks=tuple(
-            PeakQuantile(share=float(share), load_N=figure(load))
+            stored.PeakQuantile(share=float(share), load_N=figure(load))
             for share, load in sorted(risk.peak_quantiles.items())
         ),
         nominal=nominal,
         price=price,
-        uncertain=tuple(UncertainQuantity(**row) for row in result.uncertain.rows()),
+        uncertain=result.uncertain.quantities,
     )
 
 
-def _price(result: Result) -> tuple[Nominal | None, Price | None]:
+def _price(result: Result) -> tuple[stored.Nominal | None, stored.Price | None]:
     """Price of reliability: the blockwise optimum with it beside that at nominal values."""
     blockwise = next((one for one in result.methods if one.name == "direct"), None)
     if result.nominal is None or blockwise is None:
         return None, None
     sure, nominal = _method(blockwise), _method(result.nominal)
-    price = Price(
+    price = stored.Price(
         time_s=_extra(nominal.time_s, sure.time_s),
         time_percent=_change(nominal.time_s, sure.time_s),
         cost=_extra(nominal.cost, sure.cost),
         cost_percent=_change(nominal.cost, sure.cost),
     )
-    return Nominal(time_s=nominal.time_s, cost=nominal.cost), price
+    return stored.Nominal(time_s=nominal.time_s, cost=nominal.cost), price
 
 
 def _extra(before: float | None, after: float | None) -> float | None:
     return None if before is None or after is None else figure(after - before)
 
 
-def _groups(result: Result, before: Side, after: Side) -> tuple[BlockGroup, ...]:
+def _groups(result: Result, before: Side, after: Side) -> tuple[stored.BlockGroup, ...]:
     """Each run of blocks of one F and one S, in the order of the program."""
     moves, decision = result.moves, result.answer.decision
     binds = binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
     per_turn = result.before.plan.path.motion == Motion.PER_TURN
     return tuple(
-        BlockGroup(
+        stored.BlockGroup(
             first_line=int(moves.line[rows].min()),
             last_line=int(moves.line[rows].max()),
             tool=int(moves.tool[rows[0]]),
@@ -272,7 +239,7 @@ def _binds(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
     return CONSTRAINTS[worst] if worst >= 0 else None
 
 
-def _binding(result: Result, after: Side) -> tuple[Binding, ...]:
+def _binding(result: Result, after: Side) -> tuple[stored.Binding, ...]:
     """Limits that bind, with the blocks that cut and their time; the longest first."""
     decision, cuts = result.answer.decision, result.problem.cuts
     binds = binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
@@ -280,23 +247,21 @@ def _binding(result: Result, after: Side) -> tuple[Binding, ...]:
     for k in np.unique(binds[cuts]).tolist():
         mine = cuts & (binds == k)
         limit, seconds = CONSTRAINTS[k] if k >= 0 else None, float(after.time[mine].sum())
-        rows.append(Binding(limit=limit, blocks=int(mine.sum()), time_s=figure(seconds)))
+        rows.append(stored.Binding(limit=limit, blocks=int(mine.sum()), time_s=figure(seconds)))
     return tuple(sorted(rows, key=lambda row: -(row.time_s or 0.0)))
 
 
-def _words(result: Result) -> WordCounts:
-    counts = Counter(
-        (change.letter, change.before is None) for change in result.answer.changes
-    )  # fmt: skip
-    return WordCounts(
+def _words(result: Result) -> stored.WordCounts:
+    counts = Counter((change.letter, change.before is None) for change in result.answer.changes)
+    return stored.WordCounts(
         F_changed=counts["F", False], F_added=counts["F", True],
         S_changed=counts["S", False], S_added=counts["S", True],
     )  # fmt: skip
 
 
-def _proof(result: Result) -> StoredProof:
+def _proof(result: Result) -> stored.StoredProof:
     proof = result.proof
-    return StoredProof(
+    return stored.StoredProof(
         same=proof.same,
         sha256=proof.sha256,
         moves=proof.moves,
@@ -306,10 +271,10 @@ def _proof(result: Result) -> StoredProof:
     )
 
 
-def _verified(result: Result) -> TwinCheck:
+def _verified(result: Result) -> stored.TwinCheck:
     verified, moves = result.answer.verified, result.answer.cut.plan.path.moves
     worst, lags = verified.peak_row, verified.following_um
-    return TwinCheck(
+    return stored.TwinCheck(
         peak_load_N=figure(verified.peak_N) if worst >= 0 else None,
         peak_line=int(moves.line[worst]) if worst >= 0 else None,
         following_um={axis: figure(um) for axis, um in lags.items()} if lags else None,
@@ -318,10 +283,10 @@ def _verified(result: Result) -> TwinCheck:
     )
 
 
-def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
+def _not_known(result: Result, after: Side) -> tuple[stored.NotKnown, ...]:
     rows = not_known(after.of, result.job.basis)
     why = result.answer.verified.following_reason
-    return (*rows, *([NotKnown(what="following errors", why=why)] if why else []))
+    return (*rows, *([stored.NotKnown(what="following errors", why=why)] if why else []))
 
 
 def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, out: Path) -> None:

@@ -217,9 +217,9 @@ def full_twin(
     written = rewrite(program, moves, problem.editable, feeds, speeds, job.setup)
     after = interpret(parse_program(written.text, program.name), job.setup)
     rows = matching_rows(moves, after)
-    cut = recut(problem.cut, planned_program(after, job.control), rows)
+    cut = recut(problem.cut, planned_program(after, job.models.control), rows)
     evaluated = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
-    verified = verify(cut, drives=job.drives, rows=CHECKED_ROWS)
+    verified = verify(cut, drives=job.models.drives, rows=CHECKED_ROWS)
     tightening = np.ones(len(moves))
     if certain_f_z is not None:
         tightening = _tightening(problem.cut, certain_f_z, cut.feed_per_tooth[rows], verified, rows)

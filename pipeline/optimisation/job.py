@@ -35,51 +35,6 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """One part on one machine.
-
-    Parameters
-    ----------
-    program : Program
-        As written.
-    setup : Setup
-        Of the machine.
-    control : ControlParameters
-        Whose time counts.
-    cut : CutJob
-        Blank, tools and force laws.
-    basis : CutBasis
-        Prices, cutting coefficients and limits of the cut.
-    limits : CutLimit
-        Of the part.
-    objective : str
-        ``pareto`` is all of the others that are known.
-    settings : OptimisationSettings
-        Reliability, grouping, search.
-    drives : mapping of str to IdentifiedDrive
-        By axis; empty where none were identified.
-    identified, judged : CuttingModel or None, Verdict or None
-        Of the machine's cut, where there are any.
-    """
-
-    program: Program = field(repr=False)
-    setup: Setup
-    control: ControlParameters
-    cut: CutJob
-    basis: CutBasis
-    limits: CutLimit
-    objective: Objective
-    settings: OptimisationSettings = field(default_factory=OptimisationSettings)
-    drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
-    identified: CuttingModel | None = field(default=None, repr=False)
-    judged: Verdict | None = field(default=None, repr=False)
-
-
-class Interrupted(KeyboardInterrupt):
-    """The search was ended before there was anything that keeps the limits."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class MachineModels:
     """Models that were identified of a machine, as far as there are records.
 
@@ -97,6 +52,44 @@ class MachineModels:
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
     cutting: CuttingModel | None = None
     judged: Verdict | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One part on one machine.
+
+    Parameters
+    ----------
+    program : Program
+        As written.
+    setup : Setup
+        Of the machine.
+    models : MachineModels
+        Identified of the machine.
+    cut : CutJob
+        Blank, tools and force laws.
+    basis : CutBasis
+        Prices, laws and limits of the cut.
+    limits : CutLimit
+        Of the part.
+    objective : str
+        ``pareto`` is all of the others that are known.
+    settings : OptimisationSettings
+        Reliability, grouping, search.
+    """
+
+    program: Program = field(repr=False)
+    setup: Setup
+    models: MachineModels = field(repr=False)
+    cut: CutJob
+    basis: CutBasis
+    limits: CutLimit
+    objective: Objective
+    settings: OptimisationSettings = field(default_factory=OptimisationSettings)
+
+
+class Interrupted(KeyboardInterrupt):
+    """The search was ended before there was anything that keeps the limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,9 +210,8 @@ def part_job(
     """
     cut, basis = cut_of(part, workshop, models.cutting, setup)
     return Job(
-        program=program, setup=setup, control=models.control, cut=cut, basis=basis,
-        limits=part.limits, objective=part.objective, settings=settings, drives=models.drives,
-        identified=models.cutting, judged=models.judged,
+        program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
+        objective=part.objective, settings=settings,
     )  # fmt: skip
 
 

@@ -92,10 +92,11 @@ class _Course:
 
     def result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
-        problem, tightened = self._problem(), 0
+        job, tightened = self.job, 0
+        problem = problem_of(self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z)
         while True:
             outcome = self._search(problem)
-            answer, done = outcome.answer, self.evaluated >= self.job.settings.search.full
+            answer, done = outcome.answer, self.evaluated >= job.settings.search.full
             if answer.kept or done or tightened >= ROUNDS or self.f_z is None:
                 break
             self.f_z = self.f_z * answer.tightening
@@ -104,12 +105,11 @@ class _Course:
         if not answer.kept:
             raise ValueError(answer.why_not)
         self.ends("comparing", 0.8)
-        risk = self._risk(answer)
         return Result(
-            job=self.job, moves=self.moves, before=self.before, problem=problem,
+            job=job, moves=self.moves, before=self.before, problem=problem,
             blockwise=outcome.blockwise, answer=answer, proof=self._proof(answer),
             methods=self._methods(problem, outcome), front=outcome.front, uncertain=self.uncertain,
-            nominal=self._nominal(problem), risk=risk,
+            nominal=self._nominal(problem), risk=self._risk(answer),
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
@@ -119,20 +119,13 @@ class _Course:
             return None, None
         if self.ends("drawing what is uncertain", 0.05):
             raise Interrupted
+        basis, models = self.job.basis, self.job.models
         uncertain = uncertainty(
-            self.job.basis.coefficients,
-            self.job.cut.tools,
-            self.job.identified,
-            self.job.judged,
-            settings,
+            basis.coefficients, self.job.cut.tools, models.cutting, models.judged, settings
         )
         margin = self.job.limits.margins.load
         feeds = chance_constrained_feeds(self.before, limit, margin, uncertain, settings)
         return uncertain, feeds
-
-    def _problem(self) -> Problem:
-        job = self.job
-        return problem_of(self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z)
 
     @property
     def objective(self) -> Objective:
@@ -237,18 +230,16 @@ def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
     """Program (its long blocks split where the settings say so), moves and cut."""
     program = job.program
     moves = interpret(program, job.setup)
-    cut = cut_program(planned_program(moves, job.control), job.cut)
+    cut = cut_program(planned_program(moves, job.models.control), job.cut)
     if not (cut.tool >= 0).any():
-        raise ValueError(_nothing_cut(job, cut))
+        said = missed_blank(cut, job.basis.stock)
+        why = "no move at feed is in the material" if said is None else said.what
+        raise ValueError(
+            f"{program.name}: nothing is cut: {why}: give the blank that the program cuts"
+        )
     if not job.settings.grouping.split:
         return program, moves, cut
     data = split_blocks(program, moves, cut, job.settings.grouping)
     program = parse_program(data, program.name)
     moves = interpret(program, job.setup)
-    return program, moves, cut_program(planned_program(moves, job.control), job.cut)
-
-
-def _nothing_cut(job: Job, cut: Cut) -> str:
-    said = missed_blank(cut, job.basis.stock)
-    why = "no move at feed is in the material" if said is None else said.what
-    return f"{job.program.name}: nothing is cut: {why}: give the blank that the program cuts"
+    return program, moves, cut_program(planned_program(moves, job.models.control), job.cut)

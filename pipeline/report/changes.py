@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.charts.numbers import NOT_KNOWN, moment, number
 from pipeline.charts.sections import ChangeNote, Section, present
-from pipeline.charts.tables import Table, cells, names
+from pipeline.charts.tables import Column, tabulated
 from pipeline.report.facts import MachineFacts
 from pipeline.report.part_programs import part_changes
 from pipeline.schema.model import Parameter
@@ -246,21 +246,20 @@ def _names(files: list[str]) -> str:
     return ", ".join(files[:5]) + more
 
 
+TITLE = "What changed since the last report"
+COLUMNS: tuple[Column[Change], ...] = (
+    Column("Figure", lambda change: change.what),
+    Column("before", lambda change: change.before or "–"),
+    Column("now", lambda change: change.now),
+    Column("change", lambda change: change.difference or "–"),
+)
+
+
 def changes_section(differences: list[Change], why_none: str) -> Section:
     """Key figures that differ from the last report, or why there are none."""
     return Section(
         key="changes",
-        title="What changed since the last report",
+        title=TITLE,
         text=[why_none] if why_none else [d.note for d in differences if d.note],
-        blocks=present(_table(differences)),
-    )
-
-
-def _table(differences: list[Change]) -> Table | None:
-    if not differences:
-        return None
-    return Table(
-        caption="What changed since the last report",
-        heads=names("Figure", "before", "now", "change"),
-        rows=[cells(c.what, c.before or "–", c.now, c.difference or "–") for c in differences],
+        blocks=present(tabulated(TITLE, differences, COLUMNS)),
     )

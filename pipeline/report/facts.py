@@ -101,11 +101,13 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
     truth = _truth(folders, shelf)
     golden = shelf.read(folders.golden, GoldenSets, "raw files, frozen by hash")
     models = modelled_parts(folders, shelf, None if truth is None else truth.document)
+    scores = [score for one in models if one.judged is not None for score in one.judged.scores]
+    second = any(score.quantity.startswith("second_") for score in scores)
     return MachineFacts(
         folders=folders,
         shelf=shelf,
         records=records_read(folders, shelf),
-        work=work(folders, shelf, _spindle_prefix(models)),
+        work=work(folders, shelf, "second_" if second else ""),
         models=models,
         programs=simulated_programs(folders.programs, shelf),
         parts=part_programs(folders, shelf),
@@ -136,12 +138,6 @@ def _truth(folders: MachineFolders, shelf: SourceRegistry) -> Truth | None:
     except ValueError as error:
         shelf.broken[shown(folders.truth)] = f"not JSON of a truth: {error}"
         return None
-
-
-def _spindle_prefix(models: list[ModelledPart]) -> str:
-    """Which spindle the judged temperature is of, as the prefix of the canonical names."""
-    scores = [s for one in models if one.judged is not None for s in one.judged.scores]
-    return "second_" if any(s.quantity.startswith("second_") for s in scores) else ""
 
 
 def _day_uses(models: list[ModelledPart], golden: GoldenSets | None) -> dict[str, str]:

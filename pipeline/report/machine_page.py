@@ -6,18 +6,8 @@ from typing import Any
 
 from pipeline.charts.numbers import NOT_KNOWN, counted, hours, moment, number, percent
 from pipeline.charts.sections import Section, present
-from pipeline.charts.sources import SourceRegistry
-from pipeline.charts.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
-    sources,
-)
+from pipeline.charts.sources import Source, SourceRegistry
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.facts import MachineFacts, Truth
 from pipeline.report.folders import MachineFolders
 from pipeline.report.part_programs import part_key_figures
@@ -25,6 +15,7 @@ from pipeline.report.part_section import part_programs_section
 from pipeline.report.programs.section import programs_section
 from pipeline.report.records import records_section
 from pipeline.report.work_section import work_section
+from pipeline.schema.model import SourceFile
 
 PREDICTS_PROGRAMS = "control"
 """Sub-model after whose sections part programs stand: their times are its predictions."""
@@ -84,7 +75,7 @@ def _key_figures(facts: MachineFacts) -> list[tuple[str, str, str]]:
         *part_key_figures(facts.parts),
         ("Time ACTIVE", f"{hours(work.active)} h" if work.days else NOT_KNOWN,
          f"on {counted(len(work.worked_days), 'day')}"),
-        ("Records rejected", percent(r.rejected, r.records) if r.files else NOT_KNOWN,
+        ("Records rejected", percent(r.rejected, r.records),
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
         ("Last record", moment(r.last), ""),
     ]  # fmt: skip
@@ -114,40 +105,42 @@ def _truth_section(facts: MachineFacts) -> Section:
     blocks = present(
         _records_truth_table(facts, facts.truth),
         *(table for page in facts.pages for table in page.truth),
-        _simulation_table(facts.shelf, facts.truth),
-    )
+        tabulated(
+            "Parameters of the simulated machine", _flat(facts.truth.parameters), SIMULATED,
+            sources(facts.shelf, facts.truth.path), most=MOST_ROWS, folded=True,
+        ),
+    )  # fmt: skip
     return Section(key="truth", title=title, text=[text], blocks=blocks)
+
+
+Counted = tuple[str, int, int | None]
+"""What was counted, how often it is there, and how often it was found."""
+FOUND: tuple[Column[Counted], ...] = (
+    Column("Quantity", lambda row: row[0]),
+    Column("true", lambda row: number(row[1]), ""),
+    Column("found", lambda row: number(row[2]), ""),
+    Column("difference", lambda row: _difference(*row[1:])),
+)
 
 
 def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
     """Simulated records and cycles against those that were read."""
     r, cycles = facts.records, facts.work.cycles
     glitches = truth.counts.glitches
+    lost = sum(not (c.start_seen and c.end_seen) for c in truth.cycles or [])
+    unseen = f", of which the log loses an end of {number(lost)}" if lost else ""
     lines = [
         ("records that cannot be read", truth.counts.rejected,
          r.rejected if r.files is not None else None),
-        (f"cycles{_unseen(truth)}", None if truth.cycles is None else len(truth.cycles),
+        (f"cycles{unseen}", None if truth.cycles is None else len(truth.cycles),
          None if cycles is None else len(cycles)),
         ("wrong values in the log; removed or changed by cleaning",
          None if glitches is None else sum(glitches.values()),
          None if r.changes is None else sum(n for *_, n in r.changes)),
     ]  # fmt: skip
-    rows = [cells(w, number(a), number(b), _difference(a, b)) for w, a, b in lines if a is not None]
-    if not rows:
-        return None
-    heads = [Head(name="Quantity"), *numbers(("true", ""), ("found", "")), Head(name="difference")]
-    return Table(
-        caption="What was simulated against what was found",
-        heads=heads,
-        rows=rows,
-        sources=sources(facts.shelf, truth.path),
-    )
-
-
-def _unseen(truth: Truth) -> str:
-    """How many cycles the log cannot show whole, because it was lost at one of their ends."""
-    lost = sum(not (c.start_seen and c.end_seen) for c in truth.cycles or [])
-    return f", of which the log loses an end of {number(lost)}" if lost else ""
+    rows = [(what, true, found) for what, true, found in lines if true is not None]
+    caption = "What was simulated against what was found"
+    return tabulated(caption, rows, FOUND, sources(facts.shelf, truth.path))
 
 
 def _difference(true: int, seen: int | None) -> str:
@@ -156,19 +149,10 @@ def _difference(true: int, seen: int | None) -> str:
     return "none" if true == seen else ("+" if seen > true else "") + number(seen - true)
 
 
-def _simulation_table(shelf: SourceRegistry, truth: Truth) -> Table | None:
-    """The simulated machine's own parameters, flat."""
-    flat = _flat(truth.parameters)
-    if not flat:
-        return None
-    rows = [cells(Cell(text=name, code=True), value) for name, value in flat]
-    return Table(
-        caption=f"Parameters of the simulated machine{left_out(len(rows), MOST_ROWS)}",
-        heads=names("Parameter", "value"),
-        rows=rows[:MOST_ROWS],
-        sources=sources(shelf, truth.path),
-        folded=True,
-    )
+SIMULATED: tuple[Column[tuple[str, str]], ...] = (
+    Column("Parameter", lambda parameter: code(parameter[0])),
+    Column("value", lambda parameter: parameter[1]),
+)
 
 
 def _flat(document: Any, prefix: str = "") -> list[tuple[str, str]]:
@@ -208,66 +192,58 @@ def _serving_table(facts: MachineFacts) -> Table | None:
     found = facts.serving
     if found is None:
         return None
+    serving, older = found.bundle.submodels, found.older
     latest = {one.name for one in facts.models if one.model is not None}
-    every = dict.fromkeys([*(one.name for one in facts.models), *found.bundle.submodels])
-    rows = []
-    for name in every:
-        one = found.bundle.submodels.get(name)
-        status = "–" if one is None else Cell(text=one.status, status=STATUS[one.status])
-        same = "another" if name in found.older else "the same"
-        rows.append(
-            cells(
-                facts.titles([name]),
-                Cell(text="none" if one is None else one.sha256[:12], code=True),
-                status,
-                same if name in latest else "none",
-            )
-        )
-    return Table(
-        caption="The champion that serves, and the latest models, which this page shows",
-        heads=names("Model of", "champion, sha256", "its verdict", "latest"),
-        rows=rows,
-        sources=sources(facts.shelf, found.path),
-    )
+
+    def verdict(name: str) -> str | Cell:
+        one = serving.get(name)
+        return "–" if one is None else Cell(text=one.status, status=STATUS[one.status])
+
+    return tabulated(
+        "The champion that serves, and the latest models, which this page shows",
+        list(dict.fromkeys([*(one.name for one in facts.models), *serving])),
+        (
+            Column("Model of", lambda name: facts.titles([name])),
+            Column("champion, sha256", lambda name: code(
+                serving[name].sha256[:12] if name in serving else "none"
+            )),
+            Column("its verdict", verdict),
+            Column("latest", lambda name: (
+                "none" if name not in latest else "another" if name in older else "the same"
+            )),
+        ),
+        sources(facts.shelf, found.path),
+    )  # fmt: skip
+
+
+USED: tuple[Column[Source], ...] = (
+    Column("File", lambda one: code(one.path)),
+    Column("sha256", lambda one: code(one.sha256)),
+    Column("made from", lambda one: one.made_from or "–"),
+)
+ORIGINS: tuple[Column[tuple[str, SourceFile]], ...] = (
+    Column("Used", lambda use: use[0]),
+    Column("file", lambda use: code(use[1].file)),
+    Column("sha256", lambda use: code(use[1].sha256)),
+)
 
 
 def _provenance_table(shelf: SourceRegistry) -> Table | None:
     """Every file that this page was made from."""
     used = sorted(shelf.used.values(), key=lambda s: s.path)
-    if not used:
-        return None
-    return Table(
-        caption=f"Every file that this page was made from ({number(len(used))})",
-        heads=names("File", "sha256", "made from"),
-        rows=[
-            cells(Cell(text=s.path, code=True), Cell(text=s.sha256, code=True), s.made_from or "–")
-            for s in used
-        ],
-        folded=True,
-    )
+    caption = f"Every file that this page was made from ({number(len(used))})"
+    return tabulated(caption, used, USED, folded=True)
 
 
 def _origins_table(facts: MachineFacts) -> Table | None:
     """Raw files by hash that models were fitted on, and that they were judged on."""
     models = [one.model for one in facts.models if one.model is not None]
-    fitted = {
-        (one.file, one.sha256) for model in models for case in model.trained_on
-        for one in case.files
-    }  # fmt: skip
+    fitted = {file for model in models for case in model.trained_on for file in case.files}
     golden = facts.golden.golden if facts.golden is not None else None
-    judged = [] if golden is None else [(one.file, one.sha256) for one in golden.files]
-    rows = [
-        cells(use, Cell(text=file, code=True), Cell(text=sha256, code=True))
-        for use, files in (("to learn", sorted(fitted)), ("to judge", judged))
-        for file, sha256 in files
-    ]
-    if not rows:
-        return None
+    uses = [("to learn", one) for one in sorted(fitted, key=lambda one: (one.file, one.sha256))]
+    uses += [("to judge", one) for one in (golden.files if golden is not None else ())]
     stored = [one.shown.folder / "model.json" for one in facts.models]
-    return Table(
-        caption=f"What the models were fitted on and judged on{left_out(len(rows), MOST_ROWS)}",
-        heads=names("Used", "file", "sha256"),
-        rows=rows[:MOST_ROWS],
-        sources=sources(facts.shelf, *stored, facts.folders.golden),
-        folded=True,
-    )
+    return tabulated(
+        "What the models were fitted on and judged on", uses, ORIGINS,
+        sources(facts.shelf, *stored, facts.folders.golden), most=MOST_ROWS, folded=True,
+    )  # fmt: skip

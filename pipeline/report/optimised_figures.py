@@ -7,9 +7,11 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import asked, number
-from pipeline.charts.svg import anchor
+from pipeline.charts.numbers import as_stated, number
+from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.sources import Source
 from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
+from pipeline.report.cut.tables import sentence
 from pipeline.report.optimised_tables import limit_name
 from pipeline.schema.part import (
     BlockGroup,
@@ -63,22 +65,18 @@ class PathLoad:
 
 def path_load(trace: LoadTrace) -> PathLoad | None:
     """The load along the path before or after; None where there is none to draw."""
-    way, load = (
-        np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-        for values in (trace.way_mm, trace.load_N)
+    way, load, line = (
+        np.array(values, dtype=np.float64) for values in (trace.way_mm, trace.load_N, trace.line)
     )
-    line, total = np.array(trace.line, dtype=np.float64), trace.total_mm
-    if len(load) == 0 or not len(way) == len(load) == len(line) or not np.isfinite(load).any():
-        return None
-    if total <= 0:
+    total = trace.total_mm
+    if not len(way) == len(load) == len(line) or np.isnan(load).all() or total <= 0:
         return None
     many = min(MOST, len(load))
     place = np.clip((way / total * many + 1e-9).astype(int), 0, many - 1)
-    high = np.full(many, -np.inf)
-    np.maximum.at(high, place, np.where(np.isnan(load), -np.inf, load))
+    high = np.full(many, np.nan)
+    np.fmax.at(high, place, load)
     first = np.searchsorted(np.maximum.accumulate(place), np.arange(many))
-    line = line[np.minimum(first, len(line) - 1)]
-    return PathLoad(total=total, load=np.where(high > -np.inf, high, np.nan), line=line)
+    return PathLoad(total=total, load=high, line=line[np.minimum(first, len(line) - 1)])
 
 
 def load_figure(
@@ -94,8 +92,27 @@ def load_figure(
         parts += [*panel.frame(), _columns(panel, trace, limit, kind)]
         if limit is not None:
             parts.append(svg.across(panel.y(limit), "limit"))
-            parts.append(svg.text(100, panel.top - 7, f"limit {asked(limit)} N", "name end"))
+            parts.append(svg.text(100, panel.top - 7, f"limit {as_stated(limit)} N", "name end"))
     return svg.figure(parts, height=lower.bottom + 54, label=label, kind="golden")
+
+
+def load_figures(
+    part: OptimisedPart, name: str, caption: str, sources: list[Source], *, kind: str
+) -> Figures | None:
+    """Load along the path before and after, with its legend; None where there is none to draw.
+
+    Where ``caption`` is empty the figure's own words are.
+    """
+    trace, limit = part.trace, part.limits.load_N
+    before, after = path_load(trace.before), path_load(trace.after)
+    if before is None or after is None:
+        return None
+    legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
+    words = f"Load along the way of {name}, as programmed and optimised"
+    drawn = load_figure(before, after, limit, trace.tools, words)
+    caption = caption or f"{words}: the highest force on the tool in the plane, predicted."
+    figures = [Figure(svg=drawn, caption=caption, sources=sources)]
+    return Figures(figures=figures, legend=legend, kind=kind)
 
 
 def _columns(panel: Panel, trace: PathLoad, limit: float | None, kind: str) -> Markup:
@@ -120,9 +137,9 @@ def _path_axis(trace: PathLoad, top: float, bottom: float) -> list[Markup]:
         x = 100 * mark * unit / trace.total
         line = trace.line[min(int(x / 100 * len(trace.line)), len(trace.line) - 1)]
         parts.append(svg.down(x, top, bottom))
-        parts.append(svg.text(x, bottom + 16, f"{round(mark, 6) + 0.0:g}", anchor(x)))
+        parts.append(svg.text(x, bottom + 16, f"{round(mark, 6) + 0.0:g}", svg.anchor(x)))
         if np.isfinite(line):
-            parts.append(svg.text(x, bottom + 31, f"{line:.0f}", anchor(x)))
+            parts.append(svg.text(x, bottom + 31, f"{line:.0f}", svg.anchor(x)))
     return parts
 
 
@@ -135,56 +152,57 @@ def _tools(tools: Sequence[tuple[int, float, float]], bottom: float) -> list[Mar
     return parts
 
 
-@dataclass(frozen=True, kw_only=True)
-class Blocks:
-    """G groups of blocks, in the order of the program."""
-
-    rows: Sequence[BlockGroup]
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def column(self, key: str) -> np.ndarray:
-        """Values of one field, NaN where not known; shape (G,)."""
-        values = [getattr(row, key) for row in self.rows]
-        return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-
-    def only(self, key: str, keep: Callable[[BlockGroup], bool]) -> np.ndarray:
-        """The same with NaN in rows that are not kept."""
-        kept = np.array([keep(row) for row in self.rows], dtype=bool)
-        return np.where(kept, self.column(key), np.nan)
-
-
-def words_figure(blocks: Blocks, label: str) -> Markup | None:
+def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
     """Panels of F and S before and after, and a lane for each limit that binds.
 
     None where neither F nor S is known of any group.
     """
-    shown = [
-        (f"F, {unit}", f"feed_{{}}@{unit}") for unit in FEED_UNITS
-        if any(row.feed_unit == unit for row in blocks.rows)
-    ]  # fmt: skip
-    top, parts = float(BLOCK_TOP), []
-    for head, key in [*shown, ("S, rev/min", "speed_{}")]:
-        pair = [_values(blocks, key.format(which)) for which in ("before", "after")]
-        known = np.concatenate(pair)[np.isfinite(np.concatenate(pair))]
-        if not len(known) or known.max() <= 0:
-            continue
-        panel = Panel(head=head, top=top, height=BLOCK_HEIGHT, most=1.1 * float(known.max()))
-        curves = [_steps(values, panel.most, kind)
-                  for values, kind in zip(pair, ("before", "after"), strict=True)]  # fmt: skip
-        parts += [*panel.frame(), svg.band(panel.top, panel.height, UNITS, curves)]
-        top = panel.bottom + BLOCK_GAP
+    units = [unit for unit in FEED_UNITS if any(row.feed_unit == unit for row in groups)]
+    feeds = [_pair(f"F, {unit}", groups, "feed_{}", unit) for unit in units]
+    parts, bottom = _panels([*feeds, _pair("S, rev/min", groups, "speed_{}")], 1.1, _levels)
     if not parts:
         return None
-    lanes, bottom = _lanes(blocks, top - BLOCK_GAP + 6)
-    behind = _lines(blocks.column("first_line"), BLOCK_TOP, bottom)
+    lanes, bottom = _lanes(groups, bottom + 6)
+    behind = _lines(_values(groups, "first_line"), BLOCK_TOP, bottom)
     return svg.figure([*behind, *parts, *lanes], height=bottom + 36, label=label, kind="golden")
 
 
-def _values(blocks: Blocks, key: str) -> np.ndarray:
-    name, _, unit = key.partition("@")
-    return blocks.only(name, lambda row: not unit or row.feed_unit == unit)
+def _values(groups: Sequence[BlockGroup], key: str, unit: str = "") -> np.ndarray:
+    """Values of one field, NaN where not known or where F has another unit; shape (G,)."""
+    known = [getattr(row, key) if unit in ("", row.feed_unit) else None for row in groups]
+    return np.array(known, dtype=np.float64)
+
+
+def _pair(
+    head: str, groups: Sequence[BlockGroup], key: str, unit: str = "",
+    of: Callable[[np.ndarray], np.ndarray] = np.asarray,
+) -> tuple[str, np.ndarray, np.ndarray]:  # fmt: skip
+    """Head, values before, values after; ``key`` has {} where it says which."""
+    before, after = (of(_values(groups, key.format(w), unit)) for w in ("before", "after"))
+    return head, before, after
+
+
+def _panels(
+    pairs: Sequence[tuple[str, np.ndarray, np.ndarray]], room: float,
+    drawn: Callable[[Panel, np.ndarray, np.ndarray], Markup],
+) -> tuple[list[Markup], float]:  # fmt: skip
+    """Panels of (head, before, after) below one another, and where the last ends [px].
+
+    A panel reaches to ``room`` times its greatest value; one without any is left out.
+    """
+    top, parts = float(BLOCK_TOP), []
+    for head, before, after in pairs:
+        most = np.nanmax(np.concatenate([before, after, [0.0]]))
+        if most > 0:
+            panel = Panel(head=head, top=top, height=BLOCK_HEIGHT, most=room * float(most))
+            parts += [*panel.frame(), drawn(panel, before, after)]
+            top = panel.bottom + BLOCK_GAP
+    return parts, top - BLOCK_GAP
+
+
+def _levels(panel: Panel, before: np.ndarray, after: np.ndarray) -> Markup:
+    curves = [_steps(before, panel.most, "before"), _steps(after, panel.most, "after")]
+    return svg.band(panel.top, panel.height, UNITS, curves)
 
 
 def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
@@ -197,21 +215,17 @@ def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
     return svg.curve(*svg.thinned(middle, y, UNITS / STEPS), kind)
 
 
-def _lanes(blocks: Blocks, top: float) -> tuple[list[Markup], float]:
+def _lanes(groups: Sequence[BlockGroup], top: float) -> tuple[list[Markup], float]:
     """One lane for each limit, marked where it binds; the most frequent first."""
-    binds = [limit_name(row.binds) if row.binds else "" for row in blocks.rows]
+    binds = [limit_name(row.binds) if row.binds else "" for row in groups]
     names = sorted({word for word in binds if word}, key=lambda word: (-binds.count(word), word))
     parts: list[Markup] = []
     for name in names:
         here = np.array([word == name for word in binds])
-        parts.append(svg.text(0, top + 12, f"{_capital(name)} binds", "head"))
+        parts.append(svg.text(0, top + 12, f"{sentence(name)} binds", "head"))
         parts.append(svg.band(top + 18, BAR, UNITS, [_marks(here)]))
         top += LANE
     return parts, top
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
 
 
 def _marks(here: np.ndarray) -> Markup:
@@ -219,10 +233,8 @@ def _marks(here: np.ndarray) -> Markup:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], here, [False]]).astype(int)))
     starts = np.floor(edges[::2] * UNITS / len(here)).astype(int)
     ends = np.maximum(np.ceil(edges[1::2] * UNITS / len(here)).astype(int), starts + 1)
-    data = "".join(
-        f"M{a} 0h{b - a}v{svg.FULL}h{a - b}z"
-        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
-    )
+    runs = zip(starts.tolist(), ends.tolist(), strict=True)
+    data = "".join(f"M{a} 0h{b - a}v{svg.FULL}h{a - b}z" for a, b in runs)
     return svg.tag("path", d=data, class_="s-after")
 
 
@@ -234,26 +246,19 @@ def _lines(first: np.ndarray, top: float, bottom: float) -> list[Markup]:
         if np.isfinite(first[k]):
             x = 100 * k / many
             parts.append(svg.down(x, top, bottom))
-            parts.append(svg.text(x, bottom + 16, f"{first[k]:.0f}", anchor(x)))
+            parts.append(svg.text(x, bottom + 16, f"{first[k]:.0f}", svg.anchor(x)))
     return parts
 
 
-def pairs_figure(blocks: Blocks, heads: list[tuple[str, str]], label: str) -> Markup | None:
+def pairs_figure(
+    groups: Sequence[BlockGroup], heads: list[tuple[str, str]], label: str
+) -> Markup | None:
     """Panels of columns, before beside after; ``heads`` are (head, key with {})."""
-    top, parts = float(BLOCK_TOP), []
-    for head, key in heads:
-        before, after = (_sums(blocks.column(key.format(w))) for w in ("before", "after"))
-        known = np.concatenate([before, after])
-        known = known[np.isfinite(known)]
-        if not len(known) or known.max() <= 0:
-            continue
-        panel = Panel(head=head, top=top, height=BLOCK_HEIGHT, most=1.08 * float(known.max()))
-        parts += [*panel.frame(), _pairs(panel, before, after)]
-        top = panel.bottom + BLOCK_GAP
+    pairs = [_pair(head, groups, key, of=_sums) for head, key in heads]
+    parts, bottom = _panels(pairs, 1.08, _pairs)
     if not parts:
         return None
-    bottom = top - BLOCK_GAP
-    first = blocks.column("first_line")[:: per_pair(len(blocks))]
+    first = _values(groups, "first_line")[:: per_pair(len(groups))]
     behind = _lines(first, BLOCK_TOP, bottom)
     return svg.figure([*behind, *parts], height=bottom + 36, label=label, kind="golden")
 
@@ -350,7 +355,10 @@ def front_figure(places: list[Place], heads: tuple[str, str], label: str) -> Mar
     ]
     for mark in svg.ticks(*across, most=5):
         x = 100 * _share(mark, across)
-        parts += [svg.down(x, FRONT_TOP, bottom), svg.text(x, bottom + 16, _tick(mark), anchor(x))]
+        parts += [
+            svg.down(x, FRONT_TOP, bottom),
+            svg.text(x, bottom + 16, _tick(mark), svg.anchor(x)),
+        ]
     for mark in svg.ticks(*up, most=5):
         y = FRONT_TOP + FRONT_HEIGHT * (1 - _share(mark, up))
         parts += [svg.across(y), svg.text(0, y + 4, _tick(mark), "tick end", dx=-6)]

@@ -1,44 +1,34 @@
 """Page of an optimised program, from its stored document; nothing else."""
 
 from pathlib import Path
-from typing import Any
 
-from pipeline.charts.numbers import NARROW, asked, counted, number, signed
+from markupsafe import Markup
+
+from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
+from pipeline.report import optimised_tables as tables
 from pipeline.report.cut.tables import sentence, share
 from pipeline.report.optimised_figures import (
     FRONT_LEGEND,
-    LOAD_LEGEND,
     METHODS_LEGEND,
-    OVER_LEGEND,
     PAIR_LEGEND,
     QUANTITIES,
     WORDS_LEGEND,
-    Blocks,
     compared,
     front_figure,
     front_places,
-    load_figure,
+    load_figures,
     method_places,
     pairs_figure,
-    path_load,
     per_pair,
     words_figure,
-)
-from pipeline.report.optimised_tables import (
-    binding_table,
-    front_table,
-    gain_table,
-    groups_table,
-    limits_table,
-    methods_table,
-    proof_table,
-    uncertain_table,
 )
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 from pipeline.schema.part import OptimisedPart, Reliability
+
+Legend = list[tuple[str, str, str]]
 
 
 def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = None) -> None:
@@ -49,56 +39,38 @@ def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = N
 
 
 def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:
-    """Sections of the page, in the order in which its reader needs them."""
+    """Load, words, where time goes, certainty, methods, proof, basis: as its reader needs them."""
     status, word, sentences = verdict(part)
-    return StandalonePage(
-        program=part.program,
-        machine=part.machine,
-        about=_about(part),
-        origin="simulated" if part.origin == "simulated" else "recorded",
-        status=status,
-        word=word,
-        sentences=sentences,
-        key_figures=key_figures(part),
-        sections=optimised_sections(part, sources),
-    )
-
-
-def _about(part: OptimisedPart) -> str:
-    return (
-        f"For {aim(part)}: {part.stock} in {part.material} on {part.machine}, tools of "
-        f"{part.tool_table}"
-    )
-
-
-def optimised_sections(part: OptimisedPart, sources: list[Source]) -> list[Section]:
-    """Load, words, where time goes, certainty, methods, proof, basis."""
-    found = [
+    sections = [
         _load_section(part, sources), _words_section(part, sources),
         _time_section(part, sources), _certainty_section(part, sources),
         _methods_section(part, sources), _proof_section(part, sources),
         _basis_section(part, sources),
     ]  # fmt: skip
-    return [section for section in found if section is not None]
+    return StandalonePage(
+        program=part.program,
+        machine=part.machine,
+        about=f"For {aim(part)}: {part.stock} in {part.material} on {part.machine}, tools of "
+        f"{part.tool_table}",
+        origin="simulated" if part.origin == "simulated" else "recorded",
+        status=status,
+        word=word,
+        sentences=sentences,
+        key_figures=key_figures(part),
+        sections=[section for section in sections if section is not None],
+    )
 
 
 def _load_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
-    before, after = path_load(part.trace.before), path_load(part.trace.after)
-    if before is None or after is None:
-        return None
-    limit = part.limits.load_N
-    legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
-    label = f"Load along the way of {part.program}, as programmed and optimised"
-    figure = Figure(
-        svg=load_figure(before, after, limit, part.trace.tools, label),
-        caption="Highest force on the tool in the plane over the way at feed; the way is the same "
-        "before and after, so that what stands below each other is the same place of the part.",
-        sources=sources,
+    caption = (
+        "Highest force on the tool in the plane over the way at feed; the way is the same "
+        "before and after, so that what stands below each other is the same place of the part."
     )
-    return Section(
-        key="load", title="Load before and after", text=_verified(part),
-        blocks=[Figures(figures=[figure], legend=legend, kind="one wide")],
-    )  # fmt: skip
+    figures = load_figures(part, part.program, caption, sources, kind="one wide")
+    if figures is None:
+        return None
+    return Section(key="load", title="Load before and after", text=_verified(part),
+                   blocks=[figures])  # fmt: skip
 
 
 def _verified(part: OptimisedPart) -> list[str]:
@@ -120,39 +92,43 @@ def _verified(part: OptimisedPart) -> list[str]:
     return [f"{said} The axes lag by at most {', '.join(lags)}{NARROW}µm." if lags else said]
 
 
-def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
-    blocks = Blocks(rows=part.groups)
-    if not len(blocks):
+def _drawn(
+    svg: Markup | None, caption: str, legend: Legend, sources: list[Source]
+) -> Figures | None:
+    """A wide figure; None where there is nothing to draw."""
+    if svg is None:
         return None
-    found: list[Any] = []
-    if (picture := words_figure(blocks, f"F and S of the blocks of {part.program}")) is not None:
-        figure = Figure(
-            svg=picture,
-            caption="F and S of each group of blocks, in the order of the program, and the limit "
-            "that holds it back; groups are drawn equally wide.",
-            sources=sources,
-        )
-        legend = WORDS_LEGEND
-        found.append(Figures(figures=[figure], legend=legend, kind="one wide"))
-    found += present(binding_table(part, sources), groups_table(part, sources))
-    return Section(key="words", title="F and S, and what binds them", blocks=found)
+    figure = Figure(svg=svg, caption=caption, sources=sources)
+    return Figures(figures=[figure], legend=legend, kind="one wide")
+
+
+def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
+    if not part.groups:
+        return None
+    picture = words_figure(part.groups, f"F and S of the blocks of {part.program}")
+    caption = (
+        "F and S of each group of blocks, in the order of the program, and the limit that holds "
+        "it back; groups are drawn equally wide."
+    )
+    return Section(
+        key="words", title="F and S, and what binds them",
+        blocks=present(_drawn(picture, caption, WORDS_LEGEND, sources),
+                       tables.binding_table(part, sources), tables.groups_table(part, sources)),
+    )  # fmt: skip
 
 
 def _time_section(part: OptimisedPart, sources: list[Source]) -> Section:
-    blocks, currency = Blocks(rows=part.groups), part.currency or ""
-    heads = [("Time, s", "time_{}_s"), (f"Cost, {currency}".removesuffix(", "), "cost_{}")]
+    cost = f"Cost, {part.currency}" if part.currency else "Cost"
+    heads = [("Time, s", "time_{}_s"), (cost, "cost_{}")]
     picture = None
-    if len(blocks):
-        picture = pairs_figure(blocks, heads, "Time and cost of the blocks before and after")
-    found: list[Any] = [gain_table(part, sources)]
-    if picture is not None:
-        many = per_pair(len(blocks))
-        one = "one group of blocks" if many == 1 else f"{many} groups of blocks"
-        figure = Figure(svg=picture, caption=f"Time and cost, each pair of columns {one}.",
-                        sources=sources)  # fmt: skip
-        legend = PAIR_LEGEND
-        found.append(Figures(figures=[figure], legend=legend, kind="one wide"))
-    return Section(key="time", title="Time and cost", blocks=found)
+    if part.groups:
+        picture = pairs_figure(part.groups, heads, "Time and cost of the blocks before and after")
+    many = per_pair(len(part.groups))
+    one = "one group of blocks" if many == 1 else f"{many} groups of blocks"
+    caption = f"Time and cost, each pair of columns {one}."
+    figures = _drawn(picture, caption, PAIR_LEGEND, sources)
+    return Section(key="time", title="Time and cost",
+                   blocks=present(tables.gain_table(part, sources), figures))  # fmt: skip
 
 
 def _certainty_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -160,7 +136,7 @@ def _certainty_section(part: OptimisedPart, sources: list[Source]) -> Section | 
         return None
     return Section(
         key="certainty", title="How sure it is", text=_certainty_text(part, part.certainty),
-        blocks=present(uncertain_table(part, sources)),
+        blocks=present(tables.uncertain_table(part, sources)),
     )  # fmt: skip
 
 
@@ -171,14 +147,14 @@ def _certainty_text(part: OptimisedPart, of: Reliability) -> list[str]:
         said.append(
             f"The load passes its limit somewhere in the part in {share(of.exceedance)}{interval} "
             f"of {counted(of.draws, 'draw')} that the answer was not made with; asked for was at "
-            f"most {asked(100 * of.epsilon)}{NARROW}%."
+            f"most {as_stated(100 * of.epsilon)}{NARROW}%."
         )
     return said + _peaks(of) + _price(part, of)
 
 
 def _peaks(of: Reliability) -> list[str]:
     words = [
-        f"below {number(row.load_N)}{NARROW}N in {asked(100 * row.share)}{NARROW}%"
+        f"below {number(row.load_N)}{NARROW}N in {as_stated(100 * row.share)}{NARROW}%"
         for row in of.peaks
         if row.load_N is not None
     ]
@@ -203,9 +179,9 @@ def _price(part: OptimisedPart, of: Reliability) -> list[str]:
 
 
 def _methods_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
-    table, keys = methods_table(part, sources), compared(part)
+    table, keys = tables.methods_table(part, sources), compared(part)
     figures = None if keys is None else _front(part, keys, sources)
-    blocks = present(table, figures, front_table(part, sources))
+    blocks = present(table, figures, tables.front_table(part, sources))
     if not blocks:
         return None
     title = "Methods side by side" if figures is None else "Methods, and what else is possible"
@@ -243,7 +219,7 @@ def _proof_section(part: OptimisedPart, sources: list[Source]) -> Section:
     ]  # fmt: skip
     return Section(
         key="proof", title="What was changed", text=_proof_text(part), pairs=pairs,
-        blocks=present(proof_table(part, sources)),
+        blocks=present(tables.proof_table(part, sources)),
     )  # fmt: skip
 
 
@@ -277,5 +253,5 @@ def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
     return Section(
         key="basis", title="What these numbers rest on",
         text=[*filter(None, [control]), *part.notes], pairs=unknown,
-        blocks=present(limits_table(part, sources)), closing=True,
+        blocks=present(tables.limits_table(part, sources)), closing=True,
     )  # fmt: skip

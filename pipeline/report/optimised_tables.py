@@ -1,15 +1,25 @@
 """Tables of an optimised program: before and after, methods, limits, blocks, front, proof."""
 
 import re
+from collections.abc import Callable
 
-from pipeline.charts.numbers import NARROW, asked, counted, number, signed
+from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, left_out, names, numbers
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
 from pipeline.report.cut.tables import NONE, sentence, share
-from pipeline.schema.limits import limit_words
-from pipeline.schema.part import BlockGroup, MethodResult, OptimisedPart
+from pipeline.schema.limits import Limit, limit_words
+from pipeline.schema.part import (
+    Binding,
+    BlockGroup,
+    FrontMember,
+    MethodResult,
+    OptimisedPart,
+    Side,
+    UncertainQuantity,
+)
 
-ROWS = (
+Row = tuple[str, str | None, str, str | None, int]
+ROWS: tuple[Row, ...] = (
     ("Time", "s", "time_s", "time_percent", 4),
     ("Cost", None, "cost", "cost_percent", 4),
     ("Energy", "kWh", "energy_kWh", "energy_percent", 3),
@@ -40,108 +50,103 @@ def change(value: float | None) -> str:
     return f"{signed(value, 1 if abs(value) < 99.95 else 0)}{NARROW}%"
 
 
-def gain_table(part: OptimisedPart, sources: list[Source]) -> Table:
+def side(part: OptimisedPart, which: Side, key: str, digits: int, factor: float = 1.0) -> str:
+    """One of the totals before or after, as it stands in a table."""
+    value = getattr(part.totals(which), key)
+    return figure(value if value is None or factor == 1.0 else factor * value, digits)
+
+
+def gain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """As programmed, optimised, and the change."""
-    rows = []
-    for name, unit, key, gain, digits in ROWS:
-        factor = 100.0 if unit == "%" else 1.0
-        pair = [_scaled(getattr(side, key), factor) for side in (part.before, part.after)]
-        printed = unit if unit is not None else part.currency or ""
-        rows.append(cells(
-            f"{name}, {printed}" if printed else name,
-            *(figure(value, digits) for value in pair),
-            change(getattr(part.gain, gain)) if gain else NONE,
-        ))  # fmt: skip
-    heads = [*names("Of the part"),
-             *numbers(("as programmed", ""), ("optimised", ""), ("change", ""))]  # fmt: skip
-    return Table(caption="Before and after", heads=heads, rows=rows, sources=sources)
+    currency = part.currency or ""
+
+    def head(row: Row) -> str:
+        name, unit = row[0], currency if row[1] is None else row[1]
+        return f"{name}, {unit}" if unit else name
+
+    def total(which: Side) -> Callable[[Row], str]:
+        return lambda row: side(part, which, row[2], row[4], 100.0 if row[1] == "%" else 1.0)
+
+    return tabulated("Before and after", ROWS, (
+        Column("Of the part", head),
+        Column("as programmed", total("before"), ""),
+        Column("optimised", total("after"), ""),
+        Column("change", lambda row: change(getattr(part.gain, row[3])) if row[3] else NONE, ""),
+    ), sources)  # fmt: skip
 
 
-def _scaled(value: float | None, factor: float) -> float | None:
-    return value if value is None or factor == 1.0 else factor * value
+def _objectives(currency: str | None) -> tuple[Column[MethodResult | FrontMember], ...]:
+    """Columns of the objectives that a method or a member of the front reaches."""
+    return (
+        Column("time", lambda row: figure(row.time_s, 4), "s"),
+        Column("cost", lambda row: figure(row.cost, 4), currency or ""),
+        Column("energy", lambda row: figure(row.energy_kWh), "kWh"),
+        Column("tool life used", lambda row: share(row.tool_life_share), ""),
+    )
 
 
 def methods_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Objectives of each method, and the evaluations that it takes."""
-    if not part.methods:
-        return None
-    currency = part.currency or ""
-    heads = [*names("Method", "inside the limits"),
-             *numbers(("time", "s"), ("cost", currency), ("energy", "kWh"), ("tool life used", ""),
-                      ("evaluations", ""))]  # fmt: skip
-    return Table(
-        caption="What other ways find", heads=heads, rows=[_method(row) for row in part.methods],
-        sources=sources, note="Inside is what keeps the limits with their margins, and that of "
-        "the load as surely as asked: a program may be beyond although its predicted load is not.",
+    return tabulated("What other ways find", part.methods, (
+        Column("Method", lambda row: sentence(row.method)),
+        Column("inside the limits", lambda row: Cell(
+            text="inside" if row.feasible else "beyond",
+            status="passed" if row.feasible else "failed",
+        )),
+        *_objectives(part.currency),
+        Column("evaluations", lambda row: figure(row.evaluations), ""),
+    ), sources, note="Inside is what keeps the limits with their margins, and that of the load as "
+        "surely as asked: a program may be beyond although its predicted load is not.",
     )  # fmt: skip
-
-
-def _method(row: MethodResult) -> list[Cell]:
-    inside = row.feasible
-    return cells(
-        sentence(row.method),
-        Cell(text="inside" if inside else "beyond", status="passed" if inside else "failed"),
-        figure(row.time_s, 4),
-        figure(row.cost, 4),
-        figure(row.energy_kWh),
-        share(row.tool_life_share),
-        figure(row.evaluations),
-    )
 
 
 def binding_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Which limits hold the program back, and in how much of it."""
-    if not part.binding:
-        return None
-    total, rows = part.after.time_s, []
-    for row in part.binding:
-        of_all = row.time_s / total if row.time_s is not None and total else None
-        rows.append(cells(sentence(limit_name(row.limit)), figure(row.blocks),
-                          figure(row.time_s), share(of_all)))  # fmt: skip
-    heads = [*names("What binds"), *numbers(("blocks", ""), ("their time", "s"), ("of all", ""))]
-    return Table(
-        caption="What holds the program back", heads=heads, rows=rows, sources=sources,
-        note="Blocks that cut; the rest of the time is air and waits. Nothing binds where the aim "
-        "is best inside the limits, or where a block shares its F with others.",
+    total = part.after.time_s
+
+    def of_all(row: Binding) -> str:
+        return share(row.time_s / total if row.time_s is not None and total else None)
+
+    return tabulated("What holds the program back", part.binding, (
+        Column("What binds", lambda row: sentence(limit_name(row.limit))),
+        Column("blocks", lambda row: figure(row.blocks), ""),
+        Column("their time", lambda row: figure(row.time_s), "s"),
+        Column("of all", of_all, ""),
+    ), sources, note="Blocks that cut; the rest of the time is air and waits. Nothing binds where "
+        "the aim is best inside the limits, or where a block shares its F with others.",
     )  # fmt: skip
 
 
 def groups_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Every group of blocks before and after, folded."""
-    found, currency = part.groups, part.currency or ""
-    if not found:
-        return None
-    pair = (("before", ""), ("after", ""))
-    heads = [*names("Lines", "tool", "what binds")]
-    for name, unit in (("F", ""), ("S", "rev/min"), ("Time", "s"), ("Cost", currency),
-                       ("Peak load", "N")):  # fmt: skip
-        heads += numbers(*((word, unit) for word, _ in pair), group=name)
-    shown = found[:MOST_ROWS]
-    return Table(
-        caption=f"F and S of {counted(len(found), 'group')} of blocks"
-        + left_out(len(found), len(shown)),
-        heads=heads, rows=[_group(row) for row in shown], sources=sources, folded=True,
+    currency = part.currency or ""
+    return tabulated(f"F and S of {counted(len(part.groups), 'group')} of blocks", part.groups, (
+        Column("Lines", _lines),
+        Column("tool", lambda row: f"T{row.tool}"),
+        Column("what binds", lambda row: limit_name(row.binds) if row.binds else NONE),
+        Column("before", lambda row: _feed(row, row.feed_before), "", "F"),
+        Column("after", lambda row: _feed(row, row.feed_after), "", "F"),
+        Column("before", lambda row: figure(_whole(row.speed_before)), "rev/min", "S"),
+        Column("after", lambda row: figure(_whole(row.speed_after)), "rev/min", "S"),
+        Column("before", lambda row: figure(row.time_before_s), "s", "Time"),
+        Column("after", lambda row: figure(row.time_after_s), "s", "Time"),
+        Column("before", lambda row: figure(row.cost_before), currency, "Cost"),
+        Column("after", lambda row: figure(row.cost_after), currency, "Cost"),
+        Column("before", lambda row: figure(row.peak_load_before_N), "N", "Peak load"),
+        Column("after", lambda row: figure(row.peak_load_after_N), "N", "Peak load"),
+    ), sources, most=MOST_ROWS, folded=True,
         note="F is in mm/min, or in mm/rev where that stands behind it; where a group had several "
         "F or S, their mean over its time.",
     )  # fmt: skip
 
 
-def _group(row: BlockGroup) -> list[Cell]:
-    unit = " mm/rev" if row.feed_unit == "mm/rev" else ""
+def _lines(row: BlockGroup) -> str:
     first, last = row.first_line, row.last_line
-    return cells(
-        str(first) if first == last else f"{first}–{last}",
-        f"T{row.tool}",
-        limit_name(row.binds) if row.binds else NONE,
-        *(figure(feed, 4) + unit for feed in (row.feed_before, row.feed_after)),
-        *(figure(_whole(speed)) for speed in (row.speed_before, row.speed_after)),
-        figure(row.time_before_s),
-        figure(row.time_after_s),
-        figure(row.cost_before),
-        figure(row.cost_after),
-        figure(row.peak_load_before_N),
-        figure(row.peak_load_after_N),
-    )
+    return str(first) if first == last else f"{first}–{last}"
+
+
+def _feed(row: BlockGroup, feed: float | None) -> str:
+    return figure(feed, 4) + (" mm/rev" if row.feed_unit == "mm/rev" else "")
 
 
 def _whole(value: float | None) -> int | None:
@@ -150,82 +155,73 @@ def _whole(value: float | None) -> int | None:
 
 def front_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """The front, folded, the knee marked."""
-    found, currency = part.front, part.currency or ""
-    if not found:
-        return None
-    rows = [
-        cells(
-            "the knee" if row.knee else str(k),
-            figure(row.time_s, 4),
-            figure(row.cost, 4),
-            figure(row.energy_kWh),
-            share(row.tool_life_share),
-        )
-        for k, row in enumerate(found[:MOST_ROWS], 1)
-    ]
-    heads = [*names("Member"), *numbers(("time", "s"), ("cost", currency), ("energy", "kWh"),
-                                        ("tool life used", ""))]  # fmt: skip
-    caption = f"The front: {counted(len(found), 'program')}" + left_out(len(found), len(rows))
-    return Table(caption=caption, heads=heads, rows=rows, sources=sources, folded=True)
+    place = {id(row): str(k) for k, row in enumerate(part.front, 1)}  # rounded, some are equal
+    return tabulated(f"The front: {counted(len(part.front), 'program')}", part.front, (
+        Column("Member", lambda row: "the knee" if row.knee else place[id(row)]),
+        *_objectives(part.currency),
+    ), sources, most=MOST_ROWS, folded=True)  # fmt: skip
+
+
+UNCERTAIN: tuple[Column[UncertainQuantity], ...] = (
+    Column("What is uncertain", lambda row: _words(row.what)),
+    Column("value", lambda row: _words(row.value)),
+    Column("spread", lambda row: _words(row.spread)),
+    Column("where that comes from", lambda row: _words(row.source)),
+)
 
 
 def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Uncertain quantities with their spread and source."""
-    if part.certainty is None or not part.certainty.uncertain:
-        return None
-    rows = [
-        cells(*(_words(words) for words in (row.what, row.value, row.spread, row.source)))
-        for row in part.certainty.uncertain
-    ]
-    heads = names("What is uncertain", "value", "spread", "where that comes from")
-    return Table(caption="What the certainty allows for", heads=heads, rows=rows, sources=sources)
+    uncertain = () if part.certainty is None else part.certainty.uncertain
+    return tabulated("What the certainty allows for", uncertain, UNCERTAIN, sources)
 
 
 def _words(words: str) -> Cell:
-    """Words; a name too long for a line is broken anywhere, as code is."""
-    text = _typeset(words) or NONE
-    return Cell(text=text, code=max(map(len, text.split()), default=0) > LONGEST)
+    """Words as a page writes what a plain text wrote: ``um``, ``^2``, a minus, whose settings.
 
-
-def _typeset(words: str) -> str:
-    """As a page writes what a plain text wrote: ``um``, ``^2``, a minus, whose settings."""
+    A name too long for a line is broken anywhere, as code is.
+    """
     text = re.sub(r"(?<=\d) um\b", " µm", words.replace("^2", "²"))
     text = re.sub(r"^certainty\.", "conf/optimisation, certainty.", text)
-    return re.sub(r"^-(?=\d)", "−", text)
+    text = re.sub(r"^-(?=\d)", "−", text) or NONE
+    return Cell(text=text, code=max(map(len, text.split()), default=0) > LONGEST)
 
 
 def limits_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Limits that were given, and what is kept free of each."""
-    rows, margins = [], part.limits.margins
-    for key, value in part.limits.given.items():
-        if key == "margins" or value == 0 or (key == "power_share" and value == 1):
-            continue
-        words, unit = limit_words(key)
-        free = getattr(margins, words.margin) if words.margin else 0.0
-        rows.append(cells(sentence(words.name), _printed(value, unit.replace("um", "µm")),
-                          share(free) if free else NONE))  # fmt: skip
-    if not rows:
-        return None
-    heads = names("Limit", "value", "kept free of it")
-    return Table(caption="Limits", heads=heads, rows=rows, sources=sources)
+    given = [
+        (*limit_words(key), value)
+        for key, value in part.limits.given.items()
+        if key != "margins" and value != 0 and (key != "power_share" or value != 1)
+    ]
+
+    def free(words: Limit) -> str:
+        kept = getattr(part.limits.margins, words.margin) if words.margin else 0.0
+        return share(kept) if kept else NONE
+
+    return tabulated("Limits", given, (
+        Column("Limit", lambda row: sentence(row[0].name)),
+        Column("value", lambda row: _printed(row[2], row[1].replace("um", "µm"))),
+        Column("kept free of it", lambda row: free(row[0])),
+    ), sources)  # fmt: skip
 
 
 def _printed(value: float | tuple[float, ...], unit: str) -> str:
     """A limit, or a range, with its unit."""
     known = value if isinstance(value, tuple) else (value,)
-    words = " to ".join(asked(v) for v in known)
+    words = " to ".join(as_stated(v) for v in known)
     return f"{words}{NARROW}{unit}" if unit else words
 
 
-def proof_table(part: OptimisedPart, sources: list[Source]) -> Table:
+def proof_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Hashes of the program before and after, and of what both tell the machine."""
     proof = part.proof
-    rows = [
-        [Cell(text=name), Cell(text=sha256 or NONE, code=True)]
-        for name, sha256 in (
-            ("Program as it was", proof.before_sha256),
-            ("Program as it is written", proof.after_sha256),
-            ("What both do: every move, state, tool and code but F and S", proof.sha256),
-        )
-    ]
-    return Table(caption="Proof", heads=names("Of what", "sha256"), rows=rows, sources=sources)
+    hashes = (
+        ("Program as it was", proof.before_sha256),
+        ("Program as it is written", proof.after_sha256),
+        ("What both do: every move, state, tool and code but F and S", proof.sha256),
+    )
+    return tabulated("Proof", hashes, (
+        Column("Of what", lambda row: row[0]),
+        Column("sha256", lambda row: code(row[1] or NONE)),
+    ), sources)  # fmt: skip

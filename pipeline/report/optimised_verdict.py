@@ -1,6 +1,6 @@
 """Verdict and key figures of an optimised program, in the words of who cuts the part."""
 
-from pipeline.charts.numbers import NARROW, asked, counted, duration, number
+from pipeline.charts.numbers import NARROW, as_stated, counted, duration, number
 from pipeline.report.cut.tables import share
 from pipeline.report.optimised_tables import change, limit_name
 from pipeline.schema.part import OptimisedPart
@@ -78,20 +78,16 @@ def _safe(part: OptimisedPart) -> list[str]:
     if beyond:
         said.append(f"{counted(beyond, 'block')} pass a limit.")
     elif beyond is not None:
+        limits = ", ".join(part.before.beyond_of)
         said.append(
-            f"No block passes a limit; as programmed {was} did{_which(part)}." if was
+            f"No block passes a limit; as programmed {was} did ({limits})." if was
             else "No block passes a limit, as programmed or now."
         )  # fmt: skip
     if peak is not None and limit is not None:
         said.append(
-            f"The highest predicted load is {number(peak)}{NARROW}N of {asked(limit)}{NARROW}N."
+            f"The highest predicted load is {number(peak)}{NARROW}N of {as_stated(limit)}{NARROW}N."
         )
     return said
-
-
-def _which(part: OptimisedPart) -> str:
-    """Limits that the program as it was passed."""
-    return f" ({', '.join(part.before.beyond_of)})"
 
 
 def _certain(part: OptimisedPart) -> list[str]:
@@ -99,15 +95,13 @@ def _certain(part: OptimisedPart) -> list[str]:
     if of is None or of.exceedance is None:
         return []
     extra = None if of.price is None else of.price.time_percent
-    price = (
-        f"; being that sure costs {number(extra, 2)}{NARROW}% of time"
-        if extra and extra > 0
-        else ""
-    )
+    price = ""
+    if extra and extra > 0:
+        price = f"; being that sure costs {number(extra, 2)}{NARROW}% of time"
     between = f" ({' to '.join(share(end) for end in of.interval_95)})"
     return [
         f"With all that is uncertain, the load passes its limit in {share(of.exceedance)} of parts"
-        f"{between}, {asked(100 * of.epsilon)}{NARROW}% is allowed{price}."
+        f"{between}, {as_stated(100 * of.epsilon)}{NARROW}% is allowed{price}."
     ]
 
 
@@ -140,7 +134,7 @@ def _not_known(part: OptimisedPart) -> list[str]:
 def key_figures(part: OptimisedPart) -> list[tuple[str, str, str]]:
     """Name, value after, and beside it the value before with the change."""
     currency, limit = part.currency or "", part.limits.load_N
-    aside = "" if limit is None else f", limit {asked(limit)}{NARROW}N"
+    aside = "" if limit is None else f", limit {as_stated(limit)}{NARROW}N"
     return [
         _key(part, "Time", "time_s", "s", "time_percent"),
         _key(part, "Cost of the part", "cost", currency, "cost_percent"),

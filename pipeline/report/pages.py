@@ -9,16 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.charts.numbers import NOT_KNOWN, counted, moment, number, percent
-from pipeline.report.changes import (
-    Change,
-    Earlier,
-    MachineFigures,
-    changes,
-    changes_section,
-    earlier_report,
-    key_figures,
-    write_key_figures,
-)
+from pipeline.report import changes
 from pipeline.report.facts import MachineFacts, machine_facts
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.machine_page import machine_page
@@ -39,10 +30,7 @@ STATUS_WORDS: Mapping[Status, str] = {
 class Row:
     """One machine in the fleet's table, in words."""
 
-    name: str
-    origin: str
-    description: str
-    credit: str
+    folders: MachineFolders
     verdict: MachineVerdict
     days: str
     rejected: str
@@ -111,46 +99,43 @@ def write_report(
         raise ValueError(f"machine {double[0]} stands twice in the fleet; give each its own name")
     facts = {m.name: machine_facts(m) for m in machines}
     judged = {name: machine_verdict(f) for name, f in facts.items()}
-    figures = {name: key_figures(f, judged[name].word) for name, f in facts.items()}
-    earlier = earlier_report(previous, figures)
+    figures = {name: changes.key_figures(f, judged[name].word) for name, f in facts.items()}
+    earlier = changes.earlier_report(previous, figures)
     out.mkdir(parents=True, exist_ok=True)
     render = renderer()
     for name in names:
         differences, reason = _compared(earlier, facts[name], figures[name])
-        page = machine_page(facts[name], changes_section(differences, reason))
+        page = machine_page(facts[name], changes.changes_section(differences, reason))
         text = render("machine.html.j2", page=page, verdict=judged[name], fleet=fleet)
         _write(out / f"{name}.html", text)
     rows = [_row(facts[name], judged[name]) for name in names]
     headline = _headline(rows)
     _write(out / "index.html", render("index.html.j2", rows=rows, fleet=fleet, headline=headline))
-    write_key_figures(out / "report.json", figures, earlier)
+    changes.write_key_figures(out / "report.json", figures, earlier)
     if metrics is not None:
         write_json(_metrics(facts, judged), metrics)
 
 
 def _compared(
-    earlier: Earlier, facts: MachineFacts, now: MachineFigures
-) -> tuple[list[Change], str]:
+    earlier: changes.Earlier, facts: MachineFacts, now: changes.MachineFigures
+) -> tuple[list[changes.Change], str]:
     """Changes of one machine, and what to say when there are none."""
     if earlier.machines is None:
         return [], earlier.why_not
     before = earlier.machines.get(facts.folders.name)
     if before is None:
         return [], "The machine was not in the last report."
-    found = changes(before, now, {one.name: one.page.changed for one in facts.models})
+    found = changes.changes(before, now, {one.name: one.page.changed for one in facts.models})
     return found, "" if found else "Nothing: all key figures and raw files are as they were."
 
 
 def _row(facts: MachineFacts, judged: MachineVerdict) -> Row:
     records, work = facts.records, facts.work
     return Row(
-        name=facts.folders.name,
-        origin=facts.folders.origin,
-        description=facts.folders.description,
-        credit=facts.folders.credit,
+        folders=facts.folders,
         verdict=judged,
         days=number(len(work.worked_days)) if work.days else NOT_KNOWN,
-        rejected=NOT_KNOWN if records.files is None else percent(records.rejected, records.records),
+        rejected=percent(records.rejected, records.records),
         last=moment(records.last),
     )
 

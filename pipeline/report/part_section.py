@@ -1,32 +1,17 @@
 """Section on optimised part programs: before and after, reliability, trial cuts."""
 
+from collections.abc import Iterator
+
 from pipeline.charts.numbers import NARROW, counted, number, signed
-from pipeline.charts.sections import (
-    Block,
-    Figure,
-    Figures,
-    Heading,
-    PartVerdict,
-    Section,
-    present,
-)
-from pipeline.charts.sources import Source, SourceRegistry
-from pipeline.charts.tables import Cell, Head, Table, cells, numbers, sources
+from pipeline.charts.sections import Block, Heading, PartVerdict, Section, present
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import Cell, Column, Head, Table, cells, numbers, sources, tabulated
+from pipeline.report import optimised_tables as tables
 from pipeline.report.cut.tables import NONE, share
-from pipeline.report.optimised_figures import LOAD_LEGEND, OVER_LEGEND, load_figure, path_load
-from pipeline.report.optimised_tables import (
-    binding_table,
-    change,
-    figure,
-    gain_table,
-    groups_table,
-    methods_table,
-    proof_table,
-    uncertain_table,
-)
+from pipeline.report.optimised_figures import load_figures
 from pipeline.report.optimised_verdict import aim, verdict
 from pipeline.report.part_programs import PartProgram, PartPrograms
-from pipeline.schema.part import OptimisedPart, Side, TrialPart
+from pipeline.schema.part import OptimisedPart
 
 WHAT = (
     "F and S of each block were chosen again, inside the limits of the part; every other byte of "
@@ -61,30 +46,15 @@ def _program(
     words = " ".join([*_doubt(forces), *said, *_trial(one), *_held(part)])
     return present(
         Heading(heading=f"{one.label}: {word}", text=words),
-        _load(shelf, one),
-        gain_table(part, files),
+        load_figures(part, one.label, "", files, kind="one"),
+        tables.gain_table(part, files),
         cut_table(parts, shelf, one),
-        binding_table(part, files),
-        methods_table(part, files),
-        uncertain_table(part, files),
-        groups_table(part, files),
-        proof_table(part, files),
+        tables.binding_table(part, files),
+        tables.methods_table(part, files),
+        tables.uncertain_table(part, files),
+        tables.groups_table(part, files),
+        tables.proof_table(part, files),
     )
-
-
-def _load(shelf: SourceRegistry, one: PartProgram) -> Figures | None:
-    trace = one.part.trace
-    before, after = path_load(trace.before), path_load(trace.after)
-    if before is None or after is None:
-        return None
-    legend = [*LOAD_LEGEND] if one.limit is None else [*LOAD_LEGEND, OVER_LEGEND]
-    words = f"Load along the way of {one.label}, as programmed and optimised"
-    picture = Figure(
-        svg=load_figure(before, after, one.limit, trace.tools, words),
-        caption=f"{words}: the highest force on the tool in the plane, predicted.",
-        sources=sources(shelf, one.path),
-    )
-    return Figures(figures=[picture], legend=legend, kind="one")
 
 
 def _trial(one: PartProgram) -> list[str]:
@@ -97,7 +67,7 @@ def _trial(one: PartProgram) -> list[str]:
         f"Cut on the simulated shop floor {cuts[1]} times, it passed the limit of the load in "
         f"{cuts[0]} of them, the program as it was in {before[0]}"
     )
-    times = [figure(side.time_s.mean, 4) for side in (one.cut.after, one.cut.before)]
+    times = [tables.figure(side.time_s.mean, 4) for side in (one.cut.after, one.cut.before)]
     if error is not None:
         said += (
             f"; it took {times[0]}{NARROW}s instead of {times[1]}{NARROW}s, and its time was "
@@ -125,84 +95,64 @@ def _held(part: OptimisedPart) -> list[str]:
 def overview_table(parts: PartPrograms, shelf: SourceRegistry) -> Table | None:
     """Every program: time, cost and peak load before and after, and what is proved."""
     programs = parts.programs
-    if not programs:
-        return None
-    currencies = dict.fromkeys(one.part.currency or "" for one in programs)
-    currency = next(iter(currencies)) if len(currencies) == 1 else ""
-    heads = [Head(name="Program"), Head(name="aim")]
-    for name, unit, columns in (
-        ("Time", "s", 3), ("Cost", currency, 3), ("Peak load", "N", 2),
-    ):  # fmt: skip
-        words = (("before", unit), ("after", unit), ("change", ""))[:columns]
-        heads += numbers(*words, group=name)
-    heads += [*numbers(("limit", "N")), Head(name="same moves")]
-    return Table(
-        caption="Part programs before and after",
-        heads=heads,
-        rows=[_overview(one) for one in programs],
-        sources=sources(shelf, *(one.path for one in programs)),
-    )
+    currencies = {one.part.currency or "" for one in programs}
+    currency = currencies.pop() if len(currencies) == 1 else ""
 
+    def total(name: str, unit: str, key: str, digits: int) -> list[Column[PartProgram]]:
+        return [
+            Column("before", lambda one: tables.side(one.part, "before", key, digits), unit, name),
+            Column("after", lambda one: tables.side(one.part, "after", key, digits), unit, name),
+        ]
 
-def _overview(one: PartProgram) -> list[Cell]:
-    part = one.part
-    proof = Cell(text="proved" if one.proved else "not proved",
-                 status="passed" if one.proved else "failed")  # fmt: skip
-    return cells(
-        one.label, aim(part),
-        *_pair(part, "time_s", 4), change(part.gain.time_percent),
-        *_pair(part, "cost", 4), change(part.gain.cost_percent),
-        *_pair(part, "peak_load_N", 3), figure(one.limit), proof,
-    )  # fmt: skip
-
-
-def _pair(part: OptimisedPart, key: str, digits: int) -> list[str]:
-    return [figure(getattr(side, key), digits) for side in (part.before, part.after)]
+    return tabulated("Part programs before and after", programs, (
+        Column("Program", lambda one: one.label),
+        Column("aim", lambda one: aim(one.part)),
+        *total("Time", "s", "time_s", 4),
+        Column("change", lambda one: tables.change(one.part.gain.time_percent), "", "Time"),
+        *total("Cost", currency, "cost", 4),
+        Column("change", lambda one: tables.change(one.part.gain.cost_percent), "", "Cost"),
+        *total("Peak load", "N", "peak_load_N", 3),
+        Column("limit", lambda one: tables.figure(one.limit), "N"),
+        Column("same moves", lambda one: Cell(
+            text="proved" if one.proved else "not proved",
+            status="passed" if one.proved else "failed",
+        )),
+    ), sources(shelf, *(one.path for one in programs)))  # fmt: skip
 
 
 def cut_table(parts: PartPrograms, shelf: SourceRegistry, one: PartProgram) -> Table | None:
     """Predicted by the twin beside cut by the simulated shop floor, which is another machine."""
-    cuts = one.cuts("after")
-    if one.cut is None or cuts is None:
+    cut, cuts = one.cut, one.cuts("after")
+    if cut is None or cuts is None:
         return None
     limit, allowed, of = one.limit, one.epsilon, one.part.certainty
+
+    def totals(key: str, digits: int) -> Iterator[str]:
+        """Predicted and cut, before and after."""
+        for which in ("before", "after"):
+            yield tables.side(one.part, which, key, digits)
+            yield tables.figure(getattr(cut.side(which), key).mean, digits)
+
     rows = [
-        cells("Time, s", *_sides(one.part, one.cut, "time_s", 4)),
-        cells("Peak load, N", *_sides(one.part, one.cut, "peak_load_N", 3)),
-        cells("Highest peak load, N", NONE, figure(one.cut.before.peak_load_N.max), NONE,
-              figure(one.cut.after.peak_load_N.max)),
+        cells("Time, s", *totals("time_s", 4)),
+        cells("Peak load, N", *totals("peak_load_N", 3)),
+        cells("Highest peak load, N", NONE, tables.figure(cut.before.peak_load_N.max), NONE,
+              tables.figure(cut.after.peak_load_N.max)),
         cells(f"Above the limit{f' of {number(limit)}{NARROW}N' if limit is not None else ''}",
-              NONE, _above(one, "before"), share(None if of is None else of.exceedance),
-              _above(one, "after")),
+              NONE, f"{cut.before.above} of {cut.seeds}",
+              share(None if of is None else of.exceedance), f"{cut.after.above} of {cut.seeds}"),
     ]  # fmt: skip
     heads = [Head(name="Of the part"),
              *numbers(("predicted", ""), ("cut", ""), group="As programmed"),
              *numbers(("predicted", ""), ("cut", ""), group="Optimised")]  # fmt: skip
     asked = "" if allowed is None else f"; asked for was at most {share(allowed)}"
+    trial = [] if parts.trial is None else [parts.trial]
     return Table(
         caption=f"{one.label}: predicted, and cut on the simulated shop floor {cuts[1]} times",
-        heads=heads, rows=rows, sources=_both(parts, shelf, one),
+        heads=heads, rows=rows, sources=sources(shelf, one.path, *trial),
         note="Each cut has its own mounting of the tool, batch of material and wear; means are "
         f"over them. The shop floor is richer than the twin, which knows nothing of it{asked}.",
     )  # fmt: skip
-
-
-def _sides(part: OptimisedPart, cut: TrialPart, key: str, digits: int) -> list[str]:
-    """Predicted and cut, before and after."""
-    values = []
-    for totals, trial in ((part.before, cut.before), (part.after, cut.after)):
-        values += [getattr(totals, key), getattr(trial, key).mean]
-    return [figure(value, digits) for value in values]
-
-
-def _above(one: PartProgram, which: Side) -> str:
-    cuts = one.cuts(which)
-    return NONE if cuts is None else f"{cuts[0]} of {cuts[1]}"
-
-
-def _both(parts: PartPrograms, shelf: SourceRegistry, one: PartProgram) -> list[Source]:
-    trial = parts.trial
-    return sources(shelf, one.path, *([trial] if trial is not None else []))
 
 
 def trial_time_error(one: PartProgram) -> float | None:

@@ -12,17 +12,7 @@ import pyarrow.compute as pc
 from pipeline.charts.numbers import NOT_KNOWN, counted, duration, instant, moment, number, percent
 from pipeline.charts.sections import Section, absent, present
 from pipeline.charts.sources import SourceRegistry, picked, shown
-from pipeline.charts.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
-    sources,
-)
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
 
 NS = 1_000_000_000
@@ -268,12 +258,59 @@ def nanoseconds(column: pa.ChunkedArray) -> np.ndarray:
     return pc.fill_null(whole, np.iinfo(np.int64).min).to_numpy()
 
 
+FILES: tuple[Column[tuple[str, FileRead]], ...] = (
+    Column("File", lambda one: code(one[0])),
+    Column("format", lambda one: one[1].format or "–"),
+    Column("sha256", lambda one: code(one[1].sha256[:12] or NOT_KNOWN)),
+    Column("read", lambda one: number(one[1].read), ""),
+    Column("kept", lambda one: number(one[1].kept), ""),
+    Column("rejected", lambda one: number(one[1].rejected), ""),
+    Column("share", lambda one: percent(one[1].rejected, one[1].read), ""),
+    Column("first record", lambda one: moment(one[1].first)),
+    Column("last record", lambda one: moment(one[1].last)),
+    Column("unreadable because", lambda one: (
+        Cell(text=one[1].reason, status="failed") if one[1].reason else "–"
+    )),
+)  # fmt: skip
+REASONS: tuple[Column[Reason], ...] = (
+    Column("Reason", lambda r: r.reason or "(no reason given)"),
+    Column("records", lambda r: number(r.count), ""),
+    Column("first seen in", lambda r: code(
+        r.file if r.line is None else f"{r.file}, line {r.line}"
+    )),
+    Column("begins", lambda r: code(r.excerpt[:120] or "–")),
+)  # fmt: skip
+CHANGES: tuple[Column[tuple[str, str, int]], ...] = (
+    Column("Rule", lambda change: change[0]),
+    Column("means", lambda change: RULES.get(change[0], "–")),
+    Column("data item", lambda change: code(change[1])),
+    Column("values", lambda change: number(change[2]), ""),
+)
+GAP_CAUSES: tuple[Column[tuple[str, int, float]], ...] = (
+    Column("Cause", lambda cause: cause[0]),
+    Column("means", lambda cause: CAUSES.get(cause[0], "–")),
+    Column("gaps", lambda cause: number(cause[1]), ""),
+    Column("longest", lambda cause: duration(cause[2]), ""),
+)
+LONGEST_GAPS: tuple[Column[Gap], ...] = (
+    Column("Data item", lambda gap: code(gap.data_item)),
+    Column("cause", lambda gap: gap.cause),
+    Column("from", lambda gap: moment(gap.start)),
+    Column("to", lambda gap: moment(gap.end)),
+    Column("lasted", lambda gap: duration(gap.seconds), ""),
+)
+
+
 def records_section(r: RecordsRead) -> Section:
     """Records read and rejected, with the reasons; values removed, gaps."""
     title = "What was read, and what was not"
+    paths = [
+        r.folders.signals / "manifest.json", r.folders.signals / "rejected.parquet",
+        r.folders.clean / "audit.parquet", r.folders.clean / "gaps.parquet",
+    ]  # fmt: skip
     if r.files is None:
         return Section(key="records", title=title, text=[absent(
-            r.folders.signals / "manifest.json",
+            paths[0],
             "Put the machine’s log, or its tables, under data/raw and name them in conf/machine/.",
         )])  # fmt: skip
     text = [
@@ -282,112 +319,19 @@ def records_section(r: RecordsRead) -> Section:
         + ("Read equals kept plus rejected in every file." if not r.unbalanced else
            f"In {counted(len(r.unbalanced), 'file')} read is not kept plus rejected.")
     ]  # fmt: skip
-    for content, path, words in (
-        (r.reasons, r.folders.signals / "rejected.parquet", "why records were rejected"),
-        (r.changes, r.folders.clean / "audit.parquet", "what cleaning changed"),
-        (r.gap_causes, r.folders.clean / "gaps.parquet", "where the record has gaps"),
-    ):
+    contents = (r.reasons, r.changes, r.gap_causes)
+    unknown = "why records were rejected", "what cleaning changed", "where the record has gaps"
+    for content, path, words in zip(contents, paths[1:], unknown, strict=True):
         if content is None:
             text.append(absent(path, f"Without it nobody knows {words}."))
+    manifest, rejected, audit, gaps = (sources(r.shelf, path) for path in paths)
+    files = list(r.files.items())
+    longest = f"The {len(r.longest_gaps)} longest gaps"
     blocks = present(
-        _reasons_table(r), _files_table(r), _cleaning_table(r), _gap_causes_table(r),
-        _longest_gaps_table(r),
-    )  # fmt: skip
+        tabulated("Why records were rejected", r.reasons, REASONS, rejected, most=12),
+        tabulated("Every raw file", files, FILES, manifest, most=MOST_ROWS, folded=True),
+        tabulated("Values removed or changed by cleaning", r.changes, CHANGES, audit, most=15),
+        tabulated("Gaps by cause, all data items together", r.gap_causes, GAP_CAUSES, gaps),
+        tabulated(longest, r.longest_gaps, LONGEST_GAPS, gaps, folded=True),
+    )
     return Section(key="records", title=title, text=text, blocks=blocks)
-
-
-def _files_table(read: RecordsRead) -> Table | None:
-    """Every raw file: what was read of it and what was not."""
-    files = read.files
-    if not files:
-        return None
-    rows = [
-        cells(
-            Cell(text=name, code=True), f.format or "–",
-            Cell(text=f.sha256[:12] or NOT_KNOWN, code=True), number(f.read), number(f.kept),
-            number(f.rejected), percent(f.rejected, f.read), moment(f.first), moment(f.last),
-            Cell(text=f.reason, status="failed") if f.reason else "–",
-        )
-        for name, f in list(files.items())[:MOST_ROWS]
-    ]  # fmt: skip
-    return Table(
-        caption=f"Every raw file{left_out(len(files), MOST_ROWS)}",
-        heads=[*names("File", "format", "sha256"), *numbers(
-            ("read", ""), ("kept", ""), ("rejected", ""), ("share", ""),
-        ), *names("first record", "last record", "unreadable because")],
-        rows=rows,
-        sources=sources(read.shelf, read.folders.signals / "manifest.json"),
-        folded=True,
-    )  # fmt: skip
-
-
-def _reasons_table(read: RecordsRead) -> Table | None:
-    """Why records were rejected, the most frequent reasons first."""
-    reasons = read.reasons
-    if not reasons:
-        return None
-    rows = [
-        cells(
-            r.reason or "(no reason given)", number(r.count),
-            Cell(text=f"{r.file}, line {r.line}" if r.line is not None else r.file, code=True),
-            Cell(text=r.excerpt[:120] or "–", code=True),
-        )
-        for r in reasons[:12]
-    ]  # fmt: skip
-    return Table(
-        caption=f"Why records were rejected{left_out(len(reasons), 12)}",
-        heads=[Head(name="Reason"), *numbers(("records", "")), *names("first seen in", "begins")],
-        rows=rows,
-        sources=sources(read.shelf, read.folders.signals / "rejected.parquet"),
-    )
-
-
-def _cleaning_table(read: RecordsRead) -> Table | None:
-    """Values that cleaning removed or changed, by rule and data item."""
-    changes = read.changes
-    if not changes:
-        return None
-    return Table(
-        caption=f"Values removed or changed by cleaning{left_out(len(changes), 15)}",
-        heads=[*names("Rule", "means", "data item"), *numbers(("values", ""))],
-        rows=[
-            cells(rule, RULES.get(rule, "–"), Cell(text=item, code=True), number(n))
-            for rule, item, n in changes[:15]
-        ],
-        sources=sources(read.shelf, read.folders.clean / "audit.parquet"),
-    )
-
-
-def _gap_causes_table(read: RecordsRead) -> Table | None:
-    """Gaps by cause."""
-    causes = read.gap_causes
-    if not causes:
-        return None
-    return Table(
-        caption="Gaps by cause, all data items together",
-        heads=[*names("Cause", "means"), *numbers(("gaps", ""), ("longest", ""))],
-        rows=[
-            cells(c, CAUSES.get(c, "–"), number(n), duration(longest)) for c, n, longest in causes
-        ],
-        sources=sources(read.shelf, read.folders.clean / "gaps.parquet"),
-    )
-
-
-def _longest_gaps_table(read: RecordsRead) -> Table | None:
-    """The ten longest gaps."""
-    gaps = read.longest_gaps
-    if not gaps:
-        return None
-    return Table(
-        caption=f"The {len(gaps)} longest gaps",
-        heads=[*names("Data item", "cause", "from", "to"), *numbers(("lasted", ""))],
-        rows=[
-            cells(
-                Cell(text=g.data_item, code=True), g.cause, moment(g.start), moment(g.end),
-                duration(g.seconds),
-            )
-            for g in gaps
-        ],
-        sources=sources(read.shelf, read.folders.clean / "gaps.parquet"),
-        folded=True,
-    )  # fmt: skip

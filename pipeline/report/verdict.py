@@ -113,7 +113,9 @@ def _grave(facts: MachineFacts) -> list[str]:
         said.append(f"Results that cannot be read: {names}.")
     if _rejected_much(facts):
         share = percent(facts.records.rejected, facts.records.records)
-        said.append(f"{share} of the records were rejected{_main_reason(facts)}.")
+        reasons = facts.records.reasons
+        why = f", most often because: {reasons[0].reason}" if reasons else ""
+        said.append(f"{share} of the records were rejected{why}.")
     return said
 
 
@@ -134,11 +136,6 @@ def _repair(facts: MachineFacts) -> str:
 
 def _rejected_much(facts: MachineFacts) -> bool:
     return facts.records.rejected > REJECTED_SHARE * max(1, facts.records.records)
-
-
-def _main_reason(facts: MachineFacts) -> str:
-    reasons = facts.records.reasons
-    return f", most often because: {reasons[0].reason}" if reasons else ""
 
 
 def _notes(facts: MachineFacts) -> list[str]:
@@ -198,10 +195,8 @@ def _sensors(facts: MachineFacts) -> list[str]:
 
 
 def _stopped_days(facts: MachineFacts) -> list[str]:
-    days = []
-    for day in facts.work.worked_days:
-        stopped = day.seconds.get("FEED_HOLD", 0.0) + day.seconds.get("INTERRUPTED", 0.0)
-        work = stopped + day.seconds.get("ACTIVE", 0.0)
-        if work > WORKED_S and stopped > STOPPED_SHARE * work:
-            days.append(day.day)
-    return days
+    return [
+        day.day
+        for day in facts.work.worked_days
+        if (work := day.stopped + day.active) > WORKED_S and day.stopped > STOPPED_SHARE * work
+    ]

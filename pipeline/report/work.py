@@ -1,9 +1,8 @@
 """Work of a machine: seconds in each execution state by day, and its cycles."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +16,7 @@ DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve
 STANDS_BELOW = 1.0  # rev/min; slower is standing still, within what encoders say at rest
 NO_RECORD = "no record"
+NO_NAME = "(no name)"
 UNUSED = np.iinfo(np.int64).min
 STATES = "data/clean state table"
 
@@ -51,6 +51,21 @@ class Day:
     speed: np.ndarray
     held: np.ndarray
     kinds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def known(self) -> float:
+        """Time in a known execution state [s]."""
+        return sum(seconds for state, seconds in self.seconds.items() if state != NO_RECORD)
+
+    @property
+    def active(self) -> float:
+        """Time in state ACTIVE [s]."""
+        return self.seconds.get("ACTIVE", 0.0)
+
+    @property
+    def stopped(self) -> float:
+        """Time in feed hold or interrupted [s]."""
+        return self.seconds.get("FEED_HOLD", 0.0) + self.seconds.get("INTERRUPTED", 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +105,7 @@ class Work:
     @property
     def active(self) -> float:
         """Time in state ACTIVE on all days [s]."""
-        return sum(d.seconds.get("ACTIVE", 0.0) for d in self.days)
+        return sum(day.active for day in self.days)
 
     @property
     def periods(self) -> list[tuple[str, str]]:
@@ -147,23 +162,23 @@ def work(folders: MachineFolders, shelf: SourceRegistry, prefix: str = "") -> Wo
 
     ``prefix`` says which spindle is meant, as in the canonical names (``second_``).
     """
-    files = sorted((folders.clean / "state").glob("*.parquet"))
+    files, days = sorted((folders.clean / "state").glob("*.parquet")), []
     kinds = _kinds_by_day(folders, shelf)
-    cycles = _cycle_table(folders, shelf)
+    cycles = _cycles(folders, shelf)
     used = [np.zeros(2) for _ in cycles or []]  # seconds running, seconds known
-    days = []
     for path in files:
         day = _day(path, shelf, prefix, kinds.get(path.stem, {}), cycles or [], used)
         if day is not None:
             days.append(day)
-    return Work(
-        folders=folders, shelf=shelf, days=days, cycles=_cycles(cycles, used), state_files=files
-    )
+    if cycles is not None:
+        shares = [float(runs / known) if known > 0 else None for runs, known in used]
+        cycles = [replace(one, running=of) for one, of in zip(cycles, shares, strict=True)]
+    return Work(folders=folders, shelf=shelf, days=days, cycles=cycles, state_files=files)
 
 
 def _day(
     path: Path, shelf: SourceRegistry, prefix: str, kinds: dict[str, float],
-    cycles: list[dict[str, Any]], used: list[np.ndarray],
+    cycles: list[Cycle], used: list[np.ndarray],
 ) -> Day | None:  # fmt: skip
     columns = ("time", "execution", f"{prefix}spindle_speed", f"{prefix}spindle_position_control")
     table = shelf.table(path, columns, CLEANED, all_of=False)
@@ -231,13 +246,13 @@ def _binned(values: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 def _use_of_cycles(
     times: np.ndarray, known: np.ndarray, runs: np.ndarray,
-    cycles: list[dict[str, Any]], used: list[np.ndarray],
+    cycles: list[Cycle], used: list[np.ndarray],
 ) -> None:  # fmt: skip
     """Add this day's seconds of running and known speed to each cycle that it overlaps."""
     sums = np.zeros((2, len(times) + 1))
     sums[0, 1:], sums[1, 1:] = np.cumsum(runs), np.cumsum(known)
     for cycle, total in zip(cycles, used, strict=True):
-        a, b = np.searchsorted(times, [cycle["start"] // NS, cycle["end"] // NS])
+        a, b = np.searchsorted(times, [cycle.start // NS, cycle.end // NS])
         total += sums[:, b] - sums[:, a]
 
 
@@ -260,34 +275,29 @@ def _kinds_by_day(folders: MachineFolders, shelf: SourceRegistry) -> dict[str, d
     return found
 
 
-def _cycle_table(folders: MachineFolders, shelf: SourceRegistry) -> list[dict[str, Any]] | None:
+def _cycles(folders: MachineFolders, shelf: SourceRegistry) -> list[Cycle] | None:
+    """Cycles that have a start and an end; None where their file is absent."""
     columns = ("program", "part", "start", "end", "active_s", "feed_hold_s", "interrupted_s",
                "complete")  # fmt: skip
     path = folders.clean / "cycles.parquet"
     table = shelf.table(path, columns, STATES, all_of=False)
     if table is None or not {"start", "end"} <= set(table.column_names):
         return None
-    start, end = (nanoseconds(table.column(c)) for c in ("start", "end"))
+    times = (nanoseconds(table.column(c)).tolist() for c in ("start", "end"))
     rows = table.drop_columns(["start", "end"]).to_pylist() or [{}] * table.num_rows
-    whole = zip(rows, start, end, strict=True)
-    return [{**r, "start": int(a), "end": int(b)} for r, a, b in whole if UNUSED not in (a, b)]
-
-
-def _cycles(table: list[dict[str, Any]] | None, used: list[np.ndarray]) -> list[Cycle] | None:
-    if table is None:
-        return None
     return [
         Cycle(
             program=str(row.get("program") or ""),
             part="" if row.get("part") is None else str(row["part"]),
-            start=row["start"],
-            end=row["end"],
+            start=start,
+            end=end,
             active=row.get("active_s"),
             stopped=_sum(row.get("feed_hold_s"), row.get("interrupted_s")),
-            running=float(total[0] / total[1]) if total[1] > 0 else None,
+            running=None,
             complete=row.get("complete"),
         )
-        for row, total in zip(table, used, strict=True)
+        for row, start, end in zip(rows, *times, strict=True)
+        if UNUSED not in (start, end)
     ]
 
 

@@ -1,6 +1,6 @@
 """Section on the work of a machine: states by day, time of day, programs and cycles."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from statistics import median
 
 from markupsafe import Markup
@@ -19,18 +19,8 @@ from pipeline.charts.numbers import (
 )
 from pipeline.charts.sections import Figure, Figures, Section, absent, present
 from pipeline.charts.svg import anchor
-from pipeline.charts.tables import (
-    MOST_ROWS,
-    Cell,
-    Head,
-    Table,
-    cells,
-    left_out,
-    names,
-    numbers,
-    sources,
-)
-from pipeline.report.work import BIN, DAY, NO_RECORD, Cycle, Day, Work
+from pipeline.charts.tables import MOST_ROWS, Column, Table, code, sources, tabulated
+from pipeline.report.work import BIN, DAY, NO_NAME, NO_RECORD, Cycle, Day, Work
 
 MOST_DAYS = 35  # of a figure; older days stand in the table
 TITLE = "What the machine did"
@@ -60,9 +50,7 @@ def work_section(done: Work, uses: Mapping[str, str]) -> Section:
         )
     elif not done.cycles:
         text.append("No cycle was found in these days.")
-    blocks = present(
-        _figures(done), _days_table(done, uses), _programs_table(done), _cycles_table(done)
-    )
+    blocks = present(_figures(done), _days_table(done, uses), *_cycle_tables(done))
     return Section(key="work", title=TITLE, text=text, blocks=blocks)
 
 
@@ -80,8 +68,7 @@ def _nothing(done: Work) -> str:
 
 def _summary(done: Work) -> str:
     days = done.worked_days
-    known = sum(s for d in days for k, s in d.seconds.items() if k != NO_RECORD)
-    active = sum(d.seconds.get("ACTIVE", 0.0) for d in days)
+    known, active = sum(day.known for day in days), sum(day.active for day in days)
     text = (
         f"{counted(len(days), 'day')} with records, {hours(known)} h known, of these "
         f"{hours(active)} h ACTIVE ({percent(active, known)})."
@@ -147,8 +134,8 @@ def bars_figure(days: list[Day]) -> Markup:
             if width > 0:
                 parts.append(svg.bar(x, width, row * ROW + 3, ROW - 6, state_class(state)))
             x += width
-    total = sum(d.seconds.get("ACTIVE", 0.0) for d in days)
-    label = f"Hours in each execution state on {len(days)} days; ACTIVE {hours(total)} h in all"
+    active = hours(sum(day.active for day in days))
+    label = f"Hours in each execution state on {len(days)} days; ACTIVE {active} h in all"
     return svg.figure(parts, height=len(days) * ROW + 22, label=label, kind="days")
 
 
@@ -192,97 +179,82 @@ def _day_label(row: int, day: str, years: bool) -> Markup:
     return svg.text(0, row * ROW + ROW / 2 + 4, words, "name end", dx=-8)
 
 
-def _days_table(done: Work, uses: Mapping[str, str]) -> Table:
+def _days_table(done: Work, uses: Mapping[str, str]) -> Table | None:
     """Hours of each day: known, ACTIVE, stopped in a program, spindle, cutting."""
     days = done.days
     kinds = [k for k in ("cut", "air", "warm_up") if any(k in d.kinds for d in days)]
-    heads = [Head(name="Day"), *numbers(
-        ("recorded", "h"), ("ACTIVE", "h"), ("feed hold and interrupted", "h"),
-        ("spindle runs", "h"), ("held in position", "h"),
-        *((k.replace("_", "-"), "h") for k in kinds),
-    ), Head(name="used")]  # fmt: skip
-    return Table(
-        caption=f"Hours on each of {counted(len(days), 'day')}",
-        heads=heads,
-        rows=[_day_row(day, kinds, uses) for day in days],
-        sources=sources(done.shelf, *done.state_files, done.folders.clean / "segments.parquet"),
-        folded=len(days) > 16,
-    )
+    columns: list[Column[Day]] = [
+        Column("Day", lambda day: day_words(day.day, year=True)),
+        Column("recorded", lambda day: hours(day.known), "h"),
+        Column("ACTIVE", lambda day: hours(day.active), "h"),
+        Column("feed hold and interrupted", lambda day: hours(day.stopped), "h"),
+        Column("spindle runs", lambda day: hours(day.running), "h"),
+        Column("held in position", lambda day: hours(day.position_control), "h"),
+        *(Column(kind.replace("_", "-"), _hours_of(kind), "h") for kind in kinds),
+        Column("used", lambda day: uses.get(day.day, "–")),
+    ]
+    made = sources(done.shelf, *done.state_files, done.folders.clean / "segments.parquet")
+    caption = f"Hours on each of {counted(len(days), 'day')}"
+    return tabulated(caption, days, columns, made, folded=len(days) > 16)
 
 
-def _day_row(day: Day, kinds: list[str], uses: Mapping[str, str]) -> list[Cell]:
-    known = sum(s for state, s in day.seconds.items() if state != NO_RECORD)
-    stopped = day.seconds.get("FEED_HOLD", 0.0) + day.seconds.get("INTERRUPTED", 0.0)
-    return cells(
-        day_words(day.day, year=True),
-        hours(known),
-        hours(day.seconds.get("ACTIVE", 0.0)),
-        hours(stopped),
-        hours(day.running),
-        hours(day.position_control),
-        *(hours(day.kinds.get(k, 0.0)) for k in kinds),
-        uses.get(day.day, "–"),
-    )
+def _hours_of(kind: str) -> Callable[[Day], str]:
+    return lambda day: hours(day.kinds.get(kind, 0.0))
 
 
-def _programs_table(done: Work) -> Table | None:
-    """Cycles by program: how many, how long, how much of it the spindle ran."""
-    cycles = done.cycles
-    if not cycles:
-        return None
-    by_program: dict[str, list[Cycle]] = {}
-    for cycle in cycles:
-        by_program.setdefault(cycle.program or "(no name)", []).append(cycle)
-    order = sorted(by_program.items(), key=lambda kv: (-sum(c.seconds for c in kv[1]), kv[0]))
-    return Table(
-        caption=f"{counted(len(cycles), 'cycle')} of {counted(len(order), 'program')}, "
-        f"the most time first{left_out(len(order), 25)}",
-        heads=[Head(name="Program"), *numbers(
-            ("cycles", ""), ("complete", ""), ("median", ""), ("shortest", ""), ("longest", ""),
-            ("in all", "h"), ("ACTIVE", ""), ("spindle runs", ""),
-        )],
-        rows=[_program_row(name, group) for name, group in order[:25]],
-        sources=sources(done.shelf, done.folders.clean / "cycles.parquet"),
-    )  # fmt: skip
+def _seconds(cycles: list[Cycle]) -> list[float]:
+    return [cycle.seconds for cycle in cycles]
 
 
-def _program_row(name: str, group: list[Cycle]) -> list[Cell]:
-    seconds = [c.seconds for c in group]
-    active = [c.active for c in group if c.active is not None]
-    running = [(c.running * c.seconds, c.seconds) for c in group if c.running is not None]
-    return cells(
-        Cell(text=name, code=True),
-        number(len(group)),
-        number(sum(c.complete is True for c in group)),
-        duration(median(seconds)),
-        duration(min(seconds)),
-        duration(max(seconds)),
-        hours(sum(seconds)),
-        percent(sum(active), sum(seconds)) if active else NOT_KNOWN,
-        percent(sum(r for r, _ in running), sum(s for _, s in running)),
-    )
+def _active(cycles: list[Cycle]) -> str:
+    known = [cycle.active for cycle in cycles if cycle.active is not None]
+    return percent(sum(known), sum(_seconds(cycles))) if known else NOT_KNOWN
 
 
-def _cycles_table(done: Work) -> Table | None:
-    """Each cycle, the newest first."""
+def _running(cycles: list[Cycle]) -> str:
+    """Share of the cycles in which the spindle runs, of those whose speed is known."""
+    known = [(c.running * c.seconds, c.seconds) for c in cycles if c.running is not None]
+    return percent(sum(runs for runs, _ in known), sum(seconds for _, seconds in known))
+
+
+PROGRAMS: tuple[Column[list[Cycle]], ...] = (
+    Column("Program", lambda cycles: code(cycles[0].program or NO_NAME)),
+    Column("cycles", lambda cycles: number(len(cycles)), ""),
+    Column("complete", lambda cycles: number(sum(c.complete is True for c in cycles)), ""),
+    Column("median", lambda cycles: duration(median(_seconds(cycles))), ""),
+    Column("shortest", lambda cycles: duration(min(_seconds(cycles))), ""),
+    Column("longest", lambda cycles: duration(max(_seconds(cycles))), ""),
+    Column("in all", lambda cycles: hours(sum(_seconds(cycles))), "h"),
+    Column("ACTIVE", _active, ""),
+    Column("spindle runs", _running, ""),
+)
+CYCLES: tuple[Column[Cycle], ...] = (
+    Column("Start", lambda cycle: moment(cycle.start)),
+    Column("program", lambda cycle: code(cycle.program or NO_NAME)),
+    Column("part", lambda cycle: cycle.part or "–"),
+    Column("lasted", lambda cycle: duration(cycle.seconds), ""),
+    Column("ACTIVE", lambda cycle: duration(cycle.active), ""),
+    Column("held or interrupted", lambda cycle: duration(cycle.stopped), ""),
+    Column("spindle runs", lambda cycle: percent(cycle.running, 1.0), ""),
+    Column("complete", lambda cycle: (
+        NOT_KNOWN if cycle.complete is None else "yes" if cycle.complete else "no"
+    )),
+)  # fmt: skip
+
+
+def _cycle_tables(done: Work) -> tuple[Table | None, Table | None]:
+    """Cycles by program, the most time first; each cycle, the newest first."""
     cycles = sorted(done.cycles or [], key=lambda c: (-c.start, c.program))
-    if not cycles:
-        return None
-    rows = [
-        cells(
-            moment(c.start), Cell(text=c.program or "(no name)", code=True), c.part or "–",
-            duration(c.seconds), duration(c.active), duration(c.stopped),
-            NOT_KNOWN if c.running is None else percent(c.running, 1.0),
-            {True: "yes", False: "no"}.get(c.complete, NOT_KNOWN),  # type: ignore[arg-type]
-        )
-        for c in cycles[:MOST_ROWS]
-    ]  # fmt: skip
-    return Table(
-        caption=f"Every cycle, the newest first{left_out(len(cycles), MOST_ROWS)}",
-        heads=[*names("Start", "program", "part"), *numbers(
-            ("lasted", ""), ("ACTIVE", ""), ("held or interrupted", ""), ("spindle runs", ""),
-        ), Head(name="complete")],
-        rows=rows,
-        sources=sources(done.shelf, done.folders.clean / "cycles.parquet"),
-        folded=True,
-    )  # fmt: skip
+    by_program: dict[str, list[Cycle]] = {}
+    for cycle in done.cycles or []:
+        by_program.setdefault(cycle.program or NO_NAME, []).append(cycle)
+    order = sorted(by_program, key=lambda name: (-sum(_seconds(by_program[name])), name))
+    made = sources(done.shelf, done.folders.clean / "cycles.parquet")
+    summed = f"{counted(len(cycles), 'cycle')} of {counted(len(order), 'program')}"
+    groups = [by_program[name] for name in order]
+    return (
+        tabulated(f"{summed}, the most time first", groups, PROGRAMS, made, most=25),
+        tabulated(
+            "Every cycle, the newest first", cycles, CYCLES, made, most=MOST_ROWS, folded=True
+        ),
+    )

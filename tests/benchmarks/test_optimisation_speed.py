@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.control.planner import totals
+from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.optimisation.problem.arrays import Groups
 from pipeline.schema.limits import CutLimit
 from tests.optimisation.problem_parts import cut_on, problem_on
@@ -65,9 +66,10 @@ def test_rows_at_many_speeds(benchmark, problem) -> None:
     """Objectives of each row and what power allows, at 64 speeds, as the direct solution asks."""
     speeds = np.linspace(2000, 9000, 64)[:, np.newaxis] * np.ones(len(problem))
     feeds = np.broadcast_to(problem.cut.plan.path.moves.feed, speeds.shape)
+    rows = BlockModel.alone(problem, "time")
 
     def grid() -> None:
-        problem.row_objectives(feeds, speeds)
+        rows.demands(feeds, speeds)
         problem.power_f_z(speeds)
 
     benchmark(grid)

@@ -25,7 +25,7 @@ from pipeline.machine.control.parameters import (
     AxisParameters,
     ControlParameters,
 )
-from pipeline.optimisation.job import Job
+from pipeline.optimisation.job import Job, MachineModels
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
 from pipeline.schema.cutting import CuttingModel
@@ -204,7 +204,8 @@ def paper_job(
         table.tools, MATERIAL, material, identified_coefficients(knowledge)
     )
     return Job(
-        program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP, control=CONTROL,
+        program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP,
+        models=MachineModels(control=CONTROL, cutting=knowledge),
         cut=CutJob(
             stock=stock_of(STOCK), tools=table.tools,
             force_laws={number: one.law for number, one in coefficients.items()}, resolution=0.1e-3,
@@ -215,7 +216,6 @@ def paper_job(
             limit_load=LIMITS.load_N, rates=_conf("cost/default.yaml", CostRates),
         ),
         limits=LIMITS, objective=objective, settings=settings or OptimisationSettings(),
-        identified=knowledge,
     )  # fmt: skip
 
 

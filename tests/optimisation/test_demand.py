@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.machine.control.planner import plan
+from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut_blocks import cut_blocks, station_arcs
 from pipeline.twin.cut_cost import cost_of, electricity, tool_life
@@ -111,10 +112,10 @@ def test_rows_alone_add_up_to_the_program_where_axes_need_no_time_to_speed_up():
     cut = cut_on(TWO_TOOLS, control=ControlParameters(axes=dict.fromkeys("XYZ", axis)))
     problem = problem_on(cut)
     feeds, speeds = stretches(cut, 2, 3)
-    rows = problem.row_objectives(feeds[:, np.newaxis], speeds[:, np.newaxis])
-    assert rows.shape == (4, 3, 1, len(problem))
+    rows = BlockModel.alone(problem, "time").demands(feeds, speeds)
+    assert rows.shape == (4, 3, len(problem))
     # the dwell counts seconds, and the spindle takes none: what stands still is the same for all
-    sums = rows.sum(axis=-1)[..., 0].T
+    sums = rows.sum(axis=-1).T
     np.testing.assert_allclose(sums, problem.evaluate_rows(feeds, speeds).objectives, rtol=1e-6)
 
 
@@ -122,7 +123,7 @@ def test_rows_alone_are_never_slower_than_in_the_program():
     cut = cut_on(pocket())
     problem = problem_on(cut)
     feeds, speeds = stretches(cut, 3, 5)
-    alone = problem.row_objectives(feeds, speeds)[0].sum(axis=1)
+    alone = BlockModel.alone(problem, "time").values(feeds, speeds).sum(axis=1)
     assert (alone < problem.evaluate_rows(feeds, speeds).objectives[:, 0]).all()
 
 
@@ -134,8 +135,8 @@ def test_taylor_between_two_speeds():
     }))  # fmt: skip
     feeds, speeds = own(problem)
     row = problem.blocks.row[-1]
-    slow = problem.row_objectives(feeds, speeds)[3, row]
-    fast = problem.row_objectives(1.5 * feeds, 1.5 * speeds)[3, row]
+    alone = BlockModel.alone(problem, "wear")
+    slow, fast = (alone.values(k * feeds[None], k * speeds[None])[0, row] for k in (1.0, 1.5))
     assert fast / slow == pytest.approx(1.5**3, rel=1e-12)
 
 

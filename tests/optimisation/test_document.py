@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.optimisation.comparison import Side, load_trace, passed
+from pipeline.optimisation.comparison import Side, exceeded, load_trace
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.optimise import optimise
@@ -154,11 +154,11 @@ def test_a_block_passes_what_lies_below_its_value_and_not_what_lies_above(
         if limit <= 0:
             continue
         given = (0.0, float(limit)) if ranged else float(limit)
-        found = passed(of, replace(CutLimit(), **{name: given}))
+        found = exceeded(of, replace(CutLimit(), **{name: given}))
         clear = np.abs(values / limit - 1) > 2e-3  # rounding is none of these
         assert (found[clear] == (values > limit)[clear]).all()
     if ranged and name != "feed_mm_min":
-        found = passed(of, replace(CutLimit(), **{name: (2 * float(values.max()), 1e9)}))
+        found = exceeded(of, replace(CutLimit(), **{name: (2 * float(values.max()), 1e9)}))
         assert found.all()
 
 

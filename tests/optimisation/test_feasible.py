@@ -76,8 +76,8 @@ def test_edges_that_take_more_than_the_limit_at_any_feed():
 def test_a_feed_that_certainty_allows_counts_as_the_load_limit(slot):
     f_z = np.full(len(slot.tool), 2e-5)
     problem = problem_on(slot, CutLimit(load_N=1.0), f_z_load=f_z)
-    np.testing.assert_array_equal(problem.f_z_high[problem.cuts], 2e-5)
-    assert np.isposinf(problem.f_z_high[~problem.cuts]).all()
+    np.testing.assert_array_equal(problem.bounds.high[problem.cuts], 2e-5)
+    assert np.isposinf(problem.bounds.high[~problem.cuts]).all()
     with pytest.raises(ValueError, match="no feed of T1 keeps the load limit of 90 N"):
         problem_on(slot, CutLimit(load_N=90.0), f_z_load=0.0 * f_z)
 
@@ -86,7 +86,7 @@ def test_another_load_makes_the_problem_that_would_have_been_made_with_it(slot):
     f_z = np.full(len(slot.tool), 2e-5)
     first = problem_on(slot, LOAD, dynamics=DYNAMICS)
     other, again = with_load(first, f_z), problem_on(slot, LOAD, dynamics=DYNAMICS, f_z_load=f_z)
-    np.testing.assert_array_equal(other.f_z_high, again.f_z_high)
+    np.testing.assert_array_equal(other.bounds.high, again.bounds.high)
     feeds, speeds = (np.tile(one, (2, 1)) * [[1.0], [0.7]] for one in own(first))
     for name in ("objectives", "violation"):
         one, two = (getattr(p.evaluate_rows(feeds, speeds), name) for p in (other, again))
@@ -98,7 +98,9 @@ def test_another_load_makes_the_problem_that_would_have_been_made_with_it(slot):
 
 def test_a_range_of_the_tool_table_is_limit_enough(slot):
     tools = TOOLS | {1: replace(TEN, feed_per_tooth_mm=(0.01, 0.06))}
-    assert problem_on(cut_on(SLOT, tools=tools), CutLimit()).f_z_high.min() == pytest.approx(6e-5)
+    assert problem_on(cut_on(SLOT, tools=tools), CutLimit()).bounds.high.min() == pytest.approx(
+        6e-5
+    )
 
 
 def test_a_tool_that_stands_still_in_the_material():
@@ -132,7 +134,7 @@ def test_ranges_are_those_of_what_is_changed(slot):
     problem = problem_on(slot, limits, editable=held(slot))
     feeds, speeds = own(problem)
     assert problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis]).violation[0] == 0.0
-    assert np.isposinf(problem.feed_high).all()
+    assert np.isposinf(problem.ranges.feed_high).all()
 
 
 def test_speed_alone_may_keep_the_load_of_a_feed_that_is_held(slot):
@@ -140,7 +142,7 @@ def test_speed_alone_may_keep_the_load_of_a_feed_that_is_held(slot):
     problem = problem_on(slot, LOAD, editable=held(slot, speed=False))
     feeds, speeds = own(problem)
     row = problem.blocks.row[-1]
-    needed = 600.0 / (problem.flutes[row] * problem.f_z_high[row] * 1e3)
+    needed = 600.0 / (problem.flutes[row] * problem.bounds.high[row] * 1e3)
     assert needed == pytest.approx(8250, rel=1e-3)
     violation = problem.evaluate_rows(
         np.tile(feeds, (2, 1)), np.array([[needed * 1.0001], [needed * 0.9999]]) + 0.0 * speeds
@@ -157,8 +159,8 @@ def test_what_is_not_computed_keeps_its_feed_and_speed():
     turned = (moves.line == 9) | (moves.line == 10)
     assert problem.cut.path.left_out and not problem.cuts[turned].any()
     for low, high, as_it_is in (
-        (problem.feed_low, problem.feed_high, moves.feed),
-        (problem.speed_low, problem.speed_high, moves.speed),
+        (problem.ranges.feed_low, problem.ranges.feed_high, moves.feed),
+        (problem.ranges.speed_low, problem.ranges.speed_high, moves.speed),
     ):
         np.testing.assert_array_equal(low[turned], as_it_is[turned])
         np.testing.assert_array_equal(high[turned], as_it_is[turned])

@@ -56,7 +56,7 @@ def somewhere(seed: int, chance: int) -> Decision:
     seed=st.integers(0, 2), objective=st.sampled_from(OBJECTIVES), chance=st.integers(0, 99),
     from_direct=st.booleans(),
 )  # fmt: skip
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=12)
 def test_it_is_never_worse_than_its_start(
     seed: int, objective: Objective, chance: int, from_direct: bool
 ) -> None:
@@ -70,14 +70,17 @@ def test_it_is_never_worse_than_its_start(
 
 
 @pytest.mark.parametrize("objective", ["time", "cost", "energy"])
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+@pytest.mark.parametrize(
+    ("seed", "chances"),
+    [(0, (0,)), *(pytest.param(seed, (0, 1), marks=pytest.mark.proof) for seed in range(4))],
+)
 def test_a_few_evaluations_are_as_good_as_5000_from_a_random_start(
-    seed: int, objective: Objective
+    seed: int, chances: tuple[int, ...], objective: Objective
 ) -> None:
     start = solution(seed, objective)
     found = improve(problem(seed), start, objective, SearchSettings(generations=1))
     column = OBJECTIVES.index(objective)
-    for chance in (0, 1):
+    for chance in chances:
         many = baselines(
             problem(seed), start.groups, objective, SearchSettings(seed=chance)
         )[-1]  # fmt: skip

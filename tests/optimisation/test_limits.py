@@ -45,17 +45,17 @@ def test_feed_of_a_slot_has_a_closed_form(slot):
     """K_t d f_z sqrt(1 + K_e^2) = limit; without edge forces chords of the table are exact."""
     problem = problem_on(slot, CutLimit(load_N=80.0, margins=NO_MARGINS))
     closed = 80.0 / (K_T * DEPTH * 1e-3 * np.sqrt(1 + K_E**2))
-    found = problem.f_z_high[problem.blocks.row[-1]]
+    found = problem.bounds.high[problem.blocks.row[-1]]
     # teeth stand 1.25 degrees apart: the peak between them is missed, 1 - cos(0.6 deg) at most
     assert closed * (1 - 1e-6) <= found <= closed / np.cos(np.radians(0.63))
-    assert CONSTRAINTS[problem.binds_high[problem.blocks.row[-1]]] == "load limit"
+    assert CONSTRAINTS[problem.bounds.binds[problem.blocks.row[-1]]] == "load limit"
 
 
 def test_chords_of_the_table_lie_above_and_feeds_below():
     """With edge forces F = sqrt((K_t h + K_te)^2 + (K_r h + K_re)^2) d, and chords add to it."""
     problem = problem_on(cut_on(SLOT, laws=dict.fromkeys((1, 2, 3), EDGES)),
                          CutLimit(load_N=150.0, margins=NO_MARGINS))  # fmt: skip
-    found = float(problem.f_z_high[problem.blocks.row[-1]])
+    found = float(problem.bounds.high[problem.blocks.row[-1]])
     d, scan = DEPTH * 1e-3, np.linspace(0, 2e-4, 400_001)
     peak = d * np.hypot(800e6 * scan + 20e3, 300e6 * scan + 15e3)
     closed = scan[np.searchsorted(peak, 150.0)]
@@ -117,9 +117,9 @@ def deflection(cut, blocks):
 )
 def test_what_is_judged_of_a_cut_at_the_greatest_feed_is_its_limit(cuts, limit, value, name):
     problem = problem_on(cuts["edges"], CutLimit(**limit, margins=NO_MARGINS))
-    level = np.flatnonzero(problem.binds_high == CONSTRAINTS.index(name))
+    level = np.flatnonzero(problem.bounds.binds == CONSTRAINTS.index(name))
     assert len(level) >= 8  # of two rounds
-    cut, blocks = at(problem, problem.f_z_high)
+    cut, blocks = at(problem, problem.bounds.high)
     shares = value(cut, blocks)[np.isin(blocks.row, level)]
     # torque: stations change places between nodes, and the chord of the greatest lies above each
     assert shares == pytest.approx(1.0, abs=2e-3 if name == "spindle torque" else 1e-6)
@@ -128,9 +128,10 @@ def test_what_is_judged_of_a_cut_at_the_greatest_feed_is_its_limit(cuts, limit, 
 
 def test_margins_lower_what_counts_as_the_limit(cuts):
     kept = Margins(load=0.2)
-    with_margin = problem_on(cuts["edges"], CutLimit(load_N=100.0, margins=kept)).f_z_high
+    with_margin = problem_on(cuts["edges"], CutLimit(load_N=100.0, margins=kept)).bounds.high
     np.testing.assert_array_equal(
-        with_margin, problem_on(cuts["edges"], CutLimit(load_N=80.0, margins=NO_MARGINS)).f_z_high
+        with_margin,
+        problem_on(cuts["edges"], CutLimit(load_N=80.0, margins=NO_MARGINS)).bounds.high,
     )
 
 
@@ -190,21 +191,21 @@ def test_a_maker_bounds_feeds_on_both_sides():
     tools = {1: replace(TEN, feed_per_tooth_mm=(0.02, 0.05))}
     problem = problem_on(cut_on(SLOT, tools=tools), CutLimit(margins=replace(NO_MARGINS, chip=0.1)))
     row = problem.blocks.row
-    assert problem.f_z_low[row] == pytest.approx(0.022e-3)
-    assert problem.f_z_high[row] == pytest.approx(0.045e-3)
-    assert {CONSTRAINTS[k] for k in problem.binds_high[row]} == {"greatest chip"}
+    assert problem.bounds.least[row] == pytest.approx(0.022e-3)
+    assert problem.bounds.high[row] == pytest.approx(0.045e-3)
+    assert {CONSTRAINTS[k] for k in problem.bounds.binds[row]} == {"greatest chip"}
 
 
 def test_plunges_and_drills_keep_their_feed_until_chips_are_limited():
     """Their load lies along the axis, which the load limit does not see."""
     cut = cut_on(TWO_TOOLS.replace("X-10 Y20", "X10 Y20"))
     problem = problem_on(cut, CutLimit(load_N=80.0))
-    kept = problem.binds_high == CONSTRAINTS.index("as programmed")
+    kept = problem.bounds.binds == CONSTRAINTS.index("as programmed")
     lines = cut.plan.path.moves.line[kept]
     assert set(lines.tolist()) == {5, 19}  # the plunge of T1, the cycle of the drill
-    np.testing.assert_array_equal(problem.f_z_high[kept], cut.commanded_feed_per_tooth()[kept])
+    np.testing.assert_array_equal(problem.bounds.high[kept], cut.commanded_feed_per_tooth()[kept])
     limited = problem_on(cut, CutLimit(load_N=80.0, chip_um=(0.0, 50.0), margins=NO_MARGINS))
-    chips = {CONSTRAINTS[k] for k in limited.binds_high[kept]}
+    chips = {CONSTRAINTS[k] for k in limited.bounds.binds[kept]}
     assert chips == {"greatest chip"}
 
 
@@ -212,7 +213,7 @@ def test_the_least_chip_is_asked_only_where_engagement_is_resolved():
     """The pocket's second and third rounds widen it by 4 mm; a round of 0.2 mm is below a cell."""
     text = SLOT.replace("G0 Z5\nM30", "G0 Z5\nY24.8\nX-10\nG1 Z-2\nX70 F600\nG0 Z5\nM30")
     problem = problem_on(cut_on(text), CutLimit(load_N=1e3, chip_um=(5.0, 1e3), margins=NO_MARGINS))
-    asked = dict(zip(problem.blocks.line.tolist(), problem.f_z_low[problem.blocks.row],
+    asked = dict(zip(problem.blocks.line.tolist(), problem.bounds.least[problem.blocks.row],
                      strict=True))  # fmt: skip
     assert asked[5] == pytest.approx(5e-6, rel=1e-3)  # bins of the arc stand 2.5 degrees off 90
     assert asked[10] == 0.0

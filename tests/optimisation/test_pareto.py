@@ -77,7 +77,7 @@ def test_the_knee_is_that_of_its_members(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_the_knee_is_no_worse_than_the_program_though_that_of_all_members_is(seed: int) -> None:
-    """A wide range of wear makes a slow and dear member look like a small loss."""
+    """A wide range of wear makes a slow and expensive member look like a small loss."""
     front = found(seed)
     assert front.no_worse[front.knee] and not front.no_worse[knee(front.objectives)]
 

@@ -22,8 +22,11 @@ from pipeline.optimisation.job import (
 )
 from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
 from pipeline.parameters import ParametersError, structure
+from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
+from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart, part_of
+from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
 
 ROOT = Path(__file__).parents[2]
@@ -47,14 +50,18 @@ def catalogue() -> Catalogue:
                      rates=of("cost/default", CostRates))  # fmt: skip
 
 
-def cutting(material: str = "A6061") -> dict[str, Any]:
+def cutting(material: str = "A6061") -> CuttingModel:
     """As identified with a tool of 12 mm and three teeth."""
-    known = {"determined": True, "unit": "N/mm2"}
-    return {
-        "material": material, "tool": {"kind": "flat", "diameter_mm": 12.0, "flutes": 3},
-        "parameters": {"K_tc": {"value": 7e8, **known}},
-        "spindle": {"no_load": {"coefficients": {"p0": {"value": 55.0}, "p1": {"value": 1.5}}}},
-    }  # fmt: skip
+
+    def known(**values: float) -> dict[str, Parameter]:
+        return {
+            name: Parameter(value=value, unit="", interval_95=None, determined=True, method="")
+            for name, value in values.items()
+        }
+
+    tool = {"kind": "flat", "diameter_mm": 12.0, "flutes": 3}
+    groups = {"": known(K_tc=700.0), "spindle": known(p0=55.0, p1=1.5, p2=0.02)}
+    return cutting_files.model(groups, material=material, tool=tool)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +119,7 @@ def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:
     assert bare.setup.folders == (tmp_path / "parts",)  # where subprograms lie
     known = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting()))
     assert known.basis.coefficients[4].kind == "identified"
-    assert known.basis.drive.no_load_W == (55.0, 1.5)
+    assert known.basis.drive.no_load_W == (55.0, 1.5, 0.02)
     assert "no-load power identified" in known.basis.drive_source
     other = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting("C45")))
     assert other.basis.coefficients[4].kind == "measured"
@@ -120,7 +127,7 @@ def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:
 
 def test_without_a_drive_nothing_is_made_of_its_no_load_power() -> None:
     assert spindle_drive(None, "a file", cutting()) == (None, "a file")
-    assert spindle_drive(DRIVE, "a file", {}) == (DRIVE, "a file")
+    assert spindle_drive(DRIVE, "a file", None) == (DRIVE, "a file")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from pipeline.gcode.setup import Setup, Tool
 from pipeline.optimisation.proof.prove import prove
 
-CHANGES, PROOF = 1_000, pytest.param(10_000, marks=[pytest.mark.proof, pytest.mark.slow])
+CHANGES, PROOF = 500, pytest.param(10_000, marks=[pytest.mark.proof, pytest.mark.slow])
 """How many are tried: in the ordinary suite, and as proof."""
 FANUC = Setup()
 LINUXCNC = Setup(dialect="linuxcnc", tools={1: Tool(length=10.0, diameter=6.0)})

@@ -136,16 +136,19 @@ def test_the_share_of_draws_that_pass_is_epsilon_at_most(milled):
             assert other.peak_quantiles[0.95] < LIMIT
 
 
-def test_epsilon_is_kept_whatever_the_seed(milled):
-    """Of 20 seeds one may pass it; aiming at epsilon itself, eight of these twelve did."""
+@pytest.mark.parametrize(
+    ("seeds", "draws", "most"), [(3, 2048, 1), pytest.param(12, 8192, 2, marks=pytest.mark.proof)]
+)
+def test_epsilon_is_kept_whatever_the_seed(milled, seeds: int, draws: int, most: int):
+    """Of 20 seeds one may pass it; aiming at epsilon itself, eight of the first twelve did."""
     certainty = ReliabilitySettings(epsilon=0.05, draws=128)
     uncertain = known(milled, certainty)
-    judge = replace(certainty, draws=8192)
+    judge = replace(certainty, draws=draws)
     passed = []
-    for seed in range(12):
+    for seed in range(seeds):
         found = feeds(milled, replace(certainty, seed=seed))
         passed.append(exceedance(milled, found.f_z, LIMIT, uncertain, judge, 77).probability)
-    assert (np.array(passed) > certainty.epsilon).sum() <= 2
+    assert (np.array(passed) > certainty.epsilon).sum() <= most
 
 
 def test_at_nominal_feeds_half_of_the_draws_or_more_pass(milled):
@@ -153,7 +156,6 @@ def test_at_nominal_feeds_half_of_the_draws_or_more_pass(milled):
     nominal = feeds(milled, replace(certainty, epsilon=0.5)).nominal
     found = exceedance(milled, nominal, LIMIT, known(milled, certainty), certainty, 3)
     assert found.probability > 0.45
-    assert found.worst_rows[0][1] <= found.probability
 
 
 def test_epsilon_of_a_half_is_the_nominal_feed(milled):
@@ -247,7 +249,7 @@ def test_loads_of_draws_are_those_of_the_waveforms_of_all_stations(milled):
     nodes = nodes_between(*np.full((2, found.classes), 5e-5))
     part = PartLoads(candidates=found, limit=LIMIT, most=f_z[found.row],
                      responses=responses(milled, found, nodes, draws))  # fmt: skip
-    peaks, _ = part.peaks(f_z[found.row], slice(0, 16))
+    peaks = part.peaks(f_z[found.row], slice(0, 16))
     fed = np.flatnonzero((f_z[milled.engagement.block] > 0) & milled.engagement.feed)
     _, first = np.unique(milled.table.station[fed], return_index=True)
     true = [

@@ -44,7 +44,7 @@ def test_points_are_put_in_as_the_program_writes() -> None:
     assert not proof_of(program.data, after, splits=False).same
 
 
-@pytest.mark.parametrize("seed", seeds(12, 60))
+@pytest.mark.parametrize("seed", seeds(6, 60))
 def test_any_split_with_any_answer_is_proved(seed: int) -> None:
     rng = np.random.default_rng(seed)
     program, moves = read(modal_program(rng))
@@ -82,7 +82,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_no_point_of_the_way_is_found(case: str) -> None:
+def test_what_is_no_point_of_the_path_is_found(case: str) -> None:
     old, new, said = WRONG[case]
     proof = proof_of(BEFORE, BEFORE.replace(old, new))
     assert not proof.same and proof.first is not None
@@ -119,7 +119,7 @@ def test_a_step_in_the_blank_is_where_the_block_is_split() -> None:
 
 
 @pytest.mark.parametrize(("line", "splits"), [("/X20 Y5", False), ("/G91", False), ("/M8", True)])
-def test_no_way_is_split_that_begins_elsewhere_where_a_line_is_left_out(
+def test_no_path_is_split_that_begins_elsewhere_where_a_line_is_left_out(
     line: str, splits: bool
 ) -> None:
     text = f"G21 G90\nS3000 M3\nG0 X0 Y0\n{line}\nG1 X50 Y30 F100\nM30\n"

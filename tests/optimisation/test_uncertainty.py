@@ -85,8 +85,8 @@ def test_what_was_not_determined_is_drawn_about_the_fits_value():
     drawn = coefficients(identified())[:, 5]
     assert drawn.mean() == pytest.approx(5e3, rel=0.03)
     assert drawn.std() == pytest.approx(5e3, rel=0.03)
-    told = [row for row in identified().rows() if row["what"].startswith("K_ae")]
-    assert told[0]["source"] == "not determined by the records"
+    said = next(one for one in identified().quantities if one.what.startswith("K_ae"))
+    assert said.source == "not determined by the records"
 
 
 def test_others_coefficients_err_together():
@@ -174,10 +174,9 @@ def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
 
 
 def test_what_tools_share_is_said_once():
-    rows = others(t1="A", t2="A", t7="B").rows()
-    assert [row["what"] for row in rows if row["source"] == "A"] == ["coefficients (T1, T2)"]
-    assert "runout (T1, T2, T7)" in [row["what"] for row in rows]
-    assert all(set(row) == {"what", "value", "spread", "source"} for row in rows)
+    said = others(t1="A", t2="A", t7="B").quantities
+    assert [one.what for one in said if one.source == "A"] == ["coefficients (T1, T2)"]
+    assert "runout (T1, T2, T7)" in [one.what for one in said]
 
 
 def test_the_same_seed_is_the_same_bytes_and_the_first_are_the_first():

@@ -10,7 +10,6 @@ from optimise_documents import blocks, group, optimised, part, trace
 
 from pipeline.report.optimised_figures import (
     MOST,
-    Blocks,
     compared,
     front_figure,
     front_places,
@@ -64,7 +63,7 @@ def test_what_lies_above_the_limit_is_drawn_above_it_and_nothing_else():
 
 def test_each_group_has_its_level_of_f_and_s_over_its_place():
     rows = [group(k) for k in range(4)]
-    drawn = str(words_figure(Blocks(rows=blocks(rows)), "x"))
+    drawn = str(words_figure(blocks(rows), "x"))
     feeds, speeds = paths(drawn, "curve after")
     for data, values in ((feeds, [r["feed_after"] for r in rows]),
                          (speeds, [r["speed_after"] for r in rows])):  # fmt: skip
@@ -79,14 +78,14 @@ def test_each_group_has_its_level_of_f_and_s_over_its_place():
 
 def test_feeds_of_a_turn_have_a_panel_of_their_own():
     rows = [group(0), group(1) | {"feed_unit": "mm/rev", "feed_before": 0.1, "feed_after": 0.2}]
-    drawn = str(words_figure(Blocks(rows=blocks(rows)), "x"))
+    drawn = str(words_figure(blocks(rows), "x"))
     assert "F, mm/min" in drawn and "F, mm/rev" in drawn
-    assert "F, mm/rev" not in str(words_figure(Blocks(rows=blocks(rows[:1])), "x"))
+    assert "F, mm/rev" not in str(words_figure(blocks(rows[:1]), "x"))
 
 
 def test_lanes_mark_the_groups_that_a_limit_binds():
     rows = [group(k) for k in range(8)]  # load, torque, chip, nothing, twice
-    drawn = str(words_figure(Blocks(rows=blocks(rows)), "x"))
+    drawn = str(words_figure(blocks(rows), "x"))
     lanes = paths(drawn, "s-after")
     marks = [re.findall(r"M(\d+) 0h(\d+)", lane) for lane in lanes]
     assert sorted(marks) == [[("0", "125"), ("500", "125")], [("125", "125"), ("625", "125")],
@@ -98,7 +97,7 @@ def test_lanes_mark_the_groups_that_a_limit_binds():
 @given(st.integers(1, 500))
 def test_pairs_of_columns_hold_the_whole_time(groups):
     rows = [group(k) for k in range(groups)]
-    drawn = str(pairs_figure(Blocks(rows=blocks(rows)), [("Time, s", "time_{}_s")], "x"))
+    drawn = str(pairs_figure(blocks(rows), [("Time, s", "time_{}_s")], "x"))
     before, after = (COLUMN.findall(paths(drawn, f"s-{which}")[0]) for which in ("before", "after"))
     assert len(before) == len(after) == -(-groups // per_pair(groups)) <= 60
     sums = np.add.reduceat(
@@ -114,7 +113,7 @@ def test_pairs_of_columns_hold_the_whole_time(groups):
 
 def test_a_pair_without_any_number_is_no_figure():
     rows = [{**group(0), "time_before_s": None, "time_after_s": None}]
-    assert pairs_figure(Blocks(rows=blocks(rows)), [("Time, s", "time_{}_s")], "x") is None
+    assert pairs_figure(blocks(rows), [("Time, s", "time_{}_s")], "x") is None
 
 
 def test_the_front_is_drawn_in_the_two_quantities_that_differ():

@@ -190,8 +190,8 @@ def _widths(problem: Problem, stretches: Stretches) -> Floats:
     low, high = np.full((2, len(stretches.speeds)), np.nan)
     rows = np.flatnonzero((stretches.stretch >= 0) & problem.cuts)
     low[:], high[:] = np.inf, 0.0
-    np.minimum.at(low, stretches.stretch[rows], problem.speed_low[rows])
-    np.maximum.at(high, stretches.stretch[rows], problem.speed_high[rows])
+    np.minimum.at(low, stretches.stretch[rows], problem.ranges.speed_low[rows])
+    np.maximum.at(high, stretches.stretch[rows], problem.ranges.speed_high[rows])
     low = np.maximum(np.minimum(low, stretches.speeds), 0.01 * stretches.speeds)
     high = np.minimum(np.maximum(high, stretches.speeds), 100 * stretches.speeds)
     widths: Floats = (high / low) ** (1 / (SPEEDS - 1)) - 1

@@ -14,7 +14,7 @@ finds it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Self
 
 import numpy as np
@@ -67,10 +67,10 @@ def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
     engaged = cuts & (spindle_speed > 0)
     teeth = np.where(engaged, problem.flutes * spindle_speed / 60, 0.0)
     with np.errstate(invalid="ignore"):
-        most = np.minimum(problem.f_z_high, problem.power_f_z(speeds)) * teeth
+        most = np.minimum(problem.bounds.high, problem.power_f_z(speeds)) * teeth
         most = np.where(engaged, most, np.inf)
-        least = np.where(engaged, problem.f_z_low * teeth, 0.0)
-    allowed = (problem.speed_low <= speeds) & (speeds <= problem.speed_high)
+        least = np.where(engaged, problem.bounds.least * teeth, 0.0)
+    allowed = (problem.ranges.speed_low <= speeds) & (speeds <= problem.ranges.speed_high)
     allowed |= ~problem.ranges.counted
     allowed &= (problem.stable(speeds) | ~engaged) & (least <= path.cap * (1 + SLACK))
     scale, in_F = (
@@ -78,8 +78,8 @@ def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
         np.where(_per_turn(problem) & (spindle_speed > 0), spindle_speed, 1.0),
     )
     high = np.where(most < path.cap, most / scale, np.inf)
-    high = np.minimum(high, problem.feed_high / in_F)
-    low = np.maximum(least / scale, problem.feed_low / in_F)
+    high = np.minimum(high, problem.ranges.feed_high / in_F)
+    low = np.maximum(least / scale, problem.ranges.feed_low / in_F)
     own = np.minimum(np.maximum(path.moves.feed, low), high)
     high = np.where(_descends_in_air(problem), own, high)
     return np.where(allowed, low, np.inf), high
@@ -269,12 +269,9 @@ def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
     parts = [
         _solved(model, group, speeds[first : first + many]) for first in range(0, len(speeds), many)
     ]
-    return BlockFeeds(
-        feeds=np.concatenate([part.feeds for part in parts]),
-        values=np.concatenate([part.values for part in parts]),
-        low=np.concatenate([part.low for part in parts]),
-        high=np.concatenate([part.high for part in parts]),
-    )
+    names = [item.name for item in fields(BlockFeeds)]
+    whole = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return BlockFeeds(**dict(zip(names, whole, strict=True)))
 
 
 def best_feeds(

@@ -99,8 +99,8 @@ def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats,
     """
     rows = np.flatnonzero(groups.speed >= 0)
     low, high = np.zeros(len(own)), np.full(len(own), np.inf)
-    np.maximum.at(low, groups.speed[rows], problem.speed_low[rows])
-    np.minimum.at(high, groups.speed[rows], problem.speed_high[rows])
+    np.maximum.at(low, groups.speed[rows], problem.ranges.speed_low[rows])
+    np.minimum.at(high, groups.speed[rows], problem.ranges.speed_high[rows])
     low, high = np.maximum(np.ceil(low), 1.0), np.floor(high)
     free = np.isfinite(high) & (low <= high)
     return np.where(free, low, own), np.where(free, high, own)

@@ -18,6 +18,7 @@ from pipeline.optimisation.methods.feeds import column
 from pipeline.optimisation.methods.genes import (
     BoundedGenes,
     Fitness,
+    Genes,
     Method,
     method_of,
     speed_ranges,
@@ -29,6 +30,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 from pipeline.search.compass import compass
 from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.result import SearchResult
 
 Callback = Callable[[int, Floats, float], bool | None]
 """Called with the generation, the best genes and the best objective; True ends the search.
@@ -239,10 +241,8 @@ def _published(
         population=settings.population, generations=settings.paper_generations, seed=settings.seed
     )
     best = minimise(fitness, genes.low, genes.high, chosen, callback=callback)
-    feeds, speeds = genes.decoded(best.x[None])
-    decision = Decision(groups=groups, feeds=feeds[0], speeds=speeds[0])
     name = f"genetic, random start, {settings.paper_generations} generations"
-    return method_of(problem, name, decision, best.evaluations)
+    return _best_of(problem, name, genes, best)
 
 
 def _best_of_many(
@@ -259,9 +259,13 @@ def _best_of_many(
         population=population, generations=max(generations, 1), seed=settings.seed
     )
     best = minimise(fitness, genes.low, genes.high, chosen, log=genes.log, callback=callback)
-    feeds, speeds = genes.decoded(best.x[None])
-    decision = Decision(groups=groups, feeds=feeds[0], speeds=speeds[0])
     name = f"best of {settings.baseline} evaluations"
+    return _best_of(problem, name, genes, best)
+
+
+def _best_of(problem: Problem, name: str, genes: Genes, best: SearchResult) -> Method:
+    feeds, speeds = genes.decoded(best.x[None])
+    decision = Decision(groups=genes.groups, feeds=feeds[0], speeds=speeds[0])
     return method_of(problem, name, decision, best.evaluations)
 
 
@@ -284,8 +288,8 @@ class _Words:
         self._by_turn = problem.cut.plan.path.motion[first] == Motion.PER_TURN
         slow, fast = np.zeros(len(first)), np.full(len(first), np.inf)
         rows = np.flatnonzero(groups.feed >= 0)
-        np.maximum.at(slow, groups.feed[rows], problem.feed_low[rows])
-        np.minimum.at(fast, groups.feed[rows], problem.feed_high[rows])
+        np.maximum.at(slow, groups.feed[rows], problem.ranges.feed_low[rows])
+        np.minimum.at(fast, groups.feed[rows], problem.ranges.feed_high[rows])
         own = groups.own_speed[first_rows(groups.speed)]
         speeds = speed_ranges(problem, groups, own)
         self.low = np.concatenate([np.minimum(slow, fast), speeds[0]])

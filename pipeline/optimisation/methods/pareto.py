@@ -48,8 +48,8 @@ def pareto(
     count = np.array([OBJECTIVES.index(one) for one in objectives], dtype=np.intp)
     joint = [_joint(starts, one) for one in starts]
     genes = BoundedGenes.of(problem, joint[0])
-    given = _stacked(joint)
-    feeds, speeds, evaluated = given[0], given[1], problem.evaluate(joint[0].groups, *given)
+    feeds, speeds = np.stack([d.feeds for d in joint]), np.stack([d.speeds for d in joint])
+    evaluated = problem.evaluate(joint[0].groups, feeds, speeds)
     _check(evaluated.objectives[:, count], evaluated.violation, objectives)
 
     def values_of(points: Floats) -> tuple[Floats, Floats]:
@@ -84,10 +84,6 @@ def _check(values: Floats, violation: Floats, objectives: Sequence[str]) -> None
             f"no start of the front keeps the limits; the best passes them by "
             f"{100 * violation.min():.3g} % in sum: widen the limits"
         )
-
-
-def _stacked(decisions: Sequence[Decision]) -> tuple[Floats, Floats]:
-    return np.stack([d.feeds for d in decisions]), np.stack([d.speeds for d in decisions])
 
 
 def _joint(starts: Sequence[Decision], one: Decision) -> Decision:

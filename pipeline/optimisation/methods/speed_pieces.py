@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.gcode.moves import Moves
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
 from pipeline.optimisation.problem.arrays import Editable, Rows
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import leads
 from pipeline.optimisation.settings import Grouping
+from pipeline.optimisation.text.modal_words import LineRuns
 from pipeline.schema.arrays import Bools, Floats
 
 SPEEDS = 48
@@ -79,17 +79,18 @@ def speed_pieces(plan: Plan, editable: Editable, cuts: Bools, grouping: Grouping
         Whether S words may be added.
     """
     moves = plan.path.moves
-    line_run, line = _line_runs(moves)
+    runs = LineRuns.among(moves)
+    places = np.stack([moves.file, moves.line])[:, runs.first].astype(np.intp)
+    line = np.unique(places, axis=1, return_inverse=True)[1].ravel()
     repeated = np.bincount(line)[line] > 1
-    own = _any(editable.own_start & editable.speed, line_run)
-    may = _any(editable.may_start & editable.speed, line_run)
+    own = runs.any(editable.own_start & editable.speed)
+    may = runs.any(editable.may_start & editable.speed)
     begins = own.copy()
     if grouping.speeds == "blocks":
-        begins |= _between_cuts(
-            own, may & ~repeated, _any(cuts, line_run), moves.tool[_first(line_run)].astype(np.intp)
-        )
-    piece = np.cumsum(begins)[line_run] - 1
-    first = np.searchsorted(line_run, np.flatnonzero(begins))
+        tool = moves.tool[runs.first].astype(np.intp)
+        begins |= _between_cuts(own, may & ~repeated, runs.any(cuts), tool)
+    piece = np.cumsum(begins)[runs.of] - 1
+    first = runs.first[begins]
     changed = np.diff(moves.tool[first], prepend=-2) != 0
     tool_run = np.cumsum(changed) - 1
     free = editable.speed & (piece >= 0)
@@ -101,15 +102,6 @@ def speed_pieces(plan: Plan, editable: Editable, cuts: Bools, grouping: Grouping
         piece=np.where(free, piece, -1), tool_run=tool_run, word=~own[begins], rest=standing,
         lead=leads(plan, editable, cuts)[first], key=line[begins],
     )  # fmt: skip
-
-
-def _line_runs(moves: Moves) -> tuple[Rows, Rows]:
-    """Run of rows of one line that each row belongs to, (M,), and the line of each run, (V,)."""
-    new = (np.diff(moves.line, prepend=-1) != 0) | (np.diff(moves.file, prepend=-1) != 0)
-    first = np.flatnonzero(new)
-    where = np.stack([moves.file[first].astype(np.intp), moves.line[first].astype(np.intp)])
-    _, line = np.unique(where, axis=1, return_inverse=True)
-    return (np.cumsum(new) - 1).astype(np.intp), line.ravel()
 
 
 def _between_cuts(own: Bools, may: Bools, cuts: Bools, tool: Rows) -> Bools:
@@ -130,17 +122,6 @@ def _between_cuts(own: Bools, may: Bools, cuts: Bools, tool: Rows) -> Bools:
             begins[v], cut_since = True, False
         cut_since |= bool(cuts[v])
     return begins
-
-
-def _first(line_run: Rows) -> Rows:
-    """First row of each line_run."""
-    return np.flatnonzero(np.diff(line_run, prepend=-1))
-
-
-def _any(flags: Bools, line_run: Rows) -> Bools:
-    """Whether any row of each line_run has a flag; shape (V,)."""
-    flagged: Bools = np.bincount(line_run[flags], minlength=int(line_run.max(initial=-1)) + 1) > 0
-    return flagged
 
 
 def speed_grid(problem: Problem, pieces: Pieces) -> Floats:
@@ -192,8 +173,8 @@ def speed_range(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> tuple
     Where nothing limits S, it is what the program has at most, and a tenth of what it has at least.
     """
     least, most = float(own.min(initial=np.inf)), float(own.max(initial=0.0))
-    low = float(problem.speed_low[cuts].min())
-    high = float(problem.speed_high[cuts].max())
+    low = float(problem.ranges.speed_low[cuts].min())
+    high = float(problem.ranges.speed_high[cuts].max())
     least = min(SLOWEST * least, high)
     low = max(low, least) if np.isfinite(least) else low
     return max(low, 1.0), high if np.isfinite(high) else max(most, low)
@@ -202,8 +183,8 @@ def speed_range(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> tuple
 def _corners(problem: Problem, cuts: NDArray[np.bool_]) -> Floats:
     """Least S of each row at which feed per tooth and feed meet their limits [rev/min]."""
     path = problem.cut.plan.path
-    rows = np.flatnonzero(cuts & (path.motion != Motion.PER_TURN) & (problem.f_z_high > 0))
-    fastest = np.minimum(path.factor[rows] * problem.feed_high[rows], path.cap[rows])
-    speed = 60 * fastest / (problem.f_z_high[rows] * problem.flutes[rows])
+    rows = np.flatnonzero(cuts & (path.motion != Motion.PER_TURN) & (problem.bounds.high > 0))
+    fastest = np.minimum(path.factor[rows] * problem.ranges.feed_high[rows], path.cap[rows])
+    speed = 60 * fastest / (problem.bounds.high[rows] * problem.flutes[rows])
     corners: Floats = np.unique(np.ceil(speed[np.isfinite(speed)]))
     return corners

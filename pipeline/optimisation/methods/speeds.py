@@ -300,7 +300,7 @@ def change_price(
     step = np.abs(after - before)
     price = np.zeros(step.shape)
     if not rest:
-        price += problem.speed_change_time(before, after) * model.second_price
+        price += problem.speed_changes.time(before, after) * model.second_price
         price += np.where(problem.speed_changes.ramp(before, after) > lead, LATE, 0.0)
     price = np.where(step > 0, price, 0.0)
     return np.where((step > 0) & (step < least), np.inf, price)

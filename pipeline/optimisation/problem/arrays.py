@@ -5,6 +5,7 @@ share an F form one of G groups, those that share an S one of H stretches.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode
 from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.part import HeldRows
 from pipeline.twin.cut import Cut
 
 Rows = NDArray[np.intp]
@@ -51,13 +53,13 @@ class Bounds:
     least: Floats = field(repr=False)
     torque: Floats = field(repr=False)
 
-    @property
+    @cached_property
     def high(self) -> Floats:
-        """Shape (M,)."""
+        """Greatest that all of them allow; infinite in air.  Shape (M,)."""
         lowest: Floats = self.most.min(axis=0)
         return lowest
 
-    @property
+    @cached_property
     def binds(self) -> Rows:
         """Which of ``CONSTRAINTS`` makes ``high``, -1 where none does; shape (M,)."""
         which = np.array(F_Z_CONSTRAINTS)[self.most.argmin(axis=0)]
@@ -202,15 +204,6 @@ class Evaluation:
     violation: Floats
 
 
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """Blocks that stay as programmed: why, how many, the first of them as ``file:line``."""
-
-    reason: str
-    rows: int
-    first: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Editable:
     """F and S that may change in a program of M rows and B editable blocks.
@@ -229,7 +222,7 @@ class Editable:
         Rows whose line may get (or has) an S word: where a stretch of one S can begin.
     own_start : ndarray of bool, shape (M,)
         Those whose line has an S word already.
-    held : tuple of Held
+    held : tuple of HeldRows
         Blocks that stay as programmed.
     """
 
@@ -238,7 +231,7 @@ class Editable:
     speed: Bools = field(repr=False)
     may_start: Bools = field(repr=False)
     own_start: Bools = field(repr=False)
-    held: tuple[Held, ...]
+    held: tuple[HeldRows, ...]
 
 
 class RowGroups:

@@ -107,17 +107,8 @@ class Demand:
         from pipeline.optimisation.problem.kernels import violations
 
         out = np.empty(len(feed))
-        violations(
-            path.motion,
-            path.factor,
-            path.cap,
-            feed,
-            spindle_speed,
-            self.rows,
-            self.loads,
-            self.drive,
-            out,
-        )
+        of_rows = self.rows, self.loads, self.drive
+        violations(path.motion, path.factor, path.cap, feed, spindle_speed, *of_rows, out)
         return out
 
 

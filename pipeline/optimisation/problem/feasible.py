@@ -12,21 +12,10 @@ from numpy.typing import ArrayLike
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, cutting_power, no_load_power
 from pipeline.machine.control.path import where
+from pipeline.optimisation.problem import arrays as at
 from pipeline.optimisation.problem.arrays import (
-    AS_PROGRAMMED,
     CONSTRAINTS,
-    CUTTING_SPEED,
-    DEFLECTION,
     F_Z_CONSTRAINTS,
-    FEED,
-    GREATEST_CHIP,
-    LEAST_CHIP,
-    LOAD,
-    POWER,
-    ROUGHNESS,
-    SPINDLE_SPEED,
-    STABILITY,
-    TORQUE,
     Editable,
     Rows,
     feeds_per_minute,
@@ -45,27 +34,29 @@ from pipeline.twin.cut_document import CutBasis
 AT = 0.98
 """Share of a limit from which a row counts as at it: words of F and S are rounded."""
 ORDER = np.array([
-    *F_Z_CONSTRAINTS, LEAST_CHIP, POWER, STABILITY, FEED, CUTTING_SPEED, SPINDLE_SPEED,
+    *F_Z_CONSTRAINTS, at.LEAST_CHIP, at.POWER, at.STABILITY, at.FEED, at.CUTTING_SPEED,
+    at.SPINDLE_SPEED,
 ])  # fmt: skip
 """Precedence among limits that a row is at: at the end of F no S makes it faster."""
 UM = 1e6
 SLACK = 1e-9
 """Share that a limit may be passed by and count as kept: rounding."""
 GIVEN = {
-    LOAD: "load_N", DEFLECTION: "deflection_um", ROUGHNESS: "roughness_um", TORQUE: "torque_Nm",
+    at.LOAD: "load_N", at.DEFLECTION: "deflection_um", at.ROUGHNESS: "roughness_um",
+    at.TORQUE: "torque_Nm",
 }  # fmt: skip
 """Limits whose value a refusal states, by constraint."""
 REMEDY = {
-    LOAD: "raise limits.load_N",
-    DEFLECTION: "raise limits.deflection_um",
-    ROUGHNESS: "raise limits.roughness_um",
-    GREATEST_CHIP: "widen limits.chip_um or the tool's feed_per_tooth_mm",
-    TORQUE: "raise limits.torque_Nm, or take less depth",
-    AS_PROGRAMMED: "give the tool's feed_per_tooth_mm",
-    POWER: "take less depth",
-    STABILITY: "take less depth, or another speed",
-    CUTTING_SPEED: "widen cutting_speed_m_min",
-    SPINDLE_SPEED: "widen limits.speed_rpm",
+    at.LOAD: "raise limits.load_N",
+    at.DEFLECTION: "raise limits.deflection_um",
+    at.ROUGHNESS: "raise limits.roughness_um",
+    at.GREATEST_CHIP: "widen limits.chip_um or the tool's feed_per_tooth_mm",
+    at.TORQUE: "raise limits.torque_Nm, or take less depth",
+    at.AS_PROGRAMMED: "give the tool's feed_per_tooth_mm",
+    at.POWER: "take less depth",
+    at.STABILITY: "take less depth, or another speed",
+    at.CUTTING_SPEED: "widen cutting_speed_m_min",
+    at.SPINDLE_SPEED: "widen limits.speed_rpm",
 }
 
 
@@ -90,28 +81,28 @@ def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> F
     spindle_speed = problem.spindle_speed(speeds)
     f_z = np.where(cuts, problem.feed_per_tooth(feeds, speeds), 0.0)
     out[list(F_Z_CONSTRAINTS)] = _over(f_z, problem.bounds.most)
-    out[LEAST_CHIP] = np.where(cuts, _over(problem.bounds.least, f_z), 0.0)
+    out[at.LEAST_CHIP] = np.where(cuts, _over(problem.bounds.least, f_z), 0.0)
     _fill_drive(out, problem, f_z, spindle_speed)
     if problem.chatter is not None:
         kept = 1.0 + problem.limits.margins.stability
-        out[STABILITY] = np.nan_to_num(
+        out[at.STABILITY] = np.nan_to_num(
             _over(kept, 1.0 + problem.chatter.margins(spindle_speed)), nan=0.0
         )
     surface = _outside(spindle_speed, ranges.surface_low, ranges.surface_high)
-    out[CUTTING_SPEED] = np.where(cuts, surface, 0.0)
+    out[at.CUTTING_SPEED] = np.where(cuts, surface, 0.0)
     machine = _outside(spindle_speed, ranges.speed_low, ranges.speed_high)
-    out[SPINDLE_SPEED] = np.where(ranges.counted & (machine > surface), machine, 0.0)
+    out[at.SPINDLE_SPEED] = np.where(ranges.counted & (machine > surface), machine, 0.0)
     own = feeds_per_minute(problem.cut, feeds, spindle_speed)
     limited = np.isfinite(ranges.feed_high)
-    out[FEED] = np.where(limited, _outside(own, ranges.feed_low, ranges.feed_high), 0.0)
+    out[at.FEED] = np.where(limited, _outside(own, ranges.feed_low, ranges.feed_high), 0.0)
     return out
 
 
 def binding_constraints(problem: Problem, feeds: ArrayLike, speeds: ArrayLike) -> Rows:
     """Which of ``CONSTRAINTS`` each row is at, -1 where none; F, S and answer of shape (M,)."""
     used = constraint_utilisation(problem, np.asarray(feeds, float), np.asarray(speeds, float))
-    at = used[ORDER] >= AT
-    return np.where(at.any(axis=0), ORDER[at.argmax(axis=0)], -1)
+    there = used[ORDER] >= AT
+    return np.where(there.any(axis=0), ORDER[there.argmax(axis=0)], -1)
 
 
 def _fill_drive(out: Floats, problem: Problem, f_z: Floats, spindle_speed: Floats) -> None:
@@ -124,8 +115,8 @@ def _fill_drive(out: Floats, problem: Problem, f_z: Floats, spindle_speed: Float
     allowed = allowed_power(spindle_speed, drive, problem.limits) * drive.efficiency
     used = np.where(problem.cuts & (spindle_speed > 0), _over(demanded, allowed), 0.0)
     slow = spindle_speed / 60 < drive.base_speed
-    out[TORQUE] = np.maximum(out[TORQUE], np.where(slow, used, 0.0))
-    out[POWER] = np.where(slow, 0.0, used)
+    out[at.TORQUE] = np.maximum(out[at.TORQUE], np.where(slow, used, 0.0))
+    out[at.POWER] = np.where(slow, 0.0, used)
 
 
 def _outside(value: Floats, low: Floats, high: Floats) -> Floats:
@@ -280,7 +271,7 @@ def _check_limited(problem: Problem, load_limited: bool) -> None:
 
 def _check_bounds(problem: Problem) -> None:
     """Least and greatest feed for each tooth leave something between them."""
-    high, low, which = problem.f_z_high, problem.f_z_low, problem.binds_high
+    high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & ~(high > 0), lambda row: (
         f"no feed of {_tool(problem, row)} keeps the {CONSTRAINTS[which[row]]}"
         f"{_given(problem, int(which[row]))}: the edges alone take more: {REMEDY[int(which[row])]}"
@@ -301,7 +292,7 @@ def _given(problem: Problem, which: int) -> str:
 def _check_reach(problem: Problem) -> None:
     """Feed for each tooth that the ranges of F and S reach."""
     slowest, fastest = _corners(problem)
-    high, low, which = problem.f_z_high, problem.f_z_low, problem.binds_high
+    high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & (slowest > high * (1 + SLACK)), lambda row: (
         f"{_whose(problem, row)} keep the {CONSTRAINTS[which[row]]}"
         f"{_given(problem, int(which[row]))}: {_tool(problem, row)} may take "
@@ -362,7 +353,7 @@ def _check_kept(problem: Problem) -> None:
     least = _in_units(problem, low, problem.cut.plan.spindle_speed)
     feeds = np.where(problem.editable.block >= 0, least, moves.feed)
     used = constraint_utilisation(problem, feeds, moves.speed)
-    by_speed = np.array([CUTTING_SPEED, SPINDLE_SPEED, STABILITY, TORQUE, POWER])
+    by_speed = np.array([at.CUTTING_SPEED, at.SPINDLE_SPEED, at.STABILITY, at.TORQUE, at.POWER])
     which = by_speed[(used[by_speed] > 1 + SLACK).argmax(axis=0)]
     worst = used[which, np.arange(len(problem))]
     _refuse(problem, held & (worst > 1 + SLACK), lambda row: (

@@ -251,7 +251,9 @@ def ranges_of(
     unknown = not_computed(cut)
     feed_low, feed_high = _feeds(cut, limits, editable, unknown)
     surface_low, surface_high = _surface(cut, limits)
-    highest = _top_speed(cut, drive)
+    highest = cut.plan.path.control.auxiliary.maximum_speed
+    if drive is not None:
+        highest = min(highest, drive.top_speed_rpm)
     low, high = _speeds(cut, cuts, limits, drive, highest)
     free = editable.speed & ~unknown
     speed_low = np.where(free, np.maximum(low, surface_low), surface_low)
@@ -309,11 +311,6 @@ def _surface(cut: Cut, limits: CutLimit) -> tuple[Floats, Floats]:
                 high[index] = min(high[index], spindle_speed[1] * (1 - margin))
         high[index] = min(high[index], tool.top_speed_rpm or np.inf)
     return low[cut.tool], high[cut.tool]
-
-
-def _top_speed(cut: Cut, drive: SpindleDrive | None) -> float:
-    most = cut.plan.path.control.auxiliary.maximum_speed
-    return float(most if drive is None else min(most, drive.top_speed_rpm))
 
 
 def _speeds(

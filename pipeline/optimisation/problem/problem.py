@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.row_motion import motion_times
-from pipeline.optimisation.problem.arrays import Bounds, Editable, Evaluation, Groups, Ranges, Rows
+from pipeline.optimisation.problem.arrays import Bounds, Editable, Evaluation, Groups, Ranges
 from pipeline.optimisation.problem.demand import Demand
 from pipeline.optimisation.problem.limits import inverse
 from pipeline.optimisation.problem.spindle import (
@@ -85,41 +85,6 @@ class Problem:
         many = np.array([tool.flutes for tool in self.cut.tools], dtype=np.float64)
         return np.where(self.cuts, many[self.cut.tool], 0.0)
 
-    @cached_property
-    def f_z_low(self) -> Floats:
-        """Least feed for each tooth [m]; shape (M,)."""
-        return self.bounds.least
-
-    @cached_property
-    def f_z_high(self) -> Floats:
-        """Greatest feed for each tooth, whatever the speed [m]; infinite in air.  Shape (M,)."""
-        return self.bounds.high
-
-    @cached_property
-    def binds_high(self) -> Rows:
-        """Which of ``CONSTRAINTS`` makes it, -1 where none does; shape (M,)."""
-        return self.bounds.binds
-
-    @property
-    def feed_low(self) -> Floats:
-        """[mm/min]; shape (M,)."""
-        return self.ranges.feed_low
-
-    @property
-    def feed_high(self) -> Floats:
-        """[mm/min]; shape (M,)."""
-        return self.ranges.feed_high
-
-    @property
-    def speed_low(self) -> Floats:
-        """[rev/min]; shape (M,)."""
-        return self.ranges.speed_low
-
-    @property
-    def speed_high(self) -> Floats:
-        """[rev/min]; shape (M,)."""
-        return self.ranges.speed_high
-
     @property
     def chatter(self) -> Chatter | None:
         """Margins of stability; None where no dynamics are known."""
@@ -159,33 +124,6 @@ class Problem:
         by_turn = np.where(path.motion == Motion.PER_TURN, spindle_speed, 1.0)
         allowed: Floats = np.minimum(path.factor * feeds * by_turn, path.cap)
         return allowed
-
-    def row_objectives(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
-        """Objectives of rows, each at its F all along.
-
-        Parameters
-        ----------
-        feeds, speeds : array_like, shape (..., M)
-            F and S in the units of ``Moves``.
-
-        Returns
-        -------
-        ndarray, shape (4, ..., M)
-            Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known.
-        """
-        both = np.broadcast_arrays(np.asarray(feeds, float), np.asarray(speeds, float))
-        feed, speed = (np.ascontiguousarray(one.reshape(-1, len(self))) for one in both)
-        return _row_objectives(self, feed, speed).reshape(4, *both[0].shape)
-
-    def speed_change_time(self, before: ArrayLike, after: ArrayLike) -> Floats:
-        """Wait for a change of S of a turning spindle [s].
-
-        Parameters
-        ----------
-        before, after : array_like
-            [rev/min], shapes that broadcast.
-        """
-        return self.speed_changes.time(before, after)
 
     @cached_property
     def speed_changes(self) -> SpeedChanges:
@@ -248,21 +186,6 @@ def _evaluation(
         objectives[part] = demand.sums(time, wait, spindle_speed)
         violation[part] = _violation(problem, feed, spindle_speed)
     return Evaluation(objectives=objectives, violation=violation)
-
-
-def _row_objectives(problem: Problem, feeds: Floats, speeds: Floats) -> Floats:
-    """Objectives of rows, each at its F all along; shape (4, P, M) of F and S of shape (P, M)."""
-    plan = problem.cut.plan
-    fed = np.isin(plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))
-    out = np.empty((4, *feeds.shape))
-    for part in _parts(problem, len(feeds)):
-        spindle_speed = spindle_speeds(plan.path, speeds[part])
-        along = np.where(fed, problem.speed(feeds[part], spindle_speed), 1.0)
-        time = np.where(fed, plan.path.length / along, plan.motion.time)
-        out[:, part] = problem.demand.of_rows(
-            time, np.tile(plan.wait, (len(time), 1)), spindle_speed
-        )
-    return out
 
 
 def _parts(problem: Problem, many: int) -> list[slice]:

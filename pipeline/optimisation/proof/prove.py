@@ -191,11 +191,9 @@ class _Texts:
             texts = [shown(b"".join(text[whole[0] - 1 : whole[0]])) for text in (lines, kept)]
             return Difference(whole[0], texts[0], texts[1], whole[1]), one, other
         first = _in_lines(moves_difference(one, whole), one, lines, kept)
-        return (
-            first or executed_otherwise(lines, kept, executed, of_kept(after, self.splits)),
-            one,
-            whole,
-        )
+        if self.splits is not None:
+            after = np.delete(after, sorted(self.splits.points))
+        return first or executed_otherwise(lines, kept, executed, after), one, whole
 
 
 def with_proof_comment(text: bytes, proof: Proof) -> bytes:
@@ -291,11 +289,6 @@ def reads_in_force(lines: list[bytes], others: list[bytes], executed: Bools) -> 
         if executed[number] and _READS.search(text):
             return _difference(number, lines, others, READ)
     return None
-
-
-def of_kept(executed: Bools, splits: Splits | None) -> Bools:
-    """Executed lines of a text without those that were put in."""
-    return executed if splits is None else np.delete(executed, sorted(splits.points))
 
 
 def _difference(number: int, lines: list[bytes], others: list[bytes], reason: str) -> Difference:

@@ -278,12 +278,7 @@ def _frames_without(scan: Scan, kept: list[Span], added: list[Span]) -> Iterator
 
 
 def _words(
-    number: int,
-    old: bytes,
-    new: bytes,
-    given: dict[str, Span],
-    kept: list[Span],
-    added: list[Span],
+    number: int, old: bytes, new: bytes, given: dict[str, Span], kept: list[Span], added: list[Span]
 ) -> list[WordChange] | str:
     changes = []
     for span in sorted([*kept, *added]):

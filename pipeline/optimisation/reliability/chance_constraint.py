@@ -24,7 +24,6 @@ from pipeline.optimisation.reliability.part_loads import (
     PartLoads,
     critical,
     draws_of,
-    nodes_below,
     nodes_between,
     responses,
     row_feeds,
@@ -49,7 +48,6 @@ BESIDE = 1.1
 LEAST = 1e-9
 """Feed for each tooth that is computed at least [m]."""
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
-WORST = 10
 SETTLED = 4
 """Draws above a quantile that settle it; beyond, the tail goes on."""
 TAIL = 0.9
@@ -95,15 +93,12 @@ class Exceedance:
         How many.
     peak_quantiles : dict of float to float
         Of the part's peak load, by level [N].
-    worst_rows : tuple of (int, float)
-        Rows that pass it most often and the share of draws in which they do.
     """
 
     probability: float
     interval_95: tuple[float, float]
     draws: int
     peak_quantiles: dict[float, float]
-    worst_rows: tuple[tuple[int, float], ...]
 
 
 def chance_constrained_feeds(
@@ -166,7 +161,7 @@ def _feed_nodes(
     greatest = np.full(candidates.classes, LEAST)
     np.maximum.at(greatest, candidates.group, reach)
     few = draws.first(max(len(draws) // ROUGHLY, min(len(draws), 64)))
-    drawn = responses(cut, candidates, nodes_below(greatest), few)
+    drawn = responses(cut, candidates, greatest[:, None] * NODES, few)
     part = PartLoads(candidates=candidates, limit=limit, most=reach, responses=drawn)
     ordered = np.sort(drawn.values, axis=2)
     most = BESIDE * part.feeds(quantiles(ordered, level))
@@ -212,17 +207,13 @@ def exceedance(
         candidates=candidates, limit=limit_N, most=feeds,
         responses=responses(cut, candidates, nodes, draws_of(uncertain, many, seed)),
     )  # fmt: skip
-    peaks, beyond = part.peaks(feeds, slice(0, many))
+    peaks = part.peaks(feeds, slice(0, many))
     passed = int((peaks > limit_N).sum())
-    often = np.zeros(cut.engagement.blocks)
-    np.maximum.at(often, candidates.row, beyond / many)
-    worst = np.argsort(-often, kind="stable")[:WORST]
     return Exceedance(
         probability=passed / many,
         interval_95=clopper_pearson(passed, many),
         draws=many,
         peak_quantiles={q: float(np.quantile(peaks, q)) for q in QUANTILES},
-        worst_rows=tuple((int(row), float(often[row])) for row in worst if often[row] > 0),
     )
 
 
@@ -238,7 +229,7 @@ def _level(part: PartLoads, epsilon: float) -> tuple[float, float]:
         for one, other in ((0, 1), (1, 0)):
             feeds = part.feeds(quantiles(ordered[one], level))
             feeds = row_feeds(part.candidates, feeds)[part.candidates.row]
-            peaks.append(part.peaks(feeds, halves[other])[0])
+            peaks.append(part.peaks(feeds, halves[other]))
         return share_above(np.sort(np.concatenate(peaks)), part.limit)
 
     low, high = normal_level(1.0 - epsilon), HIGHEST

@@ -39,16 +39,14 @@ def feeds_within(  # type: ignore[no-untyped-def]
 
 @compiled
 def peak_loads(  # type: ignore[no-untyped-def]
-    f_z, limit, curve, scale, exponent, weight, group, nodes, expected, values, first, out, beyond
+    f_z, curve, scale, exponent, weight, group, nodes, expected, values, first, out
 ):
     """Fill ``out`` of shape (D,), the part's greatest load in each draw [N].
 
     ``expected`` of shape (C, K) and ``values`` of (C, K, first + D or more) are the loads of the
-    classes at ``nodes``; ``first`` is the first draw that counts, ``beyond`` of shape (Q,) counts
-    those in which each candidate passes ``limit``.
+    classes at ``nodes``; ``first`` is the first draw that counts.
     """
     for q in range(group.shape[0]):
-        beyond[q] = 0
         feed, c = f_z[q], group[q]
         if feed <= 0.0:
             continue
@@ -57,13 +55,9 @@ def peak_loads(  # type: ignore[no-untyped-def]
         here, after = values[c, k], values[c, k + 1]
         rest = _expected(feed, curve[q], scale[q], exponent[q])
         rest -= weight[q] * _between(feed, nodes[c], expected[c])
-        count = 0
         for d in range(out.shape[0]):
             drawn = here[first + d] + share * (after[first + d] - here[first + d])
-            load = rest + weight[q] * drawn
-            count += load > limit
-            out[d] = max(out[d], load)
-        beyond[q] = count
+            out[d] = max(out[d], rest + weight[q] * drawn)
 
 
 @compiled

@@ -17,6 +17,7 @@ computed in each draw, over the feed for each tooth; candidates of the part foll
 
 from dataclasses import dataclass, field
 from math import ceil, log2
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,8 +202,7 @@ def _kinds(cut: Cut, stations: Rows) -> NDArray[np.int64]:
     return np.round(np.stack(columns, axis=1)).astype(np.int64)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ToolDraws:
+class ToolDraws(NamedTuple):
     """D draws of one tool.
 
     Parameters
@@ -232,12 +232,7 @@ class Draws:
 
     def first(self, many: int) -> "Draws":
         """The first of them."""
-        tools = {
-            number: ToolDraws(
-                coefficients=one.coefficients[:many], offsets=one.offsets[:many],
-                depth=one.depth[:many],
-            ) for number, one in self.tools.items()
-        }  # fmt: skip
+        tools = {k: ToolDraws(*(part[:many] for part in one)) for k, one in self.tools.items()}
         return Draws(tools=tools, model=self.model[:many])
 
 
@@ -262,13 +257,13 @@ def _of_tool(
     tool: ToolUncertainty, depth: float, shared: Floats, normal: Floats, places: Floats
 ) -> ToolDraws:
     scale = np.maximum(1.0 + tool.common * shared, 0.0)
-    law = tool.mean * scale[:, None] + normal[:, COEFFICIENTS] @ tool.own.T
-    law[:, [0, 3]] = np.maximum(law[:, [0, 3]], 0.0)  # a cut does not drive its tool
+    drawn = tool.mean * scale[:, None] + normal[:, COEFFICIENTS] @ tool.own.T
+    drawn[:, [0, 3]] = np.maximum(drawn[:, [0, 3]], 0.0)  # a cut does not drive its tool
     size = np.abs(tool.runout + tool.runout_sd * normal[:, SIZE])
     angle = 2 * np.pi * places[:, ANGLE]
     offsets = size[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     offsets += tool.mounting * normal[:, MOUNTING]
-    return ToolDraws(coefficients=law, offsets=offsets, depth=depth * normal[:, DEPTH])
+    return ToolDraws(coefficients=drawn, offsets=offsets, depth=depth * normal[:, DEPTH])
 
 
 def _sobol(dimensions: int, many: int, seed: int) -> Floats:
@@ -300,11 +295,6 @@ class Responses:
     values: Floats = field(repr=False)
 
 
-def nodes_below(most: Floats) -> Floats:
-    """Feeds of classes whose greatest are given, shape (C,), down to none; shape (C, K)."""
-    return most[:, None] * NODES
-
-
 def nodes_between(least: Floats, most: Floats) -> Floats:
     """Feeds of classes that span the given ones, shape (C, K)."""
     span = float((most / least).max(initial=1.0))
@@ -334,10 +324,6 @@ def _fill(
     nominal = np.concatenate([law.cutting, law.edge])[np.newaxis]
     offset = tool.runout * np.array([[np.cos(tool.runout_angle), np.sin(tool.runout_angle)]])
 
-    def nominal_peaks(depth: float) -> Floats:
-        turn = edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope)
-        return drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
-
     turn = edge_turn(tool, lower, upper, slope=slope)
     expected[:] = drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
     out[:] = drawn_peaks(turn, drawn.coefficients, drawn.offsets, f_z, m_c=law.m_c)
@@ -345,7 +331,11 @@ def _fill(
     if reach == 0.0 or tool.kind == "drill" or abs(slope) > STEEP or not (expected > 0).all():
         return
     depths = np.linspace(-reach, reach, DEPTHS)
-    shifted = np.stack([nominal_peaks(depth) for depth in depths.tolist()])
+    turns = (
+        edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope)
+        for depth in depths.tolist()
+    )
+    shifted = np.stack([drawn_peaks(t, nominal, offset, f_z, m_c=law.m_c)[:, 0] for t in turns])
     for k in range(len(f_z)):
         out[k] *= np.interp(drawn.depth, depths, shifted[:, k] / expected[k])
 
@@ -395,18 +385,17 @@ class PartLoads:
         )  # fmt: skip
         return out
 
-    def peaks(self, feeds: Floats, draws: slice) -> tuple[Floats, Rows]:
-        """The part's greatest load in each draw, and how often each candidate passes the limit."""
+    def peaks(self, feeds: Floats, draws: slice) -> Floats:
+        """The part's greatest load in each of some draws [N]; shape (D,)."""
         from pipeline.optimisation.reliability.kernels import peak_loads
 
         of, peaks = self.candidates, np.zeros(draws.stop - draws.start)
-        beyond = np.empty(len(of), dtype=np.intp)
         drawn = self.responses
         peak_loads(
-            feeds, self.limit, of.curve, of.scale, of.exponent, of.weight, of.group, drawn.f_z,
-            drawn.expected, drawn.values, draws.start, peaks, beyond,
+            feeds, of.curve, of.scale, of.exponent, of.weight, of.group, drawn.f_z,
+            drawn.expected, drawn.values, draws.start, peaks,
         )  # fmt: skip
-        return peaks, beyond
+        return peaks
 
 
 def row_feeds(candidates: Critical, feeds: Floats) -> Floats:

@@ -28,6 +28,7 @@ from pipeline.cutting.tool import UM, Tool
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import MAGNITUDE, CuttingModel
+from pipeline.schema.part import UncertainQuantity
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
 
@@ -40,16 +41,6 @@ BESIDE = 0.1
 CHIP = 5e-5
 """Thickness by which edge coefficients are beside cutting ones [m]."""
 SCALES = np.array([N_MM2] * 3 + [N_MM] * 3)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Uncertain:
-    """One uncertain quantity in words: what it is, its value, its spread, its source."""
-
-    what: str
-    value: str
-    spread: str
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +61,7 @@ class ToolUncertainty:
         Size of the offset that is known of [m]; its angle is not.
     mounting : float
         Standard deviation of each component of what another mounting adds [m].
-    described : tuple of Uncertain
+    described : tuple of UncertainQuantity
         In words.
     """
 
@@ -81,7 +72,7 @@ class ToolUncertainty:
     runout: float = 0.0
     runout_sd: float = 0.0
     mounting: float = 0.0
-    described: tuple[Uncertain, ...] = ()
+    described: tuple[UncertainQuantity, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +89,7 @@ class Uncertainty:
         Standard deviation of each tool's axial depth [m].
     model : float
         Of the model's peaks, common to the part [1].
-    described : tuple of Uncertain
+    described : tuple of UncertainQuantity
         The last two in words.
     """
 
@@ -106,26 +97,24 @@ class Uncertainty:
     sources: tuple[str, ...]
     depth: float
     model: float
-    described: tuple[Uncertain, ...] = ()
+    described: tuple[UncertainQuantity, ...] = ()
 
-    def rows(self) -> list[dict[str, str]]:
-        """Uncertain quantities with value, spread and source; those that tools share once."""
-        tools_of: dict[tuple[str, str, str, str], list[int]] = {}
+    @property
+    def quantities(self) -> tuple[UncertainQuantity, ...]:
+        """Uncertain quantities in words; those that tools share once, with their numbers."""
+        tools_of: dict[UncertainQuantity, list[str]] = {}
         for number, tool in sorted(self.tools.items()):
             for one in tool.described:
-                key = (one.what, one.value, one.spread, one.source)
-                tools_of.setdefault(key, []).append(number)
-        listed = [
-            (f"{what} ({', '.join(f'T{n}' for n in numbers)})", value, spread, source)
-            for (what, value, spread, source), numbers in tools_of.items()
-        ]
-        listed += [(one.what, one.value, one.spread, one.source) for one in self.described]
-        keys = ("what", "value", "spread", "source")
-        return [dict(zip(keys, one, strict=True)) for one in listed]
+                tools_of.setdefault(one, []).append(f"T{number}")
+        of_tools = (
+            replace(one, what=f"{one.what} ({', '.join(numbers)})")
+            for one, numbers in tools_of.items()
+        )
+        return (*of_tools, *self.described)
 
 
 def uncertainty(
-    laws: Mapping[int, ToolCoefficients],
+    coefficients: Mapping[int, ToolCoefficients],
     tools: Mapping[int, Tool],
     model: CuttingModel | None,
     verdict: Verdict | None,
@@ -135,7 +124,7 @@ def uncertainty(
 
     Parameters
     ----------
-    laws : mapping of int to ToolLaw
+    coefficients : mapping of int to ToolCoefficients
         Force law of each tool that cuts, by number, and where it is from.
     tools : mapping of int to Tool
         The tools.
@@ -151,24 +140,26 @@ def uncertainty(
     ValueError
         When a law has no tool.
     """
-    sources = tuple(sorted({one.source for one in laws.values() if one.kind != "identified"}))
+    sources = tuple(
+        sorted({one.source for one in coefficients.values() if one.kind != "identified"})
+    )
     drawn_tools = {}
-    for number, law in laws.items():
+    for number, given in coefficients.items():
         if number not in tools:
             raise ValueError(f"uncertainty: T{number} has a force law and is no tool: add it")
-        if law.kind == "identified":
-            drawn = _identified(law, model)
+        if given.kind == "identified":
+            drawn = _identified(given, model)
         else:
-            drawn = _taken_over(law, sources.index(law.source), settings)
-        drawn_tools[number] = _with_runout(drawn, tools[number], law.kind, model, settings)
+            drawn = _taken_over(given, sources.index(given.source), settings)
+        drawn_tools[number] = _with_runout(drawn, tools[number], given.kind, model, settings)
     spread, spread_source = model_spread(verdict, settings.model)
-    depth = Uncertain(
+    depth = UncertainQuantity(
         what="axial depth", value="as in the blank", spread=f"{settings.depth_um:g} um",
         source="certainty.depth_um: tool length and blank, of each tool",
     )  # fmt: skip
     return Uncertainty(
         tools=drawn_tools, sources=sources, depth=settings.depth_um * UM, model=spread,
-        described=(depth, Uncertain(
+        described=(depth, UncertainQuantity(
             what="model's peak loads", value="1", spread=f"{100 * spread:.2g} %",
             source=spread_source,
         )),
@@ -180,16 +171,16 @@ def _values(law: ForceLaw) -> Floats:
 
 
 def _taken_over(
-    law: ToolCoefficients, source: int, settings: ReliabilitySettings
+    given: ToolCoefficients, source: int, settings: ReliabilitySettings
 ) -> ToolUncertainty:
     """Coefficients that others measured, or a catalogue has."""
-    measured = law.kind == "measured"
+    measured = given.kind == "measured"
     spread = settings.measured_elsewhere if measured else settings.catalogue
-    mean = _values(law.law)
-    described = Uncertain(
-        what="coefficients", value=f"K_tc {mean[0] * 1e-6:.4g} N/mm^2" if law.law.m_c == 0 else
-        f"k_c1.1 {mean[0] * 1e-6 * 1e-3**-law.law.m_c:.4g} N/mm^2",
-        spread=f"{100 * spread:.3g} %, 4/5 of the variance common to all", source=law.source,
+    mean = _values(given.law)
+    described = UncertainQuantity(
+        what="coefficients", value=f"K_tc {mean[0] * 1e-6:.4g} N/mm^2" if given.law.m_c == 0 else
+        f"k_c1.1 {mean[0] * 1e-6 * 1e-3**-given.law.m_c:.4g} N/mm^2",
+        spread=f"{100 * spread:.3g} %, 4/5 of the variance common to all", source=given.source,
     )  # fmt: skip
     return ToolUncertainty(
         mean=mean, own=np.diag(OWN * spread * np.abs(mean)), source=source,
@@ -197,25 +188,25 @@ def _taken_over(
     )  # fmt: skip
 
 
-def _identified(law: ToolCoefficients, model: CuttingModel | None) -> ToolUncertainty:
+def _identified(given: ToolCoefficients, model: CuttingModel | None) -> ToolUncertainty:
     """Coefficients that this machine's recordings say, with the covariance of the fit."""
-    mean, spread = _values(law.law), np.zeros(6)
+    mean, spread = _values(given.law), np.zeros(6)
     fitted = fitted_coefficients(model)
     described = []
     for k, name in enumerate(COEFFICIENTS):
         value, half = interval(model, name)
         if value is not None and half is not None:
-            spread[k], how = half / NORMAL * SCALES[k], law.source
+            spread[k], how = half / NORMAL * SCALES[k], given.source
         else:
             mean[k] = fitted[k]
             beside = mean[0] if k < 3 else max(mean[3], mean[0] * CHIP)
             spread[k], how = max(abs(mean[k]), BESIDE * beside), "not determined by the records"
         unit = "N/mm^2" if k < 3 else "N/mm"
-        described.append(Uncertain(
+        described.append(UncertainQuantity(
             what=name, value=f"{mean[k] / SCALES[k]:.4g} {unit}",
             spread=f"{spread[k] / SCALES[k]:.3g} {unit}", source=how,
         ))  # fmt: skip
-    determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(law.law)[k]]
+    determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(given.law)[k]]
     own = spread[:, None] * root(correlation(model, determined))
     return ToolUncertainty(mean=mean, own=own, described=tuple(described))
 
@@ -227,31 +218,26 @@ def _with_runout(
     """The same with the runout of the tool."""
     if tool.flutes < 2:
         return drawn
-    value, half = None, None
-    if kind == "identified":
-        value, half = interval(model, "runout", upper=True)
-    if tool.runout > 0:
-        described = Uncertain(
-            what="runout", value=f"{tool.runout_um:g} um", spread="at any angle",
-            source="tool table",
-        )  # fmt: skip
-        return replace(drawn, runout=tool.runout, described=(*drawn.described, described))
+    value, half = interval(model, "runout", upper=True) if kind == "identified" else (None, None)
     own = f"Rayleigh's scale {settings.runout_um:g} um"
-    if value is None or half is None:
-        described = Uncertain(
-            what="runout", value="not known", spread=own, source="certainty.runout_um",
+    runout = spread = mounting = 0.0
+    if tool.runout > 0:
+        runout = tool.runout
+        words = f"{tool.runout_um:g} um", "at any angle", "tool table"
+    elif value is None or half is None:
+        mounting = settings.runout_um * UM
+        words = "not known", own, "certainty.runout_um"
+    else:
+        runout, spread, mounting = value * UM, half / NORMAL * UM, settings.runout_um * UM
+        words = (
+            f"{value:.3g} um", f"{half / NORMAL:.2g} um, at any angle; another mounting: {own}",
+            "identified in another mounting",
         )  # fmt: skip
-        return replace(
-            drawn, mounting=settings.runout_um * UM, described=(*drawn.described, described)
-        )
-    described = Uncertain(
-        what="runout", value=f"{value:.3g} um",
-        spread=f"{half / NORMAL:.2g} um, at any angle; another mounting: {own}",
-        source="identified in another mounting",
-    )  # fmt: skip
+    said, of, source = words
+    described = UncertainQuantity(what="runout", value=said, spread=of, source=source)
     return replace(
-        drawn, runout=value * UM, runout_sd=half / NORMAL * UM,
-        mounting=settings.runout_um * UM, described=(*drawn.described, described),
+        drawn, runout=runout, runout_sd=spread, mounting=mounting,
+        described=(*drawn.described, described),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.problem.arrays import Editable, Held, Rows
+from pipeline.optimisation.problem.arrays import Editable, Rows
 from pipeline.optimisation.text.modal_words import (
     LineRuns,
     ModalWords,
@@ -22,6 +22,7 @@ from pipeline.optimisation.text.modal_words import (
 )
 from pipeline.optimisation.text.words import NONE, OTHER, FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.part import HeldRows
 
 Reasons = list[tuple[str, Bools]]
 
@@ -219,11 +220,11 @@ def _rows(modal: ModalWords, chosen: Bools, line_runs: LineRuns) -> Bools:
     return flags[line_runs.of]
 
 
-def _held(letter: str, reasons: Reasons, left: Bools, moves: Moves) -> Iterator[Held]:
+def _held(letter: str, reasons: Reasons, left: Bools, moves: Moves) -> Iterator[HeldRows]:
     """Rows that are held by their first reason."""
     for reason, rows in reasons:
         first_held = np.flatnonzero(rows & left)
         if len(first_held):
             first = f"{moves.files[moves.file[first_held[0]]]}:{moves.line[first_held[0]]}"
-            yield Held(reason=f"{letter}: {reason}", rows=len(first_held), first=first)
+            yield HeldRows(reason=f"{letter}: {reason}", rows=len(first_held), first=first)
         left = left & ~rows

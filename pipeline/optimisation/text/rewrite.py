@@ -238,7 +238,10 @@ def matching_rows(before: Moves, after: Moves) -> Rows:
         # the S word of the same line: it stands right before what the line does
         start = matches[row - 1] + 1 if row else 0
         if not (
-            start < len(after) and spare_after[start] and _same_line(before, after, row, start)
+            start < len(after)
+            and spare_after[start]
+            and before.line[row] == after.line[start]
+            and before.file[row] == after.file[start]
         ):
             raise ValueError(
                 f"{before.files[before.file[row]]}:{before.line[row]} has an S word that "
@@ -246,10 +249,6 @@ def matching_rows(before: Moves, after: Moves) -> Rows:
             )
         matches[row] = start
     return matches
-
-
-def _same_line(before: Moves, after: Moves, row: int, other: int) -> bool:
-    return bool(before.line[row] == after.line[other] and before.file[row] == after.file[other])
 
 
 def _alike(before: Moves, after: Moves, rows: Rows, others: Rows) -> bool:

@@ -250,33 +250,6 @@ class NumberStyle:
         return f"{whole}{'.' if fraction or self.point else ''}{fraction}".encode("ascii")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OwnNumbers:
-    """Values that a program gives by numbers of its own.
-
-    Parameters
-    ----------
-    style : NumberStyle
-        How it writes them.
-    texts : mapping of float to bytes
-        In the units of ``Moves`` -> as written.
-    values : ndarray, shape (V,)
-        The keys of ``texts``, ascending.
-    """
-
-    style: NumberStyle
-    texts: Mapping[float, bytes] = field(repr=False)
-    values: Floats = field(repr=False)
-
-    @classmethod
-    def of(cls, words: list[bytes], values: list[float]) -> "OwnNumbers":
-        """Of words as written, ``F120.``, and their values."""
-        numbers = [digits(word) for word in words]
-        texts = dict(zip(values, numbers, strict=True))
-        known = np.array(sorted(texts), dtype=np.float64)
-        return cls(style=NumberStyle.of(numbers), texts=texts, values=known)
-
-
 def digits(word: bytes) -> bytes:
     """The number of a word as written, without blanks."""
     number = _NUMBER.search(word, 1)
@@ -325,12 +298,15 @@ class FeedText:
     ----------
     unit : ndarray, shape (M,)
         Millimetres in the unit of length that F counts.
-    numbers : OwnNumbers
-        Of the program's own F words.
+    style : NumberStyle
+        In which the program writes its own F words.
+    own : mapping of float to bytes
+        Their values in the units of ``Moves`` -> their numbers as written.
     """
 
     unit: Floats = field(repr=False)
-    numbers: OwnNumbers
+    style: NumberStyle
+    own: Mapping[float, bytes] = field(repr=False)
 
     @classmethod
     def of(cls, words: ProgramWords, moves: Moves) -> Self:
@@ -339,21 +315,22 @@ class FeedText:
         program, token = words.program, words.token("F")
         given = np.flatnonzero(token >= 0)
         start = program.tokens.start
-        texts = [program.data[start[at] : start[at + 1]] for at in token[given].tolist()]
+        numbers = [digits(program.data[start[at] : start[at + 1]]) for at in token[given].tolist()]
         values = program.tokens.value[token[given]] * lines[given]
-        inside = np.where(moves.file == 0, moves.line, 0)
-        return cls(unit=lines[inside], numbers=OwnNumbers.of(texts, values.tolist()))
+        return cls(
+            unit=lines[np.where(moves.file == 0, moves.line, 0)], style=NumberStyle.of(numbers),
+            own=dict(zip(values.tolist(), numbers, strict=True)),
+        )  # fmt: skip
 
     def rounded(self, feeds: ArrayLike) -> Floats:
         """As :func:`rounded_feeds`."""
         given = np.asarray(feeds, dtype=np.float64)
-        down = rounded_down(given / self.unit, self.numbers.style.least) * self.unit
-        return np.where(np.isin(given, self.numbers.values), given, down)
+        down = rounded_down(given / self.unit, self.style.least) * self.unit
+        return np.where(np.isin(given, np.array(list(self.own))), given, down)
 
     def number(self, row: int, feed: float) -> bytes:
         """A rounded feed of one row, without its letter."""
-        own = self.numbers.texts.get(feed)
-        return own or self.numbers.style.text(feed / float(self.unit[row]))
+        return self.own.get(feed) or self.style.text(feed / float(self.unit[row]))
 
 
 def _line_units(words: ProgramWords, moves: Moves) -> Floats:

@@ -6,14 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.report.programs.moves import (
-    UNKNOWN,
-    FeedClasses,
-    Pieces,
-    ProgramMoves,
-    pieces,
-    radii,
-)
+from pipeline.report.programs.moves import UNKNOWN, FeedClasses, Pieces, ProgramMoves, pieces, radii
 
 UNITS = 1200  # across a map, so that a unit is less than a pixel
 BUDGET = 120_000  # bytes of one view's paths; beyond it the grid that points lie on gets coarser

@@ -8,8 +8,9 @@ import pyarrow as pa
 
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, duration, number, percent
 from pipeline.charts.sections import Block, Figure, Figures, Heading, Section
-from pipeline.charts.sources import Source, SourceRegistry, shown
+from pipeline.charts.sources import SourceRegistry, shown
 from pipeline.charts.tables import MOST_ROWS, Cell, Head, Table, cells, left_out, numbers, sources
+from pipeline.report.programs import times
 from pipeline.report.programs.map import map_figure
 from pipeline.report.programs.moves import (
     COLUMNS,
@@ -19,16 +20,6 @@ from pipeline.report.programs.moves import (
     feed_classes,
     lengths,
     program_moves,
-)
-from pipeline.report.programs.times import (
-    Group,
-    bars_figure,
-    limit_bars,
-    limit_seconds,
-    limit_words,
-    timeline,
-    timeline_figure,
-    tool_and_type_bars,
 )
 from pipeline.schema.program import SimulatedProgram
 
@@ -102,7 +93,8 @@ def _program(path: Path, shelf: SourceRegistry) -> Program | None:
     moves = None
     if table is not None:
         try:
-            moves = program_moves(table, summary.origin_mm)
+            read = program_moves(table, summary.origin_mm)
+            moves = read if len(read.time) else None
         except pa.ArrowException as error:
             shelf.broken[shown(table_path)] = f"its columns are not those of moves: {error}"
     return Program(summary=summary, moves=moves, files=(path, table_path))
@@ -124,7 +116,7 @@ def programs_section(programs: list[Program], shelf: SourceRegistry) -> Section 
         text.append(f"The {len(drawn)} longest are drawn; the table has all of them.")
     if refused:
         text.append(f"{counted(len(refused), 'program')} could not be read:")
-    blocks: list[Block] = [t for t in (_overview_table(programs, shelf),) if t is not None]
+    blocks: list[Block] = [_overview_table(programs, shelf)]
     for place, program in enumerate(drawn):
         blocks += _blocks(shelf, program, classes, folded=place >= MOST_OPEN)
     return Section(
@@ -142,20 +134,18 @@ def _blocks(
     heading = Heading(heading=program.name, text=_summary(program))
     parts = (
         _map(shelf, program, classes),
-        _bars(shelf, program, limit_bars(program.summary), "what bounds its speed"),
+        _bars(shelf, program, times.limit_bars(program.summary), "what bounds its speed"),
         _timeline(shelf, program, classes),
-        _bars(shelf, program, tool_and_type_bars(program.summary), "tool and type of block"),
+        _bars(shelf, program, times.tool_and_type_bars(program.summary), "tool and type of block"),
     )
     figures = [f for f in parts if f is not None]
     if not figures:
         return [heading]
-    drawn = program.moves is not None and len(program.moves.time) > 0
-    legend = _legend(program.moves, classes) if drawn and program.moves is not None else []
-    legend += TIME_LEGEND
+    legend = [] if program.moves is None else _legend(program.moves, classes)
     shown = Figures(
         figures=figures,
-        legend=legend,
-        kind="program" if drawn else "one",
+        legend=[*legend, *TIME_LEGEND],
+        kind="one" if program.moves is None else "program",
         folded=f"{counted(len(figures), 'figure')} of {program.name}" if folded else "",
     )
     return [heading, shown]
@@ -169,7 +159,7 @@ def _summary(program: Program) -> str:
     path = program.summary.path_length_mm
     if path is not None:
         words[0] += f", over a path of {number(path / 1000)}{NARROW}m"
-    if program.moves is not None and len(program.moves.time):
+    if program.moves is not None:
         words += _loss(program.moves)
     words.append(_binding(program))
     return " ".join(f"{w[0].upper()}{w[1:]}." for w in words if w)
@@ -206,7 +196,7 @@ def lost_seconds(moves: ProgramMoves) -> float | None:
 
 def _binding(program: Program) -> str:
     """What costs most beside the programmed feed and rapids, and what that means."""
-    costs = limit_seconds(program.summary)
+    costs = times.limit_seconds(program.summary)
     least = WORTH_SAYING * sum(costs.values())
     bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= least}
     if not bound:
@@ -223,13 +213,9 @@ def _legend(moves: ProgramMoves, classes: FeedClasses) -> list[tuple[str, str, s
     return [*legend, *([("l-rapid", "path of rapids", "line")] if moves.rapid.any() else [])]
 
 
-def _made(shelf: SourceRegistry, program: Program, *, moves: bool) -> list[Source]:
-    return sources(shelf, program.files[1 if moves else 0])
-
-
 def _map(shelf: SourceRegistry, program: Program, classes: FeedClasses) -> Figure | None:
     moves = program.moves
-    if moves is None or len(moves.time) == 0:
+    if moves is None:
         return None
     words = (
         f"Path of {program.name}, {counted(len(moves.time), 'move')}, coloured by the feed that "
@@ -238,13 +224,12 @@ def _map(shelf: SourceRegistry, program: Program, classes: FeedClasses) -> Figur
     return Figure(
         svg=map_figure(moves, classes, words),
         caption=f"{words}. Rapids may leave the frame, which holds what is cut.",
-        sources=_made(shelf, program, moves=True),
+        sources=sources(shelf, program.files[1]),
     )
 
 
 def _timeline(shelf: SourceRegistry, program: Program, classes: FeedClasses) -> Figure | None:
-    shown = timeline(program.moves) if program.moves is not None and len(
-        program.moves.time) else None  # fmt: skip
+    shown = None if program.moves is None else times.timeline(program.moves)
     if shown is None:
         return None
     words = (
@@ -252,28 +237,28 @@ def _timeline(shelf: SourceRegistry, program: Program, classes: FeedClasses) -> 
         "reached, while it cuts"
     )
     return Figure(
-        svg=timeline_figure(shown, classes, words),
+        svg=times.timeline_figure(shown, classes, words),
         caption=f"{words}; below, what the axes fall short by, and which tool is in the spindle.",
-        sources=_made(shelf, program, moves=True),
+        sources=sources(shelf, program.files[1]),
     )
 
 
-def _bars(shelf: SourceRegistry, program: Program, groups: list[Group], by: str) -> Figure | None:
+def _bars(
+    shelf: SourceRegistry, program: Program, groups: list[times.Group], by: str
+) -> Figure | None:
     if not groups:
         return None
     total = program.seconds or sum(bar.seconds for bar in groups[0][1])
     words = f"Predicted time of {program.name} by {by}"
     return Figure(
-        svg=bars_figure(groups, total, words),
+        svg=times.bars_figure(groups, total, words),
         caption=f"{words}.",
-        sources=_made(shelf, program, moves=False),
+        sources=sources(shelf, program.files[0]),
     )
 
 
-def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | None:
+def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table:
     """Every program: predicted time, cutting, path, blocks, tools, what binds it beside feed."""
-    if not programs:
-        return None
     refused = any(p.refused for p in programs)
     return Table(
         caption=f"Every part program, the longest first{left_out(len(programs), MOST_ROWS)}",
@@ -294,7 +279,7 @@ def _row(program: Program) -> list[Cell]:
     if program.refused:
         return cells(name, *["–"] * 7, Cell(text="refused", status="failed"))
     summary, path, blocks = program.summary, program.summary.path_length_mm, program.summary.blocks
-    limits = limit_seconds(summary)
+    limits = times.limit_seconds(summary)
     whole = sum(limits.values())
     other = {k: v for k, v in limits.items() if k not in FREE}
     most = max(sorted(other), key=lambda k: other[k]) if other else ""
@@ -307,6 +292,6 @@ def _row(program: Program) -> list[Cell]:
         NOT_KNOWN if blocks is None else number(blocks),
         number(len(tools)) if tools else "–",
         percent(limits.get("feed", 0.0), whole) if limits else NOT_KNOWN,
-        f"{limit_words(most)}, {percent(other[most], whole)}" if most else "–",
+        f"{times.limit_words(most)}, {percent(other[most], whole)}" if most else "–",
         Cell(text="read", status="passed"),
     )
