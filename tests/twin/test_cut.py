@@ -121,20 +121,20 @@ class TestTrace:
     def test_no_peak_is_lost(self, slot, columns):
         arcs = station_arcs(slot.engagement, slot.tools)
         trace = cut_trace(slot, arcs, columns)
-        high = [v for v in trace["load_N_high"] if v is not None]
-        low = [v for v in trace["load_N_low"] if v is not None]
+        high = [v for v in trace.load_N_high if v is not None]
+        low = [v for v in trace.load_N_low if v is not None]
         assert max(high) == pytest.approx(slot.station_loads.peak.max(), rel=1e-3)
         assert min(low) == pytest.approx(slot.station_loads.peak.min(), rel=1e-3)
-        assert len(trace["load_N_high"]) == columns
+        assert len(trace.load_N_high) == columns
 
     def test_cutting_columns_are_the_time_in_the_material(self, slot):
         trace = cut_trace(slot, station_arcs(slot.engagement, slot.tools), 900)
-        cut = sum(v is not None for v in trace["entry_deg"]) / 900 * slot.plan.total
+        cut = sum(v is not None for v in trace.entry_deg) / 900 * slot.plan.total
         # each of the two ends may fall into a column that is air for the rest
         assert cut == pytest.approx(slot.in_material.sum(), abs=3 * slot.plan.total / 900)
 
     def test_spans_of_tools_cover_the_program(self, slot):
-        spans = cut_trace(slot, station_arcs(slot.engagement, slot.tools))["tools"]
+        spans = cut_trace(slot, station_arcs(slot.engagement, slot.tools)).tools
         assert spans[-1][0] == 1 and spans[-1][2] == 1.0
         assert all(a[2] == pytest.approx(b[1], abs=1e-4) for a, b in pairwise(spans))
 
