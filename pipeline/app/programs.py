@@ -21,9 +21,8 @@ from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.parameters import structure
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
-from pipeline.twin.control import control_of_unit, read_controls
+from pipeline.twin.control import control_of_unit, planned_program, read_controls
 from pipeline.twin.drive import read_drives
-from pipeline.twin.program import planned_program
 from pipeline.twin.simulation import blocks, summary
 
 Share = Callable[[float], None]

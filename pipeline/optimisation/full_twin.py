@@ -31,9 +31,9 @@ from pipeline.optimisation.reliability.uncertainty import Uncertainty
 from pipeline.optimisation.text.rewrite import matching_rows, rewrite
 from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
+from pipeline.twin.control import planned_program
 from pipeline.twin.cut import Cut, recut
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program import planned_program
 from pipeline.twin.program_axes import follow_program
 
 SLACK = 1e-4

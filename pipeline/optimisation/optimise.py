@@ -35,9 +35,9 @@ from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.split import split_blocks
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
+from pipeline.twin.control import planned_program
 from pipeline.twin.cut import Cut, cut_program
 from pipeline.twin.cut_limits import missed_blank
-from pipeline.twin.program import planned_program
 
 ROUNDS = 4
 """Rounds of tightening where the whole twin finds loads above the limit."""

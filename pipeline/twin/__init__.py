@@ -17,7 +17,6 @@ __all__ = [
     "cutting_path",
     "drive",
     "drive_population",
-    "program",
     "program_axes",
     "residual",
     "simulation",

@@ -1,11 +1,19 @@
-"""Identified control as it is stored, and the records that it is identified from."""
+"""Identified control as it is stored, its records, and what it makes of a part program."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+import numpy as np
+
+from pipeline.gcode.interpret import interpret
+from pipeline.gcode.moves import Moves
+from pipeline.gcode.program import read_program
+from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.planner import Plan, limited_path, plan
+from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Correlation, Model
 from pipeline.schema.store import read_json
 
@@ -135,3 +143,47 @@ def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> Con
             "name one of them, or let it learn from a run of that unit"
         )
     return controls[unit]
+
+
+def program_moves(path: Path, setup: Setup, progress: Callable[[int], None] | None = None) -> Moves:
+    """Moves of the part program at ``path``.
+
+    Raises
+    ------
+    GcodeError
+        At the first word that cannot be followed.
+    """
+    return interpret(read_program(path), setup, progress)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overrides:
+    """What the operator sets while a program runs, over what is programmed [1].
+
+    Each is one number, or one a row.
+    """
+
+    feed: Floats | float = 1.0
+    rapid: Floats | float = 1.0
+    spindle: Floats | float = 1.0
+
+
+AS_PROGRAMMED = Overrides()
+
+
+def planned_program(
+    moves: Moves, control: ControlParameters, overrides: Overrides = AS_PROGRAMMED
+) -> Plan:
+    """What ``control`` makes of ``moves``.
+
+    Raises
+    ------
+    ValueError
+        As :func:`pipeline.machine.control.planner.plan`.
+    """
+    return plan(
+        limited_path(moves, control),
+        speeds=moves.speed * overrides.spindle,
+        feed_override=np.asarray(overrides.feed) * 100,
+        rapid_override=np.asarray(overrides.rapid) * 100,
+    )

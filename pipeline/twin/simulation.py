@@ -25,7 +25,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.program import SimulatedProgram
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured
-from pipeline.twin.program import planned_program, program_moves
+from pipeline.twin.control import planned_program, program_moves
 
 _TYPE: dict[int, str] = {
     Kind.RAPID: "rapid",

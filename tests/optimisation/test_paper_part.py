@@ -8,9 +8,9 @@ from pipeline.machine.control.planner import totals
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.records import dynamometer_truth
 from pipeline.shop.trial.trials import prepare, trial
+from pipeline.twin.control import planned_program
 from pipeline.twin.cut import cut_program
 from pipeline.twin.cut_coefficients import identified_coefficients
-from pipeline.twin.program import planned_program
 
 from .paper_part import (
     CONTROL,

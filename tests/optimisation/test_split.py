@@ -12,8 +12,8 @@ from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.rewrite import rewrite
 from pipeline.optimisation.text.split import split_at, split_blocks, splittable
+from pipeline.twin.control import planned_program
 from pipeline.twin.cut import CutJob, cut_program
-from pipeline.twin.program import planned_program
 from tests.optimisation.modal_programs import any_answer, modal_program, seeds
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX
 

@@ -10,8 +10,8 @@ from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
+from pipeline.twin.control import planned_program
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program import planned_program
 from pipeline.twin.program_axes import between, follow_program
 
 GAIN, FEED = 40.0, 3000.0

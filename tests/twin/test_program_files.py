@@ -6,7 +6,7 @@ from hashlib import sha256
 import pandas as pd
 import pytest
 
-from pipeline.twin.program import planned_program, program_moves
+from pipeline.twin.control import planned_program, program_moves
 from pipeline.twin.simulation import simulate_files
 from tests.submodels.control.part_programs import SETUP, exciting, truth
 

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.gcode.moves import METRE_PER_SECOND, Kind
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.twin.program import Overrides, planned_program
+from pipeline.twin.control import Overrides, planned_program
 from pipeline.twin.simulation import (
     TYPES,
     block_table,

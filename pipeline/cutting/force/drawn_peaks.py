@@ -55,7 +55,7 @@ def edge_turn(tool: Tool, lower: ArrayLike, upper: ArrayLike, *, slope: float = 
     slope : float
         dz / ds of the motion, from -1 (plunge) to 1.
     """
-    from pipeline.cutting.force.edge_kernel import divide
+    from pipeline.cutting.force.edge import divide
     from pipeline.cutting.force.profile_kernel import pieces_of_turn
 
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)

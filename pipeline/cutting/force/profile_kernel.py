@@ -12,7 +12,7 @@ feed per tooth, and the peaks of one station for many draws of coefficients and 
 
 from math import ceil, cos, floor, pi, sin, sqrt
 
-from pipeline.cutting.force.edge_kernel import (
+from pipeline.cutting.force.edge import (
     CONE_COS,
     CORNER,
     FACE,
@@ -148,7 +148,7 @@ def station_loads(  # type: ignore[no-untyped-def]
     last row goes on from the one before as fast as loads can rise with u.  ``lower`` and ``upper``
     have shape (S, F), ``slope`` (S,), ``law`` (6,), ``feeds`` (K,) [m]; ``forces`` of shape
     (K + 2, A, 4) is for the angles of the tip, A a multiple of FINEST times the teeth; ``many``,
-    ``elements`` and ``pairs`` as :func:`pipeline.cutting.force.edge_kernel.divide`, ``motion`` of
+    ``elements`` and ``pairs`` as :func:`pipeline.cutting.force.edge.divide`, ``motion`` of
     (3,), ``middles`` and ``pieces`` as :func:`edge_pieces`.
 
     Forces of one tooth are added for all teeth by shifting them by pitches, so that the tip's

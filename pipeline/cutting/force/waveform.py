@@ -206,7 +206,7 @@ def _window(
     m_c: float, slope: float, slices: int,
 ) -> Floats:  # fmt: skip
     """Forces and torque for each coefficient under constant engagement; shape (T, 4, 6)."""
-    from pipeline.cutting.force.edge_kernel import FACE_HEIGHT, LAG
+    from pipeline.cutting.force.edge import FACE_HEIGHT, LAG
     from pipeline.cutting.force.waveform_kernel import side_forces, window_forces
 
     _check(f_z, m_c, slope, slices)

@@ -9,7 +9,7 @@ integrated in the same slices, force by force.
 
 from math import ceil, cos, floor, pi, sin
 
-from pipeline.cutting.force.edge_kernel import (
+from pipeline.cutting.force.edge import (
     ARM,
     COS_KAPPA,
     COS_LAG,
@@ -44,7 +44,7 @@ def side_forces(  # type: ignore[no-untyped-def]
 
     Rows are F_x, F_y, F_z and the torque, columns the coefficients.  ``depth`` [m] is the side's,
     ``lag`` [rad] that of its lower end, ``step`` [rad] of a slice; ``differences`` for each tooth
-    as :func:`pipeline.cutting.force.edge_kernel.thickness`.  ``points`` of shape (n, 4) has a row
+    as :func:`pipeline.cutting.force.edge.thickness`.  ``points`` of shape (n, 4) has a row
     for each slice, ``sums`` of (6,) is to work in.
     """
     many, slices = differences.shape[0], points.shape[0]
@@ -146,7 +146,7 @@ def window_forces(  # type: ignore[no-untyped-def]
 
     Rows are F_x, F_y, F_z and the torque.  ``motion`` holds f_z, cosine and sine of its slope;
     ``pairs`` of shape (n, 2, 5) the Gauss points of the elements, ``work`` of (2, 5) is to
-    work in; else as :func:`pipeline.cutting.force.edge_kernel.chip`.
+    work in; else as :func:`pipeline.cutting.force.edge.chip`.
     """
     many = differences.shape[0]
     least, most = 0.0, 0.0

@@ -5,4 +5,4 @@ and waiting times [mm/min, mm/s^2, s] are those that explain the durations of se
 polls of the line number best.
 """
 
-__all__ = ["programs", "records", "runs", "segments", "submodel"]
+__all__ = ["programs", "runs", "segments", "submodel"]

@@ -17,7 +17,7 @@ from pipeline.schema.ranges import Count, Positive, Ranged
 from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
 from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
-from pipeline.twin.program import planned_program
+from pipeline.twin.control import planned_program
 
 Residuals = Callable[[Floats], Floats]
 

@@ -16,7 +16,7 @@ from pipeline.submodels.control.overrides import (
     steady,
 )
 from pipeline.submodels.control.runs import Run, stopped_within
-from pipeline.twin.program import Overrides
+from pipeline.twin.control import Overrides
 from pipeline.twin.simulation import TYPES, type_of
 
 WAITS = (Kind.TOOL_CHANGE, Kind.SPINDLE, Kind.STOP, Kind.M_CODE, Kind.DWELL, Kind.END)

@@ -24,8 +24,7 @@ from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
-from pipeline.submodels.control.programs import Match
-from pipeline.submodels.control.records import read_matches, read_programs
+from pipeline.submodels.control.programs import Match, read_matches, read_programs
 from pipeline.submodels.control.runs import stopped_within
 from pipeline.submodels.control.segments import Observed, observe, shares
 from pipeline.twin.control import (
@@ -33,9 +32,10 @@ from pipeline.twin.control import (
     ControlModelFile,
     ControlRecords,
     control_of_unit,
+    planned_program,
+    program_moves,
     read_controls,
 )
-from pipeline.twin.program import planned_program, program_moves
 from pipeline.twin.simulation import TYPES, block_table
 
 TIME = "run time"

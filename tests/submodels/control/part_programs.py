@@ -11,7 +11,7 @@ from pipeline.machine.control.parameters import (
     AxisParameters,
     ControlParameters,
 )
-from pipeline.twin.program import program_moves
+from pipeline.twin.control import program_moves
 
 SETUP = Setup(initial_position=(0.0, 0.0, 200.0, 0.0, 0.0, 0.0))
 

@@ -19,7 +19,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
 from pipeline.signals.columns import OBSERVATIONS
 from pipeline.submodels.control.runs import Run, joined, read_runs, stopped_within
-from pipeline.twin.program import Overrides, planned_program
+from pipeline.twin.control import Overrides, planned_program
 
 ITEMS = {
     "execution": "exec", "line": "ln", "path_feedrate": "vpath", "spindle_speed": "S1n",

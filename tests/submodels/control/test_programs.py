@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline.gcode.moves import Kind
 from pipeline.submodels.control.programs import match, tool_changes
 from pipeline.submodels.control.runs import Run, Series
-from pipeline.twin.program import planned_program
+from pipeline.twin.control import planned_program
 from tests.submodels.control.part_programs import (
     change,
     circles,

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.submodels.control.records import read_matches, read_programs
+from pipeline.submodels.control.programs import read_matches, read_programs
 from pipeline.twin.control import ControlRecords
 from tests.submodels.control.part_programs import (
     SETUP,

@@ -9,7 +9,7 @@ from pipeline.gcode.moves import Kind
 from pipeline.submodels.control.fit import planned
 from pipeline.submodels.control.runs import Run, Series
 from pipeline.submodels.control.segments import TOGETHER, WAITS, clusters, observe, shares
-from pipeline.twin.program import planned_program
+from pipeline.twin.control import planned_program
 from tests.submodels.control.part_programs import exciting, moves_of, truth
 from tests.submodels.control.polled_logs import ALONE, Operated, logged_runs, polled_log
 

@@ -29,8 +29,7 @@ from pipeline.submodels.control.submodel import (
     naive_times,
 )
 from pipeline.submodels.judge import judge, metrics
-from pipeline.twin.control import ControlModelFile, ControlRecords, read_controls
-from pipeline.twin.program import planned_program
+from pipeline.twin.control import ControlModelFile, ControlRecords, planned_program, read_controls
 from tests.submodels.control.part_programs import SETUP, exciting, moves_of, start, truth
 from tests.submodels.control.polled_logs import ALONE, ITEMS, Operated, polled_log, write_log
 

@@ -21,8 +21,8 @@ from pipeline.gcode.moves import METRE, Kind, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.cutting.spindle_load.records import LoadCut
+from pipeline.twin.control import program_moves
 from pipeline.twin.cutting_path import cutting_path
-from pipeline.twin.program import program_moves
 
 CHORD = 0.1
 """Greatest distance of a chord from its arc, over the resolution [1]."""
