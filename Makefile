@@ -33,11 +33,9 @@ benchmark: $(TESTS)
 
 setup: $(TESTS)
 
-# torch first and by its exact version: a range would bring a build with CUDA
 $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else f"Kerf needs Python 3.11, this is {v[0]}.{v[1]}: make PYTHON=/path/to/python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(INSTALL) "$$(grep '^torch==' requirements.lock)"
 	$(INSTALL) -e .
 	touch $@
 

@@ -1,4 +1,4 @@
-"""Compiled loops of the readers, kept from run to run."""
+"""Compilation of hot loops by Numba; what was compiled is kept from run to run."""
 
 import hashlib
 from collections.abc import Callable

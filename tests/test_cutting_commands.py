@@ -152,7 +152,7 @@ def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path)
         ({"--frf": "q=tools.yaml"}, "'q'"),
         ({"--page": "nowhere/p.html"}, "nowhere does not exist"),
         ({"--page": "part.nc"}, "the program itself"),
-        ({"--limit-load": "inf"}, "must be above 0 and below 1e9"),
+        ({"--limit-load": "inf"}, "must be above 0 and below 1e+12"),
         ({"--unit": "a"}, "has no units: leave --unit out"),
         ({"--tool-table": "twice.yaml"}, "twice.yaml:3: 4 is written twice"),
     ],

@@ -21,12 +21,9 @@ from pipeline.twin.control import ControlModelFile
 from tests.small_project import ROOT, inside
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
-pytestmark = [
-    pytest.mark.skipif(
-        not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
-    ),
-    pytest.mark.proof,
-]  # fmt: skip
+pytestmark = pytest.mark.skipif(
+    not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
+)
 MODEL = "data/models/hurco/control"
 BOX, PLATE = "logs/Box-OP2-Hurco02-{}of20.txt", "logs/Plate-Op1-Hurco04-{}of20.txt"
 JUDGED = {

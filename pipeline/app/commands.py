@@ -130,7 +130,7 @@ def promote(
 @app.command()
 def predict(
     machine: kerf.Machine,
-    submodel: Annotated[str, typer.Argument(help="spindle, control, drive or cutting.")],
+    submodel: Annotated[str, typer.Argument(help="Which, as `kerf status` lists them.")],
     table: Annotated[Path, typer.Argument(help="Its inputs, CSV or Parquet.")],
     out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
     model: kerf.Model = "champion",
@@ -191,7 +191,7 @@ def simulate(
 
     with one_sentence():
         options = cut_options(
-            stock=stock, tool_table=tool_table, material=material, limit_load=limit_load,
+            stock=stock, tool_table=tool_table, material=material, limits={"load_N": limit_load},
             resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
         )  # fmt: skip
         check_outputs(program, json, out, page, inputs=options.files if options else ())
@@ -323,7 +323,6 @@ def optimise(
         PartRequest,
         SearchOptions,
         interruptible,
-        limits_given,
         objective_of,
         optimise_part,
         part_options,
@@ -336,10 +335,9 @@ def optimise(
         request = PartRequest(
             program=program, machine=machine, unit=unit, objective=objective_of(objective),
             cut=part_options(
-                stock=stock, tool_table=tool_table, material=material, load=limits["load_N"],
+                stock=stock, tool_table=tool_table, material=material, limits=limits,
                 resolution=resolution, work_offset=work_offset, frf=frf,
             ),
-            limits=limits_given(limits),
             model=model,
             search=SearchOptions(
                 epsilon=epsilon, seed=seed, split=split, speeds=speeds,

@@ -1,7 +1,9 @@
 """The cut of a program by hand: from options to loads, stability and cost, and to printed lines."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +19,7 @@ from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.job import Workshop, cut_of, machine_models
 from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
-from pipeline.schema.limits import CutLimit
+from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective
 from pipeline.schema.program_cut import CutCost, CutTotals, ProgramCut
 from pipeline.twin.cut import CutJob, cut_program
@@ -34,9 +36,46 @@ REMEDY = {
 }
 
 
+LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
+"""Option of the command line by the limit that it gives."""
+OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
+    known: option
+    for name, option in LIMIT_OPTION.items()
+    for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])
+}
+"""Option of the command line by the setting that it gives."""
+
+
+def limits_given(given: Mapping[str, Any]) -> CutLimit:
+    """The limits of a part by the names of their fields.
+
+    Raises
+    ------
+    ValueError
+        When one is out of its range; it names the option.
+    """
+    with named_as_options():
+        return CutLimit.of_options(given)
+
+
+@contextmanager
+def named_as_options() -> Iterator[None]:
+    """A setting that is refused is named by the option that gave it."""
+    try:
+        yield
+    except ValueError as error:
+        named = re.sub(r"\b(?:\w+\.)?\w+( =)?", _option_of, str(error))
+        raise ValueError(named) from error
+
+
+def _option_of(found: re.Match[str]) -> str:
+    name = found[0].removesuffix(" =")
+    return OPTION.get(name, found[0])
+
+
 @dataclass(frozen=True, kw_only=True)
 class CutOptions:
-    """Options of ``kerf simulate`` that describe a cut.
+    """Options that describe a cut, of ``kerf simulate`` and ``kerf optimise``.
 
     Parameters
     ----------
@@ -46,8 +85,8 @@ class CutOptions:
         Name of a table of conf/tool/, or a YAML file.
     material : str
         Name of a material of conf/material/.
-    limit_load : float or None
-        Of the load in the plane [N].
+    limits : CutLimit
+        That the cut is held against.
     resolution : float
         Of the blank [mm].
     work_offset : str or None
@@ -59,7 +98,7 @@ class CutOptions:
     stock: str
     tool_table: str
     material: str
-    limit_load: float | None = None
+    limits: CutLimit = field(default_factory=CutLimit)
     resolution: float = RESOLUTION
     work_offset: str | None = None
     frf: tuple[str, ...] = ()
@@ -69,11 +108,6 @@ class CutOptions:
             raise ValueError(
                 f"--resolution {self.resolution:g} mm is out of its range, 0.001 to 100: give the "
                 "size of what counts on the part"
-            )
-        if self.limit_load is not None and not 0.0 < self.limit_load < 1e9:
-            raise ValueError(
-                f"--limit-load {self.limit_load:g} N must be above 0 and below 1e9: leave it out "
-                "where there is no limit"
             )
 
     @property
@@ -86,10 +120,10 @@ class CutOptions:
 
 def cut_options(
     *, stock: str | None, tool_table: str | None, material: str | None,
-    limit_load: float | None, resolution: float | None, work_offset: str | None,
+    limits: Mapping[str, Any], resolution: float | None, work_offset: str | None,
     frf: Sequence[str], page: Path | None,
 ) -> CutOptions | None:  # fmt: skip
-    """The options of a cut; None where nothing is said of one.
+    """The options of a cut, limits by the names of their fields; None where nothing is said of one.
 
     Raises
     ------
@@ -97,9 +131,14 @@ def cut_options(
         When only a part of what a cut needs is said, or a value is out of its range.
     """
     needed = {"stock": stock, "tool_table": tool_table, "material": material}
-    other = {"limit_load": limit_load, "resolution": resolution, "work_offset": work_offset,
-             "frf": frf or None, "page": page}  # fmt: skip
-    said = [name for name, value in (needed | other).items() if value is not None]
+    other = {LIMIT_OPTION[name].removeprefix("--"): value for name, value in limits.items()}
+    other |= {
+        "resolution": resolution,
+        "work_offset": work_offset,
+        "frf": frf or None,
+        "page": page,
+    }
+    said = [name for name, value in (needed | other | {"page": page}).items() if value is not None]
     if not said:
         return None
     for name, value in needed.items():
@@ -107,7 +146,7 @@ def cut_options(
             raise ValueError(f"{_option(said[0])} is given without {_option(name)}: {REMEDY[name]}")
     return CutOptions(
         stock=str(stock), tool_table=str(tool_table), material=str(material),
-        limit_load=limit_load, resolution=RESOLUTION if resolution is None else resolution,
+        limits=limits_given(limits), resolution=RESOLUTION if resolution is None else resolution,
         work_offset=work_offset, frf=tuple(frf),
     )  # fmt: skip
 
@@ -136,18 +175,16 @@ def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, 
     ValueError
         When blank, tools or material are not known.
     """
-    part = part_of(options, CutLimit(load_N=options.limit_load), "time")
+    part = part_of(options, "time")
     known = machine_models(on.models, on.control).cutting
     return cut_of(part, workshop_of(on, machine, options), known, on.setup)
 
 
-def part_of(
-    options: CutOptions, limits: CutLimit, objective: Objective, program: str = "part.nc"
-) -> Part:
-    """Blank, tools and material of the options as a part with limits and an objective."""
+def part_of(options: CutOptions, objective: Objective, program: str = "part.nc") -> Part:
+    """Blank, tools, material and limits of the options as a part with an objective."""
     return Part(
         program=program, name="part", stock=options.stock, tool_table=options.tool_table,
-        material=options.material, objective=objective, limits=limits,
+        material=options.material, objective=objective, limits=options.limits,
         resolution_mm=options.resolution, work_offset=options.work_offset,
     )  # fmt: skip
 

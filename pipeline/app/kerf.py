@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from pipeline.schema.limits import limit_words
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -38,7 +40,7 @@ ToolTable = Annotated[
     str | None, typer.Option(help="Tools by number: a table of conf/tool/, or a YAML file.")
 ]
 Material = Annotated[str | None, typer.Option(help="Of the blank, as in conf/material/.")]
-Load = Annotated[float | None, typer.Option(help="Greatest load on a tool in the plane, N.")]
+Load = Annotated[float | None, typer.Option(help=limit_words("load_N")[0].help)]
 Resolution = Annotated[float | None, typer.Option(help="Of the blank, mm; 0.2 by default.")]
 WorkOffset = Annotated[
     str | None, typer.Option(help="That the blank is measured in; that of the first cut.")

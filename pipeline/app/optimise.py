@@ -1,6 +1,5 @@
 """A part program optimised by hand: objective and limits in; program, JSON and page out."""
 
-import re
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -9,7 +8,15 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar, get_args
 
-from pipeline.app.cut import REMEDY, CutOptions, cut_options, part_of, section, workshop_of
+from pipeline.app.cut import (
+    REMEDY,
+    CutOptions,
+    cut_options,
+    named_as_options,
+    part_of,
+    section,
+    workshop_of,
+)
 from pipeline.app.programs import (
     CHAMPION,
     machine_control,
@@ -23,29 +30,9 @@ from pipeline.optimisation.job import Progress, machine_models, part_job
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
-from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective, OptimisedPart, part_values
 
 T = TypeVar("T")
-
-OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
-    known: words.option
-    for name, _, words in limit_options()
-    for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])
-}
-"""Option of the command line by the setting that it gives."""
-
-
-def limits_given(given: Mapping[str, Any]) -> CutLimit:
-    """The limits of a part by the names of their fields.
-
-    Raises
-    ------
-    ValueError
-        When one is out of its range; it names the option.
-    """
-    with _named_as_options():
-        return CutLimit.of_options(given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +57,7 @@ class SearchOptions:
         own = own or OptimisationSettings()
         if self.speeds not in (None, "own", "blocks"):
             raise ValueError(f"--speeds {self.speeds} is neither own nor blocks: name one of them")
-        with _named_as_options():
+        with named_as_options():
             return replace(
                 own,
                 certainty=_with(own.certainty, epsilon=self.epsilon, seed=self.seed),
@@ -84,21 +71,6 @@ def _with(settings: T, **options: float | str | None) -> T:
     """Settings with those options that are given; None leaves a setting as it is."""
     given = {name: value for name, value in options.items() if value is not None}
     return replace(settings, **given)  # type: ignore[type-var]
-
-
-@contextmanager
-def _named_as_options() -> Iterator[None]:
-    """A setting that is refused is named by the option that gave it."""
-    try:
-        yield
-    except ValueError as error:
-        named = re.sub(r"\b(?:\w+\.)?\w+( =)?", _option, str(error))
-        raise ValueError(named) from error
-
-
-def _option(found: re.Match[str]) -> str:
-    name = found[0].removesuffix(" =")
-    return OPTION.get(name, found[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,10 +98,10 @@ class Outputs:
 
 
 def part_options(
-    *, stock: str | None, tool_table: str | None, material: str | None, load: float | None,
+    *, stock: str | None, tool_table: str | None, material: str | None, limits: Mapping[str, Any],
     resolution: float | None, work_offset: str | None, frf: list[str] | None,
 ) -> CutOptions:  # fmt: skip
-    """Blank, tools and material; all three are needed.
+    """Blank, tools and material, all three needed; ``limits`` by the names of their fields.
 
     Raises
     ------
@@ -141,7 +113,7 @@ def part_options(
         if value is None:
             raise ValueError(f"--{name.replace('_', '-')} is missing: {REMEDY[name]}")
     found = cut_options(
-        stock=stock, tool_table=tool_table, material=material, limit_load=load,
+        stock=stock, tool_table=tool_table, material=material, limits=limits,
         resolution=resolution, work_offset=work_offset, frf=frf or (), page=None,
     )  # fmt: skip
     if found is None:
@@ -172,7 +144,6 @@ class PartRequest:
     unit: str | None
     cut: CutOptions
     objective: Objective
-    limits: CutLimit
     search: SearchOptions
     model: str = CHAMPION
 
@@ -191,13 +162,13 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
     on = machine_control(request.machine, request.unit, request.model)
     job = part_job(
         program_at(request.program),
-        part_of(request.cut, request.limits, request.objective),
+        part_of(request.cut, request.objective),
         models=machine_models(on.models, on.control),
         workshop=workshop_of(on, request.machine, request.cut),
         setup=setup_beside(on.setup, request.program),
         settings=request.search.settings(on.parameters),
     )
-    with _named_as_options():
+    with named_as_options():
         result = optimise(job, progress)
     part = optimised_part(result, machine=request.machine, origin=on.origin, control=on.source)
     return result, part
