@@ -385,10 +385,13 @@ def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
 
 def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
     known = read_champions(root / CHAMPIONS)
-    lost = known.machines[MACHINE]
-    write_champions(known.promoted(MACHINE, replace(lost, bundle="0" * 64)), root / CHAMPIONS)
+    lost = replace(known.machines[MACHINE], bundle="0" * 64)
+    write_champions(known.promoted(MACHINE, replace(lost, by="somebody")), root / CHAMPIONS)
     with pytest.raises(ValueError, match=r"000000000000 as the champion of mill01.*`dvc pull"):
         registered(root)
+    write_champions(known.promoted(MACHINE, lost), root / CHAMPIONS)
+    registered(root)  # one that nobody chose gives way to the newest
+    assert read_champions(root / CHAMPIONS).machines[MACHINE].bundle != lost.bundle
 
 
 def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown() -> None:

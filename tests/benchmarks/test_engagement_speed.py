@@ -65,6 +65,7 @@ def test_engagement_of_20_000_blocks(benchmark, tool, seconds: float) -> None:
     assert benchmark.stats["min"] < seconds
 
 
+@pytest.mark.proof
 def test_memory_of_20_000_blocks() -> None:
     path, stock = program(), height_map(stock_of(STOCK), 0.2e-3)
     engage(through([[0, 0, 0], [1, 0, -1]]), [FLAT], stock)

@@ -52,7 +52,7 @@ def form(way: str) -> str:
     return "shdr" if way.startswith("shdr") else way.removesuffix("_fast")
 
 
-@pytest.mark.parametrize("examples", [100, pytest.param(1000, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("examples", [40, pytest.param(1000, marks=pytest.mark.proof)])
 def test_every_input_is_accounted_for(examples: int, way: str, tmp_path: Path) -> None:
     path = tmp_path / "input"
 

@@ -84,6 +84,7 @@ def test_the_angle_of_a_runout_is_that_from_the_nearest_tooth():
     assert rows["runout_angle"].value == pytest.approx(MIXED.runout_angle, abs=5.0)
 
 
+@pytest.mark.proof
 def test_a_helix_that_is_sought_is_found():
     truth = Truth(flutes=2, runout=0.0, helix=38.0)
     tool = Tool(kind="flat", diameter_mm=12.0, flutes=2)
@@ -146,6 +147,7 @@ def test_odd_series_give_an_answer(kind):
         assert not any(one.determined for one in rows if one.name.startswith("runout"))
 
 
+@pytest.mark.proof
 def test_the_genetic_algorithm_finds_the_same_optimum():
     settings = CuttingFitSettings(
         method="genetic", genetic=GeneticSettings(population=30, generations=60, stall=20)

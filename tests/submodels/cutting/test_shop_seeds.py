@@ -66,8 +66,8 @@ def held(machine, folder, seed):
     return inside, determined
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("machine", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
+@pytest.mark.proof
+@pytest.mark.parametrize("machine", ["mill01", "mill02"])
 def test_intervals_hold_the_truth_of_the_shop(machine, tmp_path):
     with threadpool_limits(1), Pool(2) as pool:
         found = pool.map(partial(held, machine, tmp_path), range(FIRST, FIRST + SEEDS), chunksize=1)
