@@ -211,7 +211,6 @@ def test_results_of_a_simulated_machine_are_labelled(project: Path) -> None:
         ("G2 X10. F100.", "part.nc:1"),
         ("GOTO 7", "7"),
         (f"G1 F100. X{'9' * 400}", "too large"),
-        ("N1\nGOTO 1", "does not come to its end"),
         ("G83 Z-50. R2. Q0.00001 F100.", "pecks"),
         ("G1 F100. U5.", "U5."),
         ("\x00\xff", "part.nc:1"),
@@ -222,6 +221,16 @@ def test_what_cannot_be_followed_is_one_sentence(project: Path, text: str, word:
     said = refused(project, "simulate", "part.nc", "--machine", "hurco")
     assert word in said
     assert not (project / "times.json").exists()
+
+
+def test_a_loop_without_an_end_is_one_sentence(project: Path) -> None:
+    machine = project / "conf/machine/hurco.yaml"
+    text = machine.read_text()
+    assert "\nsetup:\n" in text
+    machine.write_text(text.replace("\nsetup:\n", "\nsetup:\n  block_limit: 500\n"))
+    (project / "part.nc").write_text("N1\nGOTO 1\nM30\n")
+    said = refused(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "part.nc:2" in said and "does not come to its end" in said and "block_limit" in said
 
 
 def test_nothing_is_simulated_on_a_machine_without_a_control(project: Path) -> None:
