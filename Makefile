@@ -23,7 +23,7 @@ test: $(TESTS)
 	ruff check .
 	ruff format --check .
 	mypy
-	pytest -n auto -m "not proof"
+	pytest -n auto --dist loadfile -m "not proof"
 
 proof: $(TESTS)
 	pytest -n auto -m proof

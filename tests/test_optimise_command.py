@@ -179,7 +179,7 @@ def test_the_same_seed_makes_the_same_bytes(made: Path) -> None:
         ({"stock": "box:0,60,0,40,0,0"}, "nothing is cut: the blank box:0,60,0,40,0,0"),
         ({"stock": "box:500,560,0,40,-10,0"}, "the blank X 500..560"),
         ({"objective": "beauty"}, "--objective beauty is none of time, cost"),
-        ({"limit_load": "-5"}, "--limit-load -5 N must be above 0"),
+        ({"limit_load": "-5"}, "--limit-load -5.0 N must lie above 0"),
         ({"limit_load": "0.0001"}, "raise --limit-load"),
         ({"limit_deflection": "0"}, "--limit-deflection 0.0 um must lie above 0"),
         ({"limit_deflection": "20"}, "--limit-deflection 20 cannot be kept: T1 has no stickout_mm"),

@@ -58,7 +58,7 @@ def test_its_machine_takes_as_long_and_loads_the_tool_below_the_limit(cut, parts
     assert max(peaks) < LIMITS.load_N and min(peaks) > 0.7 * LIMITS.load_N
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_what_is_identified_of_its_machine_holds_the_truth(tmp_path):
     """Every interval that is told; the law's load in a slot is the shop's truth to 5 %."""
     model = paper_knowledge(tmp_path / "known")
