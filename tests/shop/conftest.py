@@ -95,7 +95,7 @@ NO_CUTS, NO_DRIVES = {"cutting": {"recorded": False}}, {"drives": {"recorded": F
 """Changes by which the cutting tests and the servo tool write nothing."""
 
 
-@pytest.fixture(scope="session", params=["mill01", "mill02"])
+@pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """Without the cutting tests, which ``cuts`` holds."""
     return run(tmp_path_factory.mktemp(request.param), request.param, weeks=1, **NO_CUTS)
@@ -109,7 +109,7 @@ def plain_week(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Sim
     return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES)
 
 
-@pytest.fixture(scope="session", params=["mill01", "mill02"])
+@pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def cuts(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """The cutting tests of each machine alone; ``truth`` is their section of it."""
     folder = tmp_path_factory.mktemp(f"{request.param}-cuts")

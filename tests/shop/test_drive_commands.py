@@ -81,7 +81,7 @@ def test_circles_are_round_and_as_fast_as_told() -> None:
     assert turn[-1] == pytest.approx(turn[0], abs=1e-9)
 
 
-@pytest.fixture(scope="module", params=["mill01", "mill02"])
+@pytest.fixture(scope="module", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def cam(request: pytest.FixtureRequest) -> tuple[PartProgram, np.ndarray, tuple[float, ...]]:
     shop = shop_parameters(request.param)
     program = part_programs(shop.control, shop.generator("part programs"))[0][2]

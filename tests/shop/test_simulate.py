@@ -20,7 +20,7 @@ from pipeline.shop.simulate import simulate
 from .conftest import NO_CUTS, NO_DRIVES, Simulated, digests, run, shop_parameters
 
 one_machine = pytest.mark.parametrize(
-    "week", ["mill02", pytest.param("mill01", marks=pytest.mark.proof)], indirect=True
+    "week", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
 )
 """One machine in the ordinary suite, the other one as proof."""
 

@@ -41,7 +41,9 @@ def true_values(truth):
     return values | {"runout": 1e3 * truth.runout}
 
 
-@pytest.mark.parametrize(("truth", "tests"), [(SLOT, SLOTS), (MIXED, MIX)])
+@pytest.mark.parametrize(
+    ("truth", "tests"), [(SLOT, SLOTS), pytest.param(MIXED, MIX, marks=pytest.mark.proof)]
+)
 def test_coefficients_runout_and_modes_come_back(truth, tests):
     rows, found = determined_by(truth, tests)
     for name, value in true_values(truth).items():
@@ -79,6 +81,7 @@ def test_two_teeth_do_not_tell_the_angle_of_a_runout():
     assert "half the difference of their radii" in rows["runout"].remark
 
 
+@pytest.mark.proof
 def test_the_angle_of_a_runout_is_that_from_the_nearest_tooth():
     rows, _ = determined_by(MIXED, MIX)
     assert rows["runout_angle"].value == pytest.approx(MIXED.runout_angle, abs=5.0)
