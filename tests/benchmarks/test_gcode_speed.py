@@ -17,7 +17,8 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 data, setup = Path(sys.argv[1]).read_bytes(), Setup(dialect=sys.argv[2])
-interpret(parse_program(data[:4000], "warm"), setup)
+head = data[: data.rindex(b"\\n", 0, 4000)]
+interpret(parse_program(head, "warm"), setup)
 best = float("inf")
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for turn in range(5):

@@ -109,6 +109,7 @@ def test_terms_that_recordings_do_not_ask_for_are_left_out():
     assert not terms.modes and not terms.teeth
 
 
+@pytest.mark.proof
 def test_worn_teeth_are_asked_for():
     _, found = determined_by(MIXED, MIX)
     assert found.fit.problem.terms.teeth and found.fit.problem.terms.modes
