@@ -90,11 +90,13 @@ def fuzzed(tmp_path: Path, *options: str) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.proof
 def test_the_program_fuzzes_a_reader(tmp_path: Path) -> None:
     (line,) = fuzzed(tmp_path, "--reader", "shdr")
     assert_some_read(line, tmp_path)
 
 
+@pytest.mark.proof
 @pytest.mark.proof
 def test_the_program_fuzzes_every_reader(tmp_path: Path) -> None:
     lines = fuzzed(tmp_path)
