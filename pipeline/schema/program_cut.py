@@ -47,17 +47,11 @@ class CutCost:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CutTotals:
-    """Worst values of blocks that cut, and sums over the rows of the program.
+class CutQuantities:
+    """Quantities of one block that cuts, or the worst of many.
 
     Parameters
     ----------
-    blocks : int
-        Blocks that cut.
-    time_s, at_feed_s, in_material_s : float or None
-        In all, in moves at feed, in the material [s].
-    air_share : float or None
-        Share of the time at feed in air [1].
     feed_per_tooth_mm, chip_thickness_mm : float or None
         At the highest feed reached; the thickest chip [mm].
     axial_depth_mm, radial_depth_mm : float or None
@@ -74,23 +68,18 @@ class CutTotals:
         Of the tip [um].
     stability_margin : float or None
         Limit over depth, less 1 [1].
+    in_material_s : float or None
+        Time in the material [s].
     volume_cm3 : float or None
         Removed [cm^3].
-    removal_rate_cm3_min, highest_removal_rate_cm3_min : float or None
-        While cutting: mean and greatest [cm^3/min].
+    removal_rate_cm3_min : float or None
+        While cutting [cm^3/min].
     tool_life_share : float or None
         Share of the tools' lives [1].
     energy_kWh : float or None
         Electricity [kWh].
-    cost : CutCost or None
-        None where prices are not known.
     """
 
-    blocks: int
-    time_s: float | None
-    at_feed_s: float | None
-    in_material_s: float | None
-    air_share: float | None
     feed_per_tooth_mm: float | None
     chip_thickness_mm: float | None
     axial_depth_mm: float | None
@@ -104,11 +93,36 @@ class CutTotals:
     drive_share: float | None
     deflection_um: float | None
     stability_margin: float | None
+    in_material_s: float | None
     volume_cm3: float | None
     removal_rate_cm3_min: float | None
-    highest_removal_rate_cm3_min: float | None
     tool_life_share: float | None
     energy_kWh: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutTotals(CutQuantities):
+    """Worst values of blocks that cut, and sums over the rows of the program.
+
+    Parameters
+    ----------
+    blocks : int
+        Blocks that cut.
+    time_s, at_feed_s : float or None
+        In all, and in moves at feed [s].
+    air_share : float or None
+        Share of the time at feed in air [1].
+    highest_removal_rate_cm3_min : float or None
+        The greatest beside the mean [cm^3/min].
+    cost : CutCost or None
+        None where prices are not known.
+    """
+
+    blocks: int
+    time_s: float | None
+    at_feed_s: float | None
+    air_share: float | None
+    highest_removal_rate_cm3_min: float | None
     cost: CutCost | None
 
 
@@ -130,8 +144,8 @@ class PartTotals(CutTotals):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CutBlock:
-    """One block that cuts; quantities as in :class:`CutTotals`.
+class CutBlock(CutQuantities):
+    """One block that cuts.
 
     Parameters
     ----------
@@ -141,6 +155,8 @@ class CutBlock:
         The limit that is nearest; None where none is known.
     used : float or None
         Utilisation of that limit [1].
+    speed_rpm, reached_feed_mm_min : float or None
+        Of the spindle, and the highest feed reached.
     entry_deg, exit_deg : float or None
         Engagement angles of the greatest mean load [deg].
     cost : float or None
@@ -154,26 +170,8 @@ class CutBlock:
     used: float | None
     speed_rpm: float | None
     reached_feed_mm_min: float | None
-    feed_per_tooth_mm: float | None
-    chip_thickness_mm: float | None
-    axial_depth_mm: float | None
-    radial_depth_mm: float | None
     entry_deg: float | None
     exit_deg: float | None
-    peak_load_N: float | None
-    mean_load_N: float | None
-    axial_force_N: float | None
-    torque_Nm: float | None
-    peak_torque_Nm: float | None
-    power_kW: float | None
-    drive_share: float | None
-    deflection_um: float | None
-    stability_margin: float | None
-    in_material_s: float | None
-    volume_cm3: float | None
-    removal_rate_cm3_min: float | None
-    tool_life_share: float | None
-    energy_kWh: float | None
     cost: float | None
 
 

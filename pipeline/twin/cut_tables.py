@@ -72,49 +72,63 @@ def summary(found: CutResults) -> PartTotals:
     )
 
 
+def _quantities(found: CutResults) -> dict[str, Floats]:
+    """What a block and a total have in common, each (K,), in the units of their names."""
+    b, limits = found.blocks, found.limits
+    turning = np.where(b.spindle_speed > 0, 1.0, np.nan)  # without turning there is no chip
+    energy = found.energy
+    return {
+        "feed_per_tooth_mm": turning * b.feed_per_tooth * MM,
+        "chip_thickness_mm": turning * b.thickness * MM,
+        "axial_depth_mm": b.axial_depth * MM,
+        "radial_depth_mm": b.radial_depth * MM,
+        "peak_load_N": turning * b.peak,
+        "mean_load_N": turning * b.mean,
+        "axial_force_N": turning * b.axial,
+        "torque_Nm": turning * b.torque,
+        "peak_torque_Nm": turning * b.peak_torque,
+        "power_kW": turning * b.power * KW,
+        "drive_share": limits.drive,
+        "deflection_um": limits.deflection * UM,
+        "stability_margin": limits.margin,
+        "in_material_s": b.seconds,
+        "volume_cm3": b.volume * CM3,
+        "removal_rate_cm3_min": b.rate * CM3_MIN,
+        "tool_life_share": found.life.wear[b.row],
+        "energy_kWh": np.full(len(b), np.nan) if energy is None else energy.block[b.row],
+    }
+
+
 def _totals(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
     """Worst values of the blocks ``mine`` (K,) and sums over the ``rows`` (M,)."""
-    b, limits, plan = found.blocks, found.limits, found.cut.plan
+    b, plan = found.blocks, found.cut.plan
     turning = b.spindle_speed > 0
     fed = rows & np.isin(plan.path.moves.kind, CUTTING)
     at_feed, inside = float(plan.motion.time[fed].sum()), float(b.seconds[mine].sum())
     volume = float(b.volume[mine].sum())
-
-    def most(values: Floats, factor: float = 1.0, of: Callable[..., Any] = np.max) -> float | None:
-        known = values[mine & ~np.isnan(values)]
-        return figure(factor * float(of(known))) if len(known) else None
-
-    return {
+    worst = {
+        name: _worst(values[mine], np.min if name == "stability_margin" else np.max)
+        for name, values in _quantities(found).items()
+    }
+    return worst | {
         "blocks": int(mine.sum()),
         "time_s": figure(float(plan.time[rows].sum())),
         "at_feed_s": figure(at_feed),
         "in_material_s": figure(inside),
         "air_share": figure(max(0.0, 1 - inside / at_feed)) if at_feed > 0 else None,
-        "feed_per_tooth_mm": most(_turning(b, b.feed_per_tooth), MM),
-        "chip_thickness_mm": most(_turning(b, b.thickness), MM),
-        "axial_depth_mm": most(b.axial_depth, MM),
-        "radial_depth_mm": most(b.radial_depth, MM),
-        "peak_load_N": most(_turning(b, b.peak)),
         "mean_load_N": _mean(b.mean[mine & turning], b.seconds[mine & turning]),
-        "axial_force_N": most(_turning(b, b.axial)),
-        "torque_Nm": most(_turning(b, b.torque)),
-        "peak_torque_Nm": most(_turning(b, b.peak_torque)),
-        "power_kW": most(_turning(b, b.power), KW),
-        "drive_share": most(limits.drive),
-        "deflection_um": most(limits.deflection, UM),
-        "stability_margin": most(limits.margin, of=np.min),
         "volume_cm3": figure(volume * CM3),
         "removal_rate_cm3_min": figure(volume * CM3_MIN / inside) if inside > 0 else None,
-        "highest_removal_rate_cm3_min": most(b.rate, CM3_MIN),
+        "highest_removal_rate_cm3_min": worst["removal_rate_cm3_min"],
         "tool_life_share": figure(float(found.life.wear[rows].sum())),
         "energy_kWh": None if found.energy is None else figure(_sum(found.energy.block, rows)),
         "cost": None if found.cost is None else _cost(found.cost, rows, found.energy is not None),
     }
 
 
-def _turning(blocks: CutBlocks, values: Floats) -> Floats:
-    """NaN where the spindle stands: without turning there is no chip."""
-    return np.where(blocks.spindle_speed > 0, values, np.nan)
+def _worst(values: Floats, of: Callable[[Floats], Any]) -> float | None:
+    known = values[~np.isnan(values)]
+    return figure(float(of(known))) if len(known) else None
 
 
 def _mean(values: Floats, seconds: Floats) -> float | None:
@@ -138,41 +152,21 @@ def _cost(cost: PartCost, rows: Bools, energy: bool) -> CutCost:
 def block_rows(found: CutResults) -> tuple[CutBlock, ...]:
     """Every block that cuts, in the order of the program."""
     b, limits, cut = found.blocks, found.limits, found.cut
+    figures = _quantities(found) | {
+        "used": limits.used,
+        "speed_rpm": b.spindle_speed,
+        "reached_feed_mm_min": b.feed,
+        "entry_deg": np.degrees(b.entry),
+        "exit_deg": np.degrees(b.exit),
+        "cost": np.full(len(b), np.nan) if found.cost is None else found.cost.block[b.row],
+    }
     columns: dict[str, list[Any]] = {
         "line": b.line.tolist(),
         "row": b.row.tolist(),
         "tool": [cut.numbers[tool] for tool in b.tool.tolist()],
         "binds": [str(word) or None for word in limits.binds.tolist()],
+        **{name: [figure(value) for value in values.tolist()] for name, values in figures.items()},
     }
-    wear = found.life.wear[b.row]
-    for name, values in (
-        ("used", limits.used),
-        ("speed_rpm", b.spindle_speed),
-        ("reached_feed_mm_min", b.feed),
-        ("feed_per_tooth_mm", _turning(b, b.feed_per_tooth) * MM),
-        ("chip_thickness_mm", _turning(b, b.thickness) * MM),
-        ("axial_depth_mm", b.axial_depth * MM),
-        ("radial_depth_mm", b.radial_depth * MM),
-        ("entry_deg", np.degrees(b.entry)),
-        ("exit_deg", np.degrees(b.exit)),
-        ("peak_load_N", _turning(b, b.peak)),
-        ("mean_load_N", _turning(b, b.mean)),
-        ("axial_force_N", _turning(b, b.axial)),
-        ("torque_Nm", _turning(b, b.torque)),
-        ("peak_torque_Nm", _turning(b, b.peak_torque)),
-        ("power_kW", _turning(b, b.power) * KW),
-        ("drive_share", limits.drive),
-        ("deflection_um", limits.deflection * UM),
-        ("stability_margin", limits.margin),
-        ("in_material_s", b.seconds),
-        ("volume_cm3", b.volume * CM3),
-        ("removal_rate_cm3_min", b.rate * CM3_MIN),
-        ("tool_life_share", wear),
-        ("energy_kWh", np.nan if found.energy is None else found.energy.block[b.row]),
-        ("cost", np.nan if found.cost is None else found.cost.block[b.row]),
-    ):
-        spread = np.broadcast_to(values, len(b)).tolist()
-        columns[name] = [figure(value) for value in spread]
     return tuple(
         CutBlock(**dict(zip(columns, values, strict=True)))
         for values in zip(*columns.values(), strict=True)
