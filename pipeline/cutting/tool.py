@@ -19,6 +19,11 @@ UM = 1e-6
 DEGREE = pi / 180
 
 Kind = Literal["flat", "bull_nose", "ball", "drill"]
+Role = Literal[
+    "", "face_mill", "spot_drill", "centre_drill", "reamer", "tap", "thread_mill", "chamfer_mill",
+    "boring_bar", "engraver", "probe",
+]  # fmt: skip
+"""What a tool is made for, where the form of its end does not say it."""
 Length = Annotated[float, Range(least=0.01, most=1000.0)]
 """Length on a tool [mm]."""
 
@@ -31,6 +36,10 @@ class Tool(Ranged, section="tool"):
     ----------
     kind : {"flat", "bull_nose", "ball", "drill"}
         Form of its end.
+    role : str
+        What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
+        ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
+        ``boring_bar``, ``engraver`` or ``probe``.  Geometry goes by ``kind``.
     diameter_mm : float
         D over the cutting edges [mm].
     flutes : int
@@ -55,6 +64,9 @@ class Tool(Ranged, section="tool"):
         Angle of that offset from the first tooth, in the sense of the tooth's motion [deg].
     material : {"carbide", "hss"}
         Cutting material; chooses a material's constants of tool life.
+    coating : str
+        As its maker names it, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" where it is
+        not known.
     price : float
         Of a new tool, or of an insert's set of edges, in the currency of the costs.
     edges : int
@@ -77,6 +89,7 @@ class Tool(Ranged, section="tool"):
     """
 
     kind: Kind
+    role: Role = ""
     diameter_mm: Length
     flutes: Annotated[int, Range(least=1, most=200)]
     helix_deg: Annotated[float, Range(least=-75.0, most=75.0)] = 0.0
@@ -89,6 +102,7 @@ class Tool(Ranged, section="tool"):
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
     material: Literal["carbide", "hss"] = "carbide"
+    coating: str = ""
     price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
     edges: Annotated[int, Range(least=1, most=1000)] = 1
     feed_per_tooth_mm: tuple[float, ...] | None = None
