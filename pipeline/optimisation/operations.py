@@ -90,8 +90,8 @@ def named_operation(text: str) -> Operation | None:
 
     Examples
     --------
-    >>> named_operation("10H7 REAMER"), named_operation("8.5 DRILL"), named_operation("16MM ENDMILL")
-    ('reaming', 'drilling', None)
+    >>> [named_operation(name) for name in ("10H7 REAMER", "8.5 DRILL", "16MM ENDMILL")]
+    ['reaming', 'drilling', None]
     """
     return next((name for name, words in _WORDS if words.search(text)), None)
 

@@ -268,7 +268,7 @@ class CutLimit(Ranged, section="limits"):
         ValueError
             When one is out of its range.
         """
-        known = {
+        known: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in given.items()
             if value is not None
@@ -277,7 +277,10 @@ class CutLimit(Ranged, section="limits"):
             {name: known.pop(name) for name in list(known) if name in _of(kind)}
             for kind in (Margins, MachiningPractice)
         )
-        nested = {"margins": Margins(**margins), "practice": MachiningPractice(**practice)}
+        nested: dict[str, Any] = {
+            "margins": Margins(**margins),
+            "practice": MachiningPractice(**practice),
+        }
         return replace(cls(**nested), **known)
 
     @property

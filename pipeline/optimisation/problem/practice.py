@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.economics.tool_life import MINUTE, cutting_speed, life
+from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, life
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
@@ -253,7 +253,7 @@ class _Rows:
             if constants is None:
                 out[rows] = np.nan
                 continue
-            conditions = {
+            conditions: dict[Condition, Floats] = {
                 "f_z": np.maximum(high[rows] * self.own_f_z[rows], 1e-9),
                 "a_p": np.maximum(blocks.axial_depth[mine], 1e-9),
                 "a_e": np.maximum(blocks.radial_depth[mine], 1e-9),
@@ -361,10 +361,8 @@ class _Rows:
             if inside and line in changes:
                 above = False
             lines[line] = inside
-        names = {
-            n: t.name.casefold() for n, t in zip(self.cut.numbers, self.cut.tools, strict=True)
-        }
-        tools = [number for number, name in names.items() if word in name]
+        named = zip(self.cut.numbers, self.cut.tools, strict=True)
+        tools = [number for number, tool in named if word in tool.name.casefold()]
         rows = ((moves.file == 0) & lines[moves.line]) | np.isin(moves.tool, tools)
         if not rows.any():
             raise ValueError(
