@@ -69,7 +69,8 @@ class Rows:
     feed, speed : ndarray, shape (2, R)
         F [mm/min] and S [rev/min], before and after.
     f_z, v_c : ndarray, shape (2, R)
-        Feed per tooth [mm], cutting speed at the full diameter [m/min]; NaN with a standing spindle.
+        Feed per tooth [mm], cutting speed at the full diameter [m/min]; NaN where the
+        spindle stands.
     """
 
     line: np.ndarray
@@ -152,7 +153,6 @@ def _word(line: str, letter: str) -> str | None:
     return None if found is None else found[1]
 
 
-@cache
 def optimised(order: Order, *options: str, edit: tuple[tuple[str, str], ...] = ()) -> Read:
     """The program of ``order`` optimised with more ``options``; ``edit`` replaces text in it.
 
@@ -161,6 +161,15 @@ def optimised(order: Order, *options: str, edit: tuple[tuple[str, str], ...] = (
     ValueError
         When the command refuses it.
     """
+    found = _once(order, options, edit)
+    if isinstance(found, str):
+        raise ValueError(found)
+    return found
+
+
+@cache
+def _once(order: Order, options: tuple[str, ...], edit: tuple[tuple[str, str], ...]) -> Read | str:
+    """The program read, or the sentence with which the command refuses it."""
     with TemporaryDirectory() as folder:
         project = new_project(Path(folder) / "project", order)
         path = project / f"{order.name}.nc"
@@ -175,7 +184,7 @@ def optimised(order: Order, *options: str, edit: tuple[tuple[str, str], ...] = (
                     str(order.limit_load), "--out", "o.nc", "--json", "o.json",
                     *options)  # fmt: skip
         if done.exit_code != 0:
-            raise ValueError(done.stderr)
+            return done.stderr
         simulated = kerf(project, "simulate", path.name, *given, "--json", "s.json")
         if simulated.exit_code != 0:
             raise ValueError(simulated.stderr)
@@ -195,6 +204,8 @@ def new_project(folder: Path, order: Order) -> Path:
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     config = folder / "conf/config.yaml"
     config.write_text(config.read_text().replace("budget: default", "budget: quick"))
+    search = folder / "conf/optimisation/default.yaml"
+    search.write_text(search.read_text().replace("draws: 1024", "draws: 256"))
     for path in (folder / "conf/machine").glob("mill*.yaml"):
         # usual values of 40-taper spindles, by which each slot in steel would chatter
         text = re.sub(r"^dynamics:.*\n(?:  .*\n)+", "", path.read_text(), flags=re.MULTILINE)
