@@ -33,6 +33,7 @@ from pipeline.report.cut.tables import (
 )
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 from pipeline.schema.program_cut import CutCost, CutWarning, ProgramCut
+from pipeline.schema.store import write_text
 
 BLOCK = "block"
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
@@ -52,7 +53,7 @@ def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -
     """Write the page of a cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     page = cut_page(shown, sources)
-    out.write_text(rendered(page, "cut.html.j2"), encoding="utf-8", newline="\n")
+    write_text(rendered(page, "cut.html.j2"), out)
 
 
 def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
