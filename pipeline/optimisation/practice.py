@@ -39,6 +39,13 @@ SAME = 1 + 1e-9
 """Factor by which a value may pass the programmed one and count as it: rounding."""
 
 
+LIKE: dict[Operation, tuple[Operation, ...]] = {
+    name: ("roughing", "finishing", "ball_finishing", "face_milling")
+    for name in ("lead", "ramping", "plunging", "finishing", "ball_finishing")
+}
+"""Operations whose values hold where the catalogue has none for one, the first that it has."""
+
+
 @dataclass(frozen=True)
 class Rule:
     """What may change in an operation.
@@ -200,12 +207,11 @@ class _Rows:
             mine = self.cuts & (self.cut.tool == index)
             for code in np.unique(self.found.code[mine]).tolist():
                 operation = OPERATIONS[code]
-                listed = catalogue.lookup(tool, material, operation)
-                known = _own_range(tool, self.limits, listed)
-                kept = ""
-                if RULES.get(operation, Rule()).feed == "keep":
+                known = _own_range(tool, self.limits, _listed(catalogue, tool, material, operation))
+                kept, rule = "", RULES.get(operation, Rule())
+                if rule.feed == "keep":
                     kept = f"{words(operation)} keeps F and S"
-                elif known.feed_per_tooth_mm is None:
+                elif known.feed_per_tooth_mm is None and rule.feed != "no_more":
                     kept = catalogue.why_not(tool, material, operation)
                 yield OperationRange(
                     tool=self.cut.numbers[index], operation=operation, range=known, kept=kept
@@ -237,7 +243,11 @@ class _Rows:
     def _kept(
         self, ranges: tuple[OperationRange, ...]
     ) -> tuple[tuple[tuple[str, Bools], ...], tuple[tuple[str, Bools], ...]]:
-        """Rows that keep their F, and their S, by reason."""
+        """Rows that keep their F, and their S, by reason.
+
+        S is kept as long as the tool is in the spindle: between two of its cuts there may be no
+        time for another speed.
+        """
         feed: list[tuple[str, Bools]] = []
         speed: list[tuple[str, Bools]] = []
         for text in self.settings.keep:
@@ -256,8 +266,10 @@ class _Rows:
             if one.kept or one.range.cutting_speed_m_min is None:
                 why = one.kept or "no range of its cutting speed is known"
                 speed.append((f"T{one.tool}: {why}", self._of(one)))
+        runs = np.cumsum(np.diff(self.moves.tool, prepend=-2) != 0)
+        whole = ((why, np.isin(runs, runs[rows])) for why, rows in speed)
         nothing = np.zeros(len(self.fed), dtype=np.bool_)
-        return (*feed, ("", nothing)), (*speed, ("", nothing))
+        return (*feed, ("", nothing)), (*whole, ("", nothing))
 
     def _named(self, text: str) -> Bools:
         """Rows that a person names: a tool, lines, a word of a comment or of a tool's name."""
@@ -300,6 +312,20 @@ class _Rows:
                 "tool as T5, lines as 120-180, or a word that is there"
             )
         return rows
+
+
+def _listed(
+    catalogue: CuttingCatalogue, tool: Tool, material: Material, operation: Operation
+) -> CuttingRange | None:
+    """What the catalogue has for an operation, or for one whose values hold for it too.
+
+    Entries and ramps are cut at the speed of the cut that they lead to, and get no more for each
+    tooth than programmed in any case.
+    """
+    found = catalogue.lookup(tool, material, operation)
+    for other in LIKE.get(operation, ()) if found is None else ():
+        found = found or catalogue.lookup(tool, material, other)
+    return found
 
 
 def _own_range(tool: Tool, limits: CutLimit, listed: CuttingRange | None) -> CuttingRange:
