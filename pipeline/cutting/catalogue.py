@@ -20,7 +20,7 @@ from pipeline.schema.ranges import Range, Ranged
 Operation = Literal[
     "roughing", "slotting", "finishing", "face_milling", "ball_finishing", "ramping", "plunging",
     "drilling", "centre_drilling", "deep_drilling", "reaming", "boring", "tapping",
-    "thread_milling", "chamfering", "engraving", "probing", "air",
+    "thread_milling", "chamfering", "engraving", "probing", "lead", "air",
 ]  # fmt: skip
 """What a tool does in a cut, in the terms of cutting-data tables."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.limits import check_change
 from pipeline.schema.ranges import Range, Ranged
 
 MM = 1e-3
@@ -73,6 +74,9 @@ class Tool(Ranged, section="tool"):
     feed_per_tooth_mm, cutting_speed_m_min : tuple of float, optional
         Least and greatest that its maker allows in the material that is cut: f_z of each tooth or
         lip [mm], v_c at the full diameter [m/min].
+    change : tuple of float, optional
+        F, S and the feed for each tooth over those programmed, least and greatest [1]; by default
+        that of the part's limits.
     top_speed_rpm : float, optional
         Greatest spindle speed that its maker, or its holder's, allows [rev/min].
     name : str
@@ -103,6 +107,7 @@ class Tool(Ranged, section="tool"):
     edges: Annotated[int, Range(least=1, most=1000)] = 1
     feed_per_tooth_mm: tuple[float, ...] | None = None
     cutting_speed_m_min: tuple[float, ...] | None = None
+    change: Annotated[tuple[float, ...], Range(above=0.0, most=1e6)] | None = None
     top_speed_rpm: Annotated[float, Range(least=1.0, most=1e6)] | None = None
     name: str = ""
 
@@ -110,6 +115,8 @@ class Tool(Ranged, section="tool"):
         super().__post_init__()
         for name, high in _SPANS.items():
             _check_span(name, getattr(self, name), high)
+        if self.change is not None:
+            check_change("tool.change", self.change)
         if self.kind == "bull_nose" and not 0 < self.corner_radius_mm <= self.diameter_mm / 2:
             raise ValueError(
                 f"tool.corner_radius_mm = {self.corner_radius_mm} of a bull-nose end mill must be "
