@@ -155,9 +155,21 @@ def test_outside_of_the_catalogue_is_said() -> None:
     assert large.endswith("roughing: the catalogue has 1 to 6 mm and 6 to 25.4 mm")
 
 
-@pytest.mark.parametrize("operation", ["plunging", "boring", "probing", "engraving", "air"])
+@pytest.mark.parametrize("operation", ["boring", "probing", "engraving", "chamfering", "air"])
 def test_operations_without_a_source_have_no_range(operation: Operation) -> None:
     assert CATALOGUE.lookup(FLAT, C45, operation) is None
+
+
+def test_a_plunge_has_the_speed_of_a_slot_and_no_feed() -> None:
+    plunge, slot = (found(FLAT, "steel_medium_carbon", name) for name in ("plunging", "slotting"))
+    assert plunge.feed_per_tooth_mm is None
+    assert plunge.cutting_speed_m_min == slot.cutting_speed_m_min
+
+
+def test_only_what_keeps_or_never_raises_its_feed_has_none() -> None:
+    """A row without a feed leaves it without a limit, which no other operation may be."""
+    none = {name for row in CATALOGUE.rows if not row.feed_mm for name in row.operations}
+    assert none == {"plunging", "tapping"}
 
 
 def test_nothing_is_extrapolated_over_diameters() -> None:
