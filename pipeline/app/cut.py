@@ -11,6 +11,7 @@ import yaml
 
 from pipeline.app.fleet import CONF
 from pipeline.app.programs import Controlled, Simulated
+from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -206,6 +207,7 @@ def workshop_of(on: Controlled, machine: str, options: CutOptions) -> Workshop:
         drive_source=f"conf/machine/{machine}.yaml",
         energy=section(sections, "energy", EnergyParameters),
         dynamics=_dynamics(sections, options.frf),
+        catalogue=structure(on.parameters, "catalogue", CuttingCatalogue),
     )
 
 

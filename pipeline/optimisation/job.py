@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -76,6 +77,9 @@ class Job:
         ``pareto`` is all of the others that are known.
     settings : OptimisationSettings
         Reliability, grouping, search.
+    catalogue : CuttingCatalogue, optional
+        Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
+        alone.
     """
 
     program: Program = field(repr=False)
@@ -86,6 +90,7 @@ class Job:
     limits: CutLimit
     objective: Objective
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
+    catalogue: CuttingCatalogue | None = field(default=None, repr=False)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -112,6 +117,8 @@ class Workshop:
         Power that the machine draws beside the cut.
     dynamics : TipDynamics, optional
         Of the tools' tips.
+    catalogue : CuttingCatalogue
+        Of feeds and speeds by tool and operation.
     """
 
     table: ToolTable
@@ -121,15 +128,17 @@ class Workshop:
     drive_source: str
     energy: EnergyParameters | None
     dynamics: TipDynamics | None
+    catalogue: CuttingCatalogue
 
 
 @dataclass(frozen=True, kw_only=True)
-class Catalogue:
-    """Tool tables and materials by name, and the prices of time and electricity."""
+class Supplies:
+    """Tool tables and materials by name, prices of time and electricity, cutting data."""
 
     tools: Mapping[str, ToolTable]
     materials: Mapping[str, Material]
     rates: CostRates
+    cutting_data: CuttingCatalogue
 
     def workshop(self, part: Part, parts: Parts) -> Workshop:
         """The workshop of one of the parts of a machine.
@@ -148,6 +157,7 @@ class Catalogue:
             drive_source="section parts of the machine",
             energy=parts.energy,
             dynamics=None if modes is None else TipDynamics.of_modes(modes),
+            catalogue=self.cutting_data,
         )
 
 
@@ -211,7 +221,7 @@ def part_job(
     cut, basis = cut_of(part, workshop, models.cutting, setup)
     return Job(
         program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
-        objective=part.objective, settings=settings,
+        objective=part.objective, settings=settings, catalogue=workshop.catalogue,
     )  # fmt: skip
 
 

@@ -22,15 +22,19 @@ Rows = NDArray[np.intp]
 CONSTRAINTS = (
     "load limit", "deflection", "roughness", "greatest chip", "least chip", "spindle torque",
     "spindle power", "stability", "cutting speed", "spindle speed", "feed", "as programmed",
+    "feed per tooth", "change from the program",
 )  # fmt: skip
-"""The last: chips of a plunge or a drill that nothing else bounds get no thicker than they were."""
+"""As programmed: where the operation allows no more for each tooth, or of a plunge or a drill that
+nothing else bounds.  The last two: the range of the tool, and the greatest change."""
 
 (
     LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, LEAST_CHIP, TORQUE, POWER, STABILITY,
-    CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED,
+    CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
 ) = range(len(CONSTRAINTS))  # fmt: skip
 
-F_Z_CONSTRAINTS = (LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED)
+F_Z_CONSTRAINTS = (
+    LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
+)  # fmt: skip
 """Constraints that bound f_z from above, whatever the spindle speed."""
 
 
@@ -40,7 +44,7 @@ class Bounds:
 
     Parameters
     ----------
-    most : ndarray, shape (6, M)
+    most : ndarray, shape (8, M)
         Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit.
     least : ndarray, shape (M,)
         For the least chip; 0 where there is none.

@@ -8,7 +8,7 @@ by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -27,7 +27,8 @@ from pipeline.optimisation.operations import (
     operations,
     passes,
 )
-from pipeline.optimisation.problem.arrays import Rows, feeds_per_minute
+from pipeline.optimisation.problem.arrays import Editable, Rows, feeds_per_minute
+from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.twin.cut import Cut
@@ -129,6 +130,8 @@ class Practice:
         S by the change from the program, and where no tool life is known [rev/min].
     surface_low, surface_high : ndarray
         S by the range of the cutting speed and by the least tool life [rev/min].
+    unit : ndarray
+        Millimetres in the unit of length that F counts in the text.
     passes : ndarray of intp
         Pass of each row that shares its F with it, -1 for others.
     """
@@ -148,6 +151,7 @@ class Practice:
     speed_high: Floats = field(repr=False)
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
+    unit: Floats = field(repr=False)
     passes: Rows = field(repr=False)
 
 
@@ -216,6 +220,7 @@ class _Rows:
             feed_low=low * self.own_feed, feed_high=self._greatest_feed(high),
             speed_low=low * self.own_speed, speed_high=speed_high, surface_low=surface_low,
             surface_high=np.minimum(surface_high, np.where(np.isnan(life), np.inf, life)),
+            unit=FeedText.of(ProgramWords(self.program), self.moves).unit,
             passes=passes(self.found, self.moves, one_feed & self.cuts & ~held),
         )  # fmt: skip
 
@@ -370,6 +375,36 @@ class _Rows:
                 "tool as T5, lines as 120-180, or a word that is there"
             )
         return rows
+
+
+def one_feed_each_pass(editable: Editable, practice: Practice) -> Editable:
+    """Editable rows in which the rows of a pass are one block, inside which S does not change.
+
+    Parameters
+    ----------
+    editable : Editable
+        F and S that may change, of M rows.
+    practice : Practice
+        With the pass of each row.
+    """
+    inside = practice.passes >= 0
+    block, line = editable.block, editable.line
+    rows = np.flatnonzero(inside & (block >= 0))
+    lowest = np.arange(len(line))
+    while len(rows):
+        of_pass = np.full(int(practice.passes.max()) + 1, len(line))
+        np.minimum.at(of_pass, practice.passes[rows], lowest[block[rows]])
+        joined = lowest.copy()
+        np.minimum.at(joined, block[rows], of_pass[practice.passes[rows]])
+        if (joined == lowest).all():
+            break
+        lowest = joined
+    kept, number = np.unique(lowest, return_inverse=True)
+    goes_on = inside & (practice.passes == np.roll(practice.passes, 1))
+    return replace(
+        editable, block=np.where(block >= 0, number[block], -1) if len(line) else block,
+        line=line[kept], may_start=editable.may_start & ~goes_on,
+    )  # fmt: skip
 
 
 def _own_range(tool: Tool, limits: CutLimit, listed: CuttingRange | None) -> CuttingRange:
