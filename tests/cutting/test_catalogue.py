@@ -150,8 +150,8 @@ def test_outside_of_the_catalogue_is_said() -> None:
     assert brass_reamer == (
         "no row for a high-speed steel reamer of 10 mm in ISO N, group 27 of VDI 3323, reaming"
     )
-    large = CATALOGUE.why_not(of_size(FLAT, 32.0), C45, "roughing")
-    assert large.startswith("no row for a carbide end mill of 32 mm in ISO P, group 2")
+    large = CATALOGUE.why_not(of_size(FLAT, 30.0), C45, "roughing")
+    assert large.startswith("no row for a carbide end mill of 30 mm in ISO P, group 2")
     assert large.endswith("roughing: the catalogue has 1 to 6 mm and 6 to 25.4 mm")
 
 
@@ -170,6 +170,19 @@ def test_only_what_keeps_or_never_raises_its_feed_has_none() -> None:
     """A row without a feed leaves it without a limit, which no other operation may be."""
     none = {name for row in CATALOGUE.rows if not row.feed_mm for name in row.operations}
     assert none == {"plunging", "tapping"}
+
+
+def test_a_table_without_roles_is_understood() -> None:
+    """Of a tool without a role, the operation or the size says what it is."""
+    bare = {name: replace(tool, role="") for name, tool in {"face": FACE, "ream": REAMER}.items()}
+    for operation in ("face_milling", "lead", "finishing"):
+        plain = found(bare["face"], "A6061", operation)
+        assert plain == found(FACE, "A6061", operation)
+    assert found(bare["ream"], "A6061", "reaming") == found(REAMER, "A6061", "reaming")
+    assert found(of_size(FLAT, 16.0), "A6061", "face_milling") == found(
+        of_size(FLAT, 16.0), "A6061", "slotting"
+    )
+    assert CATALOGUE.lookup(replace(bare["face"], material="hss"), C45, "roughing") is None
 
 
 def test_nothing_is_extrapolated_over_diameters() -> None:
