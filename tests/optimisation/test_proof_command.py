@@ -50,7 +50,7 @@ def test_the_first_block_that_differs(folder: Path) -> None:
     done = check(folder, AFTER.replace(b"X10", b"X11"))
     assert done.exit_code == 1
     assert done.stdout.splitlines()[-3:] == [
-        "not the same, first in line 4: it differs in more than its F and S words",
+        "not the same, first in line 4: X10 became X11",
         "  before.nc: G1 X10 F100",
         "  after.nc: G1 X11 F80",
     ]
