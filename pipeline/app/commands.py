@@ -231,13 +231,20 @@ def check(
     splits: Annotated[
         bool, typer.Option(help="Let AFTER have more points on the path of straight cuts.")
     ] = False,
+    tool_table: kerf.ToolTable = None,
 ) -> None:
-    """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1."""
-    from pipeline.app.programs import check_lines, check_programs
+    """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
+
+    With a tool table it warns where a changed F or S leaves the range of the tool.
+    """
+    from pipeline.app.check import check_lines, check_programs, range_lines
 
     with one_sentence():
         proof = check_programs(before, after, machine, dialect, splits=splits)
-    for line in check_lines(proof, before, after):
+        warnings: list[str] = []
+        if proof.same and tool_table is not None:
+            warnings += range_lines(before, after, machine, dialect, tool_table)
+    for line in (*check_lines(proof, before, after), *warnings):
         typer.echo(line)
     if not proof.same:
         raise typer.Exit(1)

@@ -1,6 +1,4 @@
-"""Part programs by hand: what they tell the machine, what its control makes of them, and the proof
-that two of them differ in F and S alone.
-"""
+"""Part programs by hand: what they tell the machine, and what its control makes of them."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -17,7 +15,6 @@ from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
-from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json, write_json
@@ -131,11 +128,18 @@ def program_at(path: Path) -> Program:
     ValueError
         When there is none.
     """
-    _is_program(path)
+    check_program(path)
     return read_program(path)
 
 
-def _is_program(path: Path) -> None:
+def check_program(path: Path) -> None:
+    """Refuse a path that is no file.
+
+    Raises
+    ------
+    ValueError
+        With its name.
+    """
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
@@ -386,51 +390,3 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
     else:
         write_csv(found, out)
     return len(found)
-
-
-ADDED = "-"
-
-
-def check_programs(
-    before: Path, after: Path, machine: str | None, dialect: str | None, *, splits: bool = False
-) -> Proof:
-    """Compare two programs with the set-up of ``machine``, read in ``dialect``.
-
-    Subprograms of both are searched in the folder of ``before``.  With ``splits`` the second may
-    have more points on the path of straight cuts.
-
-    Raises
-    ------
-    ValueError
-        When a file does not exist or cannot be followed, or there is no such machine or dialect.
-    """
-    setup = setup_beside(machine_setup(machine, dialect), before)
-    for path in (before, after):
-        _is_program(path)
-    texts = before.read_bytes(), after.read_bytes()
-    return prove(*texts, before.name, after.name, setup, splits=splits)
-
-
-def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
-    """Lines that ``kerf check`` prints: words that differ, how many, and the proof's hash."""
-    if proof.differences:
-        yield f"{'line':>8}  {before.name} -> {after.name}"
-    for change in proof.differences:
-        yield f"{change.line:>8}  {change.before or ADDED:<12} -> {change.after}"
-    counts = [
-        f"{sum(c.letter == letter and (c.before is None) == added for c in proof.differences)} "
-        f"{letter} {'added' if added else 'changed'}"
-        for letter in "FS"
-        for added in (False, True)
-    ]
-    if proof.points:
-        counts.append(f"{proof.points} points put in")
-    yield ", ".join(counts)
-    if proof.first is not None:
-        yield f"not the same, first in line {proof.first.line}: {proof.first.reason}"
-        yield f"  {before.name}: {proof.first.before}"
-        yield f"  {after.name}: {proof.first.after}"
-        return
-    but = ", but for feed and speed" if proof.differences else ""
-    yield f"{proof.moves} moves are the same to the last bit{but}"
-    yield f"proof sha256 {proof.sha256}"

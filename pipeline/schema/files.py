@@ -147,7 +147,7 @@ def _is_of(error: OSError, target: Path, part: Path) -> bool:
 
 
 def _sentence(path: Path, error: OSError) -> str:
-    said = error.strerror or next(iter(str(error).splitlines()), type(error).__name__)
+    said = os.strerror(error.errno) if error.errno else str(error)  # Arrow has its own words
     return (
         f"{path} cannot be written ({said}) and is left as it was: make room for it, or name a "
         "file in another folder"
