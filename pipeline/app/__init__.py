@@ -11,6 +11,8 @@ def main() -> None:
     """Run ``kerf``."""
     from pipeline.app import commands
     from pipeline.app.kerf import app
+    from pipeline.schema.files import end_on_signals
 
     del commands  # imported so that its commands are there
+    end_on_signals()
     app()

@@ -42,8 +42,11 @@ LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
     known: option
     for name, option in LIMIT_OPTION.items()
-    for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])
-}
+    for known in (
+        f"margins.{name}", f"practice.{name}", f"limits.{name}",
+        *([name] if "_" in name else []),
+    )
+}  # fmt: skip
 """Option of the command line by the setting that it gives."""
 
 

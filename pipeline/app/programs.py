@@ -5,7 +5,7 @@ that two of them differ in F and S alone.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,7 @@ from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.reliability.judged import used_models
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
+from pipeline.schema.files import replacing
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import UsedModel
 from pipeline.twin.control import control_of_unit, planned_program, read_controls
@@ -33,6 +34,10 @@ Share = Callable[[float], None]
 
 CHAMPION, LATEST = "champion", "latest"
 """Whose sub-models a command uses."""
+PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
+    ".gz": "gzip", ".bz2": "bz2", ".xz": "xz", ".zst": "zstd",
+}  # fmt: skip
+"""Compression of a table by the end of its file's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +165,12 @@ def moves_table(moves: Moves) -> pd.DataFrame:
         "file": [Path(moves.files[f]).name for f in moves.file.tolist()],
     }
     return pd.DataFrame(table)
+
+
+def write_csv(table: pd.DataFrame, out: Path) -> None:
+    """Write a table as CSV, packed where the end of the file's name says so (``.gz``)."""
+    with replacing(out) as part:
+        table.to_csv(part, index=False, compression=PACKED.get(out.suffix))
 
 
 def model_folder(machine: str, model: str = CHAMPION) -> Path:
@@ -375,9 +386,10 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
     except KeyError as error:
         raise ValueError(f"{table} has no column {error}: give the inputs of {name}") from error
     if out.suffix == ".parquet":
-        found.to_parquet(out, compression="zstd")
+        with replacing(out) as part:
+            found.to_parquet(part, compression="zstd")
     else:
-        found.to_csv(out, index=False)
+        write_csv(found, out)
     return len(found)
 
 

@@ -43,15 +43,33 @@ _BY_FORM: dict[str, ToolType] = {
 }  # fmt: skip
 
 
-def tool_type(tool: Tool) -> ToolType:
-    """The kind of tool by which cutting data are listed: its role, else by the form of its end.
+_BY_OPERATION: dict[Operation, ToolType] = {
+    "reaming": "reamer", "tapping": "tap", "thread_milling": "thread_mill",
+}  # fmt: skip
+SOLID = 32.0
+"""Greatest diameter of a solid carbide end mill in makers' ranges [mm]; greater mills that are not
+ball-nosed hold inserts."""
+
+
+def tool_type(tool: Tool, operation: Operation) -> ToolType:
+    """The kind of tool by which cutting data are listed.
+
+    It is the tool's role; where the tool table gives none, what the operation needs, or else what
+    the form of its end and its size say.
 
     Examples
     --------
-    >>> tool_type(Tool(kind="flat", diameter_mm=10.0, flutes=6, role="reamer"))
+    >>> tool_type(Tool(kind="flat", diameter_mm=10.0, flutes=6), "reaming")
     'reamer'
+    >>> tool_type(Tool(kind="flat", diameter_mm=50.0, flutes=5), "lead")
+    'face_mill'
     """
-    return tool.role or _BY_FORM[tool.kind]
+    if tool.role:
+        return tool.role
+    if operation in _BY_OPERATION:
+        return _BY_OPERATION[operation]
+    large = tool.material == "carbide" and tool.diameter_mm > SOLID
+    return "face_mill" if large and tool.kind in ("flat", "bull_nose") else _BY_FORM[tool.kind]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +167,7 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
     def fits(self, tool: Tool, material: Material, operation: Operation) -> bool:
         """Whether the row is for such tools, whatever the diameter."""
         return (
-            tool_type(tool) in self.tools
+            tool_type(tool, operation) in self.tools
             and tool.material == self.tool_material
             and self.groups[0] <= material.group <= self.groups[1]
             and operation in self.operations
@@ -205,10 +223,10 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
     speed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0
     source: str
 
-    def fits(self, tool: Tool, material: Material) -> bool:
-        """Whether it is for that tool in that material."""
+    def fits(self, tool: Tool, material: Material, operation: Operation) -> bool:
+        """Whether it is for that tool in that material and operation."""
         return (
-            tool_type(tool) in self.tools
+            tool_type(tool, operation) in self.tools
             and tool.material == self.tool_material
             and tool.coating.lower() in {coating.lower() for coating in self.coatings}
             and self.groups[0] <= material.group <= self.groups[1]
@@ -269,7 +287,7 @@ class CuttingCatalogue:
         if found is None:
             return None
         row, span = found
-        factor = next((one for one in self.coatings if one.fits(tool, material)), None)
+        factor = next((one for one in self.coatings if one.fits(tool, material, operation)), None)
         by_feed, by_speed = (1.0, 1.0) if factor is None else (factor.feed, factor.speed)
         if row.feed_per == "revolution":
             by_feed /= tool.flutes
@@ -294,7 +312,7 @@ class CuttingCatalogue:
         """
         if self._row(tool, material, operation) is not None:
             return ""
-        kind = f"{_MATERIAL[tool.material]} {tool_type(tool).replace('_', ' ')}"
+        kind = f"{_MATERIAL[tool.material]} {tool_type(tool, operation).replace('_', ' ')}"
         where = f"ISO {material.iso}, group {material.group} of VDI 3323"
         rows = [row for row in self.rows if row.fits(tool, material, operation)]
         if rows:

@@ -19,9 +19,9 @@ from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front, Method, method_of
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
-from pipeline.optimisation.problem.arrays import Decision, Editable
+from pipeline.optimisation.practice import practice_of
+from pipeline.optimisation.problem.arrays import Decision, Editable, Practice, one_feed_each_pass
 from pipeline.optimisation.problem.feasible import check_known, problem_of, with_load
-from pipeline.optimisation.problem.practice import Practice, one_feed_each_pass, practice_of
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.reliability.chance_constraint import (
@@ -129,7 +129,7 @@ class _Course:
         editable = editable_blocks(
             self.program, self.moves, practice.kept_feed, practice.kept_speed
         )
-        return practice, one_feed_each_pass(editable, practice)
+        return practice, one_feed_each_pass(editable, practice.passes)
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
         limit, settings = self.job.limits.load_N, self.job.settings.certainty

@@ -27,6 +27,7 @@ from pipeline.report.optimised_figures import (
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
+from pipeline.schema.store import write_text
 
 Legend = list[tuple[str, str, str]]
 
@@ -35,7 +36,7 @@ def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = N
     """Write the page of a part; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     text = rendered(optimised_page(part, sources), "optimise.html.j2")
-    out.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, out)
 
 
 def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:

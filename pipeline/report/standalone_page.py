@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pipeline.charts.sections import Section
 from pipeline.charts.sources import Source, shown
+from pipeline.schema.files import written
 from pipeline.schema.verdict import UsedModel
 
 
@@ -73,4 +74,4 @@ def rendered(page: StandalonePage, template: str) -> str:
 
 def source_of(path: Path) -> Source:
     """The file that a page stands on, with its hash."""
-    return Source(path=shown(path), sha256=sha256(path.read_bytes()).hexdigest())
+    return Source(path=shown(path), sha256=sha256(written(path).read_bytes()).hexdigest())

@@ -64,8 +64,8 @@ class Rows:
         Line of the program, from 1; tool in the spindle.
     at_feed, in_cut : ndarray of bool, shape (R,)
         G1, G2, G3; whether the tool is in the material.
-    drop : ndarray, shape (R,)
-        Height lost [mm]: above 0 in plunges and ramps.
+    drop, length : ndarray, shape (R,)
+        Height lost, above 0 in plunges and ramps, and length [mm].
     feed, speed : ndarray, shape (2, R)
         F [mm/min] and S [rev/min], before and after.
     f_z, v_c : ndarray, shape (2, R)
@@ -78,6 +78,7 @@ class Rows:
     at_feed: np.ndarray
     in_cut: np.ndarray
     drop: Floats
+    length: Floats
     feed: Floats
     speed: Floats
     f_z: Floats
@@ -85,8 +86,8 @@ class Rows:
 
     @property
     def in_air(self) -> np.ndarray:
-        """Moves at feed that do not cut."""
-        return self.at_feed & ~self.in_cut
+        """Moves at feed that do not cut; a repeated point is no move."""
+        return self.at_feed & ~self.in_cut & (self.length > 0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,5 +250,6 @@ def _rows(before: str, after: str, cut: set[int], order: Order) -> Rows:
     return Rows(
         line=moves.line[moving], tool=tool, at_feed=np.isin(moves.kind[moving], AT_FEED),
         in_cut=np.isin(moving, list(cut)), drop=(height[:-1] - height[1:])[moving],
-        feed=feed, speed=speed, f_z=feed / (spun * teeth), v_c=np.pi * diameter * spun * 1e-3,
+        length=moves.length[moving], feed=feed, speed=speed,
+        f_z=feed / (spun * teeth), v_c=np.pi * diameter * spun * 1e-3,
     )  # fmt: skip

@@ -29,19 +29,6 @@ FINISHING = [(BRACKET, "FINISH FLOOR"), (BRACKET, "FINISH WALLS"), (BRACKET, "FI
              (ALUMINIUM, "FINISH SURFACE")]  # fmt: skip
 
 
-def later(reason: str) -> pytest.MarkDecorator:
-    """Fails as long as the optimiser does not do it; a test that passes has to lose its mark."""
-    return pytest.mark.xfail(strict=True, reason=reason)
-
-
-ONCE_FOLLOWED = pytest.mark.parametrize("order", [
-    pytest.param(BRACKET, id="bracket"),
-    pytest.param(
-        ALUMINIUM, id="aluminium", marks=later("a repeated point in the cut fails every run")
-    ),
-])  # fmt: skip
-
-
 def test_the_tables_leave_the_ranges_to_the_defaults() -> None:
     for order in (BRACKET, ALUMINIUM):
         for tool in tool_table(order).tools.values():
@@ -86,7 +73,6 @@ def test_the_cover_has_repeated_points() -> None:
 
 
 @ORDERS
-@later("no default limits by tool")
 def test_feed_per_tooth_and_cutting_speed_stay_near_what_was_programmed(order: Order) -> None:
     rows = optimised(order).rows
     for values in (rows.f_z, rows.v_c):
@@ -96,7 +82,6 @@ def test_feed_per_tooth_and_cutting_speed_stay_near_what_was_programmed(order: O
 
 
 @ORDERS
-@later("moves in air take the axes' fastest feed")
 def test_nothing_is_faster_in_air_at_feed(order: Order) -> None:
     rows = optimised(order).rows
     assert rows.in_air.sum() >= 3
@@ -105,8 +90,8 @@ def test_nothing_is_faster_in_air_at_feed(order: Order) -> None:
 
 @pytest.mark.parametrize(("order", "tool", "name"), [
     (BRACKET, 6, "M10 TAP"),
-    pytest.param(BRACKET, 7, "10H7 REAMER", marks=later("reaming is not recognised")),
-    pytest.param(BRACKET, 8, "12MM THREAD MILL", marks=later("thread milling is not recognised")),
+    pytest.param(BRACKET, 7, "10H7 REAMER"),
+    pytest.param(BRACKET, 8, "12MM THREAD MILL"),
 ])  # fmt: skip
 def test_taps_reamers_and_thread_mills_are_left_alone(order: Order, tool: int, name: str) -> None:
     read = optimised(order)
@@ -115,7 +100,7 @@ def test_taps_reamers_and_thread_mills_are_left_alone(order: Order, tool: int, n
     assert [read.after[k - 1] for k in lines] == [read.before[k - 1] for k in lines]
 
 
-@ONCE_FOLLOWED
+@ORDERS
 def test_a_new_s_stands_where_its_tool_cuts_next_and_nowhere_else(order: Order) -> None:
     """Not in a block of M codes, a return to reference, or after the tool's last cut."""
     read = optimised(order)
@@ -133,7 +118,6 @@ def test_a_new_s_stands_where_its_tool_cuts_next_and_nowhere_else(order: Order) 
 
 
 @pytest.mark.parametrize(("order", "comment"), FINISHING, ids=[comment for _, comment in FINISHING])
-@later("finishing is not recognised")
 def test_finishing_has_one_f_where_it_had_one(order: Order, comment: str) -> None:
     read = optimised(order)
     before, after = read.rows.feed[:, read.among(read.section(comment)) & read.rows.in_cut]
@@ -144,7 +128,6 @@ def test_finishing_has_one_f_where_it_had_one(order: Order, comment: str) -> Non
 
 
 @pytest.mark.parametrize(("order", "comment"), FINISHING, ids=[comment for _, comment in FINISHING])
-@later("finishing is not recognised")
 def test_finishing_keeps_its_feed_mark(order: Order, comment: str) -> None:
     """R_t grows with the square of feed per tooth."""
     read = optimised(order)
@@ -152,7 +135,6 @@ def test_finishing_keeps_its_feed_mark(order: Order, comment: str) -> None:
     assert len(before) >= 5 and (after <= before * (1 + EXACT)).all()
 
 
-@later("ramps and plunges are not recognised")
 def test_ramps_and_plunges_get_no_more_per_tooth() -> None:
     rows = optimised(BRACKET).rows
     before, after = rows.f_z[:, rows.in_cut & (rows.drop > 1e-6) & (rows.tool < 4)]
@@ -160,7 +142,6 @@ def test_ramps_and_plunges_get_no_more_per_tooth() -> None:
 
 
 @ORDERS
-@later("F and S are rounded to the unit")
 def test_f_and_s_are_round_numbers(order: Order) -> None:
     read = optimised(order)
     assert read.changed_words("F") or read.changed_words("S")
@@ -169,7 +150,7 @@ def test_f_and_s_are_round_numbers(order: Order) -> None:
             assert float(value) % step == 0, f"{line}: {read.after[line - 1]}"
 
 
-@ONCE_FOLLOWED
+@ORDERS
 def test_there_is_still_something_to_gain(order: Order) -> None:
     """Limits that leave all as it was would keep every rule above."""
     document = optimised(order).document

@@ -17,12 +17,12 @@ from pipeline.optimisation.problem.arrays import (
     CONSTRAINTS,
     F_Z_CONSTRAINTS,
     Editable,
+    Practice,
     Rows,
     feeds_per_minute,
 )
 from pipeline.optimisation.problem.demand import demand_of
 from pipeline.optimisation.problem.limits import at_hardest_station, bounds_of, ranges_of
-from pipeline.optimisation.problem.practice import Practice
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import Lobes, allowed_power
 from pipeline.schema.arrays import Bools, Floats

@@ -24,10 +24,10 @@ from pipeline.optimisation.problem.arrays import (
     F_Z_CONSTRAINTS,
     Bounds,
     Editable,
+    Practice,
     Ranges,
     feeds_per_minute,
 )
-from pipeline.optimisation.problem.practice import SOFT, Practice
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
@@ -36,6 +36,8 @@ from pipeline.twin.cut_blocks import CutBlocks
 MM, UM = 1e-3, 1e-6
 STEEP = float(np.sqrt(0.5))
 """|dz / ds| from which a motion is a plunge."""
+SOFT = 0.85
+"""Of the greatest feed for each tooth, up to which the least one of a range gives way to it [1]."""
 LEAST_FEED = 0.1
 """Of the least F of a program, where no range is given, or one from 0 on."""
 

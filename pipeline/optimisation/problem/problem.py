@@ -15,10 +15,16 @@ from numpy.typing import ArrayLike
 from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.row_motion import motion_times
-from pipeline.optimisation.problem.arrays import Bounds, Editable, Evaluation, Groups, Ranges
+from pipeline.optimisation.problem.arrays import (
+    Bounds,
+    Editable,
+    Evaluation,
+    Groups,
+    Practice,
+    Ranges,
+)
 from pipeline.optimisation.problem.demand import Demand
 from pipeline.optimisation.problem.limits import inverse
-from pipeline.optimisation.problem.practice import Practice
 from pipeline.optimisation.problem.spindle import (
     Chatter,
     Lobes,

@@ -39,6 +39,7 @@ from pipeline.report.standalone_page import (
     verdicts_section,
 )
 from pipeline.schema.program_cut import CutCost, CutWarning, ProgramCut
+from pipeline.schema.store import write_text
 from pipeline.schema.verdict import UsedModel
 
 BLOCK = "block"
@@ -63,7 +64,7 @@ def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -
     """Write the page of a cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     page = cut_page(shown, sources)
-    out.write_text(rendered(page, "cut.html.j2"), encoding="utf-8", newline="\n")
+    write_text(rendered(page, "cut.html.j2"), out)
 
 
 def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:

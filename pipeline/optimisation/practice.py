@@ -8,7 +8,7 @@ by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -27,18 +27,23 @@ from pipeline.optimisation.operations import (
     operations,
     passes,
 )
-from pipeline.optimisation.problem.arrays import Editable, Rows, feeds_per_minute
+from pipeline.optimisation.problem.arrays import OperationRange, Practice, feeds_per_minute
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.limits import CutLimit, MachiningPractice
+from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks, cut_blocks
 
 MM = 1e-3
 SAME = 1 + 1e-9
 """Factor by which a value may pass the programmed one and count as it: rounding."""
-SOFT = 0.85
-"""Of the greatest feed for each tooth, up to which the least one gives way to it [1]."""
+
+
+LIKE: dict[Operation, tuple[Operation, ...]] = {
+    name: ("roughing", "finishing", "ball_finishing", "face_milling")
+    for name in ("lead", "ramping", "plunging", "finishing", "ball_finishing")
+}
+"""Operations whose values hold where the catalogue has none for one, the first that it has."""
 
 
 @dataclass(frozen=True)
@@ -80,79 +85,6 @@ RULES: dict[Operation, Rule] = {
     "probing": KEEP,
 }
 """Rules of operations; those that are not here are free inside their limits."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class OperationRange:
-    """Ranges that hold for one tool in one operation.
-
-    Parameters
-    ----------
-    tool : int
-        Number.
-    operation : str
-        Of :data:`~pipeline.optimisation.operations.OPERATIONS`.
-    range : CuttingRange
-        With its source; None in it where nothing is known.
-    kept : str
-        Why F and S stay as programmed; empty where they may change.
-    """
-
-    tool: int
-    operation: Operation
-    range: CuttingRange
-    kept: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Practice:
-    """Limits of M rows; every array has shape (M,) and is infinite (or 0) where nothing limits.
-
-    Parameters
-    ----------
-    settings : MachiningPractice
-        How far F and S may go.
-    operations : Operations
-        Of each row.
-    ranges : tuple of OperationRange
-        Of each tool in each operation.
-    kept_feed, kept_speed : tuple of (str, ndarray of bool)
-        Rows whose F, S stay as programmed, by reason.
-    f_z_low, f_z_high : ndarray
-        Feed for each tooth by the tool's range [m].
-    f_z_change : ndarray
-        Greatest feed for each tooth by the change from the program [m].
-    f_z_own : ndarray
-        That programmed, where the operation allows no more [m].
-    feed_low, feed_high : ndarray
-        F by the change from the program [mm/min].
-    speed_low, speed_high : ndarray
-        S by the change from the program, and where no tool life is known [rev/min].
-    surface_low, surface_high : ndarray
-        S by the range of the cutting speed and by the least tool life [rev/min].
-    unit : ndarray
-        Millimetres in the unit of length that F counts in the text.
-    passes : ndarray of intp
-        Pass of each row that shares its F with it, -1 for others.
-    """
-
-    settings: MachiningPractice
-    operations: Operations
-    ranges: tuple[OperationRange, ...]
-    kept_feed: tuple[tuple[str, Bools], ...] = field(repr=False)
-    kept_speed: tuple[tuple[str, Bools], ...] = field(repr=False)
-    f_z_low: Floats = field(repr=False)
-    f_z_high: Floats = field(repr=False)
-    f_z_change: Floats = field(repr=False)
-    f_z_own: Floats = field(repr=False)
-    feed_low: Floats = field(repr=False)
-    feed_high: Floats = field(repr=False)
-    speed_low: Floats = field(repr=False)
-    speed_high: Floats = field(repr=False)
-    surface_low: Floats = field(repr=False)
-    surface_high: Floats = field(repr=False)
-    unit: Floats = field(repr=False)
-    passes: Rows = field(repr=False)
 
 
 def practice_of(
@@ -211,7 +143,7 @@ class _Rows:
         held = np.logical_or.reduce([rows for _, rows in kept_feed]) | ~self.fed
         one_feed = self.found.of(*(name for name, rule in RULES.items() if rule.one_feed))
         return Practice(
-            settings=self.settings, operations=self.found, ranges=ranges, kept_feed=kept_feed,
+            settings=self.settings, operation=self.found.code, ranges=ranges, kept_feed=kept_feed,
             kept_speed=kept_speed, f_z_low=f_z_low, f_z_high=f_z_high,
             f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
             f_z_own=np.where(
@@ -275,12 +207,11 @@ class _Rows:
             mine = self.cuts & (self.cut.tool == index)
             for code in np.unique(self.found.code[mine]).tolist():
                 operation = OPERATIONS[code]
-                listed = catalogue.lookup(tool, material, operation)
-                known = _own_range(tool, self.limits, listed)
-                kept = ""
-                if RULES.get(operation, Rule()).feed == "keep":
+                known = _own_range(tool, self.limits, _listed(catalogue, tool, material, operation))
+                kept, rule = "", RULES.get(operation, Rule())
+                if rule.feed == "keep":
                     kept = f"{words(operation)} keeps F and S"
-                elif known.feed_per_tooth_mm is None:
+                elif known.feed_per_tooth_mm is None and rule.feed != "no_more":
                     kept = catalogue.why_not(tool, material, operation)
                 yield OperationRange(
                     tool=self.cut.numbers[index], operation=operation, range=known, kept=kept
@@ -312,7 +243,11 @@ class _Rows:
     def _kept(
         self, ranges: tuple[OperationRange, ...]
     ) -> tuple[tuple[tuple[str, Bools], ...], tuple[tuple[str, Bools], ...]]:
-        """Rows that keep their F, and their S, by reason."""
+        """Rows that keep their F, and their S, by reason.
+
+        S is kept as long as the tool is in the spindle: between two of its cuts there may be no
+        time for another speed.
+        """
         feed: list[tuple[str, Bools]] = []
         speed: list[tuple[str, Bools]] = []
         for text in self.settings.keep:
@@ -331,8 +266,10 @@ class _Rows:
             if one.kept or one.range.cutting_speed_m_min is None:
                 why = one.kept or "no range of its cutting speed is known"
                 speed.append((f"T{one.tool}: {why}", self._of(one)))
+        runs = np.cumsum(np.diff(self.moves.tool, prepend=-2) != 0)
+        whole = ((why, np.isin(runs, runs[rows])) for why, rows in speed)
         nothing = np.zeros(len(self.fed), dtype=np.bool_)
-        return (*feed, ("", nothing)), (*speed, ("", nothing))
+        return (*feed, ("", nothing)), (*whole, ("", nothing))
 
     def _named(self, text: str) -> Bools:
         """Rows that a person names: a tool, lines, a word of a comment or of a tool's name."""
@@ -377,34 +314,18 @@ class _Rows:
         return rows
 
 
-def one_feed_each_pass(editable: Editable, practice: Practice) -> Editable:
-    """Editable rows in which the rows of a pass are one block, inside which S does not change.
+def _listed(
+    catalogue: CuttingCatalogue, tool: Tool, material: Material, operation: Operation
+) -> CuttingRange | None:
+    """What the catalogue has for an operation, or for one whose values hold for it too.
 
-    Parameters
-    ----------
-    editable : Editable
-        F and S that may change, of M rows.
-    practice : Practice
-        With the pass of each row.
+    Entries and ramps are cut at the speed of the cut that they lead to, and get no more for each
+    tooth than programmed in any case.
     """
-    inside = practice.passes >= 0
-    block, line = editable.block, editable.line
-    rows = np.flatnonzero(inside & (block >= 0))
-    lowest = np.arange(len(line))
-    while len(rows):
-        of_pass = np.full(int(practice.passes.max()) + 1, len(line))
-        np.minimum.at(of_pass, practice.passes[rows], lowest[block[rows]])
-        joined = lowest.copy()
-        np.minimum.at(joined, block[rows], of_pass[practice.passes[rows]])
-        if (joined == lowest).all():
-            break
-        lowest = joined
-    kept, number = np.unique(lowest, return_inverse=True)
-    goes_on = inside & (practice.passes == np.roll(practice.passes, 1))
-    return replace(
-        editable, block=np.where(block >= 0, number[block], -1) if len(line) else block,
-        line=line[kept], may_start=editable.may_start & ~goes_on,
-    )  # fmt: skip
+    found = catalogue.lookup(tool, material, operation)
+    for other in LIKE.get(operation, ()) if found is None else ():
+        found = found or catalogue.lookup(tool, material, other)
+    return found
 
 
 def _own_range(tool: Tool, limits: CutLimit, listed: CuttingRange | None) -> CuttingRange:
