@@ -45,14 +45,21 @@ class MachineModels:
         Whose time counts.
     drives : mapping of str to IdentifiedDrive
         By axis.
-    cutting, judged : CuttingModel or None, Verdict or None
-        The cut, and the verdict on it.
+    cutting : CuttingModel or None
+        The cut.
+    verdicts : mapping of str to Verdict or None
+        By the name of each sub-model that was identified; None where it was not judged.
     """
 
     control: ControlParameters
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
     cutting: CuttingModel | None = None
-    judged: Verdict | None = None
+    verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
+
+    @property
+    def judged(self) -> Verdict | None:
+        """The verdict on the cut."""
+        return self.verdicts.get("cutting")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +169,7 @@ class Supplies:
 
 
 def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
-    """Drives and cut in ``data/champion/<machine>``, as far as there are, with a control.
+    """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are.
 
     Raises
     ------
@@ -170,13 +177,19 @@ def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
         When a file is broken or of another form.
     """
     drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
-    verdict = cutting.with_name("verdict.json")
     return MachineModels(
         control=control,
         drives=read_drives(drives) if drives.exists() else {},
         cutting=read_json(cutting, CuttingModel) if cutting.exists() else None,
-        judged=read_json(verdict, Verdict) if verdict.exists() else None,
-    )
+        verdicts={
+            path.parent.name: _verdict(path.with_name("verdict.json"))
+            for path in (folder / "control/model.json", drives, cutting) if path.exists()
+        },
+    )  # fmt: skip
+
+
+def _verdict(path: Path) -> Verdict | None:
+    return read_json(path, Verdict) if path.exists() else None
 
 
 def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
