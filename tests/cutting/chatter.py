@@ -124,7 +124,7 @@ def growth(modes, cut, n: float, depth: float, *, periods: int = 0, steps: int =
 
     So many periods that a beat of the modes has died.
     """
-    slices = 1 if cut.lag * depth < 1e-6 else 24
+    slices = 1 if cut.lag * depth < 1e-6 else max(24, int(cut.lag * depth / 0.02))
     force, edges = forces(cut, depth, steps, slices)
     omega = np.array([mode.omega for mode in modes])
     zeta = np.array([mode.damping for mode in modes])

@@ -3,7 +3,7 @@
 All that decides whether a station chatters, but its speed and its depth, is its class: tool, arc in
 the material, direction of the feed, and of a ball or a corner the part of its edge.  Arcs are
 rounded to marks that divide half a turn, of which 90 or more lie in the arc, directions of the feed
-to one degree; :data:`ROUNDED` takes off what that may change.
+to a quarter of a degree; :data:`ROUNDED` takes off what that may change.
 
 The limit of a class at a speed is that of semi-discretisation
 (:mod:`pipeline.cutting.stability.semi_discretisation`), which sees flip lobes, and is computed when
@@ -37,7 +37,7 @@ SHARES = 128
 """Marks of the radial coefficient in one tangential one."""
 IN_ARC = 90
 """Least number of marks in an arc: its ends are known to half a mark each, 1.1 % of it in all."""
-FEED = pi / 180
+FEED = pi / 720
 """Between two marks of the feed's direction [rad]."""
 ROUNDED = 0.985
 """Share of the limit that is allowed: rounded arcs and feeds may promise as much too much [1]."""
@@ -72,7 +72,7 @@ def classes(stations: Immersions, radial: Floats) -> Ints:
         level,
         np.round(stations.entry / step),
         np.round(stations.exit / step),
-        np.round(np.mod(stations.feed_direction, pi) / FEED) % 180,  # the opposite feed is the same
+        np.round(np.mod(stations.feed_direction, pi) / FEED) % 720,  # the opposite feed is the same
         np.round(radial * SHARES),
     ]).astype(np.int64)  # fmt: skip
 
