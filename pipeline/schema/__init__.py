@@ -15,6 +15,7 @@ __all__ = [
     "limits",
     "model",
     "part",
+    "part_sheet",
     "predictions",
     "program",
     "program_cut",
