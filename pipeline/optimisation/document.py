@@ -31,8 +31,6 @@ from pipeline.twin.cut_tables import figure, summary
 
 DIGITS = 4
 """Digits of a metric."""
-ROUNDING = 1e-9
-"""Excess over limits, as a share, up to which an evaluation keeps them [1]."""
 
 
 def optimised_text(result: Result) -> bytes:
@@ -138,8 +136,8 @@ def _change(before: float | None, after: float | None) -> float | None:
 def _method(method: Method) -> stored.MethodResult:
     time, cost, energy, life = (figure(float(one)) for one in method.objectives.tolist())
     return stored.MethodResult(
-        method=method.name, time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
-        feasible=bool(method.violation <= ROUNDING), evaluations=method.evaluations,
+        method=method.name, limits=method.limits, time_s=time, cost=cost, energy_kWh=energy,
+        tool_life_share=life, feasible=method.kept, evaluations=method.evaluations,
     )  # fmt: skip
 
 
@@ -179,11 +177,12 @@ def _reliability(result: Result) -> stored.Reliability | None:
 
 
 def _price(result: Result) -> tuple[stored.Nominal | None, stored.Price | None]:
-    """Price of reliability: the blockwise optimum with it beside that at nominal values."""
-    blockwise = next((one for one in result.methods if one.name == "direct"), None)
-    if result.nominal is None or blockwise is None:
+    """Price of reliability: the answer with it beside the same method at nominal values."""
+    if result.nominal is None:
         return None, None
-    sure, nominal = _method(blockwise), _method(result.nominal)
+    rows = {(one.method, one.limits): one for one in map(_method, result.methods)}
+    nominal = rows[result.nominal, "nominal"]
+    sure = rows[result.nominal, "certain"]
     price = stored.Price(
         time_s=_extra(nominal.time_s, sure.time_s),
         time_percent=_change(nominal.time_s, sure.time_s),
