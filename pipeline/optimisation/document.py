@@ -177,7 +177,7 @@ def _reliability(result: Result) -> stored.Reliability | None:
 
 
 def _price(result: Result) -> tuple[stored.Nominal | None, stored.Price | None]:
-    """Price of reliability: the answer with it beside the same method at nominal values."""
+    """Price of reliability: the blockwise optimum with it beside that at nominal values."""
     if result.nominal is None:
         return None, None
     rows = {(one.method, one.limits): one for one in map(_method, result.methods)}

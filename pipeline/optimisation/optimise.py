@@ -113,7 +113,7 @@ class _Course:
             job=job, moves=self.moves, before=self.before, problem=problem,
             blockwise=outcome.blockwise, answer=answer, proof=self._proof(answer),
             methods=(*methods, *nominal), front=outcome.front, uncertain=self.uncertain,
-            nominal=nominal[-1].name if nominal else None, risk=self._risk(answer),
+            nominal=DIRECT if nominal else None, risk=self._risk(answer),
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
@@ -232,9 +232,7 @@ class _Course:
         optimum = blockwise_optimum(nominal, self.objective, self.job.settings.grouping)
         methods = self._others(nominal, optimum)
         which = OBJECTIVES.index(self.objective)
-        if self.job.objective == "pareto":
-            methods.sort(key=lambda one: one.name == DIRECT)
-        else:
+        if self.job.objective != "pareto":
             better = improve(
                 nominal, optimum, self.objective, self.job.settings.search, self._compared
             )

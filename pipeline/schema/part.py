@@ -78,7 +78,7 @@ class PeakQuantile:
 
 @dataclass(frozen=True, kw_only=True)
 class Nominal:
-    """Answer at nominal values: time [s] and cost [currency]."""
+    """Blockwise optimum at nominal values: time [s] and cost [currency]."""
 
     time_s: float | None
     cost: float | None
@@ -88,7 +88,7 @@ class Nominal:
 class Price:
     """Extra time [s] [%] and cost [currency] [%] of keeping the load limit with its probability.
 
-    The difference between the two rows of one method in ``methods``.
+    The difference between the two rows of the blockwise optimum in ``methods``.
     """
 
     time_s: float | None
