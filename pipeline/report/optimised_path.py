@@ -29,7 +29,7 @@ for (const control of document.querySelectorAll('.slider')) {
   const range = control.querySelector('[type=range]');
   const line = control.querySelector('[type=number]');
   const said = control.querySelector('output'), section = control.closest('section');
-  const number = x => x === null ? '–' : String(+x.toPrecision(4));
+  const number = x => x === null ? '–' : String(+x.toPrecision(6));
   const change = (a, b) => a === b ? number(b) : number(a) + ' → ' + number(b);
   const show = k => {
     const [at, u, v, w, x, y, z, before, after] = rows[k];
@@ -63,13 +63,15 @@ class LoadClasses:
 
     bounds: tuple[float, ...]
     limit: float | None
+    exceeded: bool
 
     @classmethod
     def of(cls, loads: Floats, limit: float | None) -> "LoadClasses":
         """Round bounds up to the greatest load, NaN being air."""
         most = max(float(np.nanmax(loads)), 1e-6)
         marks = tuple(mark for mark in svg.ticks(0.0, most, most=CLASSES) if 0 < mark < most)
-        return cls(bounds=marks[: CLASSES - 1], limit=limit)
+        exceeded = limit is not None and most > limit
+        return cls(bounds=marks[: CLASSES - 1], limit=limit, exceeded=exceeded)
 
     def strokes(self, load: Floats) -> list[tuple[str, np.ndarray]]:
         """CSS class and which places (N,) have it, air first and the greatest last."""
@@ -92,7 +94,7 @@ class LoadClasses:
         words = [f"below {ends[0]} N", *words, f"{ends[-1]} N and more"] if ends else ["in the cut"]
         found = [(f"s-{self.colour(k)}", said, "box") for k, said in enumerate(words)]
         found += [("s-f-none", "in air", "box"), ("s-blank", "blank", "box")]
-        return found + ([("s-over", "above the limit", "box")] if self.limit is not None else [])
+        return found + ([("s-over", "above the limit", "box")] if self.exceeded else [])
 
 
 def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -147,7 +149,7 @@ def _map(
         for name, here in classes.strokes(load):
             rows = way[here[way]]
             if data := stroke(at[rows - 1], at[rows]):
-                drawn.append(svg.tag("path", d=data, class_=f"curve {name}"))
+                drawn.append(svg.tag("path", d=data, class_=f"curve load {name}"))
         wide, high = shown.span[list(axes)]
         inside = svg.tag(
             "svg", svg.group(drawn), x=0, y=0, width="100%", height="100%",

@@ -104,12 +104,9 @@ def increases_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
         Column("tool", lambda row: f"T{row.one.tool}"),
         *([Column("operation", _operation)] if operation else []),
         Column("by", lambda row: f"×{NARROW}{row.factor:.2f}", ""),
-        Column("before", lambda row: _feed(row.one, row.one.feed_before), "", "F"),
-        Column("after", lambda row: _feed(row.one, row.one.feed_after), "", "F"),
-        Column("before", lambda row: _word(row.one.speed_before), "", "S"),
-        Column("after", lambda row: _word(row.one.speed_after), "", "S"),
-        Column("before", lambda row: figure(row.one.feed_per_tooth_before_mm), "", "fz, mm"),
-        Column("after", lambda row: figure(row.one.feed_per_tooth_after_mm), "", "fz, mm"),
+        Column("F", lambda row: _feeds(row.one), ""),
+        Column("S", lambda row: _change(_word, row.one.speed_before, row.one.speed_after), ""),
+        Column("feed per tooth fz", _feeds_per_tooth, "mm"),
         Column("what binds", lambda row: limit_name(row.one.binds) if row.one.binds else NONE),
     ]
     return tabulated(
@@ -127,8 +124,19 @@ def _operation(row: Increase) -> str:
     return row.one.operation or NONE
 
 
-def _feed(one: FeedChange, feed: float) -> str:
-    return _word(feed) + (f"{NARROW}mm/rev" if one.feed_unit == "mm/rev" else "")
+def _feeds(one: FeedChange) -> str:
+    unit = f"{NARROW}mm/rev" if one.feed_unit == "mm/rev" else ""
+    return _change(_word, one.feed_before, one.feed_after) + unit
+
+
+def _feeds_per_tooth(row: Increase) -> str:
+    return _change(figure, row.one.feed_per_tooth_before_mm, row.one.feed_per_tooth_after_mm)
+
+
+def _change(shown: Callable[[float | None], str], before: float | None, after: float | None) -> str:
+    """Value before and after; one where they look the same."""
+    then, now = shown(before), shown(after)
+    return now if then == now else f"{then} → {now}"
 
 
 def _word(value: float | None) -> str:
@@ -140,44 +148,35 @@ def _word(value: float | None) -> str:
 
 def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Feed per tooth and cutting speed of each tool before and after, beside its ranges."""
-    f_z, v_c = "feed_per_tooth_mm", "cutting_speed_m_min"
-    feed, speed = "Feed per tooth fz, mm", "Cutting speed vc, m/min"
-    return tabulated("Feed and speed by tool", part.tools, (
+    return tabulated("Feed and speed by tool, before → after", part.tools, (
         Column("Tool", _name),
-        Column("before", _of("before", f_z), "", feed),
-        Column("after", _within(f_z, "feed_per_tooth_range_mm"), "", feed),
-        Column("range", lambda use: _span(use.feed_per_tooth_range_mm), "", feed),
-        Column("before", _of("before", v_c), "", speed),
-        Column("after", _within(v_c, "cutting_speed_range_m_min"), "", speed),
-        Column("range", lambda use: _span(use.cutting_speed_range_m_min), "", speed),
-        Column("range from", lambda use: use.range_source or NONE),
+        Column("feed per tooth fz", _within("feed_per_tooth_mm", "feed_per_tooth_range_mm"), "mm"),
+        Column("its range", lambda use: _span(use.feed_per_tooth_range_mm), "mm"),
+        Column("cutting speed vc",
+               _within("cutting_speed_m_min", "cutting_speed_range_m_min"), "m/min"),
+        Column("its range", lambda use: _span(use.cutting_speed_range_m_min), "m/min"),
+        Column("ranges from", lambda use: use.range_source or NONE),
         Column("what binds", lambda use: "kept as programmed" if use.kept else
                limit_name(use.binds) if use.binds else NONE),
     ), sources, note="fz is the greatest of the tool’s blocks at the feed that the control "
-        "reaches, vc = π D S at the full diameter. What lies outside of its range is marked.",
+        "reaches, vc = π D S at the full diameter. What ends outside of its range is marked: × "
+        "above, ▲ below.",
     )  # fmt: skip
 
 
 def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Depths, chip, load, torque, power and life of each tool before and after."""
-
-    def pair(key: str, head: str, shown: Callable[[float | None], str]) -> list[Column[ToolUse]]:
-        return [
-            Column("before", lambda use: shown(getattr(use.before, key)), "", head),
-            Column("after", lambda use: shown(getattr(use.after, key)), "", head),
-        ]
-
-    return tabulated("Cut by tool: the worst of its blocks", part.tools, (
+    return tabulated("Cut by tool, before → after: the worst of its blocks", part.tools, (
         Column("Tool", _name),
-        Column("axial ap", lambda use: figure(use.after.axial_depth_mm), "", "Depth, mm"),
-        Column("radial ae", lambda use: figure(use.after.radial_depth_mm), "", "Depth, mm"),
-        *pair("chip_thickness_mm", "Chip, mm", figure),
-        *pair("peak_load_N", "Load, N", figure),
-        *pair("torque_Nm", f"Torque, N{TOGETHER}m", figure),
-        *pair("power_kW", "Power, kW", figure),
-        *pair("tool_life_share", "Life of one part", share),
-    ), sources, note="Depths are those of the path and do not change. Load is the peak across the "
-        "tool’s axis, torque the mean over a turn.",
+        Column("depth ap", _both("axial_depth_mm", figure), "mm"),
+        Column("width ae", _both("radial_depth_mm", figure), "mm"),
+        Column("chip thickness", _both("chip_thickness_mm", figure), "mm"),
+        Column("load", _both("peak_load_N", figure), "N"),
+        Column("torque", _both("torque_Nm", figure), f"N{TOGETHER}m"),
+        Column("power", _both("power_kW", figure), "kW"),
+        Column("life of one part", _both("tool_life_share", share), ""),
+    ), sources, note="Load is the peak across the tool’s axis, torque the mean over a turn; life "
+        "is the share of the tool’s life that one part uses.",
     )  # fmt: skip
 
 
@@ -185,22 +184,22 @@ def _name(use: ToolUse) -> str:
     return f"T{use.tool} {use.name}".strip()
 
 
-def _of(which: str, key: str) -> Callable[[ToolUse], str]:
-    return lambda use: figure(getattr(getattr(use, which), key))
+def _both(key: str, shown: Callable[[float | None], str]) -> Callable[[ToolUse], str]:
+    return lambda use: _change(shown, getattr(use.before, key), getattr(use.after, key))
 
 
 def _within(key: str, span: str) -> Callable[[ToolUse], str | Cell]:
-    """The value after, marked where it is outside of the range."""
+    """The value before and after, marked where it ends outside of its range."""
+    both = _both(key, figure)
 
     def cell(use: ToolUse) -> str | Cell:
         value, known = getattr(use.after, key), getattr(use, span)
-        text = figure(value)
         if value is None or known is None:
-            return text
+            return both(use)
         low, high = known
         if low * (1 - OUTSIDE) <= value <= high * (1 + OUTSIDE):
-            return text
-        return Cell(text=text, status="failed" if value > high else "attention")
+            return both(use)
+        return Cell(text=both(use), status="failed" if value > high else "attention")
 
     return cell
 
@@ -226,8 +225,9 @@ def listing(part: OptimisedPart, sources: list[Source]) -> Listing | None:
     return Listing(
         caption=caption, unfolded=len(lines) <= UNFOLDED, sources=sources,
         lines=[_listed(line, gap=gap) for line, gap in zip(lines, gaps, strict=True)],
-        note="▲ or ▼ up to a quarter, two up to a factor of 2, three beyond; a line without words "
-        "of its own follows those before it. Lines left out are as they were.",
+        note="▲ is more and ▼ less: one up to a quarter, two up to a factor of 2, three beyond. "
+        "The bar at the left of a line without a change of its own is what is in force in it; "
+        "lines left out have no change of their own.",
     )  # fmt: skip
 
 
@@ -236,16 +236,16 @@ def _listed(line: ProgramLine, *, gap: bool) -> ListingLine:
         ("F", line.feed_before, line.feed_after), ("S", line.speed_before, line.speed_after),
     )  # fmt: skip
     sizes = [log(_ratio(before, after)) for _, before, after in pairs]
-    greatest = max(sizes, key=abs)
-    same = line.after is None
+    greatest, changed = max(sizes, key=abs), line.after is not None
+    notes = [
+        f"{letter}{NARROW}{_word(before)} → {_word(after)} {_arrows(size)}"
+        for (letter, before, after), size in zip(pairs, sizes, strict=True)
+        if changed and _steps(size)
+    ]
     return ListingLine(
-        number=line.line, gap=gap, tone=_tone(greatest),
-        before=_marked("" if line.before is None else line.before, bold=not same),
-        after=Markup("") if line.after is None else _marked(line.after, bold=True),
-        notes=tuple(
-            f"{letter}{NARROW}{_word(before)} → {_word(after)} {_arrows(size)}"
-            for (letter, before, after), size in zip(pairs, sizes, strict=True) if _steps(size)
-        ),
+        number=line.line, gap=gap, tone=_tone(greatest) + " changed" * changed,
+        before=_marked(line.before or "", bold=changed),
+        after=_marked(line.after or "", bold=changed), notes=tuple(notes),
     )  # fmt: skip
 
 
@@ -283,18 +283,15 @@ def _marked(text: str, *, bold: bool) -> Markup:
 # set-up
 
 
-def setup_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
+def setup_section(part: OptimisedPart, sources: list[Source]) -> Section:
     """Sheet for the machine: tools, offsets, blank, warnings; one page when printed."""
     sheet = part.setup
-    if sheet is None:
-        return None
     time = NONE if part.after.time_s is None else duration(part.after.time_s)
     return Section(
         key="setup", title="Set-up sheet",
         text=[f"{part.program} optimised, on {part.machine}: {time}."],
         pairs=[
-            ("Blank", f"{part.stock} in {part.material}, in the coordinates of "
-             f"{sheet.blank_offset} [mm]."),
+            ("Blank", f"{_blank(part)} {part.material}; zero is that of {sheet.blank_offset}."),
             *_warnings(sheet.warnings),
         ],
         blocks=present(
@@ -323,6 +320,19 @@ OFFSETS: tuple[Column[WorkOffset], ...] = (
         for k, axis in enumerate("XYZ")
     ),
 )  # fmt: skip
+
+
+def _blank(part: OptimisedPart) -> str:
+    """Size and place of the blank, as one measures it; as it was named where no path is known."""
+    path = part.path
+    if path is None:
+        return f"{part.stock} [mm] of"
+    ends = list(zip(path.blank_low_mm, path.blank_high_mm, strict=True))
+    sizes = [_length(high - low) for low, high in ends]
+    size = f"Ø {sizes[0]} × {sizes[2]}" if path.round_blank else " × ".join(sizes)
+    spans = [f"{axis} {_length(low)} to {_length(high)}"
+             for axis, (low, high) in zip("XYZ", ends, strict=True)]  # fmt: skip
+    return f"{size}{NARROW}mm ({', '.join(spans)}) of"
 
 
 def _length(value: float | None) -> str:

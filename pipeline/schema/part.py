@@ -149,7 +149,7 @@ class MethodResult:
     """
 
     method: str
-    limits: MethodLimits = "certain"
+    limits: MethodLimits
     time_s: float | None
     cost: float | None
     energy_kWh: float | None
@@ -389,7 +389,7 @@ class OptimisedPart:
         Lines of the program whose F or S words changed, with those next to them.
     path : PathTrace or None
         Of the tool's tip at feed.
-    setup : SetupSheet or None
+    setup : SetupSheet
         Of the machine for this part.
     """
 
@@ -419,11 +419,11 @@ class OptimisedPart:
     interrupted: bool
     not_known: tuple[NotKnown, ...]
     notes: tuple[str, ...]
-    tools: tuple[ToolUse, ...] = ()
-    changes: tuple[FeedChange, ...] = ()
-    lines: tuple[ProgramLine, ...] = ()
-    path: PathTrace | None = None
-    setup: SetupSheet | None = None
+    tools: tuple[ToolUse, ...]
+    changes: tuple[FeedChange, ...]
+    lines: tuple[ProgramLine, ...]
+    path: PathTrace | None
+    setup: SetupSheet
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""
