@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from pipeline.cutting.tool import Tool
 from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
-from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows, feeds_per_minute
 from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.schema.arrays import Bools, Floats
@@ -34,6 +34,9 @@ from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut, CutBasis, warnings_of
 from pipeline.twin.cut_tables import by_tool, figure
 from pipeline.twin.cutting_path import offset_of, work_frame
+
+if TYPE_CHECKING:
+    from pipeline.optimisation.full_twin import Result
 
 CONTEXT = 2
 """Lines that are kept on either side of a line that changed."""
@@ -67,7 +70,7 @@ def tool_ranges(tool: Tool) -> ToolRanges:
     )
 
 
-def row_bindings(result: Result) -> Rows:
+def row_bindings(result: "Result") -> Rows:
     """Which of ``CONSTRAINTS`` each row of the answer is at, -1 where none; shape (M,)."""
     decision = result.answer.decision
     return binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
@@ -92,7 +95,7 @@ def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
     return CONSTRAINTS[worst] if worst >= 0 else None
 
 
-def tool_uses(result: Result, before: Side, after: Side) -> tuple[ToolUse, ...]:
+def tool_uses(result: "Result", before: Side, after: Side) -> tuple[ToolUse, ...]:
     """Each tool that cuts, in the order of the program."""
     binds = row_bindings(result)
     then = {one.tool: one for one in by_tool(before.of.found)}
@@ -110,7 +113,7 @@ def tool_uses(result: Result, before: Side, after: Side) -> tuple[ToolUse, ...]:
     return tuple(uses)
 
 
-def _kept(result: Result, rows: Rows) -> str | None:
+def _kept(result: "Result", rows: Rows) -> str | None:
     """Why no F and no S of the rows may change; None where one of them may."""
     editable, moves = result.problem.editable, result.moves
     if (editable.block[rows] >= 0).any() or editable.speed[rows].any():
@@ -120,7 +123,7 @@ def _kept(result: Result, rows: Rows) -> str | None:
     return "; ".join(reasons) or "none of its F and S words may be changed"
 
 
-def feed_changes(result: Result, before: Side, after: Side) -> tuple[FeedChange, ...]:
+def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChange, ...]:
     """Runs of moves at feed whose F or S changed, in the order of the program."""
     moves, cut = result.moves, result.before
     binds, f_z = row_bindings(result), _commanded(result, before, after)
@@ -150,7 +153,7 @@ def feed_changes(result: Result, before: Side, after: Side) -> tuple[FeedChange,
     return tuple(changes)
 
 
-def _commanded(result: Result, before: Side, after: Side) -> tuple[Floats, Floats]:
+def _commanded(result: "Result", before: Side, after: Side) -> tuple[Floats, Floats]:
     """F / (N S) of each row before and after [mm], NaN in air; shape (M,) each."""
     problem = result.problem
     speeds = (
@@ -165,7 +168,7 @@ def _commanded(result: Result, before: Side, after: Side) -> tuple[Floats, Float
     return found[0], found[1]
 
 
-def program_lines(result: Result, before: Side, after: Side) -> tuple[ProgramLine, ...]:
+def program_lines(result: "Result", before: Side, after: Side) -> tuple[ProgramLine, ...]:
     """Lines whose words changed, with ``CONTEXT`` lines on either side, in order."""
     pairs = list(_matched(_lines(result.job.program.data), _lines(result.answer.text)))
     differ = np.array([then != now for then, now in pairs], dtype=np.bool_)
@@ -201,7 +204,7 @@ Pairs = dict[int, tuple[float | None, float | None]]
 """Value before and after, by line."""
 
 
-def _by_line(result: Result, before: Side, after: Side) -> tuple[Pairs, Pairs]:
+def _by_line(result: "Result", before: Side, after: Side) -> tuple[Pairs, Pairs]:
     """F of the moves at feed of each line, and S of all, of the row that changed the most."""
     moves, own = result.moves, result.moves.file == 0
     fed = own & np.isin(moves.kind, CUTTING) & (moves.length > 0)
@@ -288,7 +291,7 @@ def _blank(stock: Stock, found: HeightMap) -> tuple[Corner, Corner]:
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
-def setup_sheet(result: Result, after: AssessedCut, basis: CutBasis) -> SetupSheet:
+def setup_sheet(result: "Result", after: AssessedCut, basis: CutBasis) -> SetupSheet:
     """Tools, offsets and warnings of the optimised program."""
     cut, job = result.answer.cut, result.job
     moves, totals = cut.plan.path.moves, {one.tool: one for one in by_tool(after.found)}
@@ -311,7 +314,7 @@ def setup_sheet(result: Result, after: AssessedCut, basis: CutBasis) -> SetupShe
     )  # fmt: skip
 
 
-def _offsets(result: Result) -> Iterator[WorkOffset]:
+def _offsets(result: "Result") -> Iterator[WorkOffset]:
     """Work offsets in force in moves at feed, in the order of the program."""
     moves, known = result.moves, result.job.setup.work_offsets
     fed = np.flatnonzero(np.isin(moves.kind, CUTTING))

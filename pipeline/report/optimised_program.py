@@ -13,7 +13,7 @@ from pipeline.charts.sections import Listing, ListingLine, Section, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.report.cut.tables import NONE, sentence, share, spans_of
-from pipeline.report.optimised_tables import figure, limit_name
+from pipeline.report.optimised_tables import figure, limit_name, plain_words
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.part_sheet import FeedChange, ProgramLine, SetupTool, ToolUse, WorkOffset
 from pipeline.schema.program_cut import CutWarning
@@ -180,8 +180,8 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     )  # fmt: skip
 
 
-def _name(use: ToolUse) -> str:
-    return f"T{use.tool} {use.name}".strip()
+def _name(use: ToolUse | SetupTool) -> Cell:
+    return plain_words(f"T{use.tool} {use.name}".strip())
 
 
 def _both(key: str, shown: Callable[[float | None], str]) -> Callable[[ToolUse], str]:
@@ -302,7 +302,7 @@ def setup_section(part: OptimisedPart, sources: list[Source]) -> Section:
 
 
 TOOLS: tuple[Column[SetupTool], ...] = (
-    Column("Tool", lambda row: f"T{row.tool} {row.name}".strip()),
+    Column("Tool", _name),
     Column("kind", lambda row: row.kind.replace("_", "-") or NONE),
     Column("diameter", lambda row: _length(row.diameter_mm), "mm"),
     Column("teeth", lambda row: NONE if row.flutes is None else str(row.flutes), ""),

@@ -230,10 +230,10 @@ def front_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 UNCERTAIN: tuple[Column[UncertainQuantity], ...] = (
-    Column("What is uncertain", lambda row: _words(row.what)),
-    Column("value", lambda row: _words(row.value)),
-    Column("spread", lambda row: _words(row.spread)),
-    Column("where that comes from", lambda row: _words(row.source)),
+    Column("What is uncertain", lambda row: plain_words(row.what)),
+    Column("value", lambda row: plain_words(row.value)),
+    Column("spread", lambda row: plain_words(row.spread)),
+    Column("where that comes from", lambda row: plain_words(row.source)),
 )
 
 
@@ -243,7 +243,7 @@ def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     return tabulated("What the certainty allows for", uncertain, UNCERTAIN, sources)
 
 
-def _words(words: str) -> Cell:
+def plain_words(words: str) -> Cell:
     """Words as a page writes what a plain text wrote: ``um``, ``^2``, a minus, whose settings.
 
     A name too long for a line is broken anywhere, as code is.

@@ -73,7 +73,8 @@ def test_the_slider_moves_the_mark_and_says_the_line(browser, page):
         """
         const range = document.querySelector('.slider [type=range]');
         const state = () => [document.querySelector('.slider output').textContent,
-          ...[...document.querySelectorAll('.mark')].map(m => m.getAttribute('cx'))];
+          ...[...document.querySelectorAll('.mark')].map(
+            m => m.getAttribute('cx') + ' ' + m.getAttribute('cy'))];
         const found = [state()];
         range.value = range.max;
         range.dispatchEvent(new Event('input'));

@@ -304,10 +304,10 @@ def _feeds(
         axes = cut.plan.path.control.axes
         fastest = max(axis.cutting_speed for letter, axis in axes.items() if letter in LINEAR)
         high = max(fastest, float(own[free].max(initial=0.0)))
-    high = np.where(_descends_in_air(cut), np.clip(own, min(low, high), high), high)
+    most = np.where(_descends_in_air(cut), np.clip(own, min(low, high), high), high)
     return (
         np.where(free, np.where(unknown, own, low), 0.0),
-        np.where(free, np.where(unknown, own, high), np.inf),
+        np.where(free, np.where(unknown, own, most), np.inf),
     )
 
 
