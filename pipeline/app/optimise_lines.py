@@ -29,6 +29,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     if part.interrupted:
         yield "interrupted: the best that was found until then"
     yield from _totals(part)
+    yield from _tools(part)
     yield from _certainty(part)
     yield from _methods(part)
     yield from _binding(part)
@@ -47,6 +48,29 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
         percent = _change(getattr(part.gain, change)) if change else NONE
         rows.append([name, printed or "", *values, percent])
     yield from _table(rows, words=2)
+
+
+def _tools(part: OptimisedPart) -> Iterator[str]:
+    """Feed per tooth and cutting speed of each tool, beside its ranges."""
+    rows = [
+        ["tool", "", "f_z", "", "range", "v_c", "", "range", "binds"],
+        ["", "", "mm", "after", "", "m/min", "after", "", ""],
+    ]
+    for use in part.tools:
+        rows.append([
+            f"T{use.tool}", use.name,
+            _number(use.before.feed_per_tooth_mm), _number(use.after.feed_per_tooth_mm),
+            _range(use.feed_per_tooth_range_mm),
+            _number(use.before.cutting_speed_m_min), _number(use.after.cutting_speed_m_min),
+            _range(use.cutting_speed_range_m_min),
+            f"kept: {use.kept}" if use.kept else use.binds or "nothing",
+        ])  # fmt: skip
+    if part.tools:
+        yield from _table(rows, words=2)
+
+
+def _range(known: tuple[float, float] | None) -> str:
+    return NONE if known is None else f"{known[0]:g}..{known[1]:g}"
 
 
 def _certainty(part: OptimisedPart) -> Iterator[str]:
@@ -72,12 +96,13 @@ def _certainty(part: OptimisedPart) -> Iterator[str]:
 def _methods(part: OptimisedPart) -> Iterator[str]:
     currency = part.currency or ""
     rows = [
-        ["method", "limits", "time", "cost", "energy", "tool life", "evaluations"],
-        ["", "", "s", currency, "kWh", "%", ""],
+        ["method", "limits", "", "time", "cost", "energy", "tool life", "evaluations"],
+        ["", "", "", "s", currency, "kWh", "%", ""],
     ]
     rows += [
         [
             one.method,
+            one.limits,
             "inside" if one.feasible else "beyond",
             _number(one.time_s, 1, 4),
             _number(one.cost, 1, 4),
@@ -87,7 +112,7 @@ def _methods(part: OptimisedPart) -> Iterator[str]:
         ]
         for one in part.methods
     ]
-    yield from _table(rows, words=2)
+    yield from _table(rows, words=3)
     knee = next((k for k, one in enumerate(part.front, 1) if one.knee), None)
     if knee is not None:
         better = sum(one.no_worse for one in part.front)

@@ -29,13 +29,41 @@ class Figures:
 
     ``kind`` is the CSS class of their arrangement: ``one`` below another, ``program`` for a tall
     one beside others; else as many side by side as fit.  With ``folded`` they open on demand below
-    those words.
+    those words.  ``control`` stands above them and moves their marks, where a script runs.
     """
 
     figures: list[Figure]
     legend: list[tuple[str, str, str]] = field(default_factory=list)
     kind: str = ""
     folded: str = ""
+    control: Markup | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListingLine:
+    """A line of a program: its number, its text before and after, what changed in words.
+
+    ``after`` empty: the same.  ``tone`` is the CSS class of the change's size, ``gap`` whether
+    lines are left out before it.
+    """
+
+    number: int
+    before: Markup
+    after: Markup
+    notes: tuple[str, ...] = ()
+    tone: str = ""
+    gap: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listing:
+    """Lines of a program beside each other, folded below ``caption``; ``unfolded`` they open."""
+
+    caption: str
+    lines: list[ListingLine]
+    unfolded: bool = False
+    sources: list[Source] = field(default_factory=list)
+    note: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +74,7 @@ class Heading:
     text: str = ""
 
 
-Block = Table | Figures | Heading
+Block = Table | Figures | Heading | Listing
 
 
 @dataclass(frozen=True, kw_only=True)

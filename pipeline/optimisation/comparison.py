@@ -114,7 +114,7 @@ def load_trace(cut: Cut, columns: int = COLUMNS) -> LoadTrace:
 
     """
     pieces, engagement = cut.path.pieces, cut.engagement
-    begin, total = _path_length(cut)
+    begin, total = path_length(cut)
     scale = columns / max(total, 1e-12)
     kept = engagement.feed
     start = begin[engagement.piece[kept]] + engagement.along[kept]
@@ -138,7 +138,7 @@ def load_trace(cut: Cut, columns: int = COLUMNS) -> LoadTrace:
 
 def tool_spans(cut: Cut) -> tuple[tuple[int, float, float], ...]:
     """Number, begin and end of each stretch of one tool, as shares of the path length at feed."""
-    begin, total = _path_length(cut)
+    begin, total = path_length(cut)
     pieces = cut.path.pieces
     fed = np.flatnonzero(pieces.feed)
     if not len(fed) or total <= 0:
@@ -152,7 +152,7 @@ def tool_spans(cut: Cut) -> tuple[tuple[int, float, float], ...]:
     )
 
 
-def _path_length(cut: Cut) -> tuple[Floats, float]:
+def path_length(cut: Cut) -> tuple[Floats, float]:
     """Path length at feed before each piece, shape (Q,), and in all [m]."""
     pieces = cut.path.pieces
     length = np.where(pieces.feed, pieces.length, 0.0)

@@ -11,22 +11,29 @@ from pipeline.machine.control.path import Motion
 from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.genes import Method
+from pipeline.optimisation.part_sheet import (
+    feed_changes,
+    longest_binding,
+    path_trace,
+    program_lines,
+    row_bindings,
+    setup_sheet,
+    tool_uses,
+)
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
-from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.reliability.judged import used_models
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, Totals, write_part
+from pipeline.schema.program_cut import NotKnown
 from pipeline.schema.store import write_bytes
 from pipeline.twin.cut_document import assessed, not_known, notes
 from pipeline.twin.cut_tables import figure, summary
 
 DIGITS = 4
 """Digits of a metric."""
-ROUNDING = 1e-9
-"""Excess over limits, as a share, up to which an evaluation keeps them [1]."""
 
 
 def optimised_text(result: Result) -> bytes:
@@ -82,6 +89,11 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
         notes=notes(after.of, basis),
+        tools=tool_uses(result, before, after),
+        changes=feed_changes(result, before, after),
+        lines=program_lines(result, before, after),
+        path=path_trace(before.cut, job.cut.stock),
+        setup=setup_sheet(result, after.of, basis),
     )
 
 
@@ -128,8 +140,8 @@ def _change(before: float | None, after: float | None) -> float | None:
 def _method(method: Method) -> stored.MethodResult:
     time, cost, energy, life = (figure(float(one)) for one in method.objectives.tolist())
     return stored.MethodResult(
-        method=method.name, time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
-        feasible=bool(method.violation <= ROUNDING), evaluations=method.evaluations,
+        method=method.name, limits=method.limits, time_s=time, cost=cost, energy_kWh=energy,
+        tool_life_share=life, feasible=method.kept, evaluations=method.evaluations,
     )  # fmt: skip
 
 
@@ -170,10 +182,11 @@ def _reliability(result: Result) -> stored.Reliability | None:
 
 def _price(result: Result) -> tuple[stored.Nominal | None, stored.Price | None]:
     """Price of reliability: the blockwise optimum with it beside that at nominal values."""
-    blockwise = next((one for one in result.methods if one.name == "direct"), None)
-    if result.nominal is None or blockwise is None:
+    if result.nominal is None:
         return None, None
-    sure, nominal = _method(blockwise), _method(result.nominal)
+    rows = {(one.method, one.limits): one for one in map(_method, result.methods)}
+    nominal = rows[result.nominal, "nominal"]
+    sure = rows[result.nominal, "certain"]
     price = stored.Price(
         time_s=_extra(nominal.time_s, sure.time_s),
         time_percent=_change(nominal.time_s, sure.time_s),
@@ -189,8 +202,7 @@ def _extra(before: float | None, after: float | None) -> float | None:
 
 def _groups(result: Result, before: Side, after: Side) -> tuple[stored.BlockGroup, ...]:
     """Each run of blocks of one F and one S, in the order of the program."""
-    moves, decision = result.moves, result.answer.decision
-    binds = binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
+    moves, binds = result.moves, row_bindings(result)
     per_turn = result.before.plan.path.motion == Motion.PER_TURN
     return tuple(
         stored.BlockGroup(
@@ -208,7 +220,7 @@ def _groups(result: Result, before: Side, after: Side) -> tuple[stored.BlockGrou
             cost_after=figure(float(after.cost[rows].sum())),
             peak_load_before_N=figure(float(before.peak[rows].max())),
             peak_load_after_N=figure(float(after.peak[rows].max())),
-            binds=_binds(binds, after.time, rows[result.problem.cuts[rows]]),
+            binds=longest_binding(binds, after.time, rows[result.problem.cuts[rows]]),
         )
         for rows in _runs(result)
     )
@@ -234,19 +246,9 @@ def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:
     return figure(float(values[rows] @ weights / weights.sum()))
 
 
-def _binds(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
-    """Constraint that binds for the longest; None where nothing does for longer."""
-    if not len(rows):
-        return None
-    times = np.bincount(binds[rows] + 1, seconds[rows], minlength=len(CONSTRAINTS) + 1)
-    worst = int(np.argmax(times)) - 1
-    return CONSTRAINTS[worst] if worst >= 0 else None
-
-
 def _binding(result: Result, after: Side) -> tuple[stored.Binding, ...]:
     """Limits that bind, with the blocks that cut and their time; the longest first."""
-    decision, cuts = result.answer.decision, result.problem.cuts
-    binds = binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
+    binds, cuts = row_bindings(result), result.problem.cuts
     rows = []
     for k in np.unique(binds[cuts]).tolist():
         mine = cuts & (binds == k)
@@ -287,10 +289,10 @@ def _verified(result: Result) -> stored.TwinCheck:
     )
 
 
-def _not_known(result: Result, after: Side) -> tuple[stored.NotKnown, ...]:
+def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
     rows = not_known(after.of, result.job.basis)
     why = result.answer.verified.following_reason
-    return (*rows, *([stored.NotKnown(what="following errors", why=why)] if why else []))
+    return (*rows, *([NotKnown(what="following errors", why=why)] if why else []))
 
 
 def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, out: Path) -> None:

@@ -154,13 +154,13 @@ class Result:
     proof : Proof
         That only F and S changed.
     methods : tuple of Method
-        The answer beside the baselines.
+        The answer beside the baselines, with certainty and at nominal values.
     front : Front or None
         Of the objectives, of the objective ``pareto``.
     uncertain : Uncertainty or None
         Of the loads; None without a load limit.
-    nominal : Method or None
-        The blockwise optimum at nominal values.
+    nominal : str or None
+        Method whose results at nominal values and with certainty make the price of certainty.
     risk : Exceedance or None
         Of the load limit, by the answer.
     tightened : int
@@ -181,7 +181,7 @@ class Result:
     methods: tuple[Method, ...]
     front: Front | None = None
     uncertain: Uncertainty | None = None
-    nominal: Method | None = None
+    nominal: str | None = None
     risk: Exceedance | None = None
     tightened: int = 0
     evaluated: int = 0

@@ -34,22 +34,24 @@ from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertain
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.split import split_blocks
+from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import Cut, cut_program
 from pipeline.twin.cut_limits import missed_blank
 
+ANSWER, DIRECT = "answer", "direct"
+"""Names of the answer and of the blockwise optimum among the methods."""
 ROUNDS = 4
 """Rounds of tightening where the whole twin finds loads above the limit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:
-    """Result of one round; ``written``: objectives of the blockwise optimum, rounded as words."""
+    """Result of one round."""
 
     blockwise: Decision
-    written: Floats | None
     answer: Full
     front: Front | None
     evaluations: int
@@ -109,11 +111,13 @@ class _Course:
         if not answer.kept:
             raise ValueError(answer.why_not)
         self.ends("comparing", 0.8)
+        answer, methods = self._methods(problem, outcome)
+        nominal = self._nominal(problem)
         return Result(
             job=job, moves=self.moves, before=self.before, problem=problem,
             blockwise=outcome.blockwise, answer=answer, proof=self._proof(answer),
-            methods=self._methods(problem, outcome), front=outcome.front, uncertain=self.uncertain,
-            nominal=self._nominal(problem), risk=self._risk(answer),
+            methods=(*methods, *nominal), front=outcome.front, uncertain=self.uncertain,
+            nominal=DIRECT if nominal else None, risk=self._risk(answer),
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
@@ -171,7 +175,6 @@ class _Course:
         index = OBJECTIVES.index(self.objective)
         return _Found(
             blockwise=optimum, front=front,
-            written=checked[0].objectives if front is None else None,
             answer=min(kept, key=lambda one: float(one.objectives[index])),
             evaluations=evaluations,
         )  # fmt: skip
@@ -214,34 +217,86 @@ class _Course:
             seed=settings.seed + 1,
         )  # fmt: skip
 
-    def _methods(self, problem: Problem, outcome: "_Found") -> tuple[Method, ...]:
-        """The answer beside the blockwise optimum as it would be written, and the baselines."""
-        answer = outcome.answer
+    def _methods(self, problem: Problem, outcome: "_Found") -> tuple[Full, tuple[Method, ...]]:
+        """The answer, and beside it the blockwise optimum and the baselines, all as written.
+
+        A method that passes the same test, the whole twin included, and is better, is the answer.
+        """
+        answer, which = outcome.answer, OBJECTIVES.index(self.objective)
+        methods, contest = [], self.job.objective != "pareto"
+        for one in self._others(problem, outcome.blockwise):
+            better = one.kept and one.objectives[which] < answer.objectives[which]
+            if not (better and contest):
+                methods.append(one)
+                continue
+            full = self._full(problem, one.decision or _unchanged(outcome.blockwise))
+            methods.append(replace(one, objectives=full.objectives, refused=full.why_not))
+            if full.kept and full.objectives[which] < answer.objectives[which]:
+                answer = full
         final = Method(
-            name="answer", decision=answer.decision, objectives=answer.objectives, violation=0.0,
+            name=ANSWER, decision=answer.decision, objectives=answer.objectives, violation=0.0,
             evaluations=outcome.evaluations,
         )  # fmt: skip
-        first = method_of(problem, "direct", outcome.blockwise, 1)
-        if outcome.written is not None:
-            first = replace(first, objectives=outcome.written)
+        return answer, (*methods, final)
+
+    def _nominal(self, problem: Problem) -> tuple[Method, ...]:
+        """The same methods where every value is as stated; the answer's last.
+
+        It is not put through the whole twin.  A front's knee is not searched again.
+        """
+        if self.certain is None or self.interrupted:
+            return ()
+        nominal = with_load(problem, self.certain.nominal)
+        optimum = blockwise_optimum(nominal, self.objective, self.job.settings.grouping)
+        methods = self._others(nominal, optimum)
+        which = OBJECTIVES.index(self.objective)
+        if self.job.objective != "pareto":
+            better = improve(
+                nominal, optimum, self.objective, self.job.settings.search, self._compared
+            )
+            found = self._written(
+                nominal, method_of(nominal, ANSWER, better.decision, 1 + better.evaluations)
+            )
+            best = min(
+                (one for one in (found, *methods) if one.kept),
+                key=lambda one: float(one.objectives[which]), default=found,
+            )  # fmt: skip
+            methods.append(replace(best, name=ANSWER, evaluations=found.evaluations))
+        return tuple(replace(one, limits="nominal") for one in methods)
+
+    def _others(self, problem: Problem, optimum: Decision) -> list[Method]:
+        """The blockwise optimum of a problem among the baselines, with F and S as words hold them.
+
+        The baselines are left out of a search that was interrupted.
+        """
+        direct = method_of(problem, DIRECT, optimum, 1)
         if self.interrupted:
-            return first, final
-        settings = self.job.settings.search
-        others = baselines(
-            problem, outcome.blockwise.groups, self.objective, settings, self._compared
+            return [self._written(problem, direct)]
+        found = baselines(
+            problem, optimum.groups, self.objective, self.job.settings.search, self._compared
         )  # fmt: skip
-        return (*others[:1], first, *others[1:], final)
+        return [self._written(problem, one) for one in (*found[:1], direct, *found[1:])]
+
+    def _written(self, problem: Problem, method: Method) -> Method:
+        """A method with the objectives of its F and S rounded as words are."""
+        decision = method.decision
+        if decision is None:
+            return method
+        feeds = rounded_feeds(self.program, self.moves, decision.row_feeds)
+        speeds = rounded_speeds(decision.row_speeds)
+        objectives = problem.evaluate_rows(feeds[None], speeds[None]).objectives[0]
+        return replace(method, objectives=objectives)
 
     def _compared(self, _: int, __: Floats, ___: object) -> bool:
         return self.ends("comparing", 0.85)
 
-    def _nominal(self, problem: Problem) -> Method | None:
-        """The blockwise optimum at nominal values."""
-        if self.certain is None or self.interrupted:
-            return None
-        nominal = with_load(problem, self.certain.nominal)
-        optimum = blockwise_optimum(nominal, self.objective, self.job.settings.grouping)
-        return method_of(nominal, "nominal", optimum, 1)
+
+def _unchanged(decision: Decision) -> Decision:
+    """The program as it is: no row shares an F or an S that is chosen."""
+    groups, none = decision.groups, np.full(len(decision.groups.feed), -1, dtype=np.intp)
+    return Decision(
+        groups=replace(groups, feed=none, speed=none), feeds=np.zeros(0), speeds=np.zeros(0)
+    )
 
 
 def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:

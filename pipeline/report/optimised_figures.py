@@ -333,7 +333,7 @@ def method_places(part: OptimisedPart, keys: tuple[str, str]) -> list[Place]:
     """The program as it was, and what other methods found inside the limits."""
     places = []
     for row in part.methods:
-        if row.feasible:
+        if row.feasible and row.limits == "certain":
             places += _places(row, keys, "p-naive")
     return places + _places(part.before, keys, "p-before")
 

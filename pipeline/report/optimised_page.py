@@ -24,6 +24,8 @@ from pipeline.report.optimised_figures import (
     per_pair,
     words_figure,
 )
+from pipeline.report.optimised_path import SCRIPT, path_section
+from pipeline.report.optimised_program import changes_section, setup_section
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
@@ -40,14 +42,15 @@ def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = N
 
 
 def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:
-    """Load, words, where time goes, certainty, methods, proof, basis: as its reader needs them."""
+    """Changes, path, load, words, time, certainty, methods, proof, set-up, basis, in this order."""
     status, word, sentences = verdict(part)
+    path = path_section(part, sources)
     sections = [
         verdicts_section(part.verdicts),
-        _load_section(part, sources), _words_section(part, sources),
-        _time_section(part, sources), _certainty_section(part, sources),
-        _methods_section(part, sources), _proof_section(part, sources),
-        _basis_section(part, sources),
+        changes_section(part, sources), path, _load_section(part, sources),
+        _words_section(part, sources), _time_section(part, sources),
+        _certainty_section(part, sources), _methods_section(part, sources),
+        _proof_section(part, sources), setup_section(part, sources), _basis_section(part, sources),
     ]  # fmt: skip
     return StandalonePage(
         program=part.program,
@@ -60,6 +63,7 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
         sentences=sentences,
         key_figures=key_figures(part),
         sections=[section for section in sections if section is not None],
+        script=None if path is None else SCRIPT,
     )
 
 

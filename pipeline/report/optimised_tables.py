@@ -12,6 +12,7 @@ from pipeline.schema.part import (
     Binding,
     BlockGroup,
     FrontMember,
+    MethodLimits,
     MethodResult,
     OptimisedPart,
     Side,
@@ -75,8 +76,8 @@ def gain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     ), sources)  # fmt: skip
 
 
-def _objectives(currency: str | None) -> tuple[Column[MethodResult | FrontMember], ...]:
-    """Columns of the objectives that a method or a member of the front reaches."""
+def _objectives(currency: str | None) -> tuple[Column[FrontMember], ...]:
+    """Columns of the objectives that a member of the front reaches."""
     return (
         Column("time", lambda row: figure(row.time_s, 4), "s"),
         Column("cost", lambda row: figure(row.cost, 4), currency or ""),
@@ -85,19 +86,85 @@ def _objectives(currency: str | None) -> tuple[Column[MethodResult | FrontMember
     )
 
 
+KINDS: dict[MethodLimits, str] = {"certain": "As sure as asked", "nominal": "At nominal values"}
+"""Limits that methods are compared under, as the heads of their columns."""
+OBJECTIVES: dict[str, tuple[str, str, str, Callable[[float | None], str]]] = {
+    "time": ("time_s", "time", "s", lambda value: figure(value, 4)),
+    "cost": ("cost", "cost", "", lambda value: figure(value, 4)),
+    "energy": ("energy_kWh", "energy", "kWh", lambda value: figure(value)),
+    "wear": ("tool_life_share", "tool life used", "", share),
+}
+"""Key, name, unit and words of each objective; the unit of cost is the currency."""
+PairOfResults = dict[MethodLimits, MethodResult]
+
+
+def methods_by_name(part: OptimisedPart) -> dict[str, PairOfResults]:
+    """Each method's result under each kind of limits, in the order of the document."""
+    found: dict[str, PairOfResults] = {}
+    for row in part.methods:
+        found.setdefault(row.method, {})[row.limits] = row
+    return found
+
+
 def methods_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
-    """Objectives of each method, and the evaluations that it takes."""
-    return tabulated("What other ways find", part.methods, (
-        Column("Method", lambda row: sentence(row.method)),
-        Column("inside the limits", lambda row: Cell(
-            text="inside" if row.feasible else "beyond",
-            status="passed" if row.feasible else "failed",
-        )),
-        *_objectives(part.currency),
-        Column("evaluations", lambda row: figure(row.evaluations), ""),
-    ), sources, note="Inside is what keeps the limits with their margins, and that of the load as "
-        "surely as asked: a program may be beyond although its predicted load is not.",
+    """Objectives of each method under the same limits, and what certainty costs it."""
+    rows = list(methods_by_name(part).items())
+    two = any("nominal" in pair for _, pair in rows)
+    shown = dict.fromkeys(("time", "cost", part.objective))
+    keys = [key for key in (OBJECTIVES if part.objective == "pareto" else shown)]
+    columns: list[Column[tuple[str, PairOfResults]]] = [
+        Column("Method", lambda row: sentence(row[0]))
+    ]
+    kinds: list[MethodLimits] = ["certain", "nominal"] if two else ["certain"]
+    for kind in kinds:
+        head = KINDS[kind] if two else ""
+        columns += [_objective(part, key, kind, head) for key in keys]
+        columns.append(_limits(kind, head))
+    if two:
+        columns.append(Column("in time", _price, "", "Certainty costs"))
+    columns.append(Column("evaluations", lambda row: figure(_evaluations(row[1])), ""))
+    return tabulated(
+        "What other ways find", rows, columns, sources,
+        note="Inside is what keeps the limits with their margins and, in the columns as sure as "
+        "asked, that of the load as surely: a program may be beyond although its predicted load is "
+        "not. All have F and S as words hold them; a row that passes the same test is never better "
+        "than the answer.",
     )  # fmt: skip
+
+
+def _objective(
+    part: OptimisedPart, key: str, kind: MethodLimits, head: str
+) -> Column[tuple[str, PairOfResults]]:
+    name, words, unit, shown = OBJECTIVES[key]
+    unit = (part.currency or "") if key == "cost" else unit
+
+    def cell(row: tuple[str, PairOfResults]) -> str:
+        return shown(getattr(row[1][kind], name)) if kind in row[1] else NONE
+
+    return Column(words, cell, unit, head)
+
+
+def _limits(kind: MethodLimits, head: str) -> Column[tuple[str, PairOfResults]]:
+    def cell(row: tuple[str, PairOfResults]) -> str | Cell:
+        if kind not in row[1]:
+            return NONE
+        inside = row[1][kind].feasible
+        return Cell(text="inside" if inside else "beyond", status="passed" if inside else "failed")
+
+    return Column("limits", cell, None, head)
+
+
+def _price(row: tuple[str, PairOfResults]) -> str:
+    """Time with certainty over that at nominal values, where both keep their limits."""
+    pair = row[1]
+    if set(pair) != set(KINDS) or not all(one.feasible for one in pair.values()):
+        return NONE
+    sure, nominal = pair["certain"].time_s, pair["nominal"].time_s
+    return change(None if sure is None or not nominal else 100 * (sure / nominal - 1))
+
+
+def _evaluations(pair: PairOfResults) -> int:
+    return max(one.evaluations for one in pair.values())
 
 
 def binding_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
@@ -163,10 +230,10 @@ def front_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 UNCERTAIN: tuple[Column[UncertainQuantity], ...] = (
-    Column("What is uncertain", lambda row: _words(row.what)),
-    Column("value", lambda row: _words(row.value)),
-    Column("spread", lambda row: _words(row.spread)),
-    Column("where that comes from", lambda row: _words(row.source)),
+    Column("What is uncertain", lambda row: plain_words(row.what)),
+    Column("value", lambda row: plain_words(row.value)),
+    Column("spread", lambda row: plain_words(row.spread)),
+    Column("where that comes from", lambda row: plain_words(row.source)),
 )
 
 
@@ -176,7 +243,7 @@ def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     return tabulated("What the certainty allows for", uncertain, UNCERTAIN, sources)
 
 
-def _words(words: str) -> Cell:
+def plain_words(words: str) -> Cell:
     """Words as a page writes what a plain text wrote: ``um``, ``^2``, a minus, whose settings.
 
     A name too long for a line is broken anywhere, as code is.

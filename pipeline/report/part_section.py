@@ -9,6 +9,7 @@ from pipeline.charts.tables import Cell, Column, Head, Table, cells, numbers, so
 from pipeline.report import optimised_tables as tables
 from pipeline.report.cut.tables import NONE, share
 from pipeline.report.optimised_figures import load_figures
+from pipeline.report.optimised_program import feeds_table, increases_table
 from pipeline.report.optimised_verdict import aim, verdict
 from pipeline.report.part_programs import PartProgram, PartPrograms
 from pipeline.schema.part import OptimisedPart
@@ -24,7 +25,7 @@ MORE = "kerf optimise draws F, S, time and cost block by block on a page of its 
 def part_programs_section(
     parts: PartPrograms, shelf: SourceRegistry, forces: PartVerdict | None
 ) -> Section | None:
-    """All programs in a table, then each: load, gain, certainty, methods, cut, proof.
+    """All programs in a table, then each: load, gain, changes, certainty, methods, cut, proof.
 
     ``forces`` is the verdict on the machine's cutting forces, which the loads rest on.
     """
@@ -49,6 +50,8 @@ def _program(
         load_figures(part, one.label, "", files, kind="one"),
         tables.gain_table(part, files),
         cut_table(parts, shelf, one),
+        increases_table(part, files),
+        feeds_table(part, files),
         tables.binding_table(part, files),
         tables.methods_table(part, files),
         tables.uncertain_table(part, files),

@@ -1,9 +1,12 @@
 """Standalone page of one program: its parts, and how it is written; the templates of all pages."""
 
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
+
+from markupsafe import Markup
 
 from pipeline.charts.sections import Section
 from pipeline.charts.sources import Source, shown
@@ -15,7 +18,8 @@ from pipeline.schema.verdict import UsedModel
 class StandalonePage:
     """Head, verdict, key figures (name, value, aside) and sections of the page.
 
-    ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.
+    ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.  The
+    ``script`` is the only one that the page's policy lets run, by its hash.
     """
 
     program: str
@@ -28,6 +32,13 @@ class StandalonePage:
     key_figures: list[tuple[str, str, str]]
     sections: list[Section] = field(default_factory=list)
     credit: str = ""
+    script: Markup | None = None
+
+    @property
+    def script_hash(self) -> str:
+        """Of the script, as a Content-Security-Policy names it."""
+        digest = sha256((self.script or "").encode()).digest()
+        return f"sha256-{b64encode(digest).decode()}"
 
 
 def verdicts_section(models: Sequence[UsedModel]) -> Section | None:

@@ -17,6 +17,7 @@ __all__ = [
     "limits",
     "model",
     "part",
+    "part_sheet",
     "predictions",
     "program",
     "program_cut",

@@ -11,12 +11,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pipeline.schema.limits import CutLimit
+from pipeline.schema.part_sheet import FeedChange, PathTrace, ProgramLine, SetupSheet, ToolUse
+from pipeline.schema.program_cut import NotKnown
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured, unstructured
 from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
 """Quantity to be minimised; ``pareto`` takes the knee of the front of all that are known."""
+MethodLimits = Literal["nominal", "certain"]
+"""Load limit at nominal values, or with the probability that is allowed."""
 Side = Literal["before", "after"]
 """The program as it was, and as it is optimised."""
 
@@ -83,7 +87,10 @@ class Nominal:
 
 @dataclass(frozen=True, kw_only=True)
 class Price:
-    """Extra time [s] [%] and cost [currency] [%] of keeping the load limit with its probability."""
+    """Extra time [s] [%] and cost [currency] [%] of keeping the load limit with its probability.
+
+    The difference between the two rows of the blockwise optimum in ``methods``.
+    """
 
     time_s: float | None
     time_percent: float | None
@@ -135,12 +142,15 @@ class Reliability:
 
 @dataclass(frozen=True, kw_only=True)
 class MethodResult:
-    """Objectives that one method reaches, and the evaluations that it takes.
+    """Objectives that one method reaches under one kind of limits, and the evaluations it takes.
 
-    Units as in :class:`Totals`; ``feasible`` is whether it keeps all limits with their margins.
+    Units as in :class:`Totals`.  ``limits`` says whether the load limit was kept at nominal values
+    alone or with its probability, ``feasible`` whether all those limits are kept with their
+    margins, as the answer has to keep them.
     """
 
     method: str
+    limits: MethodLimits
     time_s: float | None
     cost: float | None
     energy_kWh: float | None
@@ -323,14 +333,6 @@ class TwinCheck:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NotKnown:
-    """A quantity that is not known, and why."""
-
-    what: str
-    why: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class OptimisedPart:
     """A part program before and after.
 
@@ -382,6 +384,16 @@ class OptimisedPart:
         Quantities that the document lacks.
     notes : tuple of str
         On the figures, one sentence each.
+    tools : tuple of ToolUse
+        Each tool that cuts, in the order of the program.
+    changes : tuple of FeedChange
+        Runs of blocks whose F or S changed, in the order of the program.
+    lines : tuple of ProgramLine
+        Lines of the program whose F or S words changed, with those next to them.
+    path : PathTrace or None
+        Of the tool's tip at feed.
+    setup : SetupSheet
+        Of the machine for this part.
     """
 
     verdicts: tuple[UsedModel, ...] = ()
@@ -411,6 +423,11 @@ class OptimisedPart:
     interrupted: bool
     not_known: tuple[NotKnown, ...]
     notes: tuple[str, ...]
+    tools: tuple[ToolUse, ...]
+    changes: tuple[FeedChange, ...]
+    lines: tuple[ProgramLine, ...]
+    path: PathTrace | None
+    setup: SetupSheet
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""

@@ -6,10 +6,16 @@ It stands under ``cut`` in the JSON of ``kerf simulate``.  Depths and chips are 
 
 from dataclasses import dataclass
 
-from pipeline.schema.part import NotKnown
-
 Curve = tuple[float | None, ...]
 """Values along an axis; None where there is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotKnown:
+    """A quantity that is not known, and why."""
+
+    what: str
+    why: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +60,8 @@ class CutQuantities:
     ----------
     feed_per_tooth_mm, chip_thickness_mm : float or None
         At the highest feed reached; the thickest chip [mm].
+    cutting_speed_m_min : float or None
+        v_c = pi D S at the full diameter D [m/min].
     axial_depth_mm, radial_depth_mm : float or None
         Depths of cut [mm].
     peak_load_N, mean_load_N, axial_force_N : float or None
@@ -82,6 +90,7 @@ class CutQuantities:
 
     feed_per_tooth_mm: float | None
     chip_thickness_mm: float | None
+    cutting_speed_m_min: float | None
     axial_depth_mm: float | None
     radial_depth_mm: float | None
     peak_load_N: float | None

@@ -11,7 +11,6 @@ from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
-from pipeline.schema.part import NotKnown
 from pipeline.schema.program_cut import (
     BasisRow,
     Blank,
@@ -21,6 +20,7 @@ from pipeline.schema.program_cut import (
     DrivePoint,
     LoadLimit,
     MaterialName,
+    NotKnown,
     ProgramCut,
     ToolTotals,
     WorstBlock,
@@ -121,10 +121,6 @@ def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
     of = assessed(cut, basis)
     found, stable = of.found, of.stable
     rows, tools = block_rows(found), by_tool(found)
-    warnings = cut_warnings(
-        cut, found.blocks, found.limits, basis.limit_load,
-        dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
-    )  # fmt: skip
     return ProgramCut(
         stock=Blank(
             text=basis.stock,
@@ -141,7 +137,7 @@ def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
         summary=summary(found),
         by_tool=tools,
         worst=_worst(rows),
-        warnings=(*warnings, *_worn(tools)),
+        warnings=warnings_of(of, basis),
         not_known=not_known(of, basis),
         left_out=cut.path.left_out,
         basis=_basis(cut, found.blocks, basis),
@@ -181,6 +177,16 @@ def _worst(rows: Sequence[CutBlock]) -> tuple[WorstBlock, ...]:
         elif len(worst) < WORST:
             worst.append(row)
     return tuple(worst)
+
+
+def warnings_of(of: AssessedCut, basis: CutBasis) -> tuple[CutWarning, ...]:
+    """What to look at before the part is cut."""
+    found = of.found
+    warnings = cut_warnings(
+        found.cut, found.blocks, found.limits, basis.limit_load,
+        dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
+    )  # fmt: skip
+    return (*warnings, *_worn(by_tool(found)))
 
 
 def _worn(tools: Sequence[ToolTotals]) -> list[CutWarning]:

@@ -77,17 +77,17 @@ def work_frame(
     ValueError
         When the program does not use ``name``, or a tool length cannot be told from a shift.
     """
-    used = list(dict.fromkeys(_offset(frame) for frame in moves.frames))
+    used = list(dict.fromkeys(offset_of(frame) for frame in moves.frames))
     held = int(moves.frame[row])
-    chosen = _offset(moves.frames[held]) if name is None else name
+    chosen = offset_of(moves.frames[held]) if name is None else name
     if chosen not in used and chosen not in offsets:
         raise ValueError(
             f"work offset {chosen!r} is neither in the set-up nor in the program, which has "
             f"{', '.join(used)}: name one of them"
         )
-    last = held if _offset(moves.frames[held]) == chosen else len(moves.frames) - 1
+    last = held if offset_of(moves.frames[held]) == chosen else len(moves.frames) - 1
     before = moves.frames[: last + 1]
-    plain = [f.rotation for f in before if _is_plain(f) and _offset(f) == chosen]
+    plain = [f.rotation for f in before if _is_plain(f) and offset_of(f) == chosen]
     return WorkFrame(
         name=chosen,
         base=_base(before, chosen, offsets),
@@ -100,7 +100,8 @@ def _marks(frame: Frame) -> list[str]:
     return frame.name.split("+")
 
 
-def _offset(frame: Frame) -> str:
+def offset_of(frame: Frame) -> str:
+    """Name of the work offset that a frame lies in, ``"G54"``."""
     return _marks(frame)[0]
 
 
@@ -129,7 +130,7 @@ def _lengths(moves: Moves, offsets: Mapping[str, Vector]) -> Floats:
         if LENGTH not in _marks(frame):
             held = np.zeros(3)
         elif _is_plain(frame):
-            base = _base(moves.frames[:index], _offset(frame), offsets)
+            base = _base(moves.frames[:index], offset_of(frame), offsets)
             held = np.array(frame.translation[:3]) - base
         elif before < 0 or LENGTH not in _marks(moves.frames[before]):
             held = _earlier_length(moves, int(row), offsets)
@@ -149,7 +150,7 @@ def _earlier_length(moves: Moves, row: int, offsets: Mapping[str, Vector]) -> Fl
     for earlier in range(index - 1, -1, -1):
         frame = moves.frames[earlier]
         if _is_plain(frame) and LENGTH in _marks(frame):
-            base = _base(moves.frames[:earlier], _offset(frame), offsets)
+            base = _base(moves.frames[:earlier], offset_of(frame), offsets)
             return np.array(frame.translation[:3]) - base
     raise ValueError(
         f"{where(moves, row)}: the tool's length cannot be told from what else shifts the "

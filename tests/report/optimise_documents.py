@@ -41,10 +41,14 @@ def totals(time: float, cost: float, energy: float, life: float, peak: float, be
             "peak_load_N": peak, "peak_line": 12, "beyond": beyond}  # fmt: skip
 
 
-def method(name: str, time: float, cost: float, evaluations: int, feasible: bool = True) -> dict:
+def method(
+    name: str, time: float, cost: float, evaluations: int, feasible: bool = True,
+    limits: str = "certain",
+) -> dict:  # fmt: skip
     """A row of the methods."""
-    return {"method": name, "time_s": time, "cost": cost, "energy_kWh": 0.01 * time / 30,
-            "tool_life_share": 0.02, "feasible": feasible, "evaluations": evaluations}  # fmt: skip
+    return {"method": name, "limits": limits, "time_s": time, "cost": cost,
+            "energy_kWh": 0.01 * time / 30, "tool_life_share": 0.02, "feasible": feasible,
+            "evaluations": evaluations}  # fmt: skip
 
 
 def front(many: int) -> list[dict[str, Any]]:
@@ -54,6 +58,75 @@ def front(many: int) -> list[dict[str, Any]]:
          "tool_life_share": 0.02 - 0.01 * u, "knee": k == many // 3, "no_worse": False}
         for k in range(many) if (u := k / max(many - 1, 1)) is not None
     ]  # fmt: skip
+
+
+def tool_use(number: int, name: str, before: float, after: float) -> dict[str, Any]:
+    """A tool whose feed per tooth may be 0.02 to 0.1 mm."""
+
+    def cut(f_z: float) -> dict[str, Any]:
+        return {
+            "tool": number, "name": name, "blocks": 9, "time_s": 12.0, "at_feed_s": 9.0,
+            "in_material_s": 8.0, "air_share": 0.1, "highest_removal_rate_cm3_min": 4.0,
+            "cost": None, "feed_per_tooth_mm": f_z, "chip_thickness_mm": f_z,
+            "cutting_speed_m_min": 157.08, "axial_depth_mm": 2.0, "radial_depth_mm": 10.0,
+            "peak_load_N": 400.0 * f_z, "mean_load_N": 200.0 * f_z, "axial_force_N": 9.0,
+            "torque_Nm": 4.0 * f_z, "peak_torque_Nm": 6.0 * f_z, "power_kW": 9.0 * f_z,
+            "drive_share": 0.2, "deflection_um": 4.0, "stability_margin": 0.3, "volume_cm3": 2.0,
+            "removal_rate_cm3_min": 3.0, "tool_life_share": 0.02, "energy_kWh": None,
+        }  # fmt: skip
+
+    return {
+        "tool": number, "name": name, "before": cut(before), "after": cut(after),
+        "feed_per_tooth_range_mm": [0.02, 0.1], "cutting_speed_range_m_min": None,
+        "range_source": "tool table", "kept": None, "binds": "load limit",
+    }  # fmt: skip
+
+
+def change(k: int) -> dict[str, Any]:
+    """One change of F 200 to more or less by its place; S stays."""
+    feed = (100.0, 220.0, 300.0, 500.0)[k % 4]
+    return {
+        "first_line": 5 + 2 * k, "last_line": 6 + 2 * k, "tool": 1, "operation": "",
+        "feed_unit": "mm/min", "feed_before": 200.0, "feed_after": feed, "speed_before": 2500.0,
+        "speed_after": 2500.0, "feed_per_tooth_before_mm": 0.04,
+        "feed_per_tooth_after_mm": 0.04 * feed / 200.0, "binds": BINDS[k % 4],
+    }  # fmt: skip
+
+
+def line(number: int, name: str) -> dict[str, Any]:
+    """A line of the program; every other one has another F."""
+    changed, feed = number % 2 == 1, f"{(100, 220, 300, 500)[(number - 5) // 2 % 4]}."
+    return {
+        "line": number, "before": f"G1 X{number}. F200. ({name} F7)",
+        "after": f"G1 X{number}. F{feed} ({name} F7)" if changed else None,
+        "feed_before": 200.0, "feed_after": float(feed), "speed_before": 2500.0,
+        "speed_after": 2500.0,
+    }  # fmt: skip
+
+
+def path(columns: int) -> dict[str, Any]:
+    """A zigzag over a blank of 60 x 40 x 10 mm, a point for each column."""
+    return {
+        "frame": "G54", "x_mm": [60.0 * (k % 20) / 19 for k in range(columns)],
+        "y_mm": [40.0 * k / columns for k in range(columns)], "z_mm": [-2.0] * columns,
+        "starts": [0], "column": list(range(columns)), "line": [5 + k // 4 for k in range(columns)],
+        "blank_low_mm": [0.0, 0.0, -10.0], "blank_high_mm": [60.0, 40.0, 0.0],
+        "round_blank": False,
+    }  # fmt: skip
+
+
+def setup(name: str) -> dict[str, Any]:
+    """A sheet of one tool, one offset and one warning."""
+    return {
+        "tools": [{"tool": 1, "name": name, "kind": "flat", "diameter_mm": 10.0,
+                   "stickout_mm": 32.0, "flutes": 2, "length_mm": 127.711, "time_s": 24.51,
+                   "in_material_s": 16.0, "life_share": 0.0152}],
+        "offsets": [{"name": "G54", "position_mm": [-410.0, -235.0, -470.0]},
+                    {"name": "G55", "position_mm": None}],
+        "blank_offset": "G54",
+        "warnings": [{"what": "rapids go through the material", "do": "Retract further.",
+                      "lines": [7, 8, 9, 21], "blocks": 4, "grave": True}],
+    }  # fmt: skip
 
 
 def optimised(groups: int = 24, columns: int = 300, members: int = 30, name: str = "SLOT") -> dict:
@@ -86,6 +159,8 @@ def optimised(groups: int = 24, columns: int = 300, members: int = 30, name: str
             method("this answer", 24.51, 76.4, 1921),
             method("genetic, random start, 10 generations", 25.9, 88.0, 481),
             method("best of 5000 evaluations", 24.55, 76.5, 5000),
+            method("direct", 23.8, 72.0, 1, limits="nominal"),
+            method("this answer", 23.7, 71.8, 1921, limits="nominal"),
         ],
         "front": front(members),
         "groups": [group(k) for k in range(groups)],
@@ -102,6 +177,10 @@ def optimised(groups: int = 24, columns: int = 300, members: int = 30, name: str
         "interrupted": False,
         "not_known": [{"what": "stability", "why": "the machine’s file has no section dynamics"}],
         "notes": ["Forces: catalogue values are off by 20 to 30 %."],
+        "tools": [tool_use(1, name, 0.05, 0.0833), tool_use(2, name, 0.05, 0.2)],
+        "changes": [change(k) for k in range(groups)],
+        "lines": [line(5 + k, name) for k in range(2 * groups)],
+        "path": path(columns), "setup": setup(name),
     }  # fmt: skip
 
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from pipeline.report.cut.figures import Panel
 from pipeline.report.cut.page import SimulatedCut, write_cut_page
 from pipeline.report.cut.tables import share, spans_of
-from pipeline.schema.part import NotKnown
 from pipeline.schema.program_cut import (
     BasisRow,
     Blank,
@@ -27,6 +26,7 @@ from pipeline.schema.program_cut import (
     LobePoint,
     Lobes,
     MaterialName,
+    NotKnown,
     PartTotals,
     ProgramCut,
     ToolTotals,
@@ -40,7 +40,8 @@ NAME = 'MILL <script>"&'
 COST = CutCost(time=86.5, tools=85.6, energy=4.39, sum=176.0)
 TOTALS = {
     "blocks": 22, "time_s": 34.0, "at_feed_s": 21.2, "in_material_s": 20.2, "air_share": 0.049,
-    "feed_per_tooth_mm": 0.0854, "chip_thickness_mm": 0.0853, "axial_depth_mm": 6.0,
+    "feed_per_tooth_mm": 0.0854, "chip_thickness_mm": 0.0853, "cutting_speed_m_min": 188.5,
+    "axial_depth_mm": 6.0,
     "radial_depth_mm": 12.0, "peak_load_N": 665.4, "mean_load_N": 300.0, "axial_force_N": 38.8,
     "torque_Nm": 2.84, "peak_torque_Nm": 3.0, "power_kW": 2.38, "drive_share": 1.246,
     "deflection_um": 32.4, "stability_margin": -0.263, "volume_cm3": 8.31,
@@ -51,6 +52,7 @@ TOOL = ToolTotals(tool=4, name=NAME, **TOTALS)
 BLOCK = WorstBlock(
     line=33, row=20, tool=4, binds="load limit", used=1.664, alike=2, speed_rpm=8000.0,
     reached_feed_mm_min=2050.0, feed_per_tooth_mm=0.0854, chip_thickness_mm=0.0853,
+    cutting_speed_m_min=188.5,
     axial_depth_mm=6.0, radial_depth_mm=9.45, entry_deg=0.0, exit_deg=180.0, peak_load_N=665.4,
     mean_load_N=300.0, axial_force_N=38.8, torque_Nm=2.84, peak_torque_Nm=3.0, power_kW=2.38,
     drive_share=1.246, deflection_um=32.4, stability_margin=-0.263, in_material_s=2.0,

@@ -65,3 +65,52 @@ def test_figures_follow_the_theme(browser, page):
             " c('.plot .s-before', 'fill'), c('.plot .s-after', 'fill'), c('.p-knee', 'stroke')]"
         )
     assert all(a != b for a, b in zip(seen["light"], seen["dark"], strict=True))
+
+
+def test_the_slider_moves_the_mark_and_says_the_line(browser, page):
+    look(browser, page, 1280, "light")
+    seen = browser.execute_script(
+        """
+        const range = document.querySelector('.slider [type=range]');
+        const state = () => [document.querySelector('.slider output').textContent,
+          ...[...document.querySelectorAll('.mark')].map(
+            m => m.getAttribute('cx') + ' ' + m.getAttribute('cy'))];
+        const found = [state()];
+        range.value = range.max;
+        range.dispatchEvent(new Event('input'));
+        found.push(state());
+        const line = document.querySelector('.slider [type=number]');
+        line.value = 100;
+        line.dispatchEvent(new Event('input'));
+        found.push(state());
+        return found;
+        """
+    )
+    said = [one[0] for one in seen]
+    assert said[0].startswith("Line 5:") and said[1].startswith("Line 229:")
+    assert said[2].startswith("Line 100:") and "F 200 → " in said[2]
+    assert len({tuple(one[1:]) for one in seen}) == 3 and len(seen[0]) == 5  # two views, twice
+    assert browser.get_log("browser") == []
+
+
+def test_the_set_up_sheet_is_one_page_of_paper(browser, tmp_path):
+    """A4 with the margins of the page: a sheet of 12 tools, 3 offsets and 12 warnings."""
+    document = optimised(6, columns=60)
+    sheet = document["setup"]
+    sheet["tools"] = [{**sheet["tools"][0], "tool": k} for k in range(12)]
+    sheet["offsets"] = sheet["offsets"] * 2
+    sheet["warnings"] = sheet["warnings"] * 12
+    out = tmp_path / "page.html"
+    write_optimised_page(part(document), out)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    width, height = round((210 - 30) / 25.4 * 96), (297 - 34) / 25.4 * 96
+    look(browser, out, width, "light")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    found = browser.execute_script(
+        "const s = document.querySelector('#setup'), c = getComputedStyle(s);"
+        "return [s.getBoundingClientRect().height, c.breakBefore, c.breakAfter,"
+        " getComputedStyle(document.querySelector('.slider')).display]"
+    )
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert 200 < found[0] < height
+    assert found[1:] == ["page", "page", "none"]

@@ -1,12 +1,18 @@
 """The page of an optimised program: each figure and table of its document, all text escaped."""
 
 import copy
+import re
+from base64 import b64encode
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
 from optimise_documents import HASHES, group, optimised, part
 
 from pipeline.report.optimised_page import write_optimised_page
+from pipeline.report.optimised_path import SCRIPT
+from pipeline.report.optimised_program import feeds_table, increases, listing
+from pipeline.report.optimised_tables import methods_table
 from tests.report.page_reader import outline, words
 
 KEPT = {**optimised()["before"], "beyond": 0}
@@ -28,7 +34,8 @@ def said(tmp_path: Path, document: dict) -> str:
 def test_the_page_has_every_figure_and_table(tmp_path):
     tags = outline(page(tmp_path, optimised())).tags
     labels = [a["aria-label"] for tag, a in tags if tag == "svg" and "aria-label" in a]
-    for word in ("Load along the way", "F and S of the blocks", "Time and cost of the blocks",
+    for word in ("From above: Path of SLOT as programmed", "From the front: Path of SLOT optimised",
+                 "Load along the way", "F and S of the blocks", "Time and cost of the blocks",
                  "The front in two", "The front and other"):  # fmt: skip
         assert any(label.startswith(word) for label in labels), word
     text = said(tmp_path, optimised())
@@ -81,10 +88,14 @@ def test_a_failed_proof_is_said_before_any_gain_and_claims_nothing(tmp_path):
     assert "every other byte" not in text
 
 
-def test_it_runs_no_script_loads_nothing_and_escapes_names(tmp_path):
+def test_its_one_script_is_named_by_its_hash_and_names_are_escaped(tmp_path):
     out = page(tmp_path, optimised(name=NAME))
-    assert "<script" not in out.read_text() and NAME in words(out)
-    assert "default-src 'none'" in out.read_text()
+    text = out.read_text()
+    scripts = re.findall("<script>(.*?)</script>", text, re.DOTALL)
+    assert scripts == [str(SCRIPT)] and text.count("<script") == 1 and NAME in words(out)
+    digest = b64encode(sha256(scripts[0].encode()).digest()).decode()
+    policy = f"style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'\""
+    assert f"default-src 'none'; {policy}" in text
     tags = outline(out).tags
     assert not any("src" in a or a.get("href", "").startswith("http") for _, a in tags)
 
@@ -94,6 +105,77 @@ def test_only_simulated_records_are_labelled_simulated(tmp_path):
     assert labels.count("label simulated") > 8  # the head, each figure, each table
     other = outline(page(tmp_path, optimised() | {"origin": "recorded"})).tags
     assert not any(a.get("class") == "label simulated" for _, a in other)
+
+
+def test_a_page_without_a_path_runs_no_script(tmp_path):
+    text = page(tmp_path, optimised() | {"path": None}).read_text()
+    assert "<script" not in text and "script-src" not in text and "runs no script" in text
+
+
+def test_increases_come_first_the_largest_first_and_no_decrease_among_them(tmp_path):
+    found = increases(part(optimised()).changes)
+    assert [round(row.factor, 6) for row in found] == [2.5, 1.5, 1.1]
+    assert [row.one.feed_after for row in found] == [500.0, 300.0, 220.0]
+    said_lines = [line for row in found for line in row.lines.split(" and ")[0].split(", ")]
+    assert "11–12" in said_lines and "5–6" not in said_lines  # F 500, and F 100
+    text = said(tmp_path, optimised())
+    table = text[text.index("Largest increases") :]
+    assert table.index("× 2.50") < table.index("× 1.50") < table.index("× 1.10")
+    assert "200 → 500" in table and "0.0400 → 0.100" in table
+
+
+def test_a_feed_per_tooth_outside_of_its_range_is_marked_and_one_inside_is_not():
+    table = feeds_table(part(optimised()), [])
+    inside, outside = (row[1] for row in table.rows)
+    assert (inside.text, inside.status) == ("0.0500 → 0.0833", "")
+    assert (outside.text, outside.status) == ("0.0500 → 0.200", "failed")
+    low = optimised()
+    low["tools"][0]["after"]["feed_per_tooth_mm"] = 0.01
+    assert feeds_table(part(low), []).rows[0][1].status == "attention"
+
+
+def test_a_tool_that_is_kept_says_why(tmp_path):
+    document = optimised()
+    document["tools"][1]["kept"] = "reaming keeps F and S"
+    text = said(tmp_path, document)
+    assert "F and S stay as programmed: reaming keeps F and S." in text
+    assert "kept as programmed" in text
+
+
+def test_lines_show_their_words_and_say_the_size_of_a_change_without_colour():
+    shown = listing(part(optimised()), [])
+    assert shown.caption == "The program, line by line: 24 lines changed" and shown.unfolded
+    less, same, more = shown.lines[0], shown.lines[1], shown.lines[6]
+    assert less.tone == "less3 changed" and less.notes == ("F\u202f200 → 100 ▼▼▼",)
+    assert more.tone == "more3 changed" and more.notes == ("F\u202f200 → 500 ▲▲▲",)
+    assert same.notes == () and str(same.after) == "" and "<b>" not in same.before
+    assert str(more.after) == "G1 X11. <b>F500.</b> (SLOT F7)"  # a comment's F is none
+
+
+def test_long_programs_are_cut_short_and_folded(tmp_path):
+    shown = listing(part(optimised(4000)), [])
+    assert len(shown.lines) == 1500 and not shown.unfolded
+    assert "the first 1\u202f500 of 8\u202f000 shown" in shown.caption
+
+
+def test_the_set_up_sheet_names_tools_offsets_blank_and_warnings(tmp_path):
+    text = said(tmp_path, optimised())
+    sheet = text[text.index("Set-up sheet") :]
+    for word in ("60 × 40 × 10 mm (X 0 to 60, Y 0 to 40, Z -10 to 0)", "zero is that of G54",
+                 "T1 SLOT", "127.711", "-410", "G55",
+                 "Warning: Rapids go through the material",
+                 "Retract further. Line 7–9, 21."):  # fmt: skip
+        assert word in sheet, word
+
+
+def test_methods_stand_beside_each_other_under_the_same_limits(tmp_path):
+    table = methods_table(part(optimised()), [])
+    heads = [(head.group, head.name) for head in table.heads]
+    assert ("As sure as asked", "time") in heads and ("At nominal values", "time") in heads
+    rows = {row[0].text: [cell.text for cell in row] for row in table.rows}
+    price = heads.index(("Certainty costs", "in time"))
+    assert rows["This answer"][price].replace("\u202f", " ") == "+3.4 %"  # 24.51 s over 23.7 s
+    assert rows["As programmed"][price] == "–"  # it has no row at nominal values
 
 
 @pytest.mark.parametrize("key", sorted(optimised()))

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.arrays import RowGroups, Rows
-from pipeline.optimisation.problem.limits import STEEP
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.words import ROUNDING, rounded_down
@@ -80,17 +79,7 @@ def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
     high = np.where(most < path.cap, most / scale, np.inf)
     high = np.minimum(high, problem.ranges.feed_high / in_F)
     low = np.maximum(least / scale, problem.ranges.feed_low / in_F)
-    own = np.minimum(np.maximum(path.moves.feed, low), high)
-    high = np.where(_descends_in_air(problem), own, high)
     return np.where(allowed, low, np.inf), high
-
-
-def _descends_in_air(problem: Problem) -> NDArray[np.bool_]:
-    """Rows that go down as steeply as a plunge and cut nothing; shape (M,)."""
-    moves = problem.cut.plan.path.moves
-    fall = moves.start[:, 2] - moves.end[:, 2]
-    descends: NDArray[np.bool_] = (fall > 0) & (fall >= STEEP * moves.length) & ~problem.cuts
-    return descends
 
 
 def common_bounds(

@@ -18,9 +18,12 @@ from pipeline.optimisation.problem.arrays import Decision, Groups, RowGroups, fi
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.part import MethodLimits
 
 INCH_STEP = 20.0
 """Step of F in millimetres over that in inches [1]: 10 mm/min, 0.5 in/min."""
+ROUNDING = 1e-9
+"""Excess over limits, as a share, up to which an evaluation keeps them [1]."""
 LEAST = 1e-3
 """Of the greatest F that is allowed, where the range of F begins below."""
 
@@ -181,6 +184,10 @@ class Method:
         Sum over rows of what passes each limit, as a share of it [1]; 0 inside all limits.
     evaluations : int
         That it took.
+    limits : MethodLimits
+        Load limit at nominal values, or with the probability that is allowed.
+    refused : str
+        Why the whole twin does not accept it; empty where it does, or was not asked.
     """
 
     name: str
@@ -188,6 +195,13 @@ class Method:
     objectives: Floats
     violation: float
     evaluations: int
+    limits: MethodLimits = "certain"
+    refused: str = ""
+
+    @property
+    def kept(self) -> bool:
+        """Whether it keeps the limits, as far as it was tested."""
+        return self.violation <= ROUNDING and not self.refused
 
 
 def method_of(problem: Problem, name: str, decision: Decision, evaluations: int) -> Method:

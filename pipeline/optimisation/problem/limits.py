@@ -307,6 +307,17 @@ def not_computed(cut: Cut) -> Bools:
     return fed
 
 
+def _descends_in_air(cut: Cut) -> Bools:
+    """Rows that go down as steeply as a plunge and cut nothing; shape (M,).
+
+    F of these is at most as programmed: a floor may lie a little higher than it should.
+    """
+    moves = cut.plan.path.moves
+    fall = moves.start[:, 2] - moves.end[:, 2]
+    descends: Bools = (fall > 0) & (fall >= STEEP * moves.length) & (cut.tool < 0)
+    return descends
+
+
 def _feeds(
     cut: Cut, limits: CutLimit, editable: Editable, unknown: Bools
 ) -> tuple[Floats, Floats]:  # fmt: skip
@@ -320,9 +331,10 @@ def _feeds(
         axes = cut.plan.path.control.axes
         fastest = max(axis.cutting_speed for letter, axis in axes.items() if letter in LINEAR)
         high = max(fastest, float(own[free].max(initial=0.0)))
+    most = np.where(_descends_in_air(cut), np.clip(own, min(low, high), high), high)
     return (
         np.where(free, np.where(unknown, own, low), 0.0),
-        np.where(free, np.where(unknown, own, high), np.inf),
+        np.where(free, np.where(unknown, own, most), np.inf),
     )
 
 

@@ -30,7 +30,11 @@ def view(moves: ProgramMoves) -> View:
     points = np.concatenate([shown.a, shown.b])
     if len(points) == 0:
         points = np.zeros((1, 3))
-    low, high = points.min(axis=0), points.max(axis=0)
+    return framed(points.min(axis=0), points.max(axis=0))
+
+
+def framed(low: np.ndarray, high: np.ndarray) -> View:
+    """A frame around what lies between two corners (3,) [mm]."""
     span = 1.08 * (high - low)
     wide = max(LEAST, float(span[0]), *(span[1:] / TALLEST))
     span = np.concatenate([[wide], np.maximum(span[1:], wide * np.array(FLATTEST))])
@@ -92,7 +96,7 @@ class PathMap:
         )  # fmt: skip
         names = "XYZ"[axes[0]], "XYZ"[axes[1]]
         head = f"{label.partition(':')[0]}: {names[1]} over {names[0]}, mm"
-        parts = [*_grid(self.shown, axes), inside, svg.text(0, -7, head, "head")]
+        parts = [*grid(self.shown, axes), inside, svg.text(0, -7, head, "head")]
         return svg.map_plot(parts, wide=float(wide / high), most=widest, label=label)
 
     def strokes(self, axes: tuple[int, int]) -> list[Markup]:
@@ -106,7 +110,7 @@ class PathMap:
 
     def _drawn(self, axes: tuple[int, int], coarse: int) -> list[Markup]:
         cut, moves, classes = self.cut, self.moves, self.classes
-        a, b = (_grid_points(p, self.shown, axes, coarse) for p in (cut.a, cut.b))
+        a, b = (grid_points(p, self.shown, axes, coarse) for p in (cut.a, cut.b))
         cutting, along = moves.cutting[cut.row], self.kind[cut.row]
         sunk = cutting & _along_axis(cut, axes)
         found = [("rapid", stroke(a[moves.rapid[cut.row]], b[moves.rapid[cut.row]]))]
@@ -117,7 +121,7 @@ class PathMap:
         return [svg.tag("path", d=data, class_=f"curve {name}") for name, data in found if data]
 
 
-def _grid_points(
+def grid_points(
     points: np.ndarray, shown: View, axes: tuple[int, int], coarse: int
 ) -> np.ndarray:  # fmt: skip
     """Points (N, 2) on the map's grid of whole numbers, y downwards."""
@@ -138,7 +142,8 @@ def _along_axis(cut: Pieces, axes: tuple[int, int]) -> np.ndarray:
     return found
 
 
-def _grid(shown: View, axes: tuple[int, int]) -> list[Markup]:
+def grid(shown: View, axes: tuple[int, int]) -> list[Markup]:
+    """Lines at round positions of both axes, and their numbers [mm]."""
     parts = []
     for place, axis in enumerate(axes):
         low, span = float(shown.low[axis]), float(shown.span[axis])

@@ -1,0 +1,327 @@
+"""Tables of an optimised program for who runs it: tools, changes, lines, path, set-up.
+
+All are of the program as it was and as it is written, row by row; nothing is searched here.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.cutting.engagement.height_map import HeightMap
+from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
+from pipeline.cutting.tool import Tool
+from pipeline.machine.control.path import Motion
+from pipeline.machine.spindle import CUTTING
+from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
+from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows, feeds_per_minute
+from pipeline.optimisation.problem.feasible import binding_constraints
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.part_sheet import (
+    FeedChange,
+    PathTrace,
+    ProgramLine,
+    SetupSheet,
+    SetupTool,
+    ToolUse,
+    WorkOffset,
+)
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_document import AssessedCut, CutBasis, warnings_of
+from pipeline.twin.cut_tables import by_tool, figure
+from pipeline.twin.cutting_path import offset_of, work_frame
+
+if TYPE_CHECKING:
+    from pipeline.optimisation.full_twin import Result
+
+CONTEXT = 2
+"""Lines that are kept on either side of a line that changed."""
+MOST_POINTS = 3000
+"""Points of the path that are kept, about; further ones would lie within a line's width."""
+FINE = 2e-3
+"""Distance of two points, as a share of the path's extent, within which they are drawn as one."""
+
+
+_WORD = re.compile(r"\s*[FS]\s*[-+0-9.]+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolRanges:
+    """Least and greatest f_z [mm] and v_c [m/min] of a tool, and where they come from."""
+
+    feed_per_tooth_mm: tuple[float, float] | None
+    cutting_speed_m_min: tuple[float, float] | None
+    source: str
+
+
+def tool_ranges(tool: Tool) -> ToolRanges:
+    """The ranges that a tool's feed and speed are shown beside."""
+    f_z, v_c = (
+        None if span is None else (float(span[0]), float(span[1]))
+        for span in (tool.feed_per_tooth_mm, tool.cutting_speed_m_min)
+    )
+    known = f_z is not None or v_c is not None
+    return ToolRanges(
+        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source="tool table" if known else ""
+    )
+
+
+def row_bindings(result: "Result") -> Rows:
+    """Which of ``CONSTRAINTS`` each row of the answer is at, -1 where none; shape (M,)."""
+    decision = result.answer.decision
+    return binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
+
+
+def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
+    """Constraint that binds for the longest; None where nothing does for longer.
+
+    Parameters
+    ----------
+    binds : ndarray of intp, shape (M,)
+        Of :func:`row_bindings`.
+    seconds : ndarray, shape (M,)
+        Time of each row [s].
+    rows : ndarray of intp
+        That count.
+    """
+    if not len(rows):
+        return None
+    times = np.bincount(binds[rows] + 1, seconds[rows], minlength=len(CONSTRAINTS) + 1)
+    worst = int(np.argmax(times)) - 1
+    return CONSTRAINTS[worst] if worst >= 0 else None
+
+
+def tool_uses(result: "Result", before: Side, after: Side) -> tuple[ToolUse, ...]:
+    """Each tool that cuts, in the order of the program."""
+    binds = row_bindings(result)
+    then = {one.tool: one for one in by_tool(before.of.found)}
+    uses = []
+    for totals in by_tool(after.of.found):
+        tool = result.job.cut.tools[totals.tool]
+        rows = np.flatnonzero(result.problem.cuts & (result.moves.tool == totals.tool))
+        ranges = tool_ranges(tool)
+        uses.append(ToolUse(
+            tool=totals.tool, name=tool.name, before=then[totals.tool], after=totals,
+            feed_per_tooth_range_mm=ranges.feed_per_tooth_mm,
+            cutting_speed_range_m_min=ranges.cutting_speed_m_min, range_source=ranges.source,
+            kept=_kept(result, rows), binds=longest_binding(binds, after.time, rows),
+        ))  # fmt: skip
+    return tuple(uses)
+
+
+def _kept(result: "Result", rows: Rows) -> str | None:
+    """Why no F and no S of the rows may change; None where one of them may."""
+    editable, moves = result.problem.editable, result.moves
+    if (editable.block[rows] >= 0).any() or editable.speed[rows].any():
+        return None
+    lines = {f"{moves.files[moves.file[row]]}:{moves.line[row]}" for row in rows.tolist()}
+    reasons = [held.reason for held in editable.held if held.first in lines]
+    return "; ".join(reasons) or "none of its F and S words may be changed"
+
+
+def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChange, ...]:
+    """Runs of moves at feed whose F or S changed, in the order of the program."""
+    moves, cut = result.moves, result.before
+    binds, f_z = row_bindings(result), _commanded(result, before, after)
+    per_turn = cut.plan.path.motion == Motion.PER_TURN
+    rows = np.flatnonzero(np.isin(moves.kind, CUTTING) & (moves.length > 0))
+    if not len(rows):
+        return ()
+    keys = np.stack([
+        before.feed, after.feed, before.speed, after.speed, moves.tool, moves.file, per_turn,
+    ])[:, rows]  # fmt: skip
+    runs = np.split(rows, np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1)
+    changes = []
+    for run in runs:
+        row = run[0]
+        if before.feed[row] == after.feed[row] and before.speed[row] == after.speed[row]:
+            continue
+        cutting = run[result.problem.cuts[run]]
+        changes.append(FeedChange(
+            first_line=int(moves.line[run].min()), last_line=int(moves.line[run].max()),
+            tool=int(moves.tool[row]), feed_unit="mm/rev" if per_turn[row] else "mm/min",
+            feed_before=float(before.feed[row]), feed_after=float(after.feed[row]),
+            speed_before=float(before.speed[row]), speed_after=float(after.speed[row]),
+            feed_per_tooth_before_mm=figure(float(f_z[0][cutting[0]])) if len(cutting) else None,
+            feed_per_tooth_after_mm=figure(float(f_z[1][cutting[0]])) if len(cutting) else None,
+            binds=longest_binding(binds, after.time, cutting),
+        ))  # fmt: skip
+    return tuple(changes)
+
+
+def _commanded(result: "Result", before: Side, after: Side) -> tuple[Floats, Floats]:
+    """F / (N S) of each row before and after [mm], NaN in air; shape (M,) each."""
+    problem = result.problem
+    speeds = (
+        result.before.plan.spindle_speed,
+        result.answer.cut.plan.spindle_speed[result.answer.rows],
+    )
+    found = []
+    for side, speed in zip((before, after), speeds, strict=True):
+        teeth = problem.flutes * speed
+        feed = feeds_per_minute(problem.cut, side.feed, speed)
+        found.append(np.divide(feed, teeth, out=np.full(len(teeth), np.nan), where=teeth > 0))
+    return found[0], found[1]
+
+
+def program_lines(result: "Result", before: Side, after: Side) -> tuple[ProgramLine, ...]:
+    """Lines whose words changed, with ``CONTEXT`` lines on either side, in order."""
+    pairs = list(_matched(_lines(result.job.program.data), _lines(result.answer.text)))
+    differ = np.array([then != now for then, now in pairs], dtype=np.bool_)
+    around = np.convolve(differ, np.ones(2 * CONTEXT + 1), mode="same")[: len(pairs)] > 0
+    feeds, speeds = _by_line(result, before, after)
+    lines = []
+    for index in np.flatnonzero(around).tolist():
+        then, now = pairs[index]
+        feed, speed = feeds.get(index + 1, (None, None)), speeds.get(index + 1, (None, None))
+        lines.append(ProgramLine(
+            line=index + 1, before=then, after=now if then != now else None,
+            feed_before=feed[0], feed_after=feed[1], speed_before=speed[0], speed_after=speed[1],
+        ))  # fmt: skip
+    return tuple(lines)
+
+
+def _lines(data: bytes) -> list[str]:
+    return [line.rstrip(b"\r").decode("utf-8", "replace") for line in data.split(b"\n")]
+
+
+def _matched(before: list[str], after: list[str]) -> Iterator[tuple[str | None, str]]:
+    """Each line as written with what it was; None where blocks were split and it was added."""
+    if len(before) == len(after):
+        yield from zip(before, after, strict=True)
+        return
+    then, now = ([_WORD.sub("", line) for line in lines] for lines in (before, after))
+    for kind, a, b, c, d in SequenceMatcher(None, then, now, autojunk=False).get_opcodes():
+        same = before[a:b] if kind == "equal" else [None] * (d - c)
+        yield from zip(same, after[c:d], strict=True)
+
+
+Pairs = dict[int, tuple[float | None, float | None]]
+"""Value before and after, by line."""
+
+
+def _by_line(result: "Result", before: Side, after: Side) -> tuple[Pairs, Pairs]:
+    """F of the moves at feed of each line, and S of all, of the row that changed the most."""
+    moves, own = result.moves, result.moves.file == 0
+    fed = own & np.isin(moves.kind, CUTTING) & (moves.length > 0)
+    return (
+        _greatest(moves.line, before.feed, after.feed, fed),
+        _greatest(moves.line, before.speed, after.speed, own & (after.speed > 0)),
+    )
+
+
+def _greatest(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Bools) -> Pairs:
+    chosen = np.flatnonzero(rows)
+    ratio = np.abs(np.log(np.maximum(after[chosen], 1e-9) / np.maximum(before[chosen], 1e-9)))
+    order = chosen[np.argsort(ratio, kind="stable")]  # the last of a line is kept
+    return {
+        int(lines[row]): (figure(float(before[row])), figure(float(after[row])))
+        for row in order.tolist()
+    }
+
+
+def path_trace(cut: Cut, stock: Stock) -> PathTrace | None:
+    """The path at feed in the blank's coordinates; None where nothing moves at feed."""
+    pieces = cut.path.pieces
+    fed = np.flatnonzero(pieces.feed & (pieces.length > 0))
+    if not len(fed):
+        return None
+    begin, total = path_length(cut)
+    scale = COLUMNS / total
+    # the ends of pieces and the edges of columns, along the path
+    edges = np.arange(1, COLUMNS) / scale
+    inside = fed[np.searchsorted(begin[fed], edges, side="right") - 1]
+    share = np.clip((edges - begin[inside]) / pieces.length[inside], 0.0, 1.0)
+    between = pieces.start[inside] + share[:, None] * (pieces.end[inside] - pieces.start[inside])
+    joined = (np.abs(pieces.start[fed[1:]] - pieces.end[fed[:-1]]) < 1e-9).all(axis=1)
+    first = fed[np.concatenate([[True], ~joined])]
+    piece = np.concatenate([first, inside, fed])
+    point = np.concatenate([pieces.start[first], between, pieces.end[fed]]) * MM
+    way = np.concatenate([begin[first], edges, begin[fed] + pieces.length[fed]])
+    rank = np.repeat([0, 1, 2], [len(first), len(inside), len(fed)])
+    order = np.lexsort((rank, way, piece))
+    piece, point, way, starts = piece[order], point[order], way[order], rank[order] == 0
+    kept = _apart(point, starts, total * MM)
+    column = np.clip(np.ceil(way * scale - 1e-6).astype(int) - 1, 0, COLUMNS - 1)
+    low, high = _blank(stock, cut.blank)
+    x, y, z = (tuple(np.round(point[kept, axis], 3).tolist()) for axis in range(3))
+    return PathTrace(
+        frame=cut.path.frame.name, x_mm=x, y_mm=y, z_mm=z,
+        starts=tuple(np.flatnonzero(starts[kept]).tolist()),
+        column=tuple(column[kept].tolist()),
+        line=tuple(cut.plan.path.moves.line[pieces.block[piece[kept]]].tolist()),
+        blank_low_mm=low, blank_high_mm=high, round_blank=isinstance(stock, Cylinder),
+    )  # fmt: skip
+
+
+def _apart(point: Floats, starts: Bools, total: float) -> Rows:
+    """Points that lie apart from the one kept before them; ends of strokes are always kept."""
+    least = max(FINE * float(np.ptp(point, axis=0).max()), total / MOST_POINTS)
+    last = np.append(starts[1:], True)
+    kept = [0]
+    for index in range(1, len(point)):
+        far = float(np.abs(point[index] - point[kept[-1]]).max()) >= least
+        if far or starts[index] or last[index]:
+            kept.append(index)
+    return np.array(kept, dtype=np.intp)
+
+
+Corner = tuple[float, float, float]
+
+
+def _blank(stock: Stock, found: HeightMap) -> tuple[Corner, Corner]:
+    """Least and greatest corner of the blank [mm]."""
+    if isinstance(stock, Box):
+        spans = (stock.x_mm, stock.y_mm, stock.z_mm)
+    elif isinstance(stock, Cylinder):
+        half = 0.5 * stock.diameter_mm
+        spans = ((stock.x_mm - half, stock.x_mm + half), (stock.y_mm - half, stock.y_mm + half),
+                 stock.z_mm)  # fmt: skip
+    else:
+        rows, columns = found.heights.shape
+        x, y = found.x0 * MM, found.y0 * MM
+        cell = found.cell * MM
+        top = float(found.heights.max()) * MM
+        spans = ((x, x + columns * cell), (y, y + rows * cell), (found.floor * MM, top))
+    low, high = ([round(span[end], 3) for span in spans] for end in (0, 1))
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def setup_sheet(result: "Result", after: AssessedCut, basis: CutBasis) -> SetupSheet:
+    """Tools, offsets and warnings of the optimised program."""
+    cut, job = result.answer.cut, result.job
+    moves, totals = cut.plan.path.moves, {one.tool: one for one in by_tool(after.found)}
+    tools = []
+    for number in dict.fromkeys(moves.tool[moves.tool >= 0].tolist()):
+        tool, used = job.cut.tools.get(number), totals.get(number)
+        register = job.setup.tools.get(number)
+        tools.append(SetupTool(
+            tool=number, name=tool.name if tool else "", kind=tool.kind if tool else "",
+            diameter_mm=tool.diameter_mm if tool else None,
+            stickout_mm=tool.stickout_mm if tool else None, flutes=tool.flutes if tool else None,
+            length_mm=register.length if register else None,
+            time_s=figure(float(cut.plan.time[moves.tool == number].sum())) or 0.0,
+            in_material_s=(used.in_material_s or 0.0) if used else 0.0,
+            life_share=used.tool_life_share if used else None,
+        ))  # fmt: skip
+    return SetupSheet(
+        tools=tuple(tools), offsets=tuple(_offsets(result)), blank_offset=cut.path.frame.name,
+        warnings=warnings_of(after, basis),
+    )  # fmt: skip
+
+
+def _offsets(result: "Result") -> Iterator[WorkOffset]:
+    """Work offsets in force in moves at feed, in the order of the program."""
+    moves, known = result.moves, result.job.setup.work_offsets
+    fed = np.flatnonzero(np.isin(moves.kind, CUTTING))
+    named: dict[str, int] = {}
+    for row in fed.tolist():
+        named.setdefault(offset_of(moves.frames[moves.frame[row]]), row)
+    for name, row in named.items():
+        x, y, z = work_frame(moves, row, known, name).base.tolist()
+        given = name in known or any((x, y, z))
+        yield WorkOffset(name=name, position_mm=(x, y, z) if given else None)

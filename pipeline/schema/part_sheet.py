@@ -1,0 +1,214 @@
+"""What an optimised part program shows a person at the machine: tools, changes, path, set-up.
+
+F in [mm/min] or [mm/rev], S in [rev/min], lengths in [mm]; None is what is not known.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pipeline.schema.program_cut import CutWarning, ToolTotals
+
+Feed = float | None
+"""F in the unit of its row, or a feed per tooth [mm]; None where there is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolUse:
+    """One tool before and after, beside the range that is usual for it.
+
+    Parameters
+    ----------
+    tool : int
+        Number.
+    name : str
+        For people.
+    before, after : ToolTotals
+        Worst values of its blocks and sums over them.
+    feed_per_tooth_range_mm, cutting_speed_range_m_min : tuple of float, or None
+        Least and greatest f_z [mm] and v_c [m/min]; None where no source gives them.
+    range_source : str
+        Where the ranges come from; empty without any.
+    kept : str or None
+        Why F and S of this tool stay as programmed; None where they may change.
+    binds : str or None
+        Limit that holds its blocks back for the longest; None where none does.
+    """
+
+    tool: int
+    name: str
+    before: ToolTotals
+    after: ToolTotals
+    feed_per_tooth_range_mm: tuple[float, float] | None
+    cutting_speed_range_m_min: tuple[float, float] | None
+    range_source: str
+    kept: str | None = None
+    binds: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedChange:
+    """Blocks in a row of one tool whose F and S were alike and are alike.
+
+    Parameters
+    ----------
+    first_line, last_line : int
+        Of the program.
+    tool : int
+        Number.
+    operation : str
+        Kind of machining; empty where it was not recognised.
+    feed_unit : str
+        Of F.
+    feed_before, feed_after : float
+        F.
+    speed_before, speed_after : float
+        S.
+    feed_per_tooth_before_mm, feed_per_tooth_after_mm : float or None
+        F / (N S) of what is commanded [mm]; None in air.
+    binds : str or None
+        Limit that binds for the longest; None where none does.
+    """
+
+    first_line: int
+    last_line: int
+    tool: int
+    operation: str = ""
+    feed_unit: Literal["mm/min", "mm/rev"] = "mm/min"
+    feed_before: float
+    feed_after: float
+    speed_before: float
+    speed_after: float
+    feed_per_tooth_before_mm: Feed
+    feed_per_tooth_after_mm: Feed
+    binds: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgramLine:
+    """One line of the program, and what became of it.
+
+    Parameters
+    ----------
+    line : int
+        Of the program as it is written, counting from 1.
+    before, after : str or None
+        Its text; ``before`` None where the line was added, ``after`` None where it is the same.
+    feed_before, feed_after : float or None
+        F in force in its moves at feed; None without any.
+    speed_before, speed_after : float or None
+        S in force in its moves; None without any.
+    """
+
+    line: int
+    before: str | None
+    after: str | None
+    feed_before: Feed = None
+    feed_after: Feed = None
+    speed_before: float | None = None
+    speed_after: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathTrace:
+    """Path of the tool's tip at feed in the coordinates of the blank, thinned, with the blank.
+
+    Parameters
+    ----------
+    frame : str
+        Work offset, ``"G54"``.
+    x_mm, y_mm, z_mm : tuple of float
+        V points [mm].
+    starts : tuple of int
+        Points that begin a new stroke, ascending.
+    column : tuple of int
+        Column of ``Traces`` that the way to each point lies in; its load is drawn there.
+    line : tuple of int
+        Line of the program that moves to each point.
+    blank_low_mm, blank_high_mm : tuple of float
+        Least and greatest X, Y, Z of the blank [mm].
+    round_blank : bool
+        Whether the blank is a bar that stands on its end.
+    """
+
+    frame: str
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    z_mm: tuple[float, ...]
+    starts: tuple[int, ...]
+    column: tuple[int, ...]
+    line: tuple[int, ...]
+    blank_low_mm: tuple[float, float, float]
+    blank_high_mm: tuple[float, float, float]
+    round_blank: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetupTool:
+    """A tool that the program calls.
+
+    Parameters
+    ----------
+    tool : int
+        Number.
+    name, kind : str
+        For people; empty where the tool table does not hold it.
+    diameter_mm, stickout_mm : float or None
+        [mm].
+    flutes : int or None
+        Number of teeth.
+    length_mm : float or None
+        Of its length register [mm]; None where there is none.
+    time_s, in_material_s : float
+        With this tool in the spindle, and of that in the material, in the optimised program [s].
+    life_share : float or None
+        Of its life that one part uses [1].
+    """
+
+    tool: int
+    name: str
+    kind: str
+    diameter_mm: float | None
+    stickout_mm: float | None
+    flutes: int | None
+    length_mm: float | None
+    time_s: float
+    in_material_s: float
+    life_share: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkOffset:
+    """A work offset that the program uses, as it was assumed.
+
+    Parameters
+    ----------
+    name : str
+        ``"G54"``, …
+    position_mm : tuple of float, or None
+        X, Y, Z of its zero in the machine's frame [mm]; None where the set-up does not give it.
+    """
+
+    name: str
+    position_mm: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetupSheet:
+    """What stands ready before the optimised program is started.
+
+    Parameters
+    ----------
+    tools : tuple of SetupTool
+        In the order in which they are called.
+    offsets : tuple of WorkOffset
+        In the order in which they are used.
+    blank_offset : str
+        Work offset in whose coordinates the blank lies.
+    warnings : tuple of CutWarning
+        Of the optimised program's cut.
+    """
+
+    tools: tuple[SetupTool, ...]
+    offsets: tuple[WorkOffset, ...]
+    blank_offset: str
+    warnings: tuple[CutWarning, ...]
