@@ -81,11 +81,18 @@ def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParamet
     motion = track(plan, job, parameters.control)
     blank = swept(motion.tip, motion.tool, program.steps, job)
     prepared = Prepared(program=program, track=motion, swept=blank)
-    _check(prepared, job)
+    check_cut(prepared, job)
     return prepared
 
 
-def _check(prepared: Prepared, job: TrialJob) -> None:
+def check_cut(prepared: Prepared, job: TrialJob) -> None:
+    """Refuse a cut with a tool that the job does not have, or with a spindle that stands.
+
+    Raises
+    ------
+    ValueError
+        With file and line.
+    """
     track, name = prepared.track, prepared.program.name
     low, high = np.array(job.blank).reshape(3, 2).T
     inside = np.all((track.tip > low) & (track.tip < high), axis=1)
