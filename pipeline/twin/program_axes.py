@@ -1,6 +1,8 @@
-"""What the axes make of a program: how far they are behind, and what their drives draw.
+"""Following error and motor command of the axes along a program, in air and in the cut.
 
-The control's positions, sampled at its interpolation period, are each axis' reference.
+The control's positions, sampled at its interpolation period, are each axis' reference.  In the cut
+the mean force of :mod:`pipeline.twin.cut_force` is the axes' load, at the place where the tool is:
+behind the interpolator by what its filters and the servos take, one delay for the program.
 """
 
 from collections.abc import Mapping
@@ -11,15 +13,18 @@ import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES
 from pipeline.machine.axis.feed_drive import drive_row
-from pipeline.machine.control.interpolate import trace
+from pipeline.machine.control.interpolate import Trace, trace
 from pipeline.machine.control.planner import Plan
+from pipeline.schema.arrays import Floats
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_force import CutForce, cut_force
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.drive_population import simulate_traces
 
-Floats = npt.NDArray[np.float64]
-
 MOST = 20_000_000
 """Positions that are held at once."""
+NEWTON = "N"
+"""Unit of the forces of a drive whose force constant is known."""
 SUBSTEPS = 4
 """Samples of the servo in one interpolation period: velocity loops run that much faster."""
 
@@ -59,6 +64,23 @@ class AxisFollowing:
         return int(np.argmax(np.abs(self.error)))
 
 
+@dataclass(frozen=True, kw_only=True)
+class CutFollowing:
+    """Axes along a program in air and in the cut, by letter, and the force between them.
+
+    Parameters
+    ----------
+    air, cut : dict of str to AxisFollowing
+        The same axes at the same T times, without and with the force.
+    load : CutForce
+        Of the cut at these times.
+    """
+
+    air: dict[str, AxisFollowing]
+    cut: dict[str, AxisFollowing]
+    load: CutForce
+
+
 def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[str, AxisFollowing]:
     """Linear axes of ``drives`` that move in a program, in air.
 
@@ -74,30 +96,94 @@ def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[st
     ValueError
         When the program is too long to be held, or a drive is unstable.
     """
+    return _in_air(plan, _trace(plan), drives)
+
+
+def follow_cut(cut: Cut, drives: Mapping[str, IdentifiedDrive]) -> CutFollowing:
+    """The same axes in air and under the force of the cut.
+
+    An axis whose forces are in the unit of its command, its force constant not being listed, is
+    left out: a load in newtons says nothing to it.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of a planned program.
+    drives : mapping of str to IdentifiedDrive
+        By the axis' letter.
+
+    Raises
+    ------
+    ValueError
+        As :func:`follow_program`.
+    """
+    plan, commanded = cut.plan, _trace(cut.plan)
+    known = {letter: drive for letter, drive in drives.items() if drive.force_unit == NEWTON}
+    air = _in_air(plan, commanded, known)
+    load = cut_force(cut, commanded, _delay(commanded, air))
+    loaded = {
+        letter: _followed(letter, known[letter], commanded, -load.force[:, AXES.index(letter)])
+        for letter in air
+    }
+    return CutFollowing(air=air, cut=loaded, load=load)
+
+
+def _trace(plan: Plan) -> Trace:
     period = plan.path.control.interpolation_period
     if plan.total > MOST * period:
         raise ValueError(
             f"{plan.total:.0f} s at {period} s are more than {MOST} positions: simulate a shorter "
             "program, or raise control.interpolation_period"
         )
-    commanded = trace(plan)
-    found = {}
-    for letter, drive in drives.items():
-        if drive.servo is None or letter not in "XYZ":
-            continue
-        reference = commanded.position[:, AXES.index(letter)]
-        if np.ptp(reference) == 0:
-            continue
-        row = drive_row(drive.servo, drive.feed_drive)
-        traces = simulate_traces(between(reference, SUBSTEPS), period / SUBSTEPS, row[np.newaxis])
-        position, command = (one[0, ::SUBSTEPS] for one in (traces.position, traces.command))
-        if not np.isfinite(position).all():
-            raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
-        found[letter] = AxisFollowing(
-            time=commanded.time, error=reference - position, command=command, row=commanded.row,
-            command_unit=drive.command_unit,
-        )  # fmt: skip
-    return found
+    return trace(plan)
+
+
+def _in_air(
+    plan: Plan, commanded: Trace, drives: Mapping[str, IdentifiedDrive]
+) -> dict[str, AxisFollowing]:
+    return {
+        letter: _followed(letter, drive, commanded)
+        for letter, drive in drives.items()
+        if drive.servo is not None
+        and letter in "XYZ"
+        and np.ptp(commanded.position[:, AXES.index(letter)]) > 0
+    }
+
+
+def _followed(
+    letter: str, drive: IdentifiedDrive, commanded: Trace, load: Floats | None = None
+) -> AxisFollowing:
+    """One axis under a load against positive motion [N], shape (T,)."""
+    assert drive.servo is not None
+    reference = commanded.position[:, AXES.index(letter)]
+    row = drive_row(drive.servo, drive.feed_drive)
+    period = float(commanded.time[1] - commanded.time[0]) / SUBSTEPS
+    traces = simulate_traces(
+        between(reference, SUBSTEPS), period, row[np.newaxis],
+        load=None if load is None else np.repeat(load, SUBSTEPS),
+    )  # fmt: skip
+    position, command = (one[0, ::SUBSTEPS] for one in (traces.position, traces.command))
+    if not np.isfinite(position).all():
+        raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
+    return AxisFollowing(
+        time=commanded.time, error=reference - position, command=command, row=commanded.row,
+        command_unit=drive.command_unit,
+    )  # fmt: skip
+
+
+def _delay(commanded: Trace, air: Mapping[str, AxisFollowing]) -> float:
+    """Time by which the axes are behind the interpolator, by least squares [s].
+
+    The distance between both goes with the speed: e = v T.
+    """
+    square, product = 0.0, 0.0
+    for letter, one in air.items():
+        axis = AXES.index(letter)
+        programmed = commanded.programmed[:, axis]
+        speed = np.gradient(programmed, commanded.time)
+        behind = programmed - commanded.position[:, axis] + one.error
+        square, product = square + float(speed @ speed), product + float(speed @ behind)
+    return max(product / square, 0.0) if square > 0 else 0.0
 
 
 def between(values: Floats, substeps: int) -> Floats:
