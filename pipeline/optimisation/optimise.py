@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
+from pipeline.optimisation.axis_limits import check_axes_known
 from pipeline.optimisation.full_twin import Full, Result, full_twin
 from pipeline.optimisation.job import Interrupted, Job, Progress
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
@@ -20,7 +21,7 @@ from pipeline.optimisation.methods.genes import Front, Method, method_of
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
 from pipeline.optimisation.problem.arrays import Decision, Editable
-from pipeline.optimisation.problem.feasible import check_known, problem_of, with_load
+from pipeline.optimisation.problem.feasible import check_known, problem_of, with_feed_cap, with_load
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.reliability.chance_constraint import (
@@ -41,6 +42,8 @@ from pipeline.twin.cut_limits import missed_blank
 
 ROUNDS = 4
 """Rounds of tightening where the whole twin finds loads above the limit."""
+AXIS_ROUNDS = 8
+"""The same where limits of the axes were given: commands fall by less than feeds do."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,6 +87,8 @@ class _Course:
         self.editable: Editable = editable_blocks(self.program, self.moves)
         self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
+        check_axes_known(job.models.drives, job.limits)
+        self.feed_cap = np.full(len(self.moves), np.inf)
 
     def ends(self, what: str, share: float) -> bool:
         """Report progress; whether the search is to end."""
@@ -97,10 +102,12 @@ class _Course:
         while True:
             outcome = self._search(problem)
             answer, done = outcome.answer, self.evaluated >= job.settings.search.full
-            if answer.kept or done or tightened >= ROUNDS or self.f_z is None:
+            axes = bool(np.isfinite(answer.feed_cap).any())
+            if answer.kept or done or tightened >= (AXIS_ROUNDS if axes else ROUNDS):
                 break
-            self.f_z = self.f_z * answer.tightening
-            problem = with_load(problem, self.f_z)
+            if self.f_z is None and not axes:
+                break
+            problem = self._tightened(problem, answer)
             tightened += 1
         if not answer.kept:
             raise ValueError(answer.why_not)
@@ -112,6 +119,16 @@ class _Course:
             nominal=self._nominal(problem), risk=self._risk(answer),
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
+
+    def _tightened(self, problem: Problem, answer: Full) -> Problem:
+        """The problem with less feed where loads or axes pass their limit by the whole twin."""
+        if self.f_z is not None:
+            self.f_z = self.f_z * answer.tightening
+            problem = with_load(problem, self.f_z)
+        if np.isfinite(answer.feed_cap).any():
+            self.feed_cap = np.minimum(self.feed_cap, answer.feed_cap)
+            problem = with_feed_cap(problem, self.feed_cap, "limit of the axes in the cut")
+        return problem
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
         limit, settings = self.job.limits.load_N, self.job.settings.certainty

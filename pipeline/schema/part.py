@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from pipeline.schema.drive import AxisInCut
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured, unstructured
@@ -307,11 +308,13 @@ class TwinCheck:
     peak_line : int or None
         Line of the program where it is.
     following_um : mapping of str to float, or None
-        Greatest following error by axis [um]; None without drives.
+        Greatest following error by axis in the cut [um]; None without drives.
     full_evaluations : int
         Of the whole twin.
     tightened : int
         Rounds in which feeds were lowered for it.
+    axes : tuple of AxisInCut
+        Following error and motor command of each axis in the cut; empty where not known.
     """
 
     peak_load_N: float | None
@@ -319,6 +322,7 @@ class TwinCheck:
     following_um: Mapping[str, float | None] | None
     full_evaluations: int
     tightened: int
+    axes: tuple[AxisInCut, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

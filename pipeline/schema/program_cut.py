@@ -6,6 +6,7 @@ It stands under ``cut`` in the JSON of ``kerf simulate``.  Depths and chips are 
 
 from dataclasses import dataclass
 
+from pipeline.schema.drive import AxisInCut
 from pipeline.schema.part import NotKnown
 
 Curve = tuple[float | None, ...]
@@ -359,6 +360,8 @@ class ProgramCut:
         Of the spindle.
     blocks : tuple of CutBlock
         Every block that cuts.
+    axes : tuple of AxisInCut
+        Following error and motor command of each axis in the cut; empty where not known.
     """
 
     stock: Blank
@@ -380,3 +383,4 @@ class ProgramCut:
     lobes: tuple[Lobes, ...]
     drive: DriveCurve | None
     blocks: tuple[CutBlock, ...]
+    axes: tuple[AxisInCut, ...] = ()

@@ -16,6 +16,7 @@ from pipeline.machine.axis.feed_drive import drive_row
 from pipeline.machine.control.interpolate import Trace, trace
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import AxisInCut
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_force import CutForce, cut_force
 from pipeline.twin.drive import IdentifiedDrive
@@ -25,6 +26,7 @@ MOST = 20_000_000
 """Positions that are held at once."""
 NEWTON = "N"
 """Unit of the forces of a drive whose force constant is known."""
+MICROMETRE = 1e-6
 SUBSTEPS = 4
 """Samples of the servo in one interpolation period: velocity loops run that much faster."""
 
@@ -126,6 +128,44 @@ def follow_cut(cut: Cut, drives: Mapping[str, IdentifiedDrive]) -> CutFollowing:
         for letter in air
     }
     return CutFollowing(air=air, cut=loaded, load=load)
+
+
+def axes_in_cut(found: CutFollowing, lines: npt.NDArray[np.integer]) -> tuple[AxisInCut, ...]:
+    """Peaks and RMS values of each axis while the tool is in the material; none where it is not.
+
+    Parameters
+    ----------
+    found : CutFollowing
+        Of a program of M rows.
+    lines : (M,) array of int
+        Line of each row.
+    """
+    inside = np.flatnonzero(found.load.cutting)
+    if not len(inside):
+        return ()
+    axes = []
+    for letter, one in found.cut.items():
+        error, command = one.error[inside] / MICROMETRE, one.command[inside]
+        air = found.air[letter]
+        behind, drawn = int(np.argmax(np.abs(error))), int(np.argmax(np.abs(command)))
+        axes.append(AxisInCut(
+            axis=letter,
+            following_um=_figure(np.abs(error).max()),
+            following_rms_um=_figure(np.sqrt(np.mean(error**2))),
+            following_air_um=_figure(np.abs(air.error[inside]).max() / MICROMETRE),
+            following_line=int(lines[one.row[inside[behind]]]),
+            command=_figure(np.abs(command).max()),
+            command_rms=_figure(np.sqrt(np.mean(command**2))),
+            command_air=_figure(np.abs(air.command[inside]).max()),
+            command_line=int(lines[one.row[inside[drawn]]]),
+            command_unit=one.command_unit,
+            force_N=_figure(np.abs(found.load.force[inside, AXES.index(letter)]).max()),
+        ))  # fmt: skip
+    return tuple(axes)
+
+
+def _figure(value: float) -> float:
+    return float(f"{value:.6g}")
 
 
 def _trace(plan: Plan) -> Trace:

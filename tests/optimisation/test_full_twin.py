@@ -105,14 +105,14 @@ class TestFollowing:
 
     def test_without_drives_nothing_is_said(self, slot):
         found = verify(slot)
-        assert found.following_um is None and "no drives" in found.following_reason
+        assert found.following_um is None and "no drives" in found.axes.reason
         found = verify(slot, drives={"B": drive()})
-        assert found.following_um is None and "no axis" in found.following_reason
+        assert found.following_um is None and "no axis" in found.axes.reason
 
     def test_an_unstable_drive_is_a_reason(self, slot):
         found = verify(slot, drives={"X": drive(), "Y": replace(
             drive(), servo=replace(drive().servo, position_gain=1e9))})  # fmt: skip
-        assert found.following_um is None and "axis Y is unstable" in found.following_reason
+        assert found.following_um is None and "axis Y is unstable" in found.axes.reason
 
 
 def test_a_cut_of_air_has_no_peak():
