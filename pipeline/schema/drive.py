@@ -201,6 +201,8 @@ class DriveAxis:
         Of the mechanics and of the loops.
     recursive_mass : RecursiveMass or None
         None where no mass is determined or the sampling is too slow.
+    presliding_stiffness : float or None
+        Of friction before it slides [N/m]; None where the records do not determine it.
     """
 
     command_unit: str
@@ -215,6 +217,7 @@ class DriveAxis:
     fit: FitFacts
     servo_fit: FitFacts | None = None
     recursive_mass: RecursiveMass | None = None
+    presliding_stiffness: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

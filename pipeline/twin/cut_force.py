@@ -2,8 +2,10 @@
 
 At each moment the tool is at a station of the engagement, whose mean force over a turn belongs to
 the feed for each tooth of that moment (:mod:`pipeline.cutting.force.load_table`); without runout
-the mean over a tooth period is the same.  What teeth add at their own frequency is left out: its
-mean is zero, and feed drives follow frequencies of tooth passing by fractions of a micrometre.
+the mean over a tooth period is the same.  About the mean it goes up and down with the teeth: as one
+harmonic at the frequency of their passing, of the same standard deviation.  Its phase is not known
+and does not matter: it moves an axis by fractions of a micrometre, and that is what makes the
+friction of one that stands give way.
 
 Frames.  The force of a station lies along the feed, to its left and along the tool; the feed is
 turned into the coordinates of the blank by its piece of the path, and from there into the machine's
@@ -36,6 +38,10 @@ class CutForce:
     ----------
     force : (T, 3) array
         On the tool along X, Y, Z of the machine [N]; 0 in air.
+    ripple : (T, 3) array
+        Amplitude of its harmonic at tooth passing [N].
+    tooth_frequency : (T,) array
+        [Hz]; 0 in air.
     cutting : (T,) array of bool
         Whether the tool is in the material at feed.
     f_z : (T,) array
@@ -43,6 +49,8 @@ class CutForce:
     """
 
     force: Floats = field(repr=False)
+    ripple: Floats = field(repr=False)
+    tooth_frequency: Floats = field(repr=False)
     cutting: Bools = field(repr=False)
     f_z: Floats = field(repr=False)
 
@@ -70,10 +78,18 @@ def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:
     flutes = np.array([tool.flutes for tool in cut.tools], dtype=np.float64)
     teeth = flutes[engagement.tool[here]] * cut.plan.spindle_speed[engagement.block[here]] / 60
     slow = np.interp(since[at], trace.time, speed)
-    f_z, force = np.zeros(len(place)), np.zeros((len(place), 3))
+    f_z, frequency = np.zeros(len(place)), np.zeros(len(place))
+    force, ripple = np.zeros((len(place), 3)), np.zeros((len(place), 3))
+    frequency[at] = teeth
     f_z[at] = np.divide(slow, teeth, out=np.zeros(len(at)), where=teeth > 0)
-    force[at] = _in_machine(cut, here, cut.table.mean_forces(here, f_z[at]))
-    return CutForce(force=force, cutting=station >= 0, f_z=f_z)
+    forces = cut.table.mean_forces(here, f_z[at])
+    turn = _turn(cut, here)
+    force[at] = np.einsum("qij,qj->qi", turn, forces[:, :3])
+    # components that vary independently: variances go with the squares of the turn
+    ripple[at] = np.sqrt(2 * np.einsum("qij,qj->qi", turn**2, forces[:, 3:] ** 2))
+    return CutForce(
+        force=force, ripple=ripple, tooth_frequency=frequency, cutting=station >= 0, f_z=f_z
+    )
 
 
 def _begins(cut: Cut) -> Floats:
@@ -108,16 +124,15 @@ def _stations(cut: Cut, begins: Floats, place: Floats) -> Rows:
     return np.where(inside, fed[at], -1)
 
 
-def _in_machine(cut: Cut, station: Rows, forces: Floats) -> Floats:
-    """Forces of stations on the tool in the machine's axes [N]; shape (Q, 3)."""
+def _turn(cut: Cut, station: Rows) -> Floats:
+    """From the frame of stations to forces on the tool in the machine's axes; shape (Q, 3, 3)."""
     pieces, piece = cut.path.pieces, cut.engagement.piece[station]
     way = (pieces.end - pieces.start)[piece, :2]
-    size = np.hypot(way[:, 0], way[:, 1])
-    plunge = size == 0.0
-    ahead = np.where(plunge, 1.0, way[:, 0]) / np.where(plunge, 1.0, size)
-    across = np.where(plunge, 0.0, way[:, 1]) / np.where(plunge, 1.0, size)
-    along, left = forces[:, 0], forces[:, 1] * np.where(pieces.direction[piece] < 0, -1.0, 1.0)
-    x, y = along * ahead - left * across, along * across + left * ahead
-    angle = cut.path.frame.rotation * RADIAN
+    angle = np.arctan2(way[:, 1], way[:, 0]) + cut.path.frame.rotation * RADIAN
     c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * x - s * y, s * x + c * y, -forces[:, 2]], axis=1)
+    left = np.where(pieces.direction[piece] < 0, -1.0, 1.0)  # M4 cuts its mirror image
+    turn = np.zeros((len(station), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1] = c, -s * left
+    turn[:, 1, 0], turn[:, 1, 1] = s, c * left
+    turn[:, 2, 2] = -1.0
+    return turn

@@ -29,6 +29,8 @@ NEWTON = "N"
 MICROMETRE = 1e-6
 SUBSTEPS = 4
 """Samples of the servo in one interpolation period: velocity loops run that much faster."""
+PER_TOOTH, MOST_SUBSTEPS = 8, 32
+"""Least samples in a tooth period, and the most in one interpolation period for that."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,10 +125,7 @@ def follow_cut(cut: Cut, drives: Mapping[str, IdentifiedDrive]) -> CutFollowing:
     known = {letter: drive for letter, drive in drives.items() if drive.force_unit == NEWTON}
     air = _in_air(plan, commanded, known)
     load = cut_force(cut, commanded, _delay(commanded, air))
-    loaded = {
-        letter: _followed(letter, known[letter], commanded, -load.force[:, AXES.index(letter)])
-        for letter in air
-    }
+    loaded = {letter: _followed(letter, known[letter], commanded, load) for letter in air}
     return CutFollowing(air=air, cut=loaded, load=load)
 
 
@@ -191,24 +190,42 @@ def _in_air(
 
 
 def _followed(
-    letter: str, drive: IdentifiedDrive, commanded: Trace, load: Floats | None = None
+    letter: str, drive: IdentifiedDrive, commanded: Trace, load: CutForce | None = None
 ) -> AxisFollowing:
-    """One axis under a load against positive motion [N], shape (T,)."""
-    assert drive.servo is not None
-    reference = commanded.position[:, AXES.index(letter)]
-    row = drive_row(drive.servo, drive.feed_drive)
-    period = float(commanded.time[1] - commanded.time[0]) / SUBSTEPS
-    traces = simulate_traces(
-        between(reference, SUBSTEPS), period, row[np.newaxis],
-        load=None if load is None else np.repeat(load, SUBSTEPS),
-    )  # fmt: skip
-    position, command = (one[0, ::SUBSTEPS] for one in (traces.position, traces.command))
+    """One axis along its reference, in air or under the force of a cut."""
+    if drive.servo is None:
+        raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
+    axis = AXES.index(letter)
+    reference, row = commanded.position[:, axis], drive_row(drive.servo, drive.feed_drive)
+    step = float(commanded.time[1] - commanded.time[0])
+    fastest = 0.0 if load is None else float(load.tooth_frequency.max(initial=0.0))
+    many = int(np.clip(np.ceil(PER_TOOTH * fastest * step), SUBSTEPS, MOST_SUBSTEPS))
+    fine = between(reference, many)
+    push = np.zeros(len(fine)) if load is None else _load(load, axis, step, many)
+    if drive.presliding_stiffness is None:
+        traces = simulate_traces(fine, step / many, row[np.newaxis], load=push)
+        position, command = traces.position[0], traces.command[0]
+    else:
+        from pipeline.machine.axis.presliding import presliding_trace
+
+        position, command = np.empty(len(fine)), np.empty(len(fine))
+        presliding_trace(
+            fine, push, row, drive.presliding_stiffness, step / many, position, command
+        )
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
     return AxisFollowing(
-        time=commanded.time, error=reference - position, command=command, row=commanded.row,
-        command_unit=drive.command_unit,
+        time=commanded.time, error=reference - position[::many], command=command[::many],
+        row=commanded.row, command_unit=drive.command_unit,
     )  # fmt: skip
+
+
+def _load(load: CutForce, axis: int, step: float, many: int) -> Floats:
+    """Load against positive motion at ``many`` places a sample [N]; shape (T * many,)."""
+    phase = 2 * np.pi * np.cumsum(np.repeat(load.tooth_frequency, many)) * step / many
+    wave = np.repeat(load.ripple[:, axis], many) * np.sin(phase)
+    pushed: Floats = wave - np.repeat(load.force[:, axis], many)
+    return pushed
 
 
 def _delay(commanded: Trace, air: Mapping[str, AxisFollowing]) -> float:

@@ -20,7 +20,7 @@ low; means are not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
@@ -122,9 +122,10 @@ class LoadTable:
         extrapolation beyond.
     station_values : ndarray, shape (6, U, K + 1)
         The same of the different stations.
-    station_force : ndarray, shape (3, U, K + 1)
-        Mean force of the different stations over a turn: on the tool along the feed and to the
-        left of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`).
+    station_force : ndarray, shape (6, U, K + 1)
+        Mean force of the different stations over a turn, on the tool along the feed and to the
+        left of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`);
+        then the standard deviation of each.
     station : ndarray of int, shape (N,)
         Which of them each station of the engagement is.
     block : ndarray of int32, shape (N,)
@@ -176,7 +177,8 @@ class LoadTable:
         )
 
     def mean_forces(self, station: Integers, f_z: Floats) -> Floats:
-        """Mean force over a turn at places of some stations [N]; shape (Q, 3), frame of the cut.
+        """Mean force over a turn at places of some stations, and the standard deviation of each
+        component [N]; shape (Q, 6), frame of the cut.
 
         Parameters
         ----------
@@ -232,9 +234,11 @@ def load_table(
     ValueError
         When the arguments do not go together, or a value is out of its range.
     """
+    from pipeline.cutting.force.profile_kernel import COLUMNS, FORCE
+
     most = _greatest(engagement, tools, force_laws, f_z_max, nodes)
     order, station, tool = _different(engagement)
-    values = np.zeros((len(order), nodes + 1, len(fields(BlockLoads)) + 3))
+    values = np.zeros((len(order), nodes + 1, COLUMNS))
     for index in np.unique(tool):
         these = np.flatnonzero(tool == index)
         rows = order[these]
@@ -244,7 +248,7 @@ def load_table(
     exponents = np.array([1.0 - law.m_c for law in force_laws] + [1.0])
     scales = (nodes - 1) ** 2 / np.append(most, nodes - 1.0) ** exponents
     of_block = _tools(engagement)
-    loads, force = values[..., :-3], values[..., -3:]
+    loads, force = values[..., :FORCE], values[..., FORCE:]
     length = engagement.length * (engagement.upper > engagement.lower).any(axis=1)
     return LoadTable(
         values=block_loads(loads[station], engagement.block, length, engagement.blocks),
@@ -313,8 +317,8 @@ def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.i
 def _station_values(
     engagement: Engagement, rows: Integers, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
 ) -> Floats:
-    """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 9)."""
-    from pipeline.cutting.force.profile_kernel import FINEST, station_loads
+    """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 12)."""
+    from pipeline.cutting.force.profile_kernel import COLUMNS, FINEST, station_loads
 
     lower, upper, slope = (
         column[rows] for column in (engagement.lower, engagement.upper, engagement.slope)
@@ -324,7 +328,7 @@ def _station_values(
     many = np.array([LIP, CORNER, 1])
     bins, shape = lower.shape[1], edge_shape(tool)
     angles = tool.flutes * ceil(ANGLES / tool.flutes)
-    out = np.empty((len(lower), nodes + 1, len(fields(BlockLoads)) + 3))
+    out = np.empty((len(lower), nodes + 1, COLUMNS))
     station_loads(
         lower, upper, slope, shape, np.concatenate([law.cutting, law.edge]), power, feeds,
         tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,

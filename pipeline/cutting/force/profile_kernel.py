@@ -135,7 +135,9 @@ def _piece(tip, one, begin, end, low, high, shape, motion, middle, whole, out): 
 FINEST = 4
 """How many times more angles of the tip arcs below 30 degrees have than those above 60."""
 PEAK, MEAN, RMS, AXIAL, TORQUE, PEAK_TORQUE, FORCE = range(7)
-"""Columns of a station's loads; from FORCE on the three components of its mean force."""
+"""Columns of a station's loads; from FORCE on the three components of its mean force, then their
+standard deviations over a turn."""
+COLUMNS = FORCE + 6
 
 
 @compiled
@@ -143,7 +145,7 @@ def station_loads(  # type: ignore[no-untyped-def]
     lower, upper, slope, shape, law, exponent, feeds, runout, differences, many, elements, pairs,
     motion, middles, pieces, forces, out,
 ):  # fmt: skip
-    """Fill ``out`` of shape (S, K + 1, 9), the loads of S stations at K feeds and beyond.
+    """Fill ``out`` of shape (S, K + 1, COLUMNS), the loads of S stations at K feeds and beyond.
 
     Feeds are those where u is 0, 1, 4, 9, ... of its unit; 0 stands for a feed just above it.  The
     last row goes on from the one before as fast as loads can rise with u.  ``lower`` and ``upper``
@@ -191,7 +193,7 @@ def station_loads(  # type: ignore[no-untyped-def]
         for q in range(6):
             rise = max(row[last + 1, q] * unit, (row[last, q] - row[last - 1, q]) / (2 * last - 1))
             row[last + 1, q] = row[last, q] + rise * (2 * last + 1)
-        for q in range(FORCE, FORCE + 3):
+        for q in range(FORCE, COLUMNS):
             rise = (row[last, q] - row[last - 1, q]) / (2 * last - 1)
             row[last + 1, q] = row[last, q] + rise * (2 * last + 1)
 
@@ -277,7 +279,11 @@ def _reduce(cut, edge, u, share, rows, out):  # type: ignore[no-untyped-def]
         axial = max(axial, abs(u * cut[a, 2] + share * edge[a, 2]))
         peak_torque = max(peak_torque, moment)
         for axis in range(3):
-            out[FORCE + axis] += (u * cut[a, axis] + share * edge[a, axis]) / rows
+            component = u * cut[a, axis] + share * edge[a, axis]
+            out[FORCE + axis] += component / rows
+            out[FORCE + 3 + axis] += component * component / rows
+    for q in range(FORCE, FORCE + 3):
+        out[q + 3] = sqrt(max(out[q + 3] - out[q] * out[q], 0.0))
     out[PEAK], out[MEAN], out[RMS] = sqrt(peak), mean / rows, sqrt(total / rows)
     out[AXIAL], out[TORQUE], out[PEAK_TORQUE] = axial, torque / rows, peak_torque
 
