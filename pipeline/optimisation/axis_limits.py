@@ -16,8 +16,8 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import AxisInCut
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
+from pipeline.twin.cut_axes import NEWTON, CutFollowing, axes_in_cut, follow_cut
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import NEWTON, CutFollowing, axes_in_cut, follow_cut
 
 AMPERE = "A"
 LIMITED = ("following_um", "motor_command_A")

@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.machine.control.interpolate import trace
+from pipeline.twin.cut_axes import axes_in_cut, follow_cut
 from pipeline.twin.cut_force import cut_force
-from pipeline.twin.program_axes import axes_in_cut, follow_cut
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, cut_of
 from tests.twin.test_program_axes import drive
 
@@ -67,9 +67,9 @@ def test_mean_and_ripple_are_those_of_the_waveform() -> None:
     """At a station of half immersion: mean, and the standard deviation of the whole waveform."""
     text = SLOT.replace("Y25", "Y0")
     _, cut, found = at_middle(text)
-    fed = cut.engagement.feed & (cut.engagement.slope == 0)
-    own = np.flatnonzero(fed)
-    station = int(own[len(own) // 2])
+    inside = found.cutting & (np.abs(found.f_z - F_Z) < 1e-9)
+    own = np.flatnonzero(cut.engagement.feed & (cut.engagement.slope == 0))
+    station = int(own[np.argmax(cut.engagement.length[own])])
     forces = profile_waveform(
         cut.force_laws[0], cut.tools[0], f_z=F_Z, lower=cut.engagement.lower[station],
         upper=cut.engagement.upper[station], angles=np.arange(720) * np.pi / 720,
