@@ -22,7 +22,7 @@ from pipeline.shop.drives.parameters import RATE
 from pipeline.shop.drives.records import Column, axis_columns, write_trace
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import swept
-from pipeline.shop.trial.cutting import chance, mean_forces
+from pipeline.shop.trial.cutting import chance, check_cut, mean_forces
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.motion import (
     Track,
@@ -31,7 +31,6 @@ from pipeline.shop.trial.motion import (
     program_steps,
     tip_shift,
 )
-from pipeline.shop.trial.trials import Prepared, check_cut
 
 SETTLE = 0.3
 """Standstill after the program [s]."""
@@ -118,7 +117,7 @@ def record_axes(
             cycle=1 / frequency, tip=tip, line=line, tool=tool, speed=plan.spindle_speed(time)
         )
         blank = swept(tip, tool, program.steps, job)
-        check_cut(Prepared(program=program, track=track, swept=blank), job)
+        check_cut(name, track, blank, job)
         part = chance(job, parameters, random)
         force = mean_forces(track, blank, part, parameters, random)
     columns: list[Column] = []

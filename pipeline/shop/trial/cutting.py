@@ -281,6 +281,31 @@ def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generato
     )  # fmt: skip
 
 
+def check_cut(name: str, track: Track, blank: Swept, job: TrialJob) -> None:
+    """Refuse a cut with a tool that the job does not have, or with a spindle that stands.
+
+    Raises
+    ------
+    ValueError
+        With the program's ``name`` and the line.
+    """
+    low, high = np.array(job.blank).reshape(3, 2).T
+    inside = np.all((track.tip > low) & (track.tip < high), axis=1)
+    other = inside & ~np.isin(track.tool, list(job.tools))
+    if other.any():
+        k = int(np.argmax(other))
+        raise ValueError(
+            f"{name}:{track.line[k]} goes into the blank with tool {track.tool[k]}, which the job "
+            f"does not have: it has {', '.join(f'T{n}' for n in sorted(job.tools))}"
+        )
+    stands = blank.cuts & (track.speed < 1)
+    if stands.any():
+        k = int(np.argmax(stands))
+        raise ValueError(
+            f"{name}:{track.line[k]} cuts while the spindle stands: program S and M3 before it"
+        )
+
+
 def cut(
     track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
     random: np.random.Generator,
