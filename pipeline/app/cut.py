@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,12 +17,13 @@ from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import TipDynamics, TipModes, rigid_directions
 from pipeline.cutting.tool import ToolTable
+from pipeline.optimisation.axis_limits import check_axes
 from pipeline.optimisation.job import Workshop, cut_of, machine_models
 from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective
-from pipeline.schema.program_cut import CutCost, CutTotals, ProgramCut
+from pipeline.schema.program_cut import CutCost, CutTotals, NotKnown, ProgramCut
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
 
@@ -30,6 +31,7 @@ T = TypeVar("T")
 
 RESOLUTION = 0.2
 """Of the blank where none is said [mm]."""
+AXES = "following error and motor command in the cut"
 REMEDY = {
     "stock": "give the blank, box:X0,X1,Y0,Y1,Z0,Z1 in mm, cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl",
     "tool_table": "name a table of conf/tool/ or a YAML file",
@@ -168,7 +170,11 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> Pro
         When blank, tools or material are not known, or a cut has no tool.
     """
     job, basis = cut_job(simulated.on, machine, options)
-    return document_of(cut_program(simulated.plan, job), basis)
+    cut = cut_program(simulated.plan, job)
+    document = document_of(cut, basis)
+    axes = check_axes(cut, machine_models(simulated.on.models, simulated.on.control).drives)
+    unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
+    return replace(document, axes=axes.axes, not_known=(*document.not_known, *unknown))
 
 
 def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
@@ -330,6 +336,13 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
     if total.cost is not None:
         parts = ", ".join(f"{name} {_number(value)}" for name, value in vars(total.cost).items())
         yield f"  cost of the part, {cut.currency}: {parts}"
+    for axis in cut.axes:
+        yield (
+            f"  axis {axis.axis} in the cut: behind by up to {_number(axis.following_um)} um in "
+            f"line {axis.following_line} (in air {_number(axis.following_air_um)}), draws up to "
+            f"{_number(axis.command)} {axis.command_unit} in line {axis.command_line} (in air "
+            f"{_number(axis.command_air)})"
+        )
     for warning in cut.warnings:
         lines = ", ".join(map(str, warning.lines[:MOST_LINES]))
         more = ", ..." if len(warning.lines) > MOST_LINES else ""

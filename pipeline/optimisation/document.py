@@ -286,13 +286,15 @@ def _verified(result: Result) -> stored.TwinCheck:
         following_um={axis: figure(um) for axis, um in lags.items()} if lags else None,
         full_evaluations=result.evaluated,
         tightened=result.tightened,
+        axes=verified.axes.axes,
     )
 
 
 def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
     rows = not_known(after.of, result.job.basis)
-    why = result.answer.verified.following_reason
-    return (*rows, *([NotKnown(what="following errors", why=why)] if why else []))
+    why = result.answer.verified.axes.reason
+    what = "following error and motor command in the cut"
+    return (*rows, *([NotKnown(what=what, why=why)] if why else []))
 
 
 def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, out: Path) -> None:

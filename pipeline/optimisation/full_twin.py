@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.gcode.interpret import interpret
-from pipeline.gcode.moves import Moves
+from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program, parse_program
 from pipeline.machine.control.path import where
+from pipeline.optimisation.axis_limits import AxesCheck, check_axes
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Front, Method, written_feeds
-from pipeline.optimisation.problem.arrays import Decision
+from pipeline.optimisation.problem.arrays import Decision, feeds_per_minute
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof
 from pipeline.optimisation.proof.text import WordChange
@@ -31,10 +32,10 @@ from pipeline.optimisation.reliability.uncertainty import Uncertainty
 from pipeline.optimisation.text.rewrite import matching_rows, rewrite
 from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
+from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import Cut, recut
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import follow_program
 
 SLACK = 1e-4
 """Excess over a limit, as a share, that counts as rounding."""
@@ -52,7 +53,6 @@ FINER = 8
 """Parts into which the angles next to the greatest load are divided."""
 NOTHING = 1e-6
 """Load that counts as none [N]: that of teeth in balance is what rounding leaves."""
-MICROMETRE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,18 +69,20 @@ class Verified:
         Where one was.
     f_z : ndarray, shape (M,)
         Feed for each tooth at the highest speed reached [m].
-    following_um : dict of str to float, optional
-        Greatest following error of each axis while it cuts, in air [um]; None without drives.
-    following_reason : str
-        Why there is none.
+    axes : AxesCheck
+        Following error and motor command in the cut, against their limits.
     """
 
     row_peak: Floats = field(repr=False)
     ratio: Floats = field(repr=False)
     computed: NDArray[np.bool_] = field(repr=False)
     f_z: Floats = field(repr=False)
-    following_um: dict[str, float] | None
-    following_reason: str = ""
+    axes: AxesCheck
+
+    @property
+    def following_um(self) -> dict[str, float] | None:
+        """Greatest following error of each axis in the cut [um]; None where not known."""
+        return None if self.axes.reason else {a.axis: a.following_um for a in self.axes.axes}
 
     @property
     def peak_N(self) -> float:
@@ -115,6 +117,8 @@ class Full:
         Loads by tooth passing, following errors.
     tightening : ndarray, shape (M,)
         Factor by which each row's feed for each tooth has to go down, 1 where it need not.
+    feed_cap : ndarray, shape (M,)
+        F to which each row has to go down for its axes [mm/min]; infinite where it need not.
     why_not : str
         Which limit is passed; empty where all are kept.
     """
@@ -127,6 +131,7 @@ class Full:
     objectives: Floats
     verified: Verified = field(repr=False)
     tightening: Floats = field(repr=False)
+    feed_cap: Floats = field(repr=False)
     why_not: str
 
     @property
@@ -220,14 +225,21 @@ def full_twin(
     rows = matching_rows(moves, after)
     cut = recut(problem.cut, planned_program(after, job.models.control), rows)
     evaluated = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
-    verified = verify(cut, drives=job.models.drives, rows=CHECKED_ROWS)
+    verified = verify(cut, drives=job.models.drives, rows=CHECKED_ROWS, limits=job.limits)
     tightening = np.ones(len(moves))
     if certain_f_z is not None:
         tightening = _tightening(problem.cut, certain_f_z, cut.feed_per_tooth[rows], verified, rows)
+    factor = verified.axes.factor[rows]
+    reached = np.minimum(
+        feeds_per_minute(problem.cut, feeds, problem.spindle_speed(speeds)),
+        cut.plan.v_peak[rows] / METRE_PER_SECOND,
+    )
+    violation = float(evaluated.violation[0])
     return Full(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
         objectives=evaluated.objectives[0], verified=verified, tightening=tightening,
-        why_not=_why_not(job, program, moves, tightening, float(evaluated.violation[0])),
+        feed_cap=np.where(factor < 1.0, factor * reached, np.inf),
+        why_not=_why_not(job, program, moves, tightening, violation) or verified.axes.why_not,
     )  # fmt: skip
 
 
@@ -267,8 +279,9 @@ def _why_not(
 
 
 def verify(
-    cut: Cut, *, drives: Mapping[str, IdentifiedDrive] | None = None, rows: int = WAVEFORM_ROWS
-) -> Verified:
+    cut: Cut, *, drives: Mapping[str, IdentifiedDrive] | None = None, rows: int = WAVEFORM_ROWS,
+    limits: CutLimit | None = None,
+) -> Verified:  # fmt: skip
     """The whole twin on the plan of a cut.
 
     Parameters
@@ -279,6 +292,8 @@ def verify(
         By the axis' letter.
     rows : int
         Rows whose waveforms are computed, those with the greatest loads of the table.
+    limits : CutLimit, optional
+        Of the axes in the cut.
     """
     f_z, peak = cut.feed_per_tooth, cut.block_loads.peak
     worst = np.argsort(-peak, kind="stable")[:rows]
@@ -288,11 +303,10 @@ def verify(
     for row, station in zip(candidates.row.tolist(), candidates.own_station.tolist(), strict=True):
         exact[row] = max(exact[row], station_peak(cut, station, float(f_z[row])))
     computed = exact > 0
-    following, reason = _following(cut, drives)
     return Verified(
         row_peak=np.where(computed, exact, peak),
         ratio=np.divide(exact, peak, out=np.ones(len(peak)), where=computed),
-        computed=computed, f_z=f_z, following_um=following, following_reason=reason,
+        computed=computed, f_z=f_z, axes=check_axes(cut, drives, limits),
     )  # fmt: skip
 
 
@@ -320,21 +334,3 @@ def _loads(cut: Cut, station: int, f_z: float, angles: Floats) -> Floats:
     )  # fmt: skip
     load: Floats = np.hypot(forces[:, 0], forces[:, 1])
     return load
-
-
-def _following(
-    cut: Cut, drives: Mapping[str, IdentifiedDrive] | None
-) -> tuple[dict[str, float] | None, str]:
-    if not drives:
-        return None, "no drives were identified"
-    try:
-        axes = follow_program(cut.plan, drives)
-    except ValueError as error:
-        return None, str(error)
-    if not axes:
-        return None, "no axis that moves has an identified servo"
-    errors = {
-        letter: np.abs(one.error[cut.tool[one.row] >= 0]).max(initial=0.0)
-        for letter, one in axes.items()
-    }
-    return {letter: float(error) / MICROMETRE for letter, error in errors.items()}, ""

@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
+from pipeline.optimisation.axis_limits import check_axes_known
 from pipeline.optimisation.full_twin import Full, Result, full_twin
 from pipeline.optimisation.job import Interrupted, Job, Progress
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
@@ -21,7 +22,7 @@ from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
 from pipeline.optimisation.practice import practice_of
 from pipeline.optimisation.problem.arrays import Decision, Editable, Practice, one_feed_each_pass
-from pipeline.optimisation.problem.feasible import check_known, problem_of, with_load
+from pipeline.optimisation.problem.feasible import check_known, problem_of, with_feed_cap, with_load
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.reliability.chance_constraint import (
@@ -45,6 +46,8 @@ ANSWER, DIRECT = "answer", "direct"
 """Names of the answer and of the blockwise optimum among the methods."""
 ROUNDS = 4
 """Rounds of tightening where the whole twin finds loads above the limit."""
+AXIS_ROUNDS = 8
+"""The same where limits of the axes were given: commands fall by less than feeds do."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,6 +90,8 @@ class _Course:
         self.practice, self.editable = self._practice()
         self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
+        check_axes_known(job.models.drives, job.limits)
+        self.feed_cap = np.full(len(self.moves), np.inf)
 
     def ends(self, what: str, share: float) -> bool:
         """Report progress; whether the search is to end."""
@@ -103,10 +108,12 @@ class _Course:
         while True:
             outcome = self._search(problem)
             answer, done = outcome.answer, self.evaluated >= job.settings.search.full
-            if answer.kept or done or tightened >= ROUNDS or self.f_z is None:
+            axes = bool(np.isfinite(answer.feed_cap).any())
+            if answer.kept or done or tightened >= (AXIS_ROUNDS if axes else ROUNDS):
                 break
-            self.f_z = self.f_z * answer.tightening
-            problem = with_load(problem, self.f_z)
+            if self.f_z is None and not axes:
+                break
+            problem = self._tightened(problem, answer)
             tightened += 1
         if not answer.kept:
             raise ValueError(answer.why_not)
@@ -134,6 +141,16 @@ class _Course:
             self.program, self.moves, practice.kept_feed, practice.kept_speed
         )
         return practice, one_feed_each_pass(editable, practice.passes)
+
+    def _tightened(self, problem: Problem, answer: Full) -> Problem:
+        """The problem with less feed where loads or axes pass their limit by the whole twin."""
+        if self.f_z is not None:
+            self.f_z = self.f_z * answer.tightening
+            problem = with_load(problem, self.f_z)
+        if np.isfinite(answer.feed_cap).any():
+            self.feed_cap = np.minimum(self.feed_cap, answer.feed_cap)
+            problem = with_feed_cap(problem, self.feed_cap, "limit of the axes in the cut")
+        return problem
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
         limit, settings = self.job.limits.load_N, self.job.settings.certainty

@@ -5,16 +5,15 @@ All are of the program as it was and as it is written, row by row; nothing is se
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
-from pipeline.cutting.tool import Tool
 from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
@@ -49,25 +48,31 @@ FINE = 2e-3
 _WORD = re.compile(r"\s*[FS]\s*[-+0-9.]+")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ToolRanges:
-    """Least and greatest f_z [mm] and v_c [m/min] of a tool, and where they come from."""
-
-    feed_per_tooth_mm: tuple[float, float] | None
-    cutting_speed_m_min: tuple[float, float] | None
-    source: str
-
-
-def tool_ranges(tool: Tool) -> ToolRanges:
-    """The ranges that a tool's feed and speed are shown beside."""
-    f_z, v_c = (
-        None if span is None else (float(span[0]), float(span[1]))
-        for span in (tool.feed_per_tooth_mm, tool.cutting_speed_m_min)
+def tool_range(result: "Result", number: int) -> CuttingRange:
+    """The range that a tool's feed and speed are shown beside: of all its operations together."""
+    practice = result.problem.practice
+    if practice is None:
+        tool = result.job.cut.tools[number]
+        return CuttingRange(
+            feed_per_tooth_mm=_pair(tool.feed_per_tooth_mm),
+            cutting_speed_m_min=_pair(tool.cutting_speed_m_min), source="tool table",
+        )  # fmt: skip
+    mine = [one.range for one in practice.ranges if one.tool == number]
+    return CuttingRange(
+        feed_per_tooth_mm=_hull([one.feed_per_tooth_mm for one in mine]),
+        cutting_speed_m_min=_hull([one.cutting_speed_m_min for one in mine]),
+        source="; ".join(dict.fromkeys(one.source for one in mine if one.source)),
     )
-    known = f_z is not None or v_c is not None
-    return ToolRanges(
-        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source="tool table" if known else ""
-    )
+
+
+def _pair(span: tuple[float, ...] | None) -> tuple[float, float] | None:
+    return None if span is None else (float(span[0]), float(span[1]))
+
+
+def _hull(spans: list[tuple[float, float] | None]) -> tuple[float, float] | None:
+    """From the least to the greatest value of some ranges; None of none."""
+    known = [span for span in spans if span is not None]
+    return (min(low for low, _ in known), max(high for _, high in known)) if known else None
 
 
 def row_bindings(result: "Result") -> Rows:
@@ -103,11 +108,11 @@ def tool_uses(result: "Result", before: Side, after: Side) -> tuple[ToolUse, ...
     for totals in by_tool(after.of.found):
         tool = result.job.cut.tools[totals.tool]
         rows = np.flatnonzero(result.problem.cuts & (result.moves.tool == totals.tool))
-        ranges = tool_ranges(tool)
+        known = tool_range(result, totals.tool)
         uses.append(ToolUse(
             tool=totals.tool, name=tool.name, before=then[totals.tool], after=totals,
-            feed_per_tooth_range_mm=ranges.feed_per_tooth_mm,
-            cutting_speed_range_m_min=ranges.cutting_speed_m_min, range_source=ranges.source,
+            feed_per_tooth_range_mm=known.feed_per_tooth_mm,
+            cutting_speed_range_m_min=known.cutting_speed_m_min, range_source=known.source,
             kept=_kept(result, rows), binds=longest_binding(binds, after.time, rows),
         ))  # fmt: skip
     return tuple(uses)
@@ -143,7 +148,8 @@ def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChang
         cutting = run[result.problem.cuts[run]]
         changes.append(FeedChange(
             first_line=int(moves.line[run].min()), last_line=int(moves.line[run].max()),
-            tool=int(moves.tool[row]), feed_unit="mm/rev" if per_turn[row] else "mm/min",
+            tool=int(moves.tool[row]), operation=_operation(result, run),
+            feed_unit="mm/rev" if per_turn[row] else "mm/min",
             feed_before=float(before.feed[row]), feed_after=float(after.feed[row]),
             speed_before=float(before.speed[row]), speed_after=float(after.speed[row]),
             feed_per_tooth_before_mm=figure(float(f_z[0][cutting[0]])) if len(cutting) else None,
@@ -151,6 +157,13 @@ def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChang
             binds=longest_binding(binds, after.time, cutting),
         ))  # fmt: skip
     return tuple(changes)
+
+
+def _operation(result: "Result", rows: Rows) -> str:
+    """Operations of some rows in words; empty where none were told."""
+    practice = result.problem.practice
+    codes = [] if practice is None else np.unique(practice.operation[rows]).tolist()
+    return ", ".join(OPERATIONS[code].replace("_", " ") for code in codes if code >= 0)
 
 
 def _commanded(result: "Result", before: Side, after: Side) -> tuple[Floats, Floats]:

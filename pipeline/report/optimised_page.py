@@ -8,7 +8,7 @@ from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
 from pipeline.report import optimised_tables as tables
-from pipeline.report.cut.tables import sentence, share
+from pipeline.report.cut.tables import axes_table, sentence, share
 from pipeline.report.optimised_figures import (
     FRONT_LEGEND,
     METHODS_LEGEND,
@@ -75,8 +75,10 @@ def _load_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
     figures = load_figures(part, part.program, caption, sources, kind="one wide")
     if figures is None:
         return None
-    return Section(key="load", title="Load before and after", text=_verified(part),
-                   blocks=[figures])  # fmt: skip
+    return Section(
+        key="load", title="Load before and after", text=_verified(part),
+        blocks=[figures, *present(axes_table(part.verified.axes, sources))],
+    )  # fmt: skip
 
 
 def _verified(part: OptimisedPart) -> list[str]:
@@ -95,7 +97,9 @@ def _verified(part: OptimisedPart) -> list[str]:
     lags = [
         f"{axis} {number(um)}" for axis, um in (check.following_um or {}).items() if um is not None
     ]
-    return [f"{said} The axes lag by at most {', '.join(lags)}{NARROW}µm." if lags else said]
+    return [
+        f"{said} In the cut the axes lag by at most {', '.join(lags)}{NARROW}µm." if lags else said
+    ]
 
 
 def _drawn(

@@ -19,6 +19,41 @@ LEVEL, LAG = "constant_level", "speed_over_loop_gain"
 
 
 @dataclass(frozen=True, kw_only=True)
+class AxisInCut:
+    """One axis while a program's tool is in the material, and at the same moments in air.
+
+    Parameters
+    ----------
+    axis : str
+        Its letter.
+    following_um, following_rms_um, following_air_um : float
+        Following error: greatest and root mean square in the cut, greatest in air [um].
+    following_line : int
+        Line of the program where it is greatest in the cut.
+    command, command_rms, command_air : float
+        The same of the motor's command [``command_unit``].
+    command_line : int
+        Line of the program where that is greatest in the cut.
+    command_unit : str
+        A or V.
+    force_N : float
+        Greatest force of the cut along the axis, its mean over a turn of the spindle [N].
+    """
+
+    axis: str
+    following_um: float
+    following_rms_um: float
+    following_air_um: float
+    following_line: int
+    command: float
+    command_rms: float
+    command_air: float
+    command_line: int
+    command_unit: str
+    force_N: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class DirectionFriction:
     """Friction in one direction: Coulomb and static level [N], v_s [m/s], viscous [N s/m]."""
 
@@ -166,6 +201,8 @@ class DriveAxis:
         Of the mechanics and of the loops.
     recursive_mass : RecursiveMass or None
         None where no mass is determined or the sampling is too slow.
+    presliding_stiffness : float or None
+        Of friction before it slides [N/m]; None where the records do not determine it.
     """
 
     command_unit: str
@@ -180,6 +217,7 @@ class DriveAxis:
     fit: FitFacts
     servo_fit: FitFacts | None = None
     recursive_mass: RecursiveMass | None = None
+    presliding_stiffness: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

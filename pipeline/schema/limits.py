@@ -61,6 +61,7 @@ class Margins(Ranged, section="margins"):
     ] = 0.1
     cutting_speed: Margin = 0.0
     roughness: Margin = 0.05
+    axes: Margin = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +159,10 @@ class CutLimit(Ranged, section="limits"):
         Of the cut, beside the drive's own [N m].
     power_share : float
         Of the drive's power at each speed [1].
+    following_um : float, optional
+        Following error of an axis while the tool is in the material [um].
+    motor_command_A : float, optional
+        Command of an axis' motor while the tool is in the material [A].
     least_speed_change_rpm : float
         Between two blocks of one tool S stays or changes by at least this [rev/min].
     margins : Margins
@@ -237,6 +242,22 @@ class CutLimit(Ranged, section="limits"):
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip
+    following_um: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="um"),
+        Limit(
+            option="--limit-following", help="Following error of an axis in the cut, um.",
+            name="following error in the cut", margin="axes",
+        ),
+    ] = None  # fmt: skip
+    motor_command_A: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="A"),
+        Limit(
+            option="--limit-motor-command", help="Command of an axis' motor in the cut, A.",
+            name="motor command in the cut", margin="axes",
+        ),
+    ] = None  # fmt: skip
     least_speed_change_rpm: Annotated[
         float,
         Range(least=0.0, below=ENDLESS, unit="rev/min"),

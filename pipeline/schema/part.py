@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from pipeline.schema.drive import AxisInCut
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part_sheet import FeedChange, PathTrace, ProgramLine, SetupSheet, ToolUse
 from pipeline.schema.program_cut import NotKnown
@@ -318,11 +319,13 @@ class TwinCheck:
     peak_line : int or None
         Line of the program where it is.
     following_um : mapping of str to float, or None
-        Greatest following error by axis [um]; None without drives.
+        Greatest following error by axis in the cut [um]; None without drives.
     full_evaluations : int
         Of the whole twin.
     tightened : int
         Rounds in which feeds were lowered for it.
+    axes : tuple of AxisInCut
+        Following error and motor command of each axis in the cut; empty where not known.
     """
 
     peak_load_N: float | None
@@ -330,6 +333,7 @@ class TwinCheck:
     following_um: Mapping[str, float | None] | None
     full_evaluations: int
     tightened: int
+    axes: tuple[AxisInCut, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,8 @@ It stands under ``cut`` in the JSON of ``kerf simulate``.  Depths and chips are 
 
 from dataclasses import dataclass
 
+from pipeline.schema.drive import AxisInCut
+
 Curve = tuple[float | None, ...]
 """Values along an axis; None where there is none."""
 
@@ -368,6 +370,8 @@ class ProgramCut:
         Of the spindle.
     blocks : tuple of CutBlock
         Every block that cuts.
+    axes : tuple of AxisInCut
+        Following error and motor command of each axis in the cut; empty where not known.
     """
 
     stock: Blank
@@ -389,3 +393,4 @@ class ProgramCut:
     lobes: tuple[Lobes, ...]
     drive: DriveCurve | None
     blocks: tuple[CutBlock, ...]
+    axes: tuple[AxisInCut, ...] = ()

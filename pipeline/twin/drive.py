@@ -376,6 +376,9 @@ class IdentifiedDrive:
         Of the filter through which its motion and force were compared [Hz]; None for none.
     delay : float
         Of its motion behind its command [s].
+    presliding_stiffness : float or None
+        Of its friction before it slides [N/m]; None where the records do not determine it, and
+        friction that sticks holds exactly.
     """
 
     feed_drive: FeedDriveParameters
@@ -385,6 +388,7 @@ class IdentifiedDrive:
     servo_reason: str = ""
     bandwidth_Hz: float | None = None
     delay: float = 0.0
+    presliding_stiffness: float | None = None
 
 
 def read_drives(path: Path) -> dict[str, IdentifiedDrive]:
@@ -423,5 +427,5 @@ def identified_drive(axis: DriveAxis) -> IdentifiedDrive:
         feed_drive=structured(unstructured(axis.feed_drive), FeedDriveParameters, "feed_drive"),
         servo=servo, command_unit=axis.command_unit, force_unit=axis.force_unit,
         servo_reason=axis.servo_reason, bandwidth_Hz=axis.fit.bandwidth_Hz,
-        delay=axis.fit.delay_s or 0.0,
+        delay=axis.fit.delay_s or 0.0, presliding_stiffness=axis.presliding_stiffness,
     )  # fmt: skip

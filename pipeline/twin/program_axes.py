@@ -1,4 +1,4 @@
-"""What the axes make of a program: how far they are behind, and what their drives draw.
+"""Following error and motor command of the axes along a program, in air or under a load.
 
 The control's positions, sampled at its interpolation period, are each axis' reference.
 """
@@ -11,12 +11,11 @@ import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES
 from pipeline.machine.axis.feed_drive import drive_row
-from pipeline.machine.control.interpolate import trace
+from pipeline.machine.control.interpolate import Trace, trace
 from pipeline.machine.control.planner import Plan
+from pipeline.schema.arrays import Floats
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.drive_population import simulate_traces
-
-Floats = npt.NDArray[np.float64]
 
 MOST = 20_000_000
 """Positions that are held at once."""
@@ -74,30 +73,83 @@ def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[st
     ValueError
         When the program is too long to be held, or a drive is unstable.
     """
+    return follow_in_air(commanded_positions(plan), drives)
+
+
+def commanded_positions(plan: Plan) -> Trace:
+    """Positions that the control commands, at its interpolation period.
+
+    Raises
+    ------
+    ValueError
+        When there are too many to be held.
+    """
     period = plan.path.control.interpolation_period
     if plan.total > MOST * period:
         raise ValueError(
             f"{plan.total:.0f} s at {period} s are more than {MOST} positions: simulate a shorter "
             "program, or raise control.interpolation_period"
         )
-    commanded = trace(plan)
-    found = {}
-    for letter, drive in drives.items():
-        if drive.servo is None or letter not in "XYZ":
-            continue
-        reference = commanded.position[:, AXES.index(letter)]
-        if np.ptp(reference) == 0:
-            continue
-        row = drive_row(drive.servo, drive.feed_drive)
-        traces = simulate_traces(between(reference, SUBSTEPS), period / SUBSTEPS, row[np.newaxis])
-        position, command = (one[0, ::SUBSTEPS] for one in (traces.position, traces.command))
-        if not np.isfinite(position).all():
-            raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
-        found[letter] = AxisFollowing(
-            time=commanded.time, error=reference - position, command=command, row=commanded.row,
-            command_unit=drive.command_unit,
-        )  # fmt: skip
-    return found
+    return trace(plan)
+
+
+def follow_in_air(
+    commanded: Trace, drives: Mapping[str, IdentifiedDrive]
+) -> dict[str, AxisFollowing]:
+    """Linear axes with a servo that move along commanded positions, by letter."""
+    return {
+        letter: followed(letter, drive, commanded)
+        for letter, drive in drives.items()
+        if drive.servo is not None
+        and letter in "XYZ"
+        and np.ptp(commanded.position[:, AXES.index(letter)]) > 0
+    }
+
+
+def followed(
+    letter: str, drive: IdentifiedDrive, commanded: Trace, load: Floats | None = None,
+    substeps: int = SUBSTEPS,
+) -> AxisFollowing:  # fmt: skip
+    """One axis along its reference, from rest.
+
+    Parameters
+    ----------
+    letter : str
+        Of the axis.
+    drive : IdentifiedDrive
+        With a servo.
+    commanded : Trace
+        T samples of a plan.
+    load : (T * substeps,) array, optional
+        Against positive motion [N].
+    substeps : int
+        Samples of the servo in one of the trace.
+
+    Raises
+    ------
+    ValueError
+        When the drive has no servo, or is unstable.
+    """
+    if drive.servo is None:
+        raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
+    reference = commanded.position[:, AXES.index(letter)]
+    row, fine = drive_row(drive.servo, drive.feed_drive), between(reference, substeps)
+    period = float(commanded.time[1] - commanded.time[0]) / substeps
+    if drive.presliding_stiffness is None:
+        traces = simulate_traces(fine, period, row[np.newaxis], load=load)
+        position, command = traces.position[0], traces.command[0]
+    else:
+        from pipeline.machine.axis.presliding import presliding_trace
+
+        push = np.zeros(len(fine)) if load is None else load
+        position, command = np.empty(len(fine)), np.empty(len(fine))
+        presliding_trace(fine, push, row, drive.presliding_stiffness, period, position, command)
+    if not np.isfinite(position).all():
+        raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
+    return AxisFollowing(
+        time=commanded.time, error=reference - position[::substeps], command=command[::substeps],
+        row=commanded.row, command_unit=drive.command_unit,
+    )  # fmt: skip
 
 
 def between(values: Floats, substeps: int) -> Floats:

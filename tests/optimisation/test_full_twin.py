@@ -98,21 +98,21 @@ class TestFollowing:
 
     def test_an_axis_is_behind_by_speed_over_loop_gain(self, slot):
         found = verify(slot, drives={"X": drive(), "Y": drive()})
-        # 600 mm/min along X; Y moves in rapids alone, in which nothing is cut
+        # 600 mm/min along X; Y stands, and gives way by little to the force across the feed
         assert found.following_um is not None
         assert found.following_um["X"] == pytest.approx(600 / 60e3 / GAIN * 1e6, rel=0.1)
-        assert found.following_um["Y"] < 1.0
+        assert found.following_um["Y"] < 5.0
 
     def test_without_drives_nothing_is_said(self, slot):
         found = verify(slot)
-        assert found.following_um is None and "no drives" in found.following_reason
+        assert found.following_um is None and "no drives" in found.axes.reason
         found = verify(slot, drives={"B": drive()})
-        assert found.following_um is None and "no axis" in found.following_reason
+        assert found.following_um is None and "no axis" in found.axes.reason
 
     def test_an_unstable_drive_is_a_reason(self, slot):
         found = verify(slot, drives={"X": drive(), "Y": replace(
             drive(), servo=replace(drive().servo, position_gain=1e9))})  # fmt: skip
-        assert found.following_um is None and "axis Y is unstable" in found.following_reason
+        assert found.following_um is None and "axis Y is unstable" in found.axes.reason
 
 
 def test_a_cut_of_air_has_no_peak():

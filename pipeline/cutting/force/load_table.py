@@ -122,6 +122,10 @@ class LoadTable:
         extrapolation beyond.
     station_values : ndarray, shape (6, U, K + 1)
         The same of the different stations.
+    station_force : ndarray, shape (6, U, K + 1)
+        Mean force of the different stations over a turn, on the tool along the feed and to the
+        left of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`);
+        then the standard deviation of each.
     station : ndarray of int, shape (N,)
         Which of them each station of the engagement is.
     block : ndarray of int32, shape (N,)
@@ -134,6 +138,7 @@ class LoadTable:
 
     values: Floats
     station_values: Floats
+    station_force: Floats
     station: Integers
     block: NDArray[np.int32]
     scale: Floats
@@ -170,6 +175,25 @@ class LoadTable:
             self.scale[self.block],
             self.exponent[self.block],
         )
+
+    def mean_forces(self, station: Integers, f_z: Floats) -> Floats:
+        """Mean force over a turn at places of some stations, and the standard deviation of each
+        component [N]; shape (Q, 6), frame of the cut.
+
+        Parameters
+        ----------
+        station : ndarray of int, shape (Q,)
+            Station of the engagement at each place.
+        f_z : ndarray, shape (Q,)
+            Feed for each tooth there [m].
+        """
+        block, unique = self.block[station], self.station[station]
+        u = self.scale[block] * np.maximum(f_z, 0.0) ** self.exponent[block]
+        node = np.minimum(np.sqrt(u), self.station_force.shape[2] - 2).astype(np.intp)
+        share = (u - node**2) / (2 * node + 1)
+        low, high = (self.station_force[:, unique, node + step] for step in (0, 1))
+        forces: Floats = np.where(f_z > 0, low + share * (high - low), 0.0).T
+        return forces
 
     def _feeds(self, f_z: ArrayLike) -> Floats:
         feeds = np.ascontiguousarray(f_z, dtype=np.float64)
@@ -210,9 +234,11 @@ def load_table(
     ValueError
         When the arguments do not go together, or a value is out of its range.
     """
+    from pipeline.cutting.force.profile_kernel import COLUMNS, FORCE
+
     most = _greatest(engagement, tools, force_laws, f_z_max, nodes)
     order, station, tool = _different(engagement)
-    values = np.zeros((len(order), nodes + 1, 6))
+    values = np.zeros((len(order), nodes + 1, COLUMNS))
     for index in np.unique(tool):
         these = np.flatnonzero(tool == index)
         rows = order[these]
@@ -222,10 +248,12 @@ def load_table(
     exponents = np.array([1.0 - law.m_c for law in force_laws] + [1.0])
     scales = (nodes - 1) ** 2 / np.append(most, nodes - 1.0) ** exponents
     of_block = _tools(engagement)
+    loads, force = values[..., :FORCE], values[..., FORCE:]
     length = engagement.length * (engagement.upper > engagement.lower).any(axis=1)
     return LoadTable(
-        values=block_loads(values[station], engagement.block, length, engagement.blocks),
-        station_values=np.ascontiguousarray(np.moveaxis(values, 2, 0)),
+        values=block_loads(loads[station], engagement.block, length, engagement.blocks),
+        station_values=np.ascontiguousarray(np.moveaxis(loads, 2, 0)),
+        station_force=np.ascontiguousarray(np.moveaxis(force, 2, 0)),
         station=station,
         block=engagement.block,
         scale=scales[of_block],
@@ -289,8 +317,8 @@ def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.i
 def _station_values(
     engagement: Engagement, rows: Integers, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
 ) -> Floats:
-    """Loads of the stations ``rows`` at the nodes of the feed; shape (S, nodes + 1, 6)."""
-    from pipeline.cutting.force.profile_kernel import FINEST, station_loads
+    """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 12)."""
+    from pipeline.cutting.force.profile_kernel import COLUMNS, FINEST, station_loads
 
     lower, upper, slope = (
         column[rows] for column in (engagement.lower, engagement.upper, engagement.slope)
@@ -300,7 +328,7 @@ def _station_values(
     many = np.array([LIP, CORNER, 1])
     bins, shape = lower.shape[1], edge_shape(tool)
     angles = tool.flutes * ceil(ANGLES / tool.flutes)
-    out = np.empty((len(lower), nodes + 1, 6))
+    out = np.empty((len(lower), nodes + 1, COLUMNS))
     station_loads(
         lower, upper, slope, shape, np.concatenate([law.cutting, law.edge]), power, feeds,
         tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,

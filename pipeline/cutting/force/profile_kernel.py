@@ -134,7 +134,10 @@ def _piece(tip, one, begin, end, low, high, shape, motion, middle, whole, out): 
 
 FINEST = 4
 """How many times more angles of the tip arcs below 30 degrees have than those above 60."""
-PEAK, MEAN, RMS, AXIAL, TORQUE, PEAK_TORQUE = range(6)
+PEAK, MEAN, RMS, AXIAL, TORQUE, PEAK_TORQUE, FORCE = range(7)
+"""Columns of a station's loads; from FORCE on the three components of its mean force, then their
+standard deviations over a turn."""
+COLUMNS = FORCE + 6
 
 
 @compiled
@@ -142,7 +145,7 @@ def station_loads(  # type: ignore[no-untyped-def]
     lower, upper, slope, shape, law, exponent, feeds, runout, differences, many, elements, pairs,
     motion, middles, pieces, forces, out,
 ):  # fmt: skip
-    """Fill ``out`` of shape (S, K + 1, 6), the loads of S stations at K feeds and beyond.
+    """Fill ``out`` of shape (S, K + 1, COLUMNS), the loads of S stations at K feeds and beyond.
 
     Feeds are those where u is 0, 1, 4, 9, ... of its unit; 0 stands for a feed just above it.  The
     last row goes on from the one before as fast as loads can rise with u.  ``lower`` and ``upper``
@@ -180,7 +183,7 @@ def station_loads(  # type: ignore[no-untyped-def]
             if runout > 0.0:
                 _with_runout(pieces[:m], law, exponent, feeds, runout, differences, a,
                              forces[:, :angles])  # fmt: skip
-        # loads at each feed, then their slope beyond the last
+        # loads and mean force at each feed, then their slope beyond the last
         _reduce(cut, edge, 1.0, 0.0, pitch, row[last + 1])
         for k in range(last + 1):
             if runout > 0.0:
@@ -189,6 +192,9 @@ def station_loads(  # type: ignore[no-untyped-def]
                 _reduce(cut, edge, k * k * unit, 1.0, pitch, row[k])
         for q in range(6):
             rise = max(row[last + 1, q] * unit, (row[last, q] - row[last - 1, q]) / (2 * last - 1))
+            row[last + 1, q] = row[last, q] + rise * (2 * last + 1)
+        for q in range(FORCE, COLUMNS):
+            rise = (row[last, q] - row[last - 1, q]) / (2 * last - 1)
             row[last + 1, q] = row[last, q] + rise * (2 * last + 1)
 
 
@@ -258,8 +264,9 @@ def _add(one, tangential, radial, axial, out):  # type: ignore[no-untyped-def]
 
 @compiled
 def _reduce(cut, edge, u, share, rows, out):  # type: ignore[no-untyped-def]
-    """Fill the six loads of ``u`` times the cutting part and ``share`` times the edge part."""
+    """Fill loads and mean force of ``u`` times the cutting and ``share`` times the edge part."""
     peak, mean, total, axial, torque, peak_torque = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    out[FORCE:] = 0.0
     for a in range(rows):
         x = u * cut[a, 0] + share * edge[a, 0]
         y = u * cut[a, 1] + share * edge[a, 1]
@@ -271,6 +278,12 @@ def _reduce(cut, edge, u, share, rows, out):  # type: ignore[no-untyped-def]
         torque += moment
         axial = max(axial, abs(u * cut[a, 2] + share * edge[a, 2]))
         peak_torque = max(peak_torque, moment)
+        for axis in range(3):
+            component = u * cut[a, axis] + share * edge[a, axis]
+            out[FORCE + axis] += component / rows
+            out[FORCE + 3 + axis] += component * component / rows
+    for q in range(FORCE, FORCE + 3):
+        out[q + 3] = sqrt(max(out[q + 3] - out[q] * out[q], 0.0))
     out[PEAK], out[MEAN], out[RMS] = sqrt(peak), mean / rows, sqrt(total / rows)
     out[AXIAL], out[TORQUE], out[PEAK_TORQUE] = axial, torque / rows, peak_torque
 

@@ -61,6 +61,14 @@ class Demand:
         rows[:, at.LOW], rows[:, at.HIGH] = bounds.least, bounds.high
         return replace(self, rows=rows)
 
+    def with_feeds(self, low: Floats, high: Floats) -> "Demand":
+        """The same with other ranges of F [mm/min], shape (M,) each."""
+        from pipeline.optimisation.problem import kernels as at
+
+        rows = self.rows.copy()
+        rows[:, at.FEED_LOW], rows[:, at.FEED_HIGH] = low, high
+        return replace(self, rows=rows)
+
     def of_rows(self, time: Floats, wait: Floats, spindle_speed: Floats) -> Floats:
         """Objectives of each row.
 

@@ -224,6 +224,29 @@ def with_load(problem: Problem, f_z_load: Floats) -> Problem:
     return other
 
 
+def with_feed_cap(problem: Problem, cap: Floats, limit: str) -> Problem:
+    """The same problem with F of each row at most ``cap`` [mm/min], shape (M,), where F may change.
+
+    Raises
+    ------
+    ValueError
+        When that is below the range of a row's F; ``limit`` says what the cap stands for.
+    """
+    ranges = problem.ranges
+    free = problem.editable.block >= 0
+    high = np.where(free, np.minimum(ranges.feed_high, cap), ranges.feed_high)
+    _refuse(problem, free & (high < ranges.feed_low), lambda row: (
+        f"the {limit} needs F {high[row]:.4g} mm/min or less, below the least of "
+        f"{ranges.feed_low[row]:.4g} mm/min: widen limits.feed_mm_min or raise the limit"
+    ))  # fmt: skip
+    other = replace(
+        problem, ranges=replace(ranges, feed_high=high),
+        demand=problem.demand.with_feeds(ranges.feed_low, high),
+    )  # fmt: skip
+    _check(other, load_limited=True)
+    return other
+
+
 def _check(problem: Problem, *, load_limited: bool) -> None:
     """Refuse a problem that has no answer.
 

@@ -23,6 +23,7 @@ from pipeline.report.cut.figures import (
 )
 from pipeline.report.cut.tables import (
     NO_COST,
+    axes_table,
     basis_table,
     cost_table,
     forces_table,
@@ -188,7 +189,7 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
             Figures(figures=[load], legend=legend, kind="one wide"),
             Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
             forces_table(cut, sources),
-            *present(worst_table(cut, sources)),
+            *present(worst_table(cut, sources), axes_table(cut.axes, sources)),
         ],
     )
 

@@ -13,7 +13,8 @@ from pipeline.charts.numbers import (
     number,
 )
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers
+from pipeline.charts.tables import Cell, Column, Head, Table, cells, names, numbers, tabulated
+from pipeline.schema.drive import AxisInCut
 from pipeline.schema.program_cut import CutCost, CutTotals, ProgramCut, ToolTotals, WorstBlock
 
 NOTHING = 1e-6  # of the greatest of its kind: less is rounding
@@ -194,6 +195,27 @@ def spans_of(lines: Iterable[int]) -> list[str]:
 def sentence(words: str) -> str:
     """The words with a capital at their beginning."""
     return words[:1].upper() + words[1:]
+
+
+def axes_table(axes: Sequence[AxisInCut], sources: list[Source]) -> Table | None:
+    """By axis: how far it is behind and what its motor draws in the cut, beside the same in air."""
+    return tabulated("Axes in the cut: greatest values while the tool is in the material", axes, (
+        Column("Axis", lambda row: row.axis),
+        Column("in air", lambda row: number(row.following_air_um), "µm", group="Following error"),
+        Column("in the cut", lambda row: number(row.following_um), "µm", group="Following error"),
+        Column("RMS", lambda row: number(row.following_rms_um), "µm", group="Following error"),
+        Column("line", lambda row: str(row.following_line), "", group="Following error"),
+        Column("in air", lambda row: _with(row.command_air, row), "", group="Motor command"),
+        Column("in the cut", lambda row: _with(row.command, row), "", group="Motor command"),
+        Column("RMS", lambda row: _with(row.command_rms, row), "", group="Motor command"),
+        Column("line", lambda row: str(row.command_line), "", group="Motor command"),
+        Column("force", lambda row: number(row.force_N), "N"),
+    ), sources, note="The force is the mean over a turn of the spindle; what each tooth adds at "
+    "its own frequency is left out.")  # fmt: skip
+
+
+def _with(value: float, row: AxisInCut) -> str:
+    return f"{number(value)}{NARROW}{row.command_unit}"
 
 
 def basis_table(cut: ProgramCut, sources: list[Source]) -> Table:

@@ -221,7 +221,10 @@ def _written(folder: Path, session: Session, parameters: ShopParameters) -> dict
     random = parameters.generator(f"servo {session.name}")
     columns = []
     for letter, command in session.commands.items():
-        columns += _axis_columns(letter, drives.axes[letter], command, session, tool, random)
+        columns += axis_columns(
+            letter, drives.axes[letter], command, tool, random, load=session.load,
+            extra=session.extra, load_cell=True,
+        )  # fmt: skip
     head = {"Machine": parameters.machine, "Axes": " ".join(session.commands),
             "Sampling": f"{1e3 / RATE:g} ms"}  # fmt: skip
     file = f"servo/{session.name}.csv"
@@ -229,12 +232,30 @@ def _written(folder: Path, session: Session, parameters: ShopParameters) -> dict
     return {"file": file, **done, **session.truth}
 
 
-def _axis_columns(
-    letter: str, axis: Axis, command: Floats, session: Session, tool: ServoTool,
-    random: np.random.Generator,
+def axis_columns(
+    letter: str, axis: Axis, command: Floats, tool: ServoTool, random: np.random.Generator, *,
+    load: Floats | None = None, extra: Floats | None = None, load_cell: bool = False,
 ) -> list[Column]:  # fmt: skip
-    """Reference, position and current of an axis as the tool writes them, and the load cell's."""
-    out = follow(axis, command * 1e-3, random, session.load, session.extra)
+    """Reference, position and current of an axis as the tool writes them, and the load cell's.
+
+    Parameters
+    ----------
+    letter : str
+        Of the axis.
+    axis : Axis
+        Screw, guideways, motor and loops.
+    command : (T,) array
+        Commanded positions at the ticks of the position loop [mm].
+    tool : ServoTool
+        Its steps and noise.
+    random : Generator
+        Of the noise.
+    load, extra : (T,) arrays or None
+        Force against positive motion [N], mass on the carriage [kg].
+    load_cell : bool
+        Whether the force is recorded.
+    """
+    out = follow(axis, command * 1e-3, random, load, extra)
     rows = slice(None, None, axis.cascade.position_frequency // RATE)
     current = out.current[rows]
     current = current + random.standard_normal(current.size) * tool.current_noise
@@ -243,9 +264,9 @@ def _axis_columns(
         "position": _rounded(out.measured[rows] * 1e3, tool.position_step * 1e-3),
         "current": _rounded(current, tool.current_step),
     }
-    if session.load is not None:
+    if load_cell and load is not None:
         noise = random.standard_normal(current.size) * tool.load_cell_noise
-        shown["load"] = _rounded(session.load[rows] + tool.load_cell_offset + noise, 1.0)
+        shown["load"] = _rounded(load[rows] + tool.load_cell_offset + noise, 1.0)
     columns = []
     for quantity, values in shown.items():
         names, unit, decimals = AXIS_COLUMNS[quantity]

@@ -108,7 +108,7 @@ def forces(
     edge: EdgeCoefficients, cutter: Cutter, sharpness: np.ndarray, layers: Layers, steps: Steps,
     turn: int, begin: int,
 ) -> tuple[np.ndarray, int]:  # fmt: skip
-    """Forces on the tool along X and Y [N] from the step ``begin`` on, and how often teeth cut.
+    """Forces on the tool along X, Y and Z [N] from the step ``begin`` on, and how often teeth cut.
 
     Parameters
     ----------
@@ -125,13 +125,13 @@ def forces(
 
     Returns
     -------
-    (N - begin, 2) array, int
+    (N - begin, 3) array, int
         Forces; steps in which a tooth cuts in its lowest slice, of all teeth together.
     """
     flutes, slices = sharpness.size, layers.layer.size
     radii, ahead, behind = np.zeros((flutes, slices)), np.zeros(slices), np.zeros(slices)
     height = np.zeros(slices)
-    out = np.zeros((steps.angle.size - begin, 2))
+    out = np.zeros((steps.angle.size - begin, 3))
     level, lowest, count = np.inf, 0, 0
     for k in range(begin, steps.angle.size):
         if abs(steps.z[k] - level) > STILL:
@@ -146,9 +146,10 @@ def forces(
                 if h <= 0.0 or not _in_material(layers, s, radii[tooth, s], sine, cosine, steps, k,
                                           turn, cutter.radius):  # fmt: skip
                     continue
-                t, r, _ = edge_force(edge, h * 1e-3, sharpness[tooth])
+                t, r, axial = edge_force(edge, h * 1e-3, sharpness[tooth])
                 out[k - begin, 0] -= (t * cosine + r * sine) * height[s] * 1e-3
                 out[k - begin, 1] += (t * sine - r * cosine) * height[s] * 1e-3
+                out[k - begin, 2] -= axial * height[s] * 1e-3
                 count += s == lowest
     return out, count
 
@@ -280,24 +281,79 @@ def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generato
     )  # fmt: skip
 
 
+def check_cut(name: str, track: Track, blank: Swept, job: TrialJob) -> None:
+    """Refuse a cut with a tool that the job does not have, or with a spindle that stands.
+
+    Raises
+    ------
+    ValueError
+        With the program's ``name`` and the line.
+    """
+    low, high = np.array(job.blank).reshape(3, 2).T
+    inside = np.all((track.tip > low) & (track.tip < high), axis=1)
+    other = inside & ~np.isin(track.tool, list(job.tools))
+    if other.any():
+        k = int(np.argmax(other))
+        raise ValueError(
+            f"{name}:{track.line[k]} goes into the blank with tool {track.tool[k]}, which the job "
+            f"does not have: it has {', '.join(f'T{n}' for n in sorted(job.tools))}"
+        )
+    stands = blank.cuts & (track.speed < 1)
+    if stands.any():
+        k = int(np.argmax(stands))
+        raise ValueError(
+            f"{name}:{track.line[k]} cuts while the spindle stands: program S and M3 before it"
+        )
+
+
 def cut(
     track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
     random: np.random.Generator,
 ) -> dict[int, float]:  # fmt: skip
     """Peak load in each line of the program while one part is cut [N]."""
-    turned = _spindle_angle(track, part, parameters, random)
     peaks: dict[int, float] = {}
-    used = dict(part.used)
-    for begin, end in _pieces(track, blank):
-        number = int(track.tool[begin])
-        load, moment, length = _piece(
-            track, blank, turned, part, begin=begin, end=end, used=used[number]
-        )
-        used[number] += length
+    for force, moment in _cuts(track, blank, part, parameters, random):
+        load = np.hypot(force[:, 0], force[:, 1])
         lines = track.line[np.minimum((moment / track.cycle).astype(np.int64), track.line.size - 1)]
         for line in np.unique(lines).tolist():
             peaks[line] = max(peaks.get(line, 0.0), float(load[lines == line].max()))
     return peaks
+
+
+def mean_forces(
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
+    random: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Force on the tool along X, Y, Z in each cycle of a track, its mean over it [N]; (T, 3)."""
+    total: Floats = np.zeros((track.line.size, 3))
+    for force, moment in _cuts(track, blank, part, parameters, random):
+        if moment.size < 2:
+            continue
+        first, last = int(moment[0] / track.cycle), int(moment[-1] / track.cycle) + 1
+        edges = np.arange(first, last + 1) * track.cycle
+        steps = np.diff(moment)[:, None] * (force[1:] + force[:-1]) / 2
+        impulse = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        rows = slice(first, min(last, len(total)))
+        for axis in range(3):
+            gained = np.diff(np.interp(edges, moment, impulse[:, axis])) / track.cycle
+            total[rows, axis] += gained[: rows.stop - first]
+    return total
+
+
+def _cuts(
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
+    random: np.random.Generator,
+) -> Iterator[tuple[Floats, Floats]]:  # fmt: skip
+    """Forces on the tool (N, 3) [N] and their times (N,) [s], stretch by stretch in the cut."""
+    turned = _spindle_angle(track, part, parameters, random)
+    used = dict(part.used)
+    for begin, end in _pieces(track, blank):
+        number = int(track.tool[begin])
+        force, moment, length = _piece(
+            track, blank, turned, part, begin=begin, end=end, used=used[number]
+        )
+        used[number] += length
+        yield force, moment
 
 
 def _spindle_angle(
@@ -338,7 +394,7 @@ def _steps(tool: EndMill) -> int:
 def _piece(
     track: Track, blank: Swept, turned: Floats, part: Chance, *, begin: int, end: int, used: float
 ) -> tuple[Floats, Floats, float]:
-    """Load (N,) [N], its times (N,) [s] from ``begin`` to ``end``, length of cut of a tooth [m]."""
+    """Forces (N, 3) [N], their times (N,) [s] from ``begin`` to ``end``, a tooth's cut [m]."""
     number = int(track.tool[begin])
     tool = part.tools[number]
     turn = _steps(tool)
@@ -350,7 +406,7 @@ def _piece(
     angle = np.arange(ceil(turned[since] / part_of), ceil(turned[end] / part_of)) * part_of
     first = ceil(turned[begin] / part_of) - ceil(turned[since] / part_of)
     if first < turn or angle.size <= first:
-        return np.zeros(0), np.zeros(0), 0.0
+        return np.zeros((0, 3)), np.zeros(0), 0.0
     at = np.interp(angle, turned[since : end + 1], np.arange(since, end + 1, dtype=np.float64))
     rows = np.arange(since, end + 1)
     x, y, z = (np.interp(at, rows, track.tip[since : end + 1, axis]) for axis in range(3))
@@ -360,7 +416,7 @@ def _piece(
         np.array(tool.sharpness), _layers(blank, part.deeper[number]), steps, turn, first,
     )  # fmt: skip
     length = count / tool.flutes * part_of * tool.radius
-    return np.hypot(force[:, 0], force[:, 1]), at[first:] * track.cycle, length
+    return force, at[first:] * track.cycle, length
 
 
 def _cutter(tool: EndMill) -> Cutter:

@@ -193,15 +193,15 @@ def track(plan: Plan, job: TrialJob, control: ControlParameters) -> Track:
     """Motion of the tool while the control runs ``plan``."""
     cycles = int(np.ceil(plan.duration / control.cycle)) + 1
     time: Floats = np.arange(cycles, dtype=np.float64) * control.cycle
-    command, line, tool = _commands(plan, job, control, time)
+    command, line, tool = commands_at(plan, job, control, time)
     share = -np.expm1(-control.position_gain * control.cycle)
     tip = np.stack([lagged(np.ascontiguousarray(c), share, c[0]) for c in command.T], axis=1)
     for number in np.unique(tool).tolist():
-        tip[tool == number] -= _shift(control, job, number)
+        tip[tool == number] -= tip_shift(control, job, number)
     return Track(cycle=control.cycle, tip=tip, line=line, tool=tool, speed=plan.spindle_speed(time))
 
 
-def _commands(
+def commands_at(
     plan: Plan, job: TrialJob, control: ControlParameters, time: Floats
 ) -> tuple[Floats, Ints, Ints]:
     """Positions in the machine's frame (T, 3) [mm], line and tool (T,), at ``time`` (T,)."""
@@ -219,13 +219,13 @@ def _commands(
             s = np.minimum(span.section.motion.at(within)[0], span.section.ends[-1])
             block = np.minimum(np.searchsorted(span.section.ends, s), span.section.ends.size - 1)
             command[part] = _along(s, block, span.section)
-            command[part] += _shift(control, job, span.tool)
+            command[part] += tip_shift(control, job, span.tool)
             line[part] = span.section.lines[block]
         here = target
     return command, line, tool
 
 
-def _shift(control: ControlParameters, job: TrialJob, tool: int) -> Floats:
+def tip_shift(control: ControlParameters, job: TrialJob, tool: int) -> Floats:
     """From the tip's coordinates to the machine's [mm]."""
     return np.array(control.work_offset) + [0.0, 0.0, job.length(tool)]
 

@@ -17,7 +17,7 @@ from pipeline.parallel import mapped
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import Swept, swept
-from pipeline.shop.trial.cutting import chance, cut
+from pipeline.shop.trial.cutting import chance, check_cut, cut
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.motion import Track, control_of, program_steps, track
 
@@ -80,28 +80,8 @@ def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParamet
         raise ValueError(f"{name} does nothing: a trial cut needs a program that moves the tool")
     motion = track(plan, job, parameters.control)
     blank = swept(motion.tip, motion.tool, program.steps, job)
-    prepared = Prepared(program=program, track=motion, swept=blank)
-    _check(prepared, job)
-    return prepared
-
-
-def _check(prepared: Prepared, job: TrialJob) -> None:
-    track, name = prepared.track, prepared.program.name
-    low, high = np.array(job.blank).reshape(3, 2).T
-    inside = np.all((track.tip > low) & (track.tip < high), axis=1)
-    other = inside & ~np.isin(track.tool, list(job.tools))
-    if other.any():
-        k = int(np.argmax(other))
-        raise ValueError(
-            f"{name}:{track.line[k]} goes into the blank with tool {track.tool[k]}, which the job "
-            f"does not have: it has {', '.join(f'T{n}' for n in sorted(job.tools))}"
-        )
-    stands = prepared.swept.cuts & (track.speed < 1)
-    if stands.any():
-        k = int(np.argmax(stands))
-        raise ValueError(
-            f"{name}:{track.line[k]} cuts while the spindle stands: program S and M3 before it"
-        )
+    check_cut(name, motion, blank, job)
+    return Prepared(program=program, track=motion, swept=blank)
 
 
 def trial(prepared: Prepared, job: TrialJob, parameters: ShopParameters, seed: int) -> Trial:

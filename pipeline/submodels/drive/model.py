@@ -27,6 +27,7 @@ from pipeline.submodels.drive.motor import MotorFit, identify_motor
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
+from pipeline.submodels.drive.servo.presliding import PreslidingFit, identify_presliding
 from pipeline.twin.drive import identified_drive
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class DriveIdentification:
 
     Parameters
     ----------
-    feed_drives, servos, masses : mapping by the axis' letter
+    feed_drives, servos, masses, presliding : mapping by the axis' letter
         Of each axis; axes without are missing.
     open_axes : mapping of str to str
         Axes that were not identified, with the reason.
@@ -60,6 +61,7 @@ class DriveIdentification:
     servos: Mapping[str, ServoFit] = field(default_factory=dict)
     masses: Mapping[str, "MassTrace"] = field(default_factory=dict)
     open_axes: Mapping[str, str] = field(default_factory=dict)
+    presliding: Mapping[str, PreslidingFit] = field(default_factory=dict)
     motor: MotorFit | None = None
     motor_axis: str = ""
     motor_reason: str = ""
@@ -83,6 +85,7 @@ def identify_drives(
     drives: dict[str, FeedDriveFit] = {}
     servos: dict[str, ServoFit] = {}
     masses: dict[str, MassTrace] = {}
+    springs: dict[str, PreslidingFit] = {}
     missing: dict[str, str] = {}
     training = [one for one in recordings if one.trained]
     for axis in records.axes:
@@ -92,6 +95,10 @@ def identify_drives(
             missing[axis] = _reason(recordings, axis, str(error))
             continue
         servos[axis] = identify_servo(training, axis, settings)
+        servo, screw = servos[axis].servo, drives[axis].feed_drive
+        if servo is not None:
+            spring = identify_presliding(training, axis, servo, screw, settings.widest)
+            springs |= {} if spring is None else {axis: spring}
         if (trace := mass_trace(training, axis, drives[axis])) is not None:
             masses[axis] = trace
     if not drives:
@@ -100,7 +107,8 @@ def identify_drives(
         )
     motor, reason = _motor(recordings, records.motor, settings.widest)
     return DriveIdentification(
-        feed_drives=drives, servos=servos, masses=masses, open_axes=missing, motor=motor,
+        feed_drives=drives, servos=servos, masses=masses, presliding=springs,
+        open_axes=missing, motor=motor,
         motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
     )  # fmt: skip
 
@@ -150,7 +158,7 @@ def stored_axis(
         From which it was identified; the constant level of the force is their mean.
     """
     fit, servo = found.feed_drives[letter], found.servos.get(letter)
-    mass = found.masses.get(letter)
+    mass, spring = found.masses.get(letter), found.presliding.get(letter)
     axis = DriveAxis(
         command_unit=fit.command_unit,
         force_unit=fit.force_unit,
@@ -172,6 +180,9 @@ def stored_axis(
         fit=replace(_facts(fit), delay_s=_known(fit.delay)),
         servo_fit=None if servo is None else _facts(servo),
         recursive_mass=None if mass is None else _recursive_mass(mass),
+        presliding_stiffness=(
+            _significant(spring.stiffness) if spring is not None and spring.determined else None
+        ),
     )  # fmt: skip
     drive = identified_drive(axis)
     shown = [one for one in recordings if one.trained and letter in one.axes]
@@ -196,7 +207,11 @@ def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parame
     fits: list[AxisFit] = [found.feed_drives[letter]]
     if letter in found.servos:
         fits.append(found.servos[letter])
-    return {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
+    known = {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
+    if letter in found.presliding:
+        unit = found.feed_drives[letter].force_unit
+        known["presliding_stiffness"] = found.presliding[letter].parameter(unit)
+    return known
 
 
 def motor_parameters(fit: MotorFit) -> dict[str, Parameter]:

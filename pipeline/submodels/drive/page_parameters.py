@@ -51,6 +51,7 @@ MEANINGS = {
     "integral_scale": "gain of the velocity loop’s integral over its nominal one",
     "velocity_feedforward": "share of the commanded speed that is fed forward",
     "acceleration_feedforward": "command for the commanded acceleration",
+    "presliding_stiffness": "stiffness of friction before it slides",
     "position_lag": "time by which the position loop acts late",
     "velocity_lag": "time by which the velocity loop acts late",
     "backlash": "play between the screw and the carriage",

@@ -1,0 +1,75 @@
+"""A feed axis whose friction gives way like a spring before it slides, compiled.
+
+Below sliding the contact is a spring: its deflection z follows z' = v - sigma |v| z / g(v) and
+holds with sigma z, where g(v) is Stribeck's level (Canudas de Wit, Olsson, Åström, Lischinsky: A
+new model for control of systems with friction, IEEE Trans. Automatic Control 40, 1995; without its
+damping term).  Sliding, the friction is that of :mod:`pipeline.machine.axis.friction`.
+
+It matters where an axis stands under a load: friction that sticks exactly holds the load for ever,
+while a spring gives way by some micrometres, so that the integral of the velocity loop takes the
+load over; and small oscillations about a standstill, as of passing teeth, wear the spring's force
+off.  Servo and mass are those of :mod:`pipeline.twin.drive`.
+"""
+
+from math import exp, expm1
+
+from pipeline.kernels import compiled
+from pipeline.machine.axis.feed_drive import DriveColumn
+
+_GAIN, _P, _I = (
+    int(DriveColumn.LOOP_GAIN), int(DriveColumn.PROPORTIONAL), int(DriveColumn.INTEGRAL),
+)  # fmt: skip
+_FV, _FA = int(DriveColumn.VELOCITY_FEEDFORWARD), int(DriveColumn.ACCELERATION_FEEDFORWARD)
+_LIMIT, _MASS, _FORCE = (
+    int(DriveColumn.CURRENT_LIMIT), int(DriveColumn.MASS), int(DriveColumn.FORCE_CONSTANT),
+)  # fmt: skip
+_OFFSET, _UP, _DOWN = (
+    int(DriveColumn.OFFSET), int(DriveColumn.COULOMB_POSITIVE), int(DriveColumn.COULOMB_NEGATIVE),
+)  # fmt: skip
+_LAG_V, _LAG_REF = int(DriveColumn.VELOCITY_LAG), int(DriveColumn.POSITION_LAG)
+
+
+@compiled
+def presliding_trace(reference, load, row, stiffness, period, position, command):  # type: ignore[no-untyped-def]
+    """Fill position [m] and command [A] of an axis at T samples of its servo, from rest.
+
+    Parameters
+    ----------
+    reference, load : (T,) arrays
+        Commanded position [m], force against positive motion [N].
+    row : (21,) array
+        :class:`pipeline.machine.axis.feed_drive.DriveColumn`.
+    stiffness : float
+        sigma, of friction before it slides [N/m].
+    period : float
+        From sample to sample [s].
+    position, command : (T,) arrays
+        That are filled.
+    """
+    share_v = -expm1(-period / row[_LAG_V]) if row[_LAG_V] > 0.0 else 1.0
+    share_ref = -expm1(-period / row[_LAG_REF]) if row[_LAG_REF] > 0.0 else 1.0
+    mass, constant, offset = row[_MASS], row[_FORCE], row[_OFFSET]
+    x, v, z, seen, v_ref = reference[0], 0.0, 0.0, 0.0, 0.0
+    integral = offset / constant / row[_I] if row[_I] > 0.0 else 0.0
+    last, rate = reference[0], 0.0
+    for k in range(reference.shape[0]):
+        was, rate = rate, (reference[k] - last) / period
+        last = reference[k]
+        asked = row[_GAIN] * (reference[k] - x) + row[_FV] * rate
+        v_ref += share_ref * (asked - v_ref)
+        seen += share_v * (v - seen)
+        error = v_ref - seen
+        demand = row[_P] * error + row[_I] * integral + row[_FA] * (rate - was) / period
+        drawn = min(max(demand, -row[_LIMIT]), row[_LIMIT])
+        if (demand - drawn) * error <= 0.0:
+            integral += period * error
+        position[k], command[k] = x, drawn
+        # the spring follows the speed that was, and pulls on the mass for one step
+        side = _UP if v > 0.0 else _DOWN
+        level = row[side] + (row[side + 1] - row[side]) * exp(-((v / row[side + 2]) ** 2))
+        level = max(level, 1e-9)
+        z = (z + period * v) * level / (level + period * stiffness * abs(v))
+        force = constant * drawn - offset - load[k] - stiffness * z
+        v_next = (v + period / mass * force) / (1.0 + period / mass * row[side + 3])
+        x += 0.5 * period * (v + v_next)
+        v = v_next

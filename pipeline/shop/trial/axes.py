@@ -1,0 +1,143 @@
+"""Servo tool's record of a trial cut: each axis' commands, position and current under its force.
+
+The chain is the shop's own: its control's commands, its cascade, screw and guideways, and the
+forces of its teeth, step by step.  A positive command moves the tool along the positive axis
+against the workpiece, whichever of the two moves (ISO 841), so that the force on the tool along
+the axis helps positive motion and its opposite is the axis' load.
+
+The tool's way through the blank is that of the axes in air: what the force makes of it, some um
+that the integral takes back within 0.1 s, changes the chip by far less than a batch of material.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.shop.drives.axis import follow
+from pipeline.shop.drives.commands import smoothed
+from pipeline.shop.drives.parameters import RATE
+from pipeline.shop.drives.records import Column, axis_columns, write_trace
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial.blank import swept
+from pipeline.shop.trial.cutting import chance, check_cut, mean_forces
+from pipeline.shop.trial.job import TrialJob
+from pipeline.shop.trial.motion import (
+    Track,
+    commands_at,
+    control_of,
+    program_steps,
+    tip_shift,
+)
+
+SETTLE = 0.3
+"""Standstill after the program [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxesRecord:
+    """Axes X, Y, Z at T samples of the servo tool, its noise and steps included.
+
+    Parameters
+    ----------
+    time : (T,) array
+        [s].
+    line : (T,) array of int
+        Of the program.
+    cutting : (T,) array of bool
+        Samples in which a tooth cuts.
+    command, position : (T, 3) arrays
+        In the machine's frame [mm].
+    current : (T, 3) array
+        That makes torque [A].
+    force : (T, 3) array
+        On the tool, its mean over a tick of the position loop [N].
+    columns : tuple of Column
+        As the tool writes them.
+    """
+
+    time: Floats
+    line: Ints
+    cutting: Bools
+    command: Floats
+    position: Floats
+    current: Floats
+    force: Floats
+    columns: tuple[Column, ...]
+
+    @property
+    def following_error(self) -> Floats:
+        """Commanded less measured position [mm]; shape (T, 3)."""
+        return self.command - self.position
+
+
+def record_axes(
+    text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters, seed: int, *,
+    cut: bool = True,
+) -> AxesRecord:  # fmt: skip
+    """Record the axes while one part is cut, or while the same program runs in air.
+
+    Parameters
+    ----------
+    text, name : bytes or str, str
+        Of the program.
+    job : TrialJob
+        Blank, tools, material.
+    parameters : ShopParameters
+        The machine.
+    seed : int
+        Of the part's differences.
+    cut : bool
+        Whether there is a blank.
+
+    Raises
+    ------
+    GcodeError, ValueError
+        As :func:`pipeline.shop.trial.trials.prepare`.
+    """
+    axes = list(parameters.drives.axes.values())
+    frequency = parameters.drives.x.cascade.position_frequency
+    random = np.random.Generator(np.random.PCG64([parameters.seed, seed, *b"trial axes"]))
+    program = program_steps(text, name, job, parameters.control)
+    plan = control_of(program, job, parameters, random).run(program)
+    count = int(np.ceil((plan.duration + SETTLE) * frequency))
+    time: Floats = np.arange(count, dtype=np.float64) / frequency
+    command, line, tool = commands_at(plan, job, parameters.control, time)
+    command = np.stack([smoothed(column, frequency) for column in command.T], axis=1)
+    # in air first: where the tool goes, and with it what it cuts
+    force: Floats = np.zeros((count, 3))
+    if cut:
+        air = [follow(axis, command[:, k] * 1e-3, random) for k, axis in enumerate(axes)]
+        tip = np.stack([one.carriage * 1e3 for one in air], axis=1)
+        for number in np.unique(tool).tolist():
+            tip[tool == number] -= tip_shift(parameters.control, job, number)
+        track = Track(
+            cycle=1 / frequency, tip=tip, line=line, tool=tool, speed=plan.spindle_speed(time)
+        )
+        blank = swept(tip, tool, program.steps, job)
+        check_cut(name, track, blank, job)
+        part = chance(job, parameters, random)
+        force = mean_forces(track, blank, part, parameters, random)
+    columns: list[Column] = []
+    for k, letter in enumerate(parameters.drives.axes):
+        columns += axis_columns(
+            letter, axes[k], command[:, k], parameters.drives.tool, random, load=-force[:, k]
+        )
+    rows = slice(None, None, frequency // RATE)
+    _, position, current = (
+        np.stack([column.values for column in columns[k::3]], axis=1) for k in range(3)
+    )
+    return AxesRecord(
+        time=time[rows], line=line[rows], cutting=np.any(force != 0, axis=1)[rows],
+        command=command[rows], position=position, current=current, force=force[rows],
+        columns=tuple(columns),
+    )  # fmt: skip
+
+
+def write_axes(path: Path, record: AxesRecord, parameters: ShopParameters) -> dict[str, Any]:
+    """Write a record as the servo tool does, without faults; rows and length of the file."""
+    head = {"Machine": parameters.machine, "Axes": " ".join(parameters.drives.axes),
+            "Sampling": f"{1e3 / RATE:g} ms"}  # fmt: skip
+    return write_trace(path, head, list(record.columns), RATE, parameters.drives.tool, None)

@@ -1,0 +1,106 @@
+"""Following error and motor command as limits: kept in the cut, or refused in one sentence."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipeline.optimisation.axis_limits import check_axes, check_axes_known
+from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.optimise import optimise
+from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
+from pipeline.schema.limits import CutLimit
+from pipeline.shop.trial.axes import record_axes
+from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
+from tests.twin.cut_parts import SLOT, cut_of
+from tests.twin.shop_drives import shop_drives
+from tests.twin.test_program_axes import GAIN, drive
+
+QUICK = OptimisationSettings(
+    search=SearchSettings(population=6, generations=2, baseline=20, paper_generations=1, front=6),
+    certainty=ReliabilitySettings(draws=32),
+)
+DRIVES = {"X": drive(), "Y": drive()}
+
+
+@cache
+def found(following: float | None = None, command: float | None = None, *, shop=False) -> Result:
+    """The paper's kind of part with limits of its axes [um], [A]."""
+    job = paper_job("time", settings=QUICK)
+    drives = shop_drives(MACHINE.drives) if shop else DRIVES
+    limits = replace(LIMITS, following_um=following, motor_command_A=command)
+    return optimise(replace(job, limits=limits, models=replace(job.models, drives=drives)))
+
+
+def greatest(result: Result, name: str) -> float:
+    return max(getattr(axis, name) for axis in result.answer.verified.axes.axes)
+
+
+def test_a_program_limited_by_following_error_keeps_it_there() -> None:
+    """Without the limit the load allows 120 um; with it nearly all that it allows."""
+    free, kept = found(), found(following=80.0)
+    assert greatest(free, "following_um") > 115 and free.answer.kept
+    assert 0.8 * 76 < greatest(kept, "following_um") <= 76 * 1.002
+    assert kept.tightened >= 1 and kept.proof.same
+    assert kept.answer.objectives[0] > free.answer.objectives[0] + 1.0
+    # only where the axis is too far behind: F along one axis is no higher than its error allows
+    slower = kept.answer.decision.row_feeds < free.answer.decision.row_feeds - 1.0
+    assert slower.any()
+    fastest = float(kept.answer.decision.row_feeds[slower].max())
+    assert fastest == pytest.approx(76e-6 * GAIN * 60e3, rel=0.1)
+
+
+def test_a_program_limited_by_motor_command_keeps_it_there() -> None:
+    free = greatest(found(), "command")
+    limit = 0.9 * free
+    kept = found(command=limit)
+    assert greatest(kept, "command") <= 0.95 * limit * 1.002 and kept.answer.kept
+
+
+def test_a_limit_that_no_feed_keeps_names_line_and_limit() -> None:
+    """F 100 is the least of the range: 42 um at the gain of the loop."""
+    with pytest.raises(ValueError, match=r"O2023\.nc:\d+: .*limit of the axes in the cut needs F "
+                       r"[\d.]+ mm/min or less, below the least of 100 mm/min"):  # fmt: skip
+        found(following=10.0)
+
+
+@pytest.mark.parametrize(
+    ("drives", "limits", "message"),
+    [
+        ({}, {"following_um": 50.0}, "following_um = 50 cannot be kept: no drives were"),
+        ({"X": replace(drive(), force_unit="A")}, {"motor_command_A": 3.0},
+         "the force constant of axis X is not listed"),
+        ({"X": replace(drive(), command_unit="V")}, {"motor_command_A": 3.0},
+         "the command of axis X is in V"),
+    ],
+)  # fmt: skip
+def test_limits_that_cannot_be_judged_are_refused(drives, limits, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        check_axes_known(drives, CutLimit(**limits))
+    check_axes_known(drives, CutLimit())
+
+
+def test_the_row_that_passes_is_named_and_lowered_by_its_excess() -> None:
+    """600 mm/min at a gain of 40 are 250 um: a limit of 200 um less 5 % asks for 0.76 of it."""
+    cut = cut_of(SLOT)
+    held = check_axes(cut, {"X": drive()}, CutLimit(following_um=200.0))
+    row = int(np.argmin(held.factor))
+    assert cut.plan.path.moves.line[row] == 5
+    assert held.factor[row] == pytest.approx(0.98 * 190 / 250, rel=0.01)
+    assert np.flatnonzero(held.factor < 1).tolist() == [row]
+    assert ":5: axis X is behind by 25" in held.why_not
+    assert "limit of 200 um allows 190 um" in held.why_not
+    assert check_axes(cut, {"X": drive()}, CutLimit(following_um=300.0)).why_not == ""
+
+
+@pytest.mark.proof
+def test_the_shop_floor_keeps_the_following_error_of_a_program_so_limited() -> None:
+    """Its own drives under its own cutting force, in five parts; 1 um of ripple and rounding."""
+    kept, free = found(following=60.0, shop=True), found(shop=True)
+    for seed in range(5):
+        record = record_axes(kept.answer.text, "O2023", TRIAL, MACHINE, seed)
+        behind = np.abs(record.following_error[record.cutting][:, :2]).max() * 1e3
+        assert behind <= 60.0 + 1.0
+    record = record_axes(free.answer.text, "O2023", TRIAL, MACHINE, 0)
+    assert np.abs(record.following_error[record.cutting][:, :2]).max() * 1e3 > 80

@@ -1,0 +1,94 @@
+"""Stiffness of friction before it slides: its closed form, and recovered from a closed loop."""
+
+import numpy as np
+import pytest
+
+from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.presliding import presliding_trace
+from pipeline.machine.axis.servo import ServoParameters
+from pipeline.submodels.drive.records import AxisRecord, Recording
+from pipeline.submodels.drive.servo.presliding import identify_presliding
+from pipeline.twin.drive import DriveParameters, simulate_drive
+
+SIDE = DirectionFriction(coulomb=300.0, static=400.0, stribeck_velocity=0.006, viscous=900.0)
+SCREW = FeedDriveParameters(
+    mass=1300.0, force_constant=500.0, friction=FrictionParameters(positive=SIDE, negative=SIDE)
+)
+SERVO = ServoParameters(
+    position_gain=33.0, velocity_gain=550.0, integral_gain=4e4, velocity_feedforward=0.6,
+    velocity_lag=1.7e-3, position_lag=1.7e-3,
+)  # fmt: skip
+STEP, STIFFNESS = 2.5e-4, 3e7
+
+
+def traced(reference, load=None, stiffness: float = STIFFNESS):
+    """Position [m] and command [A] of the axis."""
+    position, command = np.empty(len(reference)), np.empty(len(reference))
+    push = np.zeros(len(reference)) if load is None else load
+    presliding_trace(reference, push, drive_row(SERVO, SCREW), stiffness, STEP, position, command)
+    return position, command
+
+
+def reversals(feed: float = 0.01) -> np.ndarray:
+    """Back and forth at a feed [m/s], with standstill between, smoothly."""
+    time = np.arange(0, 4, STEP)
+    speed = feed * np.sign(np.sin(2 * np.pi * time)) * (np.abs(np.sin(2 * np.pi * time)) > 0.3)
+    smooth = np.convolve(speed, np.ones(80) / 80, "same")
+    return np.cumsum(smooth) * STEP
+
+
+def test_sliding_steadily_it_is_the_axis_without_a_spring() -> None:
+    """Stribeck's level and the viscous part hold whatever the stiffness: the same command."""
+    reference = 0.02 * np.arange(0, 1, STEP)
+    _, command = traced(reference)
+    plain = simulate_drive(reference, STEP, DriveParameters(servo=SERVO, feed_drive=SCREW))
+    expected = (300 + 100 * np.exp(-((0.02 / 0.006) ** 2)) + 900 * 0.02) / 500
+    assert command[-1] == pytest.approx(expected, rel=1e-3)
+    assert command[-1] == pytest.approx(plain.command[-1], rel=1e-3)
+
+
+def test_an_axis_that_stands_gives_way_and_its_integral_takes_the_load_over() -> None:
+    """Before the loop answers the spring yields F / sigma; in the end the motor has all of F."""
+    load = np.where(np.arange(12000) * STEP > 0.1, 100.0, 0.0)
+    position, command = traced(np.zeros(12000), load)
+    assert 0.2 * 100 / STIFFNESS < -position.min() < 100 / STIFFNESS
+    assert position[-1] == pytest.approx(0.0, abs=1e-8)
+    # but for what the overshoot has left in the spring
+    assert command[-1] == pytest.approx(100 / 500, rel=0.15)
+    # friction that sticks exactly holds it for ever
+    drive = DriveParameters(servo=SERVO, feed_drive=SCREW)
+    stuck = simulate_drive(np.zeros(2000), STEP, drive, load=load[:2000])
+    assert np.abs(stuck.command).max() == 0.0
+
+
+def test_the_stiffness_is_recovered_from_a_recorded_closed_loop() -> None:
+    """At 1 kHz with noise of 0.03 A: within 10 % and inside its interval's neighbourhood."""
+    reference = reversals()
+    position, command = traced(reference)
+    noise = 0.03 * np.random.default_rng(4).standard_normal(len(command) // 4)
+    record = AxisRecord(
+        command=command[::4] + noise, position=position[::4], reference=reference[::4]
+    )
+    one = Recording(name="reversals", trained=True, period=4 * STEP, axes={"X": record})
+    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    assert found is not None and found.determined
+    assert found.stiffness == pytest.approx(STIFFNESS, rel=0.1)
+    assert found.low < found.stiffness < found.high
+
+
+def test_without_reversals_it_is_not_determined() -> None:
+    reference = 0.02 * np.arange(0, 1, STEP)
+    position, command = traced(reference)
+    noise = 0.03 * np.random.default_rng(4).standard_normal(1000)
+    steady = slice(2000, None, 4)
+    record = AxisRecord(
+        command=command[steady] + noise[:500], position=position[steady],
+        reference=np.zeros(500),
+    )  # fmt: skip
+    one = Recording(name="creep", trained=True, period=4 * STEP, axes={"X": record})
+    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    assert found is None or not found.determined
+    parameter = None if found is None else found.parameter("N")
+    assert parameter is None or (parameter.value is None and "record reversals" in parameter.remedy)
+    assert identify_presliding([], "X", SERVO, SCREW, 0.5) is None
