@@ -212,8 +212,9 @@ def simulate(
                 from pipeline.report.cut.page import SimulatedCut, write_cut_page
 
                 shown = SimulatedCut(
-                    program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut
-                )
+                    program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut,
+                    verdicts=document["verdicts"],
+                )  # fmt: skip
                 write_cut_page(shown, page, json)
     for line in programs.simulated_lines(document, program):
         typer.echo(line)

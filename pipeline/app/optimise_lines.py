@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 
 NONE = "-"
@@ -24,6 +25,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
         f"{part.program} on {part.machine}{label}, control {source}: "
         f"{part.objective}, {part.stock} in {part.material}"
     )
+    yield from verdict_lines(part.verdicts)
     if part.interrupted:
         yield "interrupted: the best that was found until then"
     yield from _totals(part)

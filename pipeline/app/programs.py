@@ -1,6 +1,6 @@
 """Part programs by hand: what they tell the machine, and what its control makes of them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -15,10 +15,13 @@ from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
+from pipeline.optimisation.job import machine_models
+from pipeline.optimisation.reliability.judged import used_models
+from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
-from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Verdict
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import UsedModel
 from pipeline.twin.control import control_of_unit, planned_program, read_controls
 from pipeline.twin.drive import read_drives
 from pipeline.twin.simulation import blocks, summary
@@ -32,8 +35,6 @@ PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
     ".gz": "gzip", ".bz2": "bz2", ".xz": "xz", ".zst": "zstd",
 }  # fmt: skip
 """Compression of a table by the end of its file's name."""
-USED = ("control", "drive", "cutting")
-"""Sub-models that programs are simulated and optimised with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,14 +70,10 @@ class Controlled:
         return "identified" if self.identified else "conf/machine"
 
     @property
-    def unproven(self) -> dict[str, str]:
-        """Sub-models that are used and did not pass their judgement, with their status."""
-        found: dict[str, str] = {}
-        for name in USED:
-            path = self.models / name / "verdict.json"
-            if path.exists() and (status := read_json(path, Verdict).status) != "passed":
-                found[name] = status
-        return found
+    def used(self) -> tuple[UsedModel, ...]:
+        """Sub-models that figures rest on, with their verdicts, the gravest first."""
+        settings = structure(self.parameters, "optimisation", OptimisationSettings)
+        return used_models(machine_models(self.models, self.control), settings.certainty)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,16 +297,19 @@ def _control(
 
 
 def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:
-    """The JSON of ``kerf simulate``: totals, and every block."""
-    return summary(simulated.plan, name) | {
-        "machine": machine,
-        "origin": simulated.on.origin,
-        "control": simulated.on.source,
-        "models": simulated.on.models.as_posix(),
-        "unproven": simulated.on.unproven,
-        "axes": simulated.axes,
-        "blocks": blocks(simulated.plan),
-    }
+    """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
+    return (
+        {"verdicts": simulated.on.used}
+        | summary(simulated.plan, name)
+        | {
+            "machine": machine,
+            "origin": simulated.on.origin,
+            "control": simulated.on.source,
+            "models": simulated.on.models.as_posix(),
+            "axes": simulated.axes,
+            "blocks": blocks(simulated.plan),
+        }
+    )
 
 
 def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
@@ -321,8 +321,7 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     yield f"{program.name} on {machine}{label}, control {source}"
     if "/champion/" not in document["models"]:
         yield f"with {document['models']}, not with the champion"
-    for name, status in document["unproven"].items():
-        yield f"{name} {status}: what rests on it is not proven"
+    yield from verdict_lines(document["verdicts"])
     yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
     for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
         for name, seconds in table.items():
@@ -332,6 +331,12 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
         yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
     for axis in document["axes"]:
         yield _axis_line(axis)
+
+
+def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
+    """One line a sub-model that figures rest on; what failed or was not judged is marked."""
+    for one in models:
+        yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
 
 
 def _axis_line(axis: dict[str, Any]) -> str:

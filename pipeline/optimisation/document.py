@@ -14,6 +14,7 @@ from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
 from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.optimisation.proof.prove import with_proof_comment
+from pipeline.optimisation.reliability.judged import used_models
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
@@ -52,6 +53,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     before, after = _sides(result)
     totals = _totals(before, result), _totals(after, result)
     return OptimisedPart(
+        verdicts=used_models(job.models, job.settings.certainty),
         program=job.program.name.rpartition("/")[2],
         machine=machine,
         origin=origin,

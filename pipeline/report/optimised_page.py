@@ -25,7 +25,7 @@ from pipeline.report.optimised_figures import (
     words_figure,
 )
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
-from pipeline.report.standalone_page import StandalonePage, rendered, source_of
+from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
 from pipeline.schema.store import write_text
 
@@ -43,6 +43,7 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
     """Load, words, where time goes, certainty, methods, proof, basis: as its reader needs them."""
     status, word, sentences = verdict(part)
     sections = [
+        verdicts_section(part.verdicts),
         _load_section(part, sources), _words_section(part, sources),
         _time_section(part, sources), _certainty_section(part, sources),
         _methods_section(part, sources), _proof_section(part, sources),

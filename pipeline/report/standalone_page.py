@@ -1,6 +1,6 @@
 """Standalone page of one program: its parts, and how it is written; the templates of all pages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -8,6 +8,7 @@ from pathlib import Path
 from pipeline.charts.sections import Section
 from pipeline.charts.sources import Source, shown
 from pipeline.schema.files import written
+from pipeline.schema.verdict import UsedModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +28,29 @@ class StandalonePage:
     key_figures: list[tuple[str, str, str]]
     sections: list[Section] = field(default_factory=list)
     credit: str = ""
+
+
+def verdicts_section(models: Sequence[UsedModel]) -> Section | None:
+    """What was judged, the gravest first; it stands before all other sections."""
+    if not models:
+        return None
+    return Section(
+        key="verdicts", title="What the figures rest on, and whether it was judged",
+        text=["A spread ± is one standard deviation, of recordings that the model had not seen."],
+        pairs=[
+            (_first_up(one.submodel), f"{_first_up(one.sentence[len(one.submodel) + 1:])}.")
+            for one in models
+        ],
+    )  # fmt: skip
+
+
+def doubts(models: Sequence[UsedModel]) -> list[str]:
+    """A sentence for each sub-model that failed or was not judged, to stand in the verdict."""
+    return [f"{_first_up(one.sentence)}." for one in models if one.doubtful]
+
+
+def _first_up(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def renderer() -> Callable[..., str]:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
 """Quantity to be minimised; ``pareto`` takes the knee of the front of all that are known."""
@@ -335,6 +336,8 @@ class OptimisedPart:
 
     Parameters
     ----------
+    verdicts : tuple of UsedModel
+        On the sub-models that its figures rest on; what failed or was not judged first.
     program, machine : str
         Names.
     origin : str
@@ -381,6 +384,7 @@ class OptimisedPart:
         On the figures, one sentence each.
     """
 
+    verdicts: tuple[UsedModel, ...] = ()
     program: str
     machine: str
     origin: str
