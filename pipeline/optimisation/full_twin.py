@@ -22,8 +22,14 @@ from pipeline.machine.control.path import where
 from pipeline.optimisation.axis_limits import AxesCheck, check_axes
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Front, Method, written_feeds
+<<<<<<< HEAD
 from pipeline.optimisation.problem.arrays import Decision, feeds_per_minute
+=======
+from pipeline.optimisation.problem.arrays import Decision
+from pipeline.optimisation.problem.feasible import tool_name
+>>>>>>> robust
 from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.proof.prove import Proof
 from pipeline.optimisation.proof.text import WordChange
 from pipeline.optimisation.reliability.chance_constraint import Exceedance
@@ -238,8 +244,15 @@ def full_twin(
     return Full(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
         objectives=evaluated.objectives[0], verified=verified, tightening=tightening,
+<<<<<<< HEAD
         feed_cap=np.where(factor < 1.0, factor * reached, np.inf),
         why_not=_why_not(job, program, moves, tightening, violation) or verified.axes.why_not,
+=======
+        why_not=_why_not(
+            problem, (feeds, speeds), float(evaluated.violation[0]), tightening,
+            verified.row_peak[rows],
+        ),
+>>>>>>> robust
     )  # fmt: skip
 
 
@@ -262,18 +275,28 @@ def _tightening(
 
 
 def _why_not(
-    job: Job, program: Program, moves: Moves, tightening: Floats, violation: float
+    problem: Problem, words: tuple[Floats, Floats], violation: float, tightening: Floats,
+    peak: Floats,
 ) -> str:  # fmt: skip
+    """The limit that F and S, rounded as words, pass with loads ``peak`` of rows; or nothing."""
+    moves = problem.cut.plan.path.moves
     if violation > SLACK:
+        named = passed_limit(problem, *words)
+        rounded = "F and S, rounded as words of the program are: "
         return (
-            f"{program.name}: feeds and speeds, rounded as words of the program are, pass a limit "
-            f"by {100 * violation:.2g} % in all: widen the ranges of F and S"
+            rounded + named
+            if named
+            else (
+                f"{moves.files[0]}: F and S, rounded as words of the program are, pass a limit by "
+                f"{100 * violation:.2g} % in all: widen the ranges of F and S"
+            )
         )
     if tightening.min(initial=1.0) < 1.0:
         row = int(np.argmin(tightening))
         return (
-            f"{where(moves, row)}: passing teeth load the tool more than the limit of "
-            f"{job.limits.load_N:g} N allows, whatever the feed: raise the limit"
+            f"{where(moves, row)}: teeth that pass one by one load {tool_name(problem, row)} with "
+            f"{peak[row]:.4g} N, and the load limit of {problem.limits.load_N:g} N less its margin "
+            "and what is uncertain allows less at any feed that was tried: raise limits.load_N"
         )
     return ""
 

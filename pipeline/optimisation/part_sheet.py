@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
+from pipeline.cutting.tool import Tool
 from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
@@ -52,16 +53,21 @@ def tool_range(result: "Result", number: int) -> CuttingRange:
     """The range that a tool's feed and speed are shown beside: of all its operations together."""
     practice = result.problem.practice
     if practice is None:
-        tool = result.job.cut.tools[number]
-        return CuttingRange(
-            feed_per_tooth_mm=_pair(tool.feed_per_tooth_mm),
-            cutting_speed_m_min=_pair(tool.cutting_speed_m_min), source="tool table",
-        )  # fmt: skip
+        return makers_range(result.job.cut.tools[number])
     mine = [one.range for one in practice.ranges if one.tool == number]
     return CuttingRange(
         feed_per_tooth_mm=_hull([one.feed_per_tooth_mm for one in mine]),
         cutting_speed_m_min=_hull([one.cutting_speed_m_min for one in mine]),
         source="; ".join(dict.fromkeys(one.source for one in mine if one.source)),
+    )
+
+
+def makers_range(tool: Tool) -> CuttingRange:
+    """What the tool table says of a tool."""
+    f_z, v_c = _pair(tool.feed_per_tooth_mm), _pair(tool.cutting_speed_m_min)
+    known = f_z is not None or v_c is not None
+    return CuttingRange(
+        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source="tool table" if known else ""
     )
 
 

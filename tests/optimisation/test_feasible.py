@@ -8,6 +8,7 @@ import pytest
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.problem.feasible import with_load
+from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.schema.limits import CutLimit
 from tests.optimisation.problem_parts import (
     DRIVE,
@@ -167,3 +168,39 @@ def test_what_is_not_computed_keeps_its_feed_and_speed():
     feeds = np.where(turned, 2 * moves.feed, 0.5 * moves.feed)
     found = problem.evaluate_rows(feeds[np.newaxis], moves.speed[np.newaxis]).violation[0]
     assert found == pytest.approx(turned.sum())
+
+
+def test_a_limit_that_is_passed_names_block_limit_value_and_the_least_possible(slot):
+    limits = replace(LOAD, feed_mm_min=(100.0, 1000.0), speed_rpm=(1000.0, 8000.0))
+    problem = problem_on(slot, limits, f_z_load=np.full(len(slot.tool), 3e-5))
+    feeds, speeds = own(problem)
+    assert passed_limit(problem, feeds * 0.5, speeds) == ""
+    said = passed_limit(problem, feeds * 2.0, speeds)
+    row = problem.blocks.row[-1]
+    here = problem.cut.table.peaks(np.full(len(slot.tool), 1e-4))[row]  # F1200 of two teeth
+    assert said.startswith(
+        f"P:{SLOTTED}: T1 passes the load limit of 100 N at F1200 S6000, {here:.4g} N with 100 um "
+        "a tooth; "
+    )
+    assert "would keep it, and blocks that share its F or S cannot have that" in said
+    assert said.endswith(": raise limits.load_N") and "\n" not in said
+
+
+def test_a_limit_that_no_feed_of_the_ranges_keeps_says_the_least_possible(slot):
+    narrow = replace(LOAD, feed_mm_min=(500.0, 900.0), speed_rpm=(4000.0, 8000.0))
+    problem = problem_on(slot, narrow, f_z_load=np.full(len(slot.tool), 4e-5))
+    problem = replace(problem, bounds=replace(problem.bounds, most=problem.bounds.most * 0.5))
+    feeds, speeds = own(problem)
+    said = passed_limit(problem, feeds, speeds)
+    least = 500.0 / (2 * 8000.0) * 1e3  # F500 of two teeth at 8000 rev/min [um]
+    assert f"{least:.4g} um a tooth is the least possible there: raise limits.load_N" in said
+
+
+def test_a_refusal_of_the_load_says_the_least_load(slot):
+    cut = cut_on(SLOT, laws=dict.fromkeys(TOOLS, EDGES))
+    least = cut.table.peaks(np.zeros(len(cut.tool))).max()
+    with pytest.raises(ValueError, match=f"the edges alone take more, {least:.4g} N: raise"):
+        problem_on(cut, CutLimit(load_N=40.0))
+    reach = CutLimit(load_N=20.0, margins=NO_MARGINS, feed_mm_min=(500.0, 600.0))
+    with pytest.raises(ValueError, match=r"takes 25 um at least, 68\.\d+ N: widen feed_mm_min"):
+        problem_on(slot, reach)

@@ -24,6 +24,7 @@ from pipeline.optimisation.methods.speeds import (
 )
 from pipeline.optimisation.problem.arrays import Decision, Groups, Rows
 from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
 from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
@@ -66,18 +67,19 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
     which = column(objective)
     whole = _as_programmed(problem, objective)
     kept: list[tuple[float, Decision]] = []
-    passed = np.inf
+    passed: list[tuple[float, Decision]] = []
     for decision in _rounds(problem, objective, grouping, whole):
         evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
-        passed = min(passed, float(evaluated.violation[0]))
         if evaluated.violation[0] > 0.0:
+            passed.append((float(evaluated.violation[0]), decision))
             continue
         value, best = float(evaluated.objectives[0, which]), _least(kept)
         kept.append((value, decision))
         if value > best * (1 - WORTH):
             break
     if not kept:
-        raise ValueError(_passed(problem, passed))
+        least, nearest = min(passed, key=lambda one: one[0])
+        raise ValueError(_passed(problem, least, nearest))
     return min(kept, key=lambda one: one[0])[1]
 
 
@@ -145,8 +147,9 @@ def _listed(problem: Problem, speeds: Floats, row: int) -> str:
     return ", ".join(f"{speed:g}" for speed in np.unique(speeds[same]).tolist())
 
 
-def _passed(problem: Problem, violation: float) -> str:
-    return (
+def _passed(problem: Problem, violation: float, nearest: Decision) -> str:
+    named = passed_limit(problem, nearest.row_feeds, nearest.row_speeds)
+    return named or (
         f"{problem.cut.plan.path.moves.files[0]}: no F and S were found that keep all limits; the "
         f"best passes them by {100 * violation:.3g} % in sum over its blocks: widen the limits"
     )

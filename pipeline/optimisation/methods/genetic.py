@@ -25,6 +25,7 @@ from pipeline.optimisation.methods.genes import (
 )
 from pipeline.optimisation.problem.arrays import Decision, Groups, first_rows
 from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.settings import OBJECTIVES, SearchSettings
 from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
@@ -123,9 +124,10 @@ def _value(problem: Problem, start: Decision, which: int) -> float:
             f"the {OBJECTIVES[which]} of the start is not known: choose another objective"
         )
     if evaluated.violation[0] > 0:
+        named = passed_limit(problem, start.row_feeds, start.row_speeds)
         raise ValueError(
             f"the start of the search passes its limits by {100 * evaluated.violation[0]:.3g} % in "
-            "sum: begin with one that keeps them"
+            f"sum: begin with one that keeps them ({named})"
         )
     return value
 

@@ -275,15 +275,16 @@ def _refuse(problem: Problem, wrong: Bools, sentence: Callable[[int], str]) -> N
         raise ValueError(f"{where(problem.cut.plan.path.moves, row)}: {sentence(row)}")
 
 
-def _tool(problem: Problem, row: int) -> str:
+def tool_name(problem: Problem, row: int) -> str:
+    """The tool of a row that cuts, as people name it."""
     return f"T{problem.cut.numbers[problem.cut.tool[row]]}"
 
 
 def _check_spindle_on(problem: Problem) -> None:
     standing = problem.cuts & ~(problem.cut.plan.spindle_speed > 0)
     _refuse(problem, standing, lambda row: (
-        f"{_tool(problem, row)} goes into the material while the spindle stands: program S and M3 "
-        "before it"
+        f"{tool_name(problem, row)} goes into the material while the spindle stands: program "
+        "S and M3 before it"
     ))  # fmt: skip
 
 
@@ -301,8 +302,8 @@ def _check_limited(problem: Problem, load_limited: bool) -> None:
         for tool in problem.cut.tools
     ])  # fmt: skip
     _refuse(problem, problem.cuts & free[problem.cut.tool], lambda row: (
-        f"nothing limits the feed of {_tool(problem, row)}: give limits.load_N or chip_um, or its "
-        "feed_per_tooth_mm in the tool table"
+        f"nothing limits the feed of {tool_name(problem, row)}: give limits.load_N or chip_um, or "
+        "its feed_per_tooth_mm in the tool table"
     ))  # fmt: skip
 
 
@@ -310,17 +311,29 @@ def _check_bounds(problem: Problem) -> None:
     """Least and greatest feed for each tooth leave something between them."""
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & ~(high > 0), lambda row: (
-        f"no feed of {_tool(problem, row)} keeps the {CONSTRAINTS[which[row]]}"
-        f"{_given(problem, int(which[row]))}: the edges alone take more: {REMEDY[int(which[row])]}"
+        f"no feed of {tool_name(problem, row)} keeps the {CONSTRAINTS[which[row]]}"
+        f"{given_value(problem, int(which[row]))}: the edges alone take more"
+        f"{_edges(problem, row, int(which[row]))}: {REMEDY[int(which[row])]}"
     ))  # fmt: skip
     _refuse(problem, problem.cuts & (low > high * (1 + SLACK)), lambda row: (
-        f"the least chip of {_tool(problem, row)} needs {low[row] * UM:.4g} um a tooth, and the "
-        f"{CONSTRAINTS[which[row]]}{_given(problem, int(which[row]))} allows "
+        f"the least chip of {tool_name(problem, row)} needs {low[row] * UM:.4g} um a tooth, and "
+        f"the {CONSTRAINTS[which[row]]}{given_value(problem, int(which[row]))} allows "
         f"{high[row] * UM:.4g} um: lower the least chip, or {REMEDY[int(which[row])]}"
     ))  # fmt: skip
 
 
-def _given(problem: Problem, which: int) -> str:
+def _edges(problem: Problem, row: int, which: int) -> str:
+    """The least load possible in a row, at no feed at all."""
+    if which != at.LOAD:
+        return ""
+    least = float(problem.cut.table.peaks(np.zeros(len(problem)))[row])
+    limit = (problem.limits.load_N or 0.0) * (1 - problem.limits.margins.load)
+    beside = "" if least > limit else " by their nominal values, more with what is uncertain"
+    return f", {least:.4g} N{beside}"
+
+
+def given_value(problem: Problem, which: int) -> str:
+    """The value of a limit of the part, for a sentence; empty where it is not given as one."""
     name = GIVEN.get(which)
     value = None if name is None else getattr(problem.limits, name)
     return "" if name is None or value is None else f" of {value:g} {limit_words(name)[1]}"
@@ -332,15 +345,22 @@ def _check_reach(problem: Problem) -> None:
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & (slowest > high * (1 + SLACK)), lambda row: (
         f"{_whose(problem, row)} keep the {CONSTRAINTS[which[row]]}"
-        f"{_given(problem, int(which[row]))}: {_tool(problem, row)} may take "
-        f"{high[row] * UM:.4g} um a tooth, and takes {slowest[row] * UM:.4g} um at least: "
+        f"{given_value(problem, int(which[row]))}: {tool_name(problem, row)} may take "
+        f"{high[row] * UM:.4g} um a tooth, and takes {slowest[row] * UM:.4g} um at least"
+        f"{_load_at(problem, row, slowest, int(which[row]))}: "
         f"{_wider(problem, row)}{REMEDY[int(which[row])]}"
     ))  # fmt: skip
     _refuse(problem, problem.cuts & (fastest < low * (1 - SLACK)), lambda row: (
-        f"{_whose(problem, row)} make the least chip: {_tool(problem, row)} needs "
+        f"{_whose(problem, row)} make the least chip: {tool_name(problem, row)} needs "
         f"{low[row] * UM:.4g} um a tooth, and gets {fastest[row] * UM:.4g} um at most: "
         f"{_wider(problem, row)}lower the least chip"
     ))  # fmt: skip
+
+
+def _load_at(problem: Problem, row: int, f_z: Floats, which: int) -> str:
+    if which != at.LOAD:
+        return ""
+    return f", {problem.cut.table.peaks(f_z)[row]:.4g} N"
 
 
 def _whose(problem: Problem, row: int) -> str:
@@ -367,14 +387,14 @@ def _corners(problem: Problem) -> tuple[Floats, Floats]:
     f_z = []
     for feed, spindle_speed in ((ranges.feed_low, fast), (ranges.feed_high, slow)):
         per_minute = np.where(by_feed & np.isfinite(feed), feed, 0.0)
-        feeds = np.where(by_feed, _in_units(problem, per_minute, spindle_speed), moves.feed)
+        feeds = np.where(by_feed, in_units(problem, per_minute, spindle_speed), moves.feed)
         f_z.append(
             problem.feed_per_tooth(feeds, np.where(np.isfinite(spindle_speed), spindle_speed, own))
         )
     return f_z[0], f_z[1]
 
 
-def _in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
+def in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
     """F in the units of ``Moves`` of feeds in [mm/min]; shape (M,)."""
     ones = feeds_per_minute(problem.cut, np.ones(len(problem)), spindle_speed)
     units: Floats = np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
@@ -387,13 +407,13 @@ def _check_kept(problem: Problem) -> None:
     if not held.any():
         return
     moves, low = problem.cut.plan.path.moves, problem.ranges.feed_low
-    least = _in_units(problem, low, problem.cut.plan.spindle_speed)
+    least = in_units(problem, low, problem.cut.plan.spindle_speed)
     feeds = np.where(problem.editable.block >= 0, least, moves.feed)
     used = constraint_utilisation(problem, feeds, moves.speed)
     by_speed = np.array([at.CUTTING_SPEED, at.SPINDLE_SPEED, at.STABILITY, at.TORQUE, at.POWER])
     which = by_speed[(used[by_speed] > 1 + SLACK).argmax(axis=0)]
     worst = used[which, np.arange(len(problem))]
     _refuse(problem, held & (worst > 1 + SLACK), lambda row: (
-        f"its S {moves.speed[row]:g} cannot be changed, and {_tool(problem, row)} passes what "
+        f"its S {moves.speed[row]:g} cannot be changed, and {tool_name(problem, row)} passes what "
         f"{CONSTRAINTS[which[row]]} allows {worst[row]:.3g} times: {REMEDY[int(which[row])]}"
     ))  # fmt: skip
