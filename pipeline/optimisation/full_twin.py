@@ -22,12 +22,8 @@ from pipeline.machine.control.path import where
 from pipeline.optimisation.axis_limits import AxesCheck, check_axes
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Front, Method, written_feeds
-<<<<<<< HEAD
 from pipeline.optimisation.problem.arrays import Decision, feeds_per_minute
-=======
-from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.problem.feasible import tool_name
->>>>>>> robust
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.proof.prove import Proof
@@ -244,15 +240,11 @@ def full_twin(
     return Full(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
         objectives=evaluated.objectives[0], verified=verified, tightening=tightening,
-<<<<<<< HEAD
         feed_cap=np.where(factor < 1.0, factor * reached, np.inf),
-        why_not=_why_not(job, program, moves, tightening, violation) or verified.axes.why_not,
-=======
         why_not=_why_not(
-            problem, (feeds, speeds), float(evaluated.violation[0]), tightening,
+            problem, (feeds, speeds), violation, tightening,
             verified.row_peak[rows],
-        ),
->>>>>>> robust
+        ) or verified.axes.why_not,
     )  # fmt: skip
 
 

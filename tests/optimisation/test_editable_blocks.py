@@ -91,7 +91,7 @@ def test_a_subprogram_in_another_file_is_held_and_what_it_takes(tmp_path) -> Non
 def test_s_begins_at_lines_that_are_passed_once() -> None:
     made = of(HEAD + "G1 X1 F100\nM98 P7 L2\nX3\nM30\nO7\nX4\nX5\nM99\n")
     # rows: M3, X1, (X4, X5) twice, X3, M30
-    assert made.may_start.tolist() == [True, True, False, False, False, False, True, True]
+    assert made.may_start.tolist() == [True, True, False, False, False, False, True, False]
     assert made.own_start.tolist() == [True] + [False] * 7
     assert made.speed.all()
 

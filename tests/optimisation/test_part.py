@@ -177,7 +177,9 @@ def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) 
     assert (tmp_path / "new/O1.nc").read_bytes() == after
     text = (tmp_path / "new/O1.json").read_text(encoding="utf-8")
     assert part_of(json.loads(text)) == part and "Größe" in text
-    assert json.loads(text)["limits"].keys() == {"power_share", "least_speed_change_rpm", "margins"}
+    assert json.loads(text)["limits"].keys() == {
+        "power_share", "least_speed_change_rpm", "margins", "practice",
+    }  # fmt: skip
     other = stored(proof={**vars(part.proof), "same": False})
     assert part_metrics({"O1": part, "O2": other}) == {
         "O1_before_time_s": 29.48, "O1_before_peak_load_N": 71.23, "O1_after_time_s": 24.51,

@@ -14,7 +14,7 @@ def test_every_limit_has_an_option_of_its_own_a_name_and_a_margin_that_exists() 
     assert len(set(options)) == len(options)
     margins = {item.name for item in fields(Margins)}
     for item in fields(CutLimit):
-        if item.name != "margins":
+        if item.name not in ("margins", "practice"):
             words, unit = limit_words(item.name)
             assert words.name and words.help.endswith(".")
             assert words.margin == "" or words.margin in margins
@@ -32,7 +32,7 @@ def test_options_are_fields_of_the_type(
         load_N=load, feed_mm_min=(low, low + more), margins=Margins(stability=margin)
     )
     assert set(found.given) == {
-        "load_N", "feed_mm_min", "power_share", "least_speed_change_rpm", "margins",
+        "load_N", "feed_mm_min", "power_share", "least_speed_change_rpm", "margins", "practice",
     }  # fmt: skip
 
 
