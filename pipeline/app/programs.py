@@ -73,7 +73,8 @@ class Controlled:
     def used(self) -> tuple[UsedModel, ...]:
         """Sub-models that figures rest on, with their verdicts, the gravest first."""
         settings = structure(self.parameters, "optimisation", OptimisationSettings)
-        return used_models(machine_models(self.models, self.control), settings.certainty)
+        known = machine_models(self.models, self.control)
+        return used_models(known.verdicts, settings.certainty)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,7 +60,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     before, after = _sides(result)
     totals = _totals(before, result), _totals(after, result)
     return OptimisedPart(
-        verdicts=used_models(job.models, job.settings.certainty),
+        verdicts=used_models(job.models.verdicts, job.settings.certainty),
         program=job.program.name.rpartition("/")[2],
         machine=machine,
         origin=origin,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pipeline.app.optimise_lines import optimise_lines
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.optimisation.job import MachineModels, machine_models
+from pipeline.optimisation.job import machine_models
 from pipeline.optimisation.reliability.judged import FIGURES, judged_spread, used_models
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
@@ -58,16 +58,8 @@ def verdict(name: str, status: Status, *errors: float, reasons: tuple[str, ...] 
     )  # fmt: skip
 
 
-def models(**verdicts: Verdict | None) -> MachineModels:
-    """Models of those sub-models that are named."""
-    return MachineModels(
-        control=CONTROL, verdicts=verdicts, drives={"X": None} if "drive" in verdicts else {},
-        cutting=cutting_files.model() if "cutting" in verdicts else None,
-    )  # fmt: skip
-
-
 def used(**verdicts: Verdict | None) -> dict[str, UsedModel]:
-    return {one.submodel: one for one in used_models(models(**verdicts), SETTINGS)}
+    return {one.submodel: one for one in used_models(verdicts, SETTINGS)}
 
 
 @pytest.mark.parametrize("statuses", list(product(STATUSES, repeat=3)), ids=str)
@@ -79,7 +71,7 @@ def test_every_combination_of_verdicts_names_what_did_not_pass_first(
         name: None if status is None else verdict(name, status, *errors[status])
         for name, status in zip(FIGURES, statuses, strict=True)
     }
-    found = used_models(models(**verdicts), SETTINGS)
+    found = used_models(verdicts, SETTINGS)
     assert {one.submodel: one.status for one in found} == {
         name: status or "not judged" for name, status in zip(FIGURES, statuses, strict=True)
     }
@@ -186,7 +178,7 @@ def test_what_did_not_pass_stands_at_the_top_of_page_json_and_lines(
     )
     part = replace(
         optimise_documents.part(optimise_documents.optimised()),
-        verdicts=used_models(models(**verdicts), SETTINGS),
+        verdicts=used_models(verdicts, SETTINGS),
     )
     values = json.loads(json.dumps(part_values(part)))
     assert next(iter(values)) == "verdicts" and values["verdicts"][0]["submodel"] == name
@@ -201,9 +193,7 @@ def test_what_did_not_pass_stands_at_the_top_of_page_json_and_lines(
 
 def test_a_part_all_of_whose_models_passed_has_no_doubt() -> None:
     part = optimise_documents.part(optimise_documents.optimised())
-    verdicts = used_models(
-        models(**{one: verdict(one, "passed", 1.0) for one in FIGURES}), SETTINGS
-    )
+    verdicts = used_models({one: verdict(one, "passed", 1.0) for one in FIGURES}, SETTINGS)
     page = optimised_page(replace(part, verdicts=verdicts), [])
     assert page.status == optimised_page(part, []).status == "passed"
     assert page.sentences == optimised_page(part, []).sentences

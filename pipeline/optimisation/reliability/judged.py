@@ -9,11 +9,10 @@ on one that
 - was not judged is at least ``certainty.not_judged``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pipeline.optimisation.job import MachineModels
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.cutting import MAGNITUDE
 from pipeline.schema.drive import FOLLOWING
@@ -33,15 +32,16 @@ QUANTITY = {"control": "", "drive": FOLLOWING, "cutting": MAGNITUDE}
 """Beginning of the quantity whose errors count; of a control all that has limits."""
 
 
-def used_models(models: MachineModels, settings: ReliabilitySettings) -> tuple[UsedModel, ...]:
-    """Sub-models with their verdicts and spreads, the gravest first."""
-    identified = {
-        "control": "control" in models.verdicts,
-        "drive": bool(models.drives),
-        "cutting": models.cutting is not None,
-    }
+def used_models(
+    verdicts: Mapping[str, Verdict | None], settings: ReliabilitySettings
+) -> tuple[UsedModel, ...]:
+    """Sub-models with their verdicts and spreads, the gravest first.
+
+    ``verdicts`` holds those that were identified, as
+    :class:`~pipeline.optimisation.job.MachineModels` does.
+    """
     found = [
-        _used(name, models.verdicts.get(name), settings) if identified[name]
+        _used(name, verdicts.get(name), settings) if name in verdicts
         else _without(name, settings)
         for name in FIGURES
     ]  # fmt: skip
