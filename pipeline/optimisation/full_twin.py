@@ -23,9 +23,8 @@ from pipeline.optimisation.axis_limits import AxesCheck, check_axes
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Front, Method, written_feeds
 from pipeline.optimisation.problem.arrays import Decision, feeds_per_minute
-from pipeline.optimisation.problem.feasible import tool_name
+from pipeline.optimisation.problem.feasible import passed_limit, tool_name
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.proof.prove import Proof
 from pipeline.optimisation.proof.text import WordChange
 from pipeline.optimisation.reliability.chance_constraint import Exceedance

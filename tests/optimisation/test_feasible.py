@@ -7,8 +7,7 @@ import pytest
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.optimisation.problem.feasible import with_load
-from pipeline.optimisation.problem.refusal import passed_limit
+from pipeline.optimisation.problem.feasible import passed_limit, with_load
 from pipeline.schema.limits import CutLimit
 from tests.optimisation.problem_parts import (
     DRIVE,
@@ -198,7 +197,7 @@ def test_a_limit_that_no_feed_of_the_ranges_keeps_says_the_least_possible(slot):
 
 def test_a_refusal_of_the_load_says_the_least_load(slot):
     cut = cut_on(SLOT, laws=dict.fromkeys(TOOLS, EDGES))
-    least = cut.table.peaks(np.zeros(len(cut.tool))).max()
+    least = cut.table.peaks(np.full(len(cut.tool), 1e-12)).max()
     with pytest.raises(ValueError, match=f"the edges alone take more, {least:.4g} N: raise"):
         problem_on(cut, CutLimit(load_N=40.0))
     reach = CutLimit(load_N=20.0, margins=NO_MARGINS, feed_mm_min=(500.0, 600.0))

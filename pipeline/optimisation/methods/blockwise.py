@@ -23,8 +23,8 @@ from pipeline.optimisation.methods.speeds import (
     start_prices,
 )
 from pipeline.optimisation.problem.arrays import Decision, Groups, Rows
+from pipeline.optimisation.problem.feasible import passed_limit
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
 from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats

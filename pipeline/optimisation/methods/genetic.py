@@ -24,8 +24,8 @@ from pipeline.optimisation.methods.genes import (
     speed_ranges,
 )
 from pipeline.optimisation.problem.arrays import Decision, Groups, first_rows
+from pipeline.optimisation.problem.feasible import passed_limit
 from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.problem.refusal import passed_limit
 from pipeline.optimisation.settings import OBJECTIVES, SearchSettings
 from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats

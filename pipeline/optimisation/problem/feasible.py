@@ -312,12 +312,12 @@ def _check_bounds(problem: Problem) -> None:
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & ~(high > 0), lambda row: (
         f"no feed of {tool_name(problem, row)} keeps the {CONSTRAINTS[which[row]]}"
-        f"{given_value(problem, int(which[row]))}: the edges alone take more"
+        f"{_given(problem, int(which[row]))}: the edges alone take more"
         f"{_edges(problem, row, int(which[row]))}: {REMEDY[int(which[row])]}"
     ))  # fmt: skip
     _refuse(problem, problem.cuts & (low > high * (1 + SLACK)), lambda row: (
         f"the least chip of {tool_name(problem, row)} needs {low[row] * UM:.4g} um a tooth, and "
-        f"the {CONSTRAINTS[which[row]]}{given_value(problem, int(which[row]))} allows "
+        f"the {CONSTRAINTS[which[row]]}{_given(problem, int(which[row]))} allows "
         f"{high[row] * UM:.4g} um: lower the least chip, or {REMEDY[int(which[row])]}"
     ))  # fmt: skip
 
@@ -326,14 +326,13 @@ def _edges(problem: Problem, row: int, which: int) -> str:
     """The least load possible in a row, at no feed at all."""
     if which != at.LOAD:
         return ""
-    least = float(problem.cut.table.peaks(np.zeros(len(problem)))[row])
+    least = float(problem.cut.table.values[0][row, 0])
     limit = (problem.limits.load_N or 0.0) * (1 - problem.limits.margins.load)
     beside = "" if least > limit else " by their nominal values, more with what is uncertain"
     return f", {least:.4g} N{beside}"
 
 
-def given_value(problem: Problem, which: int) -> str:
-    """The value of a limit of the part, for a sentence; empty where it is not given as one."""
+def _given(problem: Problem, which: int) -> str:
     name = GIVEN.get(which)
     value = None if name is None else getattr(problem.limits, name)
     return "" if name is None or value is None else f" of {value:g} {limit_words(name)[1]}"
@@ -345,7 +344,7 @@ def _check_reach(problem: Problem) -> None:
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & (slowest > high * (1 + SLACK)), lambda row: (
         f"{_whose(problem, row)} keep the {CONSTRAINTS[which[row]]}"
-        f"{given_value(problem, int(which[row]))}: {tool_name(problem, row)} may take "
+        f"{_given(problem, int(which[row]))}: {tool_name(problem, row)} may take "
         f"{high[row] * UM:.4g} um a tooth, and takes {slowest[row] * UM:.4g} um at least"
         f"{_load_at(problem, row, slowest, int(which[row]))}: "
         f"{_wider(problem, row)}{REMEDY[int(which[row])]}"
@@ -387,14 +386,14 @@ def _corners(problem: Problem) -> tuple[Floats, Floats]:
     f_z = []
     for feed, spindle_speed in ((ranges.feed_low, fast), (ranges.feed_high, slow)):
         per_minute = np.where(by_feed & np.isfinite(feed), feed, 0.0)
-        feeds = np.where(by_feed, in_units(problem, per_minute, spindle_speed), moves.feed)
+        feeds = np.where(by_feed, _in_units(problem, per_minute, spindle_speed), moves.feed)
         f_z.append(
             problem.feed_per_tooth(feeds, np.where(np.isfinite(spindle_speed), spindle_speed, own))
         )
     return f_z[0], f_z[1]
 
 
-def in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
+def _in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
     """F in the units of ``Moves`` of feeds in [mm/min]; shape (M,)."""
     ones = feeds_per_minute(problem.cut, np.ones(len(problem)), spindle_speed)
     units: Floats = np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
@@ -407,7 +406,7 @@ def _check_kept(problem: Problem) -> None:
     if not held.any():
         return
     moves, low = problem.cut.plan.path.moves, problem.ranges.feed_low
-    least = in_units(problem, low, problem.cut.plan.spindle_speed)
+    least = _in_units(problem, low, problem.cut.plan.spindle_speed)
     feeds = np.where(problem.editable.block >= 0, least, moves.feed)
     used = constraint_utilisation(problem, feeds, moves.speed)
     by_speed = np.array([at.CUTTING_SPEED, at.SPINDLE_SPEED, at.STABILITY, at.TORQUE, at.POWER])
@@ -417,3 +416,97 @@ def _check_kept(problem: Problem) -> None:
         f"its S {moves.speed[row]:g} cannot be changed, and {tool_name(problem, row)} passes what "
         f"{CONSTRAINTS[which[row]]} allows {worst[row]:.3g} times: {REMEDY[int(which[row])]}"
     ))  # fmt: skip
+
+
+SPEEDS = 33
+"""Spindle speeds of a row's range that are tried for the least possible value."""
+
+
+def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> str:
+    """The limit that F and S pass by most, in one sentence with its block; empty where none is.
+
+    The least possible value is that over the ranges of F and S of the block alone: where it keeps
+    the limit, blocks that share an F or an S with it are what stands against it.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of M rows.
+    feeds, speeds : ndarray, shape (M,)
+        F and S in the units of ``Moves``.
+    """
+    used = constraint_utilisation(problem, feeds, speeds)
+    which, row = np.unravel_index(int(np.argmax(used)), used.shape)
+    limit, block = int(which), int(row)
+    if not used[limit, block] > 1 + SLACK:
+        return _passed_change(problem, speeds)
+    least, feed, speed = _least(problem, limit, block, feeds, speeds)
+    moves = problem.cut.plan.path.moves
+    tool = tool_name(problem, block) if problem.cuts[block] else f"T{moves.tool[block]}"
+    reached = _value(problem, limit, block, float(feeds[block]), float(speeds[block]))
+    possible = _value(problem, limit, block, feed, speed)
+    if least <= 1 + SLACK:
+        reason = f"{possible} would keep it, and blocks that share its F or S cannot have that"
+    else:
+        reason = f"{possible} is the least possible there"
+    remedy = REMEDY.get(limit, "widen the ranges of F and S")
+    return (
+        f"{where(moves, block)}: {tool} passes the {CONSTRAINTS[limit]}"
+        f"{_given(problem, limit)} at F{feeds[block]:.4g} S{speeds[block]:.5g}, {reached}; "
+        f"{reason}: {remedy}"
+    )
+
+
+def _passed_change(problem: Problem, speeds: Floats) -> str:
+    least = problem.limits.least_speed_change_rpm
+    spindle_speed = problem.spindle_speed(speeds)[np.newaxis]
+    if not problem.speed_changes.violation(spindle_speed, least)[0] > 0:
+        return ""
+    return (
+        f"{problem.cut.plan.path.moves.files[0]}: S changes by less than "
+        f"limits.least_speed_change_rpm = {least:g}, or later than the spindle is as fast: lower "
+        "it, or keep the program's own S words (grouping.speeds own)"
+    )
+
+
+def _least(
+    problem: Problem, limit: int, row: int, feeds: Floats, speeds: Floats
+) -> tuple[float, float, float]:
+    """Least utilisation of a limit by a row over its ranges, with the F and S where it is."""
+    best = (np.inf, float(feeds[row]), float(speeds[row]))
+    for S in _speeds(problem, row, float(speeds[row])):
+        turning = np.where(problem.editable.speed, S, speeds)
+        spindle_speed = problem.spindle_speed(turning)
+        for bound in (problem.ranges.feed_low, problem.ranges.feed_high):
+            own = (problem.editable.block < 0) | ~np.isfinite(bound)
+            per_minute = np.where(own, 0.0, bound)
+            tried = np.where(own, feeds, _in_units(problem, per_minute, spindle_speed))
+            used = constraint_utilisation(problem, tried, turning)[limit, row]
+            if used < best[0]:
+                best = (float(used), float(tried[row]), float(turning[row]))
+    return best
+
+
+def _speeds(problem: Problem, row: int, own: float) -> list[float]:
+    low, high = problem.ranges.speed_low[row], problem.ranges.speed_high[row]
+    if not problem.editable.speed[row] or not low < high or not np.isfinite(high):
+        return [own]
+    return [own, *np.linspace(max(low, 1.0), high, SPEEDS).tolist()]
+
+
+def _value(problem: Problem, limit: int, row: int, feed: float, speed: float) -> str:
+    """Value of a row at F and S, in the unit of the limit."""
+    rows: Rows = np.arange(len(problem))
+    moves = problem.cut.plan.path.moves
+    feeds = np.where(rows == row, feed, moves.feed)
+    speeds = np.where(rows == row, speed, moves.speed)
+    if limit == at.FEED:
+        return f"F{feed:.4g}"
+    if limit in (at.SPINDLE_SPEED, at.CUTTING_SPEED):
+        return f"{problem.spindle_speed(speeds)[row]:.5g} rev/min"
+    f_z = problem.feed_per_tooth(feeds, speeds)
+    if limit == at.LOAD:
+        return f"{problem.cut.table.peaks(f_z)[row]:.4g} N with {f_z[row] * UM:.4g} um a tooth"
+    if limit in (*F_Z_CONSTRAINTS, at.LEAST_CHIP) and limit != at.TORQUE:
+        return f"{f_z[row] * UM:.4g} um a tooth"
+    return f"{constraint_utilisation(problem, feeds, speeds)[limit, row]:.3g} times what is allowed"
