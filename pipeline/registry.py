@@ -417,7 +417,15 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     """Give each alias to the version with a bundle's hash; None takes the alias away.
 
     MLflow is asked only where an alias differs.  A hash that the store does not have is left out.
+
+    Raises
+    ------
+    ValueError
+        When the store cannot be opened or written.
     """
+    import mlflow
+    from sqlalchemy.exc import SQLAlchemyError
+
     known = versions(machine, root)
     numbers = {v.bundle: v.version for v in reversed(known)}
     now = {alias: v.version for v in known for alias in v.aliases}
@@ -426,11 +434,18 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     if not changed:
         return
     client = _client(root)
-    for alias, number in changed.items():
-        if number is None:
-            client.delete_registered_model_alias(model_name(machine), alias)
-        else:
-            client.set_registered_model_alias(model_name(machine), alias, str(number))
+    try:
+        for alias, number in changed.items():
+            if number is None:
+                client.delete_registered_model_alias(model_name(machine), alias)
+            else:
+                client.set_registered_model_alias(model_name(machine), alias, str(number))
+    except (mlflow.MlflowException, SQLAlchemyError) as error:
+        said = (str(error).splitlines() or [""])[0]
+        raise ValueError(
+            f"the registry {mlflow.get_tracking_uri()} cannot be written ({said}): make room for "
+            "it and do this again"
+        ) from error
 
 
 class Predictor:

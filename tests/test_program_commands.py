@@ -180,11 +180,26 @@ def test_a_control_that_did_not_pass_is_named(project: Path) -> None:
         write_json(verdict, folder / "verdict.json")
         done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
         assert done.exit_code == 0, done.output
-        unproven = {} if status == "passed" else {"control": status}
-        assert json.loads((project / "times.json").read_text())["unproven"] == unproven
-        assert (f"control {status}: what rests on it is not proven" in done.stdout) == bool(
-            unproven
-        )
+        document = json.loads((project / "times.json").read_text())
+        assert next(iter(document)) == "verdicts"  # before all figures
+        first = document["verdicts"][0 if status != "passed" else -1]
+        assert (first["submodel"], first["status"]) == ("control", status)
+        spread = {"passed": "0", "failed": "10", "not judged": "25"}[status]
+        assert f"control {status}; times ± {spread} %" in done.stdout
+        assert (f"WARNING: control {status}" in done.stdout) == (status != "passed")
+
+
+def test_a_control_without_a_verdict_is_not_judged_and_one_in_conf_not_identified(
+    project: Path,
+) -> None:
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "control not identified: its values are those of conf/machine" in done.stdout
+    with inside(project):
+        plan = simulate_program(Path("part.nc"), "hurco", None, lambda done: None).plan
+    model = control_model(hurco02=plan.path.control, hurco04=plan.path.control)
+    write_json(model, project / "data/champion/hurco/control/model.json")
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "WARNING: control not judged: no verdict.json stands beside its model" in done.stdout
 
 
 def test_a_control_that_is_broken_is_one_sentence(project: Path) -> None:

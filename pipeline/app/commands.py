@@ -152,12 +152,12 @@ def interpret(
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.programs import machine_setup, moves_table, read_moves
+    from pipeline.app.programs import machine_setup, moves_table, read_moves, write_csv
 
     with one_sentence(), share_bar("interpreting") as share:
         check_outputs(program, out)
         moves = read_moves(program, machine_setup(machine, dialect), share)
-        moves_table(moves).to_csv(out, index=False)
+        write_csv(moves_table(moves), out)
     typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
 
 
@@ -187,6 +187,7 @@ def simulate(
     import pipeline.app.programs as programs
     from pipeline.app.cut import cut_document, cut_lines, cut_options
     from pipeline.app.fleet import check_outputs
+    from pipeline.schema.files import together
     from pipeline.twin.simulation import write_trace
 
     with one_sentence():
@@ -201,18 +202,20 @@ def simulate(
         cut = None if options is None else cut_document(simulated, machine, options)
         if cut is not None:
             document["cut"] = cut
-        if json is not None:
-            programs.write_document(document, json)
-        if out is not None:
-            with share_bar("writing positions") as share:
-                write_trace(simulated.plan, out, share)
-        if cut is not None and page is not None:
-            from pipeline.report.cut.page import SimulatedCut, write_cut_page
+        with together():
+            if json is not None:
+                programs.write_document(document, json)
+            if out is not None:
+                with share_bar("writing positions") as share:
+                    write_trace(simulated.plan, out, share)
+            if cut is not None and page is not None:
+                from pipeline.report.cut.page import SimulatedCut, write_cut_page
 
-            shown = SimulatedCut(
-                program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut
-            )
-            write_cut_page(shown, page, json)
+                shown = SimulatedCut(
+                    program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut,
+                    verdicts=document["verdicts"],
+                )  # fmt: skip
+                write_cut_page(shown, page, json)
     for line in programs.simulated_lines(document, program):
         typer.echo(line)
     if cut is not None:
@@ -229,13 +232,20 @@ def check(
     splits: Annotated[
         bool, typer.Option(help="Let AFTER have more points on the path of straight cuts.")
     ] = False,
+    tool_table: kerf.ToolTable = None,
 ) -> None:
-    """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1."""
-    from pipeline.app.programs import check_lines, check_programs
+    """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
+
+    With a tool table it warns where a changed F or S leaves the range of the tool.
+    """
+    from pipeline.app.check import check_lines, check_programs, range_lines
 
     with one_sentence():
         proof = check_programs(before, after, machine, dialect, splits=splits)
-    for line in check_lines(proof, before, after):
+        warnings: list[str] = []
+        if proof.same and tool_table is not None:
+            warnings += range_lines(before, after, machine, dialect, tool_table)
+    for line in (*check_lines(proof, before, after), *warnings):
         typer.echo(line)
     if not proof.same:
         raise typer.Exit(1)
@@ -346,14 +356,13 @@ def optimise(
         )  # fmt: skip
         check_outputs(program, out, json, page, inputs=request.cut.files)
         try:
-            with interruptible(_ending) as ending, stages_bar() as shown:
-                result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
+            with interruptible(_ending) as ending:  # the best so far is written whole too
+                with stages_bar() as shown:
+                    result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
+                written = write_optimised(result, part, outputs)
         except KeyboardInterrupt as error:
-            typer.echo(
-                "kerf: interrupted before anything kept the limits, nothing is written", err=True
-            )
+            typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error
-        written = write_optimised(result, part, outputs)
     for line in optimise_lines(part):
         typer.echo(line)
     typer.echo(f"wrote {', '.join(str(path) for path in written)}")

@@ -11,6 +11,7 @@ import yaml
 
 from pipeline.app.fleet import CONF
 from pipeline.app.programs import Controlled, Simulated
+from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -41,8 +42,11 @@ LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
     known: option
     for name, option in LIMIT_OPTION.items()
-    for known in ([f"margins.{name}"] if name == "stability" else [f"limits.{name}", name])
-}
+    for known in (
+        f"margins.{name}", f"practice.{name}", f"limits.{name}",
+        *([name] if "_" in name else []),
+    )
+}  # fmt: skip
 """Option of the command line by the setting that it gives."""
 
 
@@ -206,6 +210,7 @@ def workshop_of(on: Controlled, machine: str, options: CutOptions) -> Workshop:
         drive_source=f"conf/machine/{machine}.yaml",
         energy=section(sections, "energy", EnergyParameters),
         dynamics=_dynamics(sections, options.frf),
+        catalogue=structure(on.parameters, "catalogue", CuttingCatalogue),
     )
 
 

@@ -15,6 +15,7 @@ import yaml
 
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
+from pipeline.schema.files import beside, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, source_of
@@ -163,10 +164,9 @@ def use_fleet(name: str) -> Fleet:
         (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
     active, text = folder / "active.yaml", (folder / f"{name}.yaml").read_text()
-    if active.is_symlink():
-        active.unlink()
-    if not active.exists() or active.read_text() != text:
-        active.write_text(text)
+    if active.is_symlink() or not active.exists() or active.read_text() != text:
+        with replacing(active, follow=False) as part:
+            part.write_text(text)
     return chosen
 
 
@@ -195,8 +195,8 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
         for path in wanted:
             target = DATA / "raw" / machine / path.relative_to(source)
             if not (target.exists() and sha256_of(target) == sha256_of(path)):
-                target.parent.mkdir(parents=True, exist_ok=True)
-                copy2(path, target)
+                with replacing(target) as part:
+                    copy2(path, part)
                 target.chmod(0o644)
                 new += 1
         yield machine, new, len(wanted)
@@ -375,15 +375,18 @@ def _same(path: Path, other: Path) -> bool:
 
 
 def _check_writable(path: Path) -> None:
-    """Open the file to write, as nothing else says it of every file system; leave it as it is."""
+    """Open the file, and one beside it, to write: nothing else says it of every file system.
+
+    What is there is left as it is.
+    """
     if path.exists() and not path.is_file():
         return
     try:
         if path.exists():
             path.open("ab").close()
-        else:
-            path.open("xb").close()
-            path.unlink()
+        place = beside(path.resolve())
+        place.open("xb").close()
+        place.unlink()
     except OSError as error:
         raise ValueError(
             f"{path} cannot be written ({error.strerror}): name a file in a folder that you may "

@@ -30,7 +30,9 @@ from pipeline.optimisation.job import Progress, machine_models, part_job
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
+from pipeline.schema.files import together
 from pipeline.schema.part import Objective, OptimisedPart, part_values
+from pipeline.schema.store import write_bytes
 
 T = TypeVar("T")
 
@@ -174,9 +176,10 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
     return result, part
 
 
+@together()
 def write_optimised(result: Result, part: OptimisedPart, out: Outputs) -> list[Path]:
     """Write program, JSON and page; the files that were written."""
-    out.program.write_bytes(optimised_text(result))
+    write_bytes(optimised_text(result), out.program)
     if out.json is not None:
         write_document(part_values(part), out.json)
     if out.page is not None:

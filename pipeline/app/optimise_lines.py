@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 
 NONE = "-"
@@ -24,6 +25,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
         f"{part.program} on {part.machine}{label}, control {source}: "
         f"{part.objective}, {part.stock} in {part.material}"
     )
+    yield from verdict_lines(part.verdicts)
     if part.interrupted:
         yield "interrupted: the best that was found until then"
     yield from _totals(part)
@@ -56,7 +58,7 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
     ]
     for use in part.tools:
         rows.append([
-            f"T{use.tool}", use.name,
+            f"T{use.tool}", " ".join(filter(None, (use.name, use.operation))),
             _number(use.before.feed_per_tooth_mm), _number(use.after.feed_per_tooth_mm),
             _range(use.feed_per_tooth_range_mm),
             _number(use.before.cutting_speed_m_min), _number(use.after.cutting_speed_m_min),

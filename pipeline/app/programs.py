@@ -1,11 +1,9 @@
-"""Part programs by hand: what they tell the machine, what its control makes of them, and the proof
-that two of them differ in F and S alone.
-"""
+"""Part programs by hand: what they tell the machine, and what its control makes of them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -17,10 +15,13 @@ from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
-from pipeline.optimisation.proof.prove import Proof, prove
+from pipeline.optimisation.job import machine_models
+from pipeline.optimisation.reliability.judged import used_models
+from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
-from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Verdict
+from pipeline.schema.files import replacing
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import UsedModel
 from pipeline.twin.control import control_of_unit, planned_program, read_controls
 from pipeline.twin.drive import read_drives
 from pipeline.twin.simulation import blocks, summary
@@ -30,8 +31,10 @@ Share = Callable[[float], None]
 
 CHAMPION, LATEST = "champion", "latest"
 """Whose sub-models a command uses."""
-USED = ("control", "drive", "cutting")
-"""Sub-models that programs are simulated and optimised with."""
+PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
+    ".gz": "gzip", ".bz2": "bz2", ".xz": "xz", ".zst": "zstd",
+}  # fmt: skip
+"""Compression of a table by the end of its file's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,14 +70,10 @@ class Controlled:
         return "identified" if self.identified else "conf/machine"
 
     @property
-    def unproven(self) -> dict[str, str]:
-        """Sub-models that are used and did not pass their judgement, with their status."""
-        found: dict[str, str] = {}
-        for name in USED:
-            path = self.models / name / "verdict.json"
-            if path.exists() and (status := read_json(path, Verdict).status) != "passed":
-                found[name] = status
-        return found
+    def used(self) -> tuple[UsedModel, ...]:
+        """Sub-models that figures rest on, with their verdicts, the gravest first."""
+        settings = structure(self.parameters, "optimisation", OptimisationSettings)
+        return used_models(machine_models(self.models, self.control), settings.certainty)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,11 +125,18 @@ def program_at(path: Path) -> Program:
     ValueError
         When there is none.
     """
-    _is_program(path)
+    check_program(path)
     return read_program(path)
 
 
-def _is_program(path: Path) -> None:
+def check_program(path: Path) -> None:
+    """Refuse a path that is no file.
+
+    Raises
+    ------
+    ValueError
+        With its name.
+    """
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
@@ -163,6 +169,12 @@ def moves_table(moves: Moves) -> pd.DataFrame:
         "file": [Path(moves.files[f]).name for f in moves.file.tolist()],
     }
     return pd.DataFrame(table)
+
+
+def write_csv(table: pd.DataFrame, out: Path) -> None:
+    """Write a table as CSV, packed where the end of the file's name says so (``.gz``)."""
+    with replacing(out) as part:
+        table.to_csv(part, index=False, compression=PACKED.get(out.suffix))
 
 
 def model_folder(machine: str, model: str = CHAMPION) -> Path:
@@ -285,16 +297,19 @@ def _control(
 
 
 def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:
-    """The JSON of ``kerf simulate``: totals, and every block."""
-    return summary(simulated.plan, name) | {
-        "machine": machine,
-        "origin": simulated.on.origin,
-        "control": simulated.on.source,
-        "models": simulated.on.models.as_posix(),
-        "unproven": simulated.on.unproven,
-        "axes": simulated.axes,
-        "blocks": blocks(simulated.plan),
-    }
+    """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
+    return (
+        {"verdicts": simulated.on.used}
+        | summary(simulated.plan, name)
+        | {
+            "machine": machine,
+            "origin": simulated.on.origin,
+            "control": simulated.on.source,
+            "models": simulated.on.models.as_posix(),
+            "axes": simulated.axes,
+            "blocks": blocks(simulated.plan),
+        }
+    )
 
 
 def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
@@ -306,8 +321,7 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     yield f"{program.name} on {machine}{label}, control {source}"
     if "/champion/" not in document["models"]:
         yield f"with {document['models']}, not with the champion"
-    for name, status in document["unproven"].items():
-        yield f"{name} {status}: what rests on it is not proven"
+    yield from verdict_lines(document["verdicts"])
     yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
     for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
         for name, seconds in table.items():
@@ -317,6 +331,12 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
         yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
     for axis in document["axes"]:
         yield _axis_line(axis)
+
+
+def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
+    """One line a sub-model that figures rest on; what failed or was not judged is marked."""
+    for one in models:
+        yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
 
 
 def _axis_line(axis: dict[str, Any]) -> str:
@@ -370,55 +390,8 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
     except KeyError as error:
         raise ValueError(f"{table} has no column {error}: give the inputs of {name}") from error
     if out.suffix == ".parquet":
-        found.to_parquet(out, compression="zstd")
+        with replacing(out) as part:
+            found.to_parquet(part, compression="zstd")
     else:
-        found.to_csv(out, index=False)
+        write_csv(found, out)
     return len(found)
-
-
-ADDED = "-"
-
-
-def check_programs(
-    before: Path, after: Path, machine: str | None, dialect: str | None, *, splits: bool = False
-) -> Proof:
-    """Compare two programs with the set-up of ``machine``, read in ``dialect``.
-
-    Subprograms of both are searched in the folder of ``before``.  With ``splits`` the second may
-    have more points on the path of straight cuts.
-
-    Raises
-    ------
-    ValueError
-        When a file does not exist or cannot be followed, or there is no such machine or dialect.
-    """
-    setup = setup_beside(machine_setup(machine, dialect), before)
-    for path in (before, after):
-        _is_program(path)
-    texts = before.read_bytes(), after.read_bytes()
-    return prove(*texts, before.name, after.name, setup, splits=splits)
-
-
-def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
-    """Lines that ``kerf check`` prints: words that differ, how many, and the proof's hash."""
-    if proof.differences:
-        yield f"{'line':>8}  {before.name} -> {after.name}"
-    for change in proof.differences:
-        yield f"{change.line:>8}  {change.before or ADDED:<12} -> {change.after}"
-    counts = [
-        f"{sum(c.letter == letter and (c.before is None) == added for c in proof.differences)} "
-        f"{letter} {'added' if added else 'changed'}"
-        for letter in "FS"
-        for added in (False, True)
-    ]
-    if proof.points:
-        counts.append(f"{proof.points} points put in")
-    yield ", ".join(counts)
-    if proof.first is not None:
-        yield f"not the same, first in line {proof.first.line}: {proof.first.reason}"
-        yield f"  {before.name}: {proof.first.before}"
-        yield f"  {after.name}: {proof.first.after}"
-        return
-    but = ", but for feed and speed" if proof.differences else ""
-    yield f"{proof.moves} moves are the same to the last bit{but}"
-    yield f"proof sha256 {proof.sha256}"

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.limits import check_change
 from pipeline.schema.ranges import Range, Ranged
 
 MM = 1e-3
@@ -18,6 +19,11 @@ UM = 1e-6
 DEGREE = pi / 180
 
 Kind = Literal["flat", "bull_nose", "ball", "drill"]
+Role = Literal[
+    "", "face_mill", "spot_drill", "centre_drill", "reamer", "tap", "thread_mill", "chamfer_mill",
+    "boring_bar", "engraver", "probe",
+]  # fmt: skip
+"""What a tool is made for, where the form of its end does not say it."""
 Length = Annotated[float, Range(least=0.01, most=1000.0)]
 """Length on a tool [mm]."""
 
@@ -30,6 +36,10 @@ class Tool(Ranged, section="tool"):
     ----------
     kind : {"flat", "bull_nose", "ball", "drill"}
         Form of its end.
+    role : str
+        What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
+        ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
+        ``boring_bar``, ``engraver`` or ``probe``.  Geometry goes by ``kind``.
     diameter_mm : float
         D over the cutting edges [mm].
     flutes : int
@@ -54,6 +64,9 @@ class Tool(Ranged, section="tool"):
         Angle of that offset from the first tooth, in the sense of the tooth's motion [deg].
     material : {"carbide", "hss"}
         Cutting material; chooses a material's constants of tool life.
+    coating : str
+        As its maker names it, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" where it is
+        not known.
     price : float
         Of a new tool, or of an insert's set of edges, in the currency of the costs.
     edges : int
@@ -61,6 +74,9 @@ class Tool(Ranged, section="tool"):
     feed_per_tooth_mm, cutting_speed_m_min : tuple of float, optional
         Least and greatest that its maker allows in the material that is cut: f_z of each tooth or
         lip [mm], v_c at the full diameter [m/min].
+    change : tuple of float, optional
+        F, S and the feed for each tooth over those programmed, least and greatest [1]; by default
+        that of the part's limits.
     top_speed_rpm : float, optional
         Greatest spindle speed that its maker, or its holder's, allows [rev/min].
     name : str
@@ -73,6 +89,7 @@ class Tool(Ranged, section="tool"):
     """
 
     kind: Kind
+    role: Role = ""
     diameter_mm: Length
     flutes: Annotated[int, Range(least=1, most=200)]
     helix_deg: Annotated[float, Range(least=-75.0, most=75.0)] = 0.0
@@ -85,10 +102,12 @@ class Tool(Ranged, section="tool"):
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
     material: Literal["carbide", "hss"] = "carbide"
+    coating: str = ""
     price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
     edges: Annotated[int, Range(least=1, most=1000)] = 1
     feed_per_tooth_mm: tuple[float, ...] | None = None
     cutting_speed_m_min: tuple[float, ...] | None = None
+    change: Annotated[tuple[float, ...], Range(above=0.0, most=1e6)] | None = None
     top_speed_rpm: Annotated[float, Range(least=1.0, most=1e6)] | None = None
     name: str = ""
 
@@ -96,6 +115,8 @@ class Tool(Ranged, section="tool"):
         super().__post_init__()
         for name, high in _SPANS.items():
             _check_span(name, getattr(self, name), high)
+        if self.change is not None:
+            check_change("tool.change", self.change)
         if self.kind == "bull_nose" and not 0 < self.corner_radius_mm <= self.diameter_mm / 2:
             raise ValueError(
                 f"tool.corner_radius_mm = {self.corner_radius_mm} of a bull-nose end mill must be "

@@ -118,7 +118,8 @@ class Moves:
     tolerance : (M,) array of float64
         Of G64 P [mm]; 0 for the control's own.
     code : (M,) array of int32
-        Of M_CODE: its number; of DWELL: 0 for seconds, 1 for revolutions.
+        Of M_CODE: its number; of DWELL: 0 for seconds, 1 for revolutions; of what moves in a canned
+        cycle: its G code, as 81.
     value : (M,) array of float64
         Of DWELL: how long [s] or [rev]; of M_CODE: its P or 0.
     files : tuple of str

@@ -298,11 +298,11 @@ class Run:
             )
         return self.registers[number]
 
-    def line_to(self, kind: Kind, line: int, end: list[float]) -> None:
-        """A straight row to a machine position."""
+    def line_to(self, kind: Kind, line: int, end: list[float], *, code: int = 0) -> None:
+        """A straight row to a machine position; ``code`` of the canned cycle it belongs to."""
         self.state.position = end
         self.compensated_position = None
-        self._append(kind, line)
+        self._append(kind, line, code=code)
 
     def arc_to(self, line: int, end: list[float], centre: tuple[float, ...], angle: float) -> None:
         """An arc to a machine position."""

@@ -22,10 +22,13 @@ from pipeline.optimisation.part_sheet import (
 )
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
 from pipeline.optimisation.proof.prove import with_proof_comment
+from pipeline.optimisation.reliability.judged import used_models
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
+from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import NotKnown
+from pipeline.schema.store import write_bytes
 from pipeline.twin.cut_document import assessed, not_known, notes
 from pipeline.twin.cut_tables import figure, summary
 
@@ -57,6 +60,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     before, after = _sides(result)
     totals = _totals(before, result), _totals(after, result)
     return OptimisedPart(
+        verdicts=used_models(job.models, job.settings.certainty),
         program=job.program.name.rpartition("/")[2],
         machine=machine,
         origin=origin,
@@ -293,10 +297,10 @@ def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
 
 def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, out: Path) -> None:
     """Write ``<label>.before.nc``, ``<label>.nc`` and ``<label>.json`` into the folder ``out``."""
-    out.mkdir(parents=True, exist_ok=True)
-    (out / f"{label}.before.nc").write_bytes(before)
-    (out / f"{label}.nc").write_bytes(after)
-    write_part(part, out / f"{label}.json")
+    with together():
+        write_bytes(before, out / f"{label}.before.nc")
+        write_bytes(after, out / f"{label}.nc")
+        write_part(part, out / f"{label}.json")
 
 
 def part_metrics(parts: Mapping[str, OptimisedPart]) -> dict[str, float | int | bool]:

@@ -20,7 +20,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
 from pipeline.machine.control.path import where
 from pipeline.optimisation.job import Job
-from pipeline.optimisation.methods.genes import Front, Method
+from pipeline.optimisation.methods.genes import Front, Method, written_feeds
 from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof
@@ -212,6 +212,7 @@ def full_twin(
     ValueError
         When the text cannot hold the decision.
     """
+    decision = written_feeds(problem, decision)
     feeds = rounded_feeds(program, moves, decision.row_feeds)
     speeds = rounded_speeds(decision.row_speeds)
     written = rewrite(program, moves, problem.editable, feeds, speeds, job.setup)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -44,14 +45,21 @@ class MachineModels:
         Whose time counts.
     drives : mapping of str to IdentifiedDrive
         By axis.
-    cutting, judged : CuttingModel or None, Verdict or None
-        The cut, and the verdict on it.
+    cutting : CuttingModel or None
+        The cut.
+    verdicts : mapping of str to Verdict or None
+        By the name of each sub-model that was identified; None where it was not judged.
     """
 
     control: ControlParameters
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
     cutting: CuttingModel | None = None
-    judged: Verdict | None = None
+    verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
+
+    @property
+    def judged(self) -> Verdict | None:
+        """The verdict on the cut."""
+        return self.verdicts.get("cutting")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +84,9 @@ class Job:
         ``pareto`` is all of the others that are known.
     settings : OptimisationSettings
         Reliability, grouping, search.
+    catalogue : CuttingCatalogue, optional
+        Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
+        alone.
     """
 
     program: Program = field(repr=False)
@@ -86,6 +97,7 @@ class Job:
     limits: CutLimit
     objective: Objective
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
+    catalogue: CuttingCatalogue | None = field(default=None, repr=False)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -112,6 +124,8 @@ class Workshop:
         Power that the machine draws beside the cut.
     dynamics : TipDynamics, optional
         Of the tools' tips.
+    catalogue : CuttingCatalogue
+        Of feeds and speeds by tool and operation.
     """
 
     table: ToolTable
@@ -121,15 +135,17 @@ class Workshop:
     drive_source: str
     energy: EnergyParameters | None
     dynamics: TipDynamics | None
+    catalogue: CuttingCatalogue
 
 
 @dataclass(frozen=True, kw_only=True)
-class Catalogue:
-    """Tool tables and materials by name, and the prices of time and electricity."""
+class Supplies:
+    """Tool tables and materials by name, prices of time and electricity, cutting data."""
 
     tools: Mapping[str, ToolTable]
     materials: Mapping[str, Material]
     rates: CostRates
+    cutting_data: CuttingCatalogue
 
     def workshop(self, part: Part, parts: Parts) -> Workshop:
         """The workshop of one of the parts of a machine.
@@ -148,11 +164,12 @@ class Catalogue:
             drive_source="section parts of the machine",
             energy=parts.energy,
             dynamics=None if modes is None else TipDynamics.of_modes(modes),
+            catalogue=self.cutting_data,
         )
 
 
 def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
-    """Drives and cut in ``data/champion/<machine>``, as far as there are, with a control.
+    """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are.
 
     Raises
     ------
@@ -160,13 +177,19 @@ def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
         When a file is broken or of another form.
     """
     drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
-    verdict = cutting.with_name("verdict.json")
     return MachineModels(
         control=control,
         drives=read_drives(drives) if drives.exists() else {},
         cutting=read_json(cutting, CuttingModel) if cutting.exists() else None,
-        judged=read_json(verdict, Verdict) if verdict.exists() else None,
-    )
+        verdicts={
+            path.parent.name: _verdict(path.with_name("verdict.json"))
+            for path in (folder / "control/model.json", drives, cutting) if path.exists()
+        },
+    )  # fmt: skip
+
+
+def _verdict(path: Path) -> Verdict | None:
+    return read_json(path, Verdict) if path.exists() else None
 
 
 def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
@@ -211,7 +234,7 @@ def part_job(
     cut, basis = cut_of(part, workshop, models.cutting, setup)
     return Job(
         program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
-        objective=part.objective, settings=settings,
+        objective=part.objective, settings=settings, catalogue=workshop.catalogue,
     )  # fmt: skip
 
 

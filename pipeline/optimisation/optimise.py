@@ -16,10 +16,11 @@ from pipeline.gcode.program import Program, parse_program
 from pipeline.optimisation.full_twin import Full, Result, full_twin
 from pipeline.optimisation.job import Interrupted, Job, Progress
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
-from pipeline.optimisation.methods.genes import Front, Method, method_of
+from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
-from pipeline.optimisation.problem.arrays import Decision, Editable
+from pipeline.optimisation.practice import practice_of
+from pipeline.optimisation.problem.arrays import Decision, Editable, Practice, one_feed_each_pass
 from pipeline.optimisation.problem.feasible import check_known, problem_of, with_load
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof, prove
@@ -83,7 +84,7 @@ class _Course:
         self.evaluated = 0
         self.program, self.moves, self.before = _as_programmed(job)
         check_known(self.before, job.limits, job.basis.drive)
-        self.editable: Editable = editable_blocks(self.program, self.moves)
+        self.practice, self.editable = self._practice()
         self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
 
@@ -95,7 +96,10 @@ class _Course:
     def result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         job, tightened = self.job, 0
-        problem = problem_of(self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z)
+        problem = problem_of(
+            self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z,
+            practice=self.practice,
+        )  # fmt: skip
         while True:
             outcome = self._search(problem)
             answer, done = outcome.answer, self.evaluated >= job.settings.search.full
@@ -116,6 +120,20 @@ class _Course:
             nominal=DIRECT if nominal else None, risk=self._risk(answer),
             tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
+
+    def _practice(self) -> tuple[Practice | None, Editable]:
+        """Limits by tool and operation, and what may change with them."""
+        job = self.job
+        if job.catalogue is None:
+            return None, editable_blocks(self.program, self.moves)
+        practice = practice_of(
+            self.program, self.moves, self.before, limits=job.limits, catalogue=job.catalogue,
+            material=job.basis.material,
+        )  # fmt: skip
+        editable = editable_blocks(
+            self.program, self.moves, practice.kept_feed, practice.kept_speed
+        )
+        return practice, one_feed_each_pass(editable, practice.passes)
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
         limit, settings = self.job.limits.load_N, self.job.settings.certainty
@@ -261,9 +279,9 @@ class _Course:
 
     def _written(self, problem: Problem, method: Method) -> Method:
         """A method with the objectives of its F and S rounded as words are."""
-        decision = method.decision
-        if decision is None:
+        if method.decision is None:
             return method
+        decision = written_feeds(problem, method.decision)
         feeds = rounded_feeds(self.program, self.moves, decision.row_feeds)
         speeds = rounded_speeds(decision.row_speeds)
         objectives = problem.evaluate_rows(feeds[None], speeds[None]).objectives[0]

@@ -44,6 +44,10 @@ class ReliabilitySettings(Ranged, section="certainty"):
     model : float
         Standard deviation of the model's peak loads, as a share [1]; the error on recordings
         outside of the training data counts if it is greater.
+    failed, not_judged : float
+        Least standard deviation of what rests on a sub-model whose verdict failed, or that was not
+        judged, as a share [1].  By default those of others' measurements and of a catalogue: what
+        was not proved on the machine counts as no better than what was not measured on it.
 
     Raises
     ------
@@ -59,6 +63,8 @@ class ReliabilitySettings(Ranged, section="certainty"):
     runout_um: Annotated[float, Range(least=0.0, most=1000.0, unit="um")] = 3.0
     depth_um: Annotated[float, Range(least=0.0, most=10_000.0, unit="um")] = 10.0
     model: Share = 0.02
+    failed: Share = 0.1
+    not_judged: Share = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,8 +27,9 @@ from pipeline.report.optimised_figures import (
 from pipeline.report.optimised_path import SCRIPT, path_section
 from pipeline.report.optimised_program import changes_section, setup_section
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
-from pipeline.report.standalone_page import StandalonePage, rendered, source_of
+from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
+from pipeline.schema.store import write_text
 
 Legend = list[tuple[str, str, str]]
 
@@ -37,7 +38,7 @@ def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = N
     """Write the page of a part; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     text = rendered(optimised_page(part, sources), "optimise.html.j2")
-    out.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, out)
 
 
 def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:
@@ -45,6 +46,7 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
     status, word, sentences = verdict(part)
     path = path_section(part, sources)
     sections = [
+        verdicts_section(part.verdicts),
         changes_section(part, sources), path, _load_section(part, sources),
         _words_section(part, sources), _time_section(part, sources),
         _certainty_section(part, sources), _methods_section(part, sources),

@@ -259,7 +259,9 @@ def limits_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     given = [
         (*limit_words(key), value)
         for key, value in part.limits.given.items()
-        if key != "margins" and value != 0 and (key != "power_share" or value != 1)
+        if key not in ("margins", "practice")
+        and value != 0
+        and (key != "power_share" or value != 1)
     ]
 
     def free(words: Limit) -> str:

@@ -3,6 +3,7 @@
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, number
 from pipeline.report.cut.tables import share
 from pipeline.report.optimised_tables import change, limit_name
+from pipeline.report.standalone_page import doubts
 from pipeline.schema.part import OptimisedPart
 
 LEAST = 0.05  # percent: what is less is no gain
@@ -24,7 +25,8 @@ def aim(part: OptimisedPart) -> str:
 
 def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
     """Status, word, and the sentences that a reader needs before anything else."""
-    sentences = [*_gain(part), *_safe(part), *_certain(part), *_binds(part),
+    doubtful = doubts(part.verdicts)
+    sentences = [*doubtful, *_gain(part), *_safe(part), *_certain(part), *_binds(part),
             *_words(part), *_not_known(part)]  # fmt: skip
     if not part.proof.same:
         first = part.proof.first or ""
@@ -37,9 +39,9 @@ def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
         stopped = "It was interrupted: this is the best that was found until then."
         return "attention", "interrupted", [stopped, *sentences]
     if word := _word(part):
-        return "passed", word, sentences
+        return "attention" if doubtful else "passed", word, sentences
     if (part.before.beyond or 0) > 0:
-        return "passed", "inside its limits", sentences
+        return "attention" if doubtful else "passed", "inside its limits", sentences
     return "unknown", "nothing gained", sentences
 
 

@@ -15,7 +15,8 @@ from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.machine_page import machine_page
 from pipeline.report.standalone_page import renderer
 from pipeline.report.verdict import MachineVerdict, Status, machine_verdict
-from pipeline.schema.store import write_json
+from pipeline.schema.files import together
+from pipeline.schema.store import write_json, write_text
 
 STATUS_WORDS: Mapping[Status, str] = {
     "failed": "failed",
@@ -65,6 +66,7 @@ class ReportMetrics:
     machines: Mapping[str, MachineMetrics]
 
 
+@together()
 def write_report(
     machines: list[MachineFolders],
     fleet: FleetInfo,
@@ -101,16 +103,16 @@ def write_report(
     judged = {name: machine_verdict(f) for name, f in facts.items()}
     figures = {name: changes.key_figures(f, judged[name].word) for name, f in facts.items()}
     earlier = changes.earlier_report(previous, figures)
-    out.mkdir(parents=True, exist_ok=True)
     render = renderer()
     for name in names:
         differences, reason = _compared(earlier, facts[name], figures[name])
         page = machine_page(facts[name], changes.changes_section(differences, reason))
         text = render("machine.html.j2", page=page, verdict=judged[name], fleet=fleet)
-        _write(out / f"{name}.html", text)
+        write_text(text, out / f"{name}.html")
     rows = [_row(facts[name], judged[name]) for name in names]
     headline = _headline(rows)
-    _write(out / "index.html", render("index.html.j2", rows=rows, fleet=fleet, headline=headline))
+    index = render("index.html.j2", rows=rows, fleet=fleet, headline=headline)
+    write_text(index, out / "index.html")
     changes.write_key_figures(out / "report.json", figures, earlier)
     if metrics is not None:
         write_json(_metrics(facts, judged), metrics)
@@ -172,7 +174,3 @@ def _counts(facts: MachineFacts) -> SubModelCounts:
         failed=found.count("failed"),
         not_judged=found.count("not judged"),
     )
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")

@@ -1,7 +1,7 @@
 """Standalone page of one program: its parts, and how it is written; the templates of all pages."""
 
 from base64 import b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -10,6 +10,8 @@ from markupsafe import Markup
 
 from pipeline.charts.sections import Section
 from pipeline.charts.sources import Source, shown
+from pipeline.schema.files import written
+from pipeline.schema.verdict import UsedModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,29 @@ class StandalonePage:
         return f"sha256-{b64encode(digest).decode()}"
 
 
+def verdicts_section(models: Sequence[UsedModel]) -> Section | None:
+    """What was judged, the gravest first; it stands before all other sections."""
+    if not models:
+        return None
+    return Section(
+        key="verdicts", title="What the figures rest on, and whether it was judged",
+        text=["A spread ± is one standard deviation, of recordings that the model had not seen."],
+        pairs=[
+            (_first_up(one.submodel), f"{_first_up(one.sentence[len(one.submodel) + 1:])}.")
+            for one in models
+        ],
+    )  # fmt: skip
+
+
+def doubts(models: Sequence[UsedModel]) -> list[str]:
+    """A sentence for each sub-model that failed or was not judged, to stand in the verdict."""
+    return [f"{_first_up(one.sentence)}." for one in models if one.doubtful]
+
+
+def _first_up(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
 def renderer() -> Callable[..., str]:
     """Function of a template's name and its variables that gives HTML; all text is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -60,4 +85,4 @@ def rendered(page: StandalonePage, template: str) -> str:
 
 def source_of(path: Path) -> Source:
     """The file that a page stands on, with its hash."""
-    return Source(path=shown(path), sha256=sha256(path.read_bytes()).hexdigest())
+    return Source(path=shown(path), sha256=sha256(written(path).read_bytes()).hexdigest())

@@ -1,7 +1,8 @@
 """What Kerf stores and what its parameters may be, typed.
 
 Frozen dataclasses with a unit for each number.  Whoever writes a document writes the type, whoever
-reads it reads the type; JSON and Parquet are made of it in one place, ``store``.
+reads it reads the type; JSON and Parquet are made of it in one place, ``store``; every
+file is written whole, by ``files``.
 Nothing in here computes physics, and nothing in here imports another room.
 """
 
@@ -10,6 +11,7 @@ __all__ = [
     "bundle",
     "cutting",
     "drive",
+    "files",
     "golden",
     "identity",
     "limits",

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pipeline.schema.store import StoreError, content, json_text, parsed, read_json
+from pipeline.schema.store import StoreError, content, parsed, read_json, write_json
 from pipeline.schema.verdict import Status, Verdict
 
 MODEL, VERDICT, PREDICTIONS, BUNDLE = (
@@ -115,10 +115,7 @@ def read_champions(path: Path) -> Champions:
 
 def write_champions(champions: Champions, path: Path) -> None:
     """Store the champions, all at once: a write that breaks off leaves the file as it was."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(json_text(champions), encoding="utf-8")
-    beside.replace(path)
+    write_json(champions, path)
 
 
 def predicting_files(folder: Path) -> list[Path]:
@@ -198,7 +195,10 @@ def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
             copy = beside / path.relative_to(source)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, copy)
-    (beside / BUNDLE).write_text(json_text(bundle), encoding="utf-8")
+    write_json(bundle, beside / BUNDLE)
+    old = target.with_name(f".{target.name}.old")
+    shutil.rmtree(old, ignore_errors=True)
     if target.exists():
-        shutil.rmtree(target)
+        target.replace(old)
     beside.replace(target)
+    shutil.rmtree(old, ignore_errors=True)

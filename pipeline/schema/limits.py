@@ -7,7 +7,7 @@ that is kept free of it, and the option that gives it on the command line.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 from pipeline.schema.ranges import Range, Ranged
 
@@ -64,6 +64,77 @@ class Margins(Ranged, section="margins"):
 
 
 @dataclass(frozen=True, kw_only=True)
+class MachiningPractice(Ranged, section="practice"):
+    """What holds for any part: how far F and S may go from the program, and what stays as it is.
+
+    Parameters
+    ----------
+    change : tuple of float
+        F, S and the feed for each tooth over those programmed, least and greatest [1]; a tool's
+        own ``change`` in the tool table goes first.
+    tool_life_min : float
+        Time in the cut that an edge lasts at least where its life is known [min]: makers' tables of
+        cutting speeds are mostly for 15 min.
+    air_feed_mm_min : float, optional
+        Greatest F of moves at feed that cut nothing [mm/min]; by default each as programmed.
+    keep : tuple of str
+        What keeps its F and S: a tool as ``T5``, lines as ``120-180``, or a word in a comment or
+        the name of a tool.
+    feed_step_mm_min, speed_step_rpm : float
+        F and S are whole multiples of these, of a tenth of them below ten times that, and so on; 0
+        leaves as many digits as are needed.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    change: Annotated[
+        tuple[float, ...],
+        Range(above=0.0, most=1e6),
+        Limit(option="--change", help="F and S over those programmed, 0.5 1.5 by default."),
+    ] = (0.5, 1.5)
+    tool_life_min: Annotated[
+        float,
+        Range(least=0.0, below=ENDLESS, unit="min"),
+        Limit(option="--tool-life", help="Least life of an edge where it is known, min."),
+    ] = 15.0
+    air_feed_mm_min: Annotated[
+        float | None,
+        Range(above=0.0, below=ENDLESS, unit="mm/min"),
+        Limit(option="--air-feed", help="F of moves that cut nothing; as programmed by default."),
+    ] = None
+    keep: Annotated[
+        tuple[str, ...],
+        Limit(option="--keep", help="Keeps F and S: T5, lines 120-180, or a word of a comment."),
+    ] = ()
+    feed_step_mm_min: Annotated[
+        float,
+        Range(least=0.0, most=1e4, unit="mm/min"),
+        Limit(option="--feed-step", help="F is a multiple of it, 10 mm/min by default."),
+    ] = 10.0
+    speed_step_rpm: Annotated[
+        float,
+        Range(least=0.0, most=1e4, unit="rev/min"),
+        Limit(option="--speed-step", help="S is a multiple of it, 50 rev/min by default."),
+    ] = 50.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_change("practice.change", self.change)
+
+
+def check_change(name: str, change: tuple[float, ...]) -> None:
+    """Refuse factors of change that are not two, about 1."""
+    if len(change) != 2 or not change[0] <= 1.0 <= change[1]:
+        raise ValueError(
+            f"{name} = {list(change)} must be two numbers, the first at most 1 and the second at "
+            "least 1"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class CutLimit(Ranged, section="limits"):
     """Limits of a part's cut, in the units of tables; a limit that is None does not hold.
 
@@ -91,6 +162,8 @@ class CutLimit(Ranged, section="limits"):
         Between two blocks of one tool S stays or changes by at least this [rev/min].
     margins : Margins
         Kept free of each.
+    practice : MachiningPractice
+        How far F and S may go from the program.
 
     Raises
     ------
@@ -173,6 +246,7 @@ class CutLimit(Ranged, section="limits"):
         ),
     ] = 0.0  # fmt: skip
     margins: Margins = field(default_factory=Margins)
+    practice: MachiningPractice = field(default_factory=MachiningPractice)
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -194,9 +268,20 @@ class CutLimit(Ranged, section="limits"):
         ValueError
             When one is out of its range.
         """
-        known = {name: value for name, value in given.items() if value is not None}
-        margins = {name: known.pop(name) for name in list(known) if name in _of(Margins)}
-        return replace(cls(margins=Margins(**margins)), **known)
+        known: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in given.items()
+            if value is not None
+        }
+        margins, practice = (
+            {name: known.pop(name) for name in list(known) if name in _of(kind)}
+            for kind in (Margins, MachiningPractice)
+        )
+        nested: dict[str, Any] = {
+            "margins": Margins(**margins),
+            "practice": MachiningPractice(**practice),
+        }
+        return replace(cls(**nested), **known)
 
     @property
     def given(self) -> dict[str, Any]:
@@ -212,14 +297,11 @@ def limit_words(name: str) -> tuple[Limit, str]:
 
 def limit_options() -> Iterator[tuple[str, Any, Limit]]:
     """Each limit that a command line may give: name of its field, type of its value, its words."""
-    for kind in (CutLimit, Margins):
+    for kind in (CutLimit, Margins, MachiningPractice):
         for name, (words, _) in _of(kind).items():
-            value = get_type_hints(kind)[name]
-            yield name, tuple[float, float] if _is_pair(value) else float, words
-
-
-def _is_pair(value: Any) -> bool:
-    return any(str(part).startswith("tuple") for part in get_args(value))
+            value = str(get_type_hints(kind)[name])
+            several = list[str] if "str" in value else float
+            yield name, tuple[float, float] if "tuple[float" in value else several, words
 
 
 @cache

@@ -15,6 +15,7 @@ from pipeline.schema.part_sheet import FeedChange, PathTrace, ProgramLine, Setup
 from pipeline.schema.program_cut import NotKnown
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
 """Quantity to be minimised; ``pareto`` takes the knee of the front of all that are known."""
@@ -337,6 +338,8 @@ class OptimisedPart:
 
     Parameters
     ----------
+    verdicts : tuple of UsedModel
+        On the sub-models that its figures rest on; what failed or was not judged first.
     program, machine : str
         Names.
     origin : str
@@ -393,6 +396,7 @@ class OptimisedPart:
         Of the machine for this part.
     """
 
+    verdicts: tuple[UsedModel, ...] = ()
     program: str
     machine: str
     origin: str

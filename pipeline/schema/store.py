@@ -1,4 +1,4 @@
-"""Documents as JSON and tables as Parquet: written from a type, read as a type.
+"""Documents as JSON and tables as Parquet: written whole from a type, read as a type.
 
 A file that is absent, broken or of another shape is handled here and nowhere else: one sentence
 with the file, the key and what to do.
@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pipeline.schema.files import replacing
 from pipeline.schema.structure import structured, unstructured
 
 if TYPE_CHECKING:
@@ -34,8 +35,18 @@ def json_text(document: Any) -> str:
 
 def write_json(document: Any, path: Path) -> None:
     """Store a dataclass, or a mapping or tuple of them."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json_text(document), encoding="utf-8")
+    write_text(json_text(document), path)
+
+
+def write_text(text: str, path: Path, encoding: str = "utf-8") -> None:
+    """Store a text; its line ends stay as they are."""
+    write_bytes(text.encode(encoding), path)
+
+
+def write_bytes(data: bytes, path: Path) -> None:
+    """Store bytes."""
+    with replacing(path) as part:
+        part.write_bytes(data)
 
 
 def read_json(path: Path, wanted: type[T], remedy: str = "run `dvc repro`") -> T:
@@ -91,8 +102,8 @@ def write_table(table: "pa.Table", path: Path) -> None:
     """Store a table as Parquet with zstd."""
     import pyarrow.parquet as pq
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(table, path, compression="zstd")
+    with replacing(path) as part:
+        pq.write_table(table, part, compression="zstd")
 
 
 def read_table(

@@ -9,6 +9,8 @@ from pipeline.schema.model import LeftOut, Origin
 Role = Literal["training", "held_out", "golden", "sealed"]
 """What a case is for: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
 Status = Literal["passed", "failed", "not judged"]
+UsedStatus = Literal[Status, "not identified"]
+"""Status of a sub-model that figures rest on; one that no record identified has no verdict."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,3 +192,74 @@ class Verdict:
         """Score of a quantity over all groups that decided, or over those of ``role``."""
         found = self.of(quantity, group="all", role=role or self.judged_role)
         return found[0] if found else None
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Why it failed: faults of the judgement itself, then limits, the furthest missed first."""
+        of_limits = [
+            (_times_missed(score, reason), reason)
+            for score in self.scores
+            for reason in score.reasons
+            if score.status == "failed"
+        ]
+        known = {reason for _, reason in of_limits}
+        faults = [reason for reason in self.reasons if reason not in known]
+        return (*faults, *(reason for _, reason in sorted(of_limits, key=lambda one: -one[0])))
+
+
+def _times_missed(score: Score, reason: str) -> float:
+    """Greatest error over its limit among those that ``reason`` names by their value."""
+    errors = {name: getattr(score, name) for name in score.limits}
+    return max(
+        (abs(error) / score.limits[name] for name, error in errors.items()
+         if error is not None and score.limits[name] > 0 and f" {error:.4g} " in reason),
+        default=0.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsedModel:
+    """A sub-model that figures rest on, with what its verdict says of them.
+
+    Parameters
+    ----------
+    submodel : str
+        ``control``, ``drive`` or ``cutting``.
+    figures : str
+        That rest on it, in words.
+    status : UsedStatus
+        Of its verdict.
+    reason : str
+        The limit that it misses by most, or why it was not judged; empty where it passed.
+    missed : int
+        Limits missed, and faults of the judgement.
+    recordings : int
+        Errors of recordings that the fit did not see.
+    error_percent : float or None
+        Their root mean square [%]; None without any.
+    spread_percent : float or None
+        Standard deviation with which the figures count [%]; None where another one counts.
+    """
+
+    submodel: str
+    figures: str
+    status: UsedStatus
+    reason: str = ""
+    missed: int = 0
+    recordings: int = 0
+    error_percent: float | None = None
+    spread_percent: float | None = None
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it was identified and did not pass."""
+        return self.status in ("failed", "not judged")
+
+    @property
+    def sentence(self) -> str:
+        """Status, the worst limit missed, and the spread of the figures, without a full stop."""
+        more = f" and {self.missed - 1} more" if self.missed > 1 else ""
+        why = f": {self.reason}{more}" if self.reason else ""
+        spread = self.spread_percent
+        tail = "" if spread is None else f"; {self.figures} \u00b1 {spread:.2g} %"
+        return f"{self.submodel} {self.status}{why}{tail}"

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from pipeline.schema import store
 from pipeline.schema.arrays import Floats
 
 BLOCK = 5000
@@ -12,8 +13,7 @@ LEFT = 0.6
 
 def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
     """Write a file with newlines alone at the ends of lines; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding=encoding, newline="\n")
+    store.write_text(text, path, encoding)
 
 
 def rows_text(table: Floats, form: str) -> str:

@@ -5,9 +5,7 @@ Every file is written under another name and renamed when it is whole.
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from pipeline.schema.files import PART, replacing
+from pipeline.schema.store import write_table, write_text
 from pipeline.signals.columns import OBSERVATIONS, REJECTED, RUNS, TIME
 from pipeline.signals.formats import Batch, RecordSource, Rejection, Trace, UnreadableFile
 
@@ -88,8 +88,7 @@ def write_observations(batches: Iterable[Batch], path: Path) -> Written:
 def write_trace(trace: Trace, path: Path) -> Written:
     """Write one trace; ``first`` and ``last`` are None where times only count from the start."""
     table = trace.table
-    with replacing(path) as part:
-        pq.write_table(table, part, compression="zstd")
+    write_table(table, path)
     dated = "time" in table.column_names and table.num_rows > 0
     first, last = map(_iso, _ends(table)) if dated else (None, None)
     return Written(
@@ -117,18 +116,6 @@ def _layout() -> dict[str, Any]:
             "instance": "PLAIN",
         },
     }
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A name to write to; the file is renamed to ``path`` when all went well, else removed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _counted(
@@ -191,8 +178,7 @@ def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> i
         for file, some in rejected.items()
         for r in some
     ]
-    with replacing(path) as part:
-        pq.write_table(pa.Table.from_pylist(said, schema=REJECTED), part, compression="zstd")
+    write_table(pa.Table.from_pylist(said, schema=REJECTED), path)
     return len(said)
 
 
@@ -215,8 +201,7 @@ def read_manifest(out: Path) -> dict[str, Entry]:
 def write_manifest(out: Path, content: dict[str, Any]) -> None:
     """Write ``content`` as ``manifest.json``."""
     text = json.dumps(content, indent=1, sort_keys=True) + "\n"
-    with replacing(out / "manifest.json") as part:
-        part.write_text(text)
+    write_text(text, out / "manifest.json")
 
 
 def read_rejections(out: Path) -> dict[str, list[Rejection]]:
@@ -245,8 +230,7 @@ def write_runs(out: Path, entries: dict[str, Entry]) -> None:
         for one, values in zip(RUNS, columns, strict=True)
     ]
     table = pa.table(arrays, names=RUNS.names)
-    with replacing(out / "runs.parquet") as part:
-        pq.write_table(table, part, compression="zstd")
+    write_table(table, out / "runs.parquet")
 
 
 def write_data_items(
@@ -272,8 +256,7 @@ def write_data_items(
         found[name if device is None else f"{name} {device}"] = said
     target = out / "data_items.parquet"
     if tables:
-        with replacing(target) as part:
-            pq.write_table(pa.concat_tables(tables), part, compression="zstd")
+        write_table(pa.concat_tables(tables), target)
     else:
         target.unlink(missing_ok=True)
     return found
@@ -283,7 +266,7 @@ def remove_stale(out: Path, entries: dict[str, Entry]) -> None:
     """Remove the Parquet of raw files that are gone, and what an ingest cut short left behind."""
     wanted = {e["output"] for e in entries.values()}
     for folder in ("observations", "traces"):
-        for path in [*(out / folder).glob("*.parquet"), *(out / folder).glob(".*.part")]:
+        for path in [*(out / folder).glob("*.parquet"), *(out / folder).glob(f".*{PART}")]:
             if f"{folder}/{path.name}" not in wanted:
                 path.unlink()
 

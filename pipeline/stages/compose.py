@@ -4,6 +4,8 @@ import os
 import re
 from pathlib import Path
 
+from pipeline.schema.store import write_text
+
 HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
 CATALOGUES = ("material", "tool")
 
@@ -17,7 +19,7 @@ def compose(conf: Path, params: Path) -> None:
         return
     text = HEADER + composed(conf)
     if not params.exists() or params.read_text() != text:
-        params.write_text(text)
+        write_text(text, params)
 
 
 def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import ToolTable
@@ -13,7 +14,7 @@ from pipeline.optimisation.document import (
     part_metrics,
     write_program,
 )
-from pipeline.optimisation.job import Catalogue, machine_models, part_job, part_program
+from pipeline.optimisation.job import Supplies, machine_models, part_job, part_program
 from pipeline.optimisation.optimise import optimise as optimised
 from pipeline.optimisation.settings import OptimisationSettings, Parts
 from pipeline.schema.identity import MachineIdentity
@@ -33,16 +34,17 @@ def optimise(
     tool: dict[str, ToolTable],
     material: dict[str, Material],
     cost: CostRates,
+    catalogue: CuttingCatalogue,
     optimisation: OptimisationSettings,
 ) -> None:
     """Optimise the parts of a machine with its ``models``; programs and documents, and metrics."""
     controls = read_controls(models / "control/model.json")
     known = machine_models(models, control_of_unit(controls, control_records.default_unit))
-    catalogue = Catalogue(tools=tool, materials=material, rates=cost)
+    supplies = Supplies(tools=tool, materials=material, rates=cost, cutting_data=catalogue)
     written_parts = {}
     for part in parts.programs:
         program, whose = part_program(raw / part.program, setup)
-        workshop = catalogue.workshop(part, parts)
+        workshop = supplies.workshop(part, parts)
         job = part_job(
             program, part, models=known, workshop=workshop, setup=whose, settings=optimisation
         )

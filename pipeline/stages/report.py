@@ -66,9 +66,11 @@ def report(
         notes=(BUDGETS[budget],) if BUDGETS.get(budget) else (),
         versions={name: version(name) for name in LIBRARIES},
     )
-    for page in reports.glob("*.html"):
-        page.unlink()
     write_report(machines, info, reports, reports, metrics)
+    current = {"index", *(machine.name for machine in machines)}
+    for page in reports.glob("*.html"):
+        if page.stem not in current:
+            page.unlink()
 
 
 def _identity(manifest: Path) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Stability of a program's blocks, and the lobes of each tool's least stable engagement."""
 
 from dataclasses import dataclass, replace
+from math import ceil, floor, log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +9,15 @@ from numpy.typing import NDArray
 from pipeline.cutting.engagement.immersions import Immersions, immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import stiffness
-from pipeline.cutting.stability.margins import StabilityTable, margin, stability_table
-from pipeline.cutting.stability.tip_dynamics import Dynamics, TipDynamics
+from pipeline.cutting.stability.margins import (
+    NEAR,
+    CutClass,
+    StabilityTable,
+    margin,
+    stability_table,
+)
+from pipeline.cutting.stability.semi_discretisation import least_depth
+from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse, TipDynamics
 from pipeline.gcode.moves import RADIAN
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import LobePoint, Lobes
@@ -18,7 +26,11 @@ from pipeline.twin.cut_blocks import CutBlocks
 from pipeline.twin.cut_tables import figure
 
 SLOWEST, FASTEST = 0.5, 1.3
-"""Range of the stability table, over the least and the greatest spindle speed of the program."""
+"""Range of the lobes drawn, over the least and the greatest spindle speed of the program."""
+NODE = 1.01
+"""Ratio of two speeds at which lobes are drawn; all powers of it, so that programs share them."""
+DEEP = 6.0
+"""Depth up to which lobes are drawn, over the least of the zero-order solution."""
 MOST_POINTS = 200
 """Greatest number of blocks of a tool that are drawn, the least margins first."""
 LEAST = 1e-6
@@ -32,37 +44,50 @@ class Stability:
     margin: Floats
     table: StabilityTable
     stations: Immersions
-    force_laws: tuple[ForceLaw, ...]
     dynamics: tuple[Dynamics | None, ...]
-    speeds: tuple[float, float]
 
 
-def stability(
-    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, speeds: tuple[float, float] | None = None
-) -> Stability | None:
+def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability | None:
     """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled.
 
-    Lobes are computed between ``speeds`` [rev/min]; by default around those of the program.
+    Limits are those at the very speeds of the program.
+    """
+    table = table_of(cut, blocks, dynamics)
+    if table is None:
+        return None
+    return Stability(
+        margin=table[0].margins(_clipped(cut, table[0])), table=table[0], stations=table[1],
+        dynamics=tuple(dynamics.of(cut.numbers)),
+    )  # fmt: skip
+
+
+def _clipped(cut: Cut, table: StabilityTable) -> Floats:
+    """Speed of each row [rev/min], within the table."""
+    ends = 60 * table.nodes[[0, -1]]
+    clipped: Floats = np.clip(cut.plan.spindle_speed, *ends)
+    return clipped
+
+
+def table_of(
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, nodes_rpm: Floats | None = None
+) -> tuple[StabilityTable, Immersions] | None:
+    """Table of stability of a cut at ``nodes_rpm``, by default the speeds of the program.
+
+    None where no tool that cuts has known dynamics.
     """
     tips = dynamics.of(cut.numbers)
     turning = blocks.spindle_speed[blocks.spindle_speed > 0]
     if not len(turning) or not any(tips[tool] is not None for tool in np.unique(blocks.tool)):
         return None
-    if speeds is None:
-        speeds = (SLOWEST * float(turning.min()), FASTEST * float(turning.max()))
     milled = immersions(cut.path.pieces, cut.engagement)
     # the tips move along the machine's axes, the path lies in those of the work offset
     rotation = cut.path.frame.rotation * RADIAN
     milled = replace(milled, feed_direction=milled.feed_direction + rotation)
     force_laws = tuple(
-        _linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.force_laws)
+        linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.force_laws)
     )  # fmt: skip
-    table = stability_table(milled, tips, force_laws, cut.tools, speed_rpm=speeds)
-    spindle = np.clip(cut.plan.spindle_speed, *speeds)
-    return Stability(
-        margin=table.margins(spindle), table=table, stations=milled, force_laws=force_laws,
-        dynamics=tuple(tips), speeds=speeds,
-    )  # fmt: skip
+    nodes = np.unique(turning) if nodes_rpm is None else nodes_rpm
+    return stability_table(milled, tips, force_laws, cut.tools, nodes_rpm=nodes), milled
 
 
 def _chip(blocks: CutBlocks, tool: int) -> float:
@@ -70,7 +95,7 @@ def _chip(blocks: CutBlocks, tool: int) -> float:
     return float(np.median(thickness)) if len(thickness) else LEAST
 
 
-def _linearised(law: ForceLaw, thickness: float) -> ForceLaw:
+def linearised(law: ForceLaw, thickness: float) -> ForceLaw:
     """Linear force law with the slope of ``law`` at a chip of that thickness."""
     tangential, radial = stiffness(law, thickness)
     slope = tangential / law.K_tc if law.K_tc else 1.0
@@ -82,10 +107,9 @@ def stability_lobes(cut: Cut, found: Stability) -> tuple[Lobes, ...]:
     table, stations = found.table, found.stations
     known = np.array([one is not None for one in found.dynamics])
     kept = np.flatnonzero(known[stations.tool])  # the stations that the table has
-    spindle = np.clip(cut.plan.spindle_speed[table.block], *found.speeds)
-    cell = ((spindle / 60 - table.lowest) / table.width).astype(np.intp)
-    cell = np.clip(cell, 0, table.limit.shape[1] - 1)
-    margins = margin(table.depth, table.limit[table.kind, cell])
+    spindle = _clipped(cut, table)[table.block]
+    node = np.searchsorted(60 * table.nodes, spindle * (1 - NEAR))
+    margins = margin(table.depth, table.limit[table.kind, node])
     lobes = []
     for tool in np.unique(stations.tool[kept]).tolist():
         mine = np.flatnonzero((stations.tool[kept] == tool) & (spindle > 0))
@@ -93,8 +117,7 @@ def stability_lobes(cut: Cut, found: Stability) -> tuple[Lobes, ...]:
             continue
         worst = int(mine[np.argmin(margins[mine])])
         same = mine[table.kind[mine] == table.kind[worst]]
-        limit = table.limit[int(table.kind[worst])] * 1e3
-        middles = 60 * (table.lowest + table.width * (np.arange(len(limit)) + 0.5))
+        nodes, limit = _drawn(table.classes[int(table.kind[worst])], spindle[mine])
         lobes.append(
             Lobes(
                 tool=cut.numbers[tool],
@@ -102,12 +125,23 @@ def stability_lobes(cut: Cut, found: Stability) -> tuple[Lobes, ...]:
                 line=int(cut.plan.path.moves.line[table.block[worst]]),
                 entry_deg=round(float(np.degrees(stations.entry[kept[worst]])), 1),
                 exit_deg=round(float(np.degrees(stations.exit[kept[worst]])), 1),
-                speeds_rpm=tuple(np.round(middles, 1).tolist()),
-                depth_limit_mm=tuple(figure(v, 4) for v in limit.tolist()),
+                speeds_rpm=tuple(np.round(nodes, 1).tolist()),
+                depth_limit_mm=tuple(figure(v, 4) for v in (limit * 1e3).tolist()),
                 points=_points(cut, found, same[np.argsort(margins[same])], margins),
             )
         )
     return tuple(lobes)
+
+
+def _drawn(of: CutClass, spindle: Floats) -> tuple[Floats, Floats]:
+    """Speeds around those of a tool [rev/min], and the limit of the depth there [m]."""
+    low, high = SLOWEST * float(spindle.min()), FASTEST * float(spindle.max())
+    powers = np.arange(ceil(log(low, NODE)), floor(log(high, NODE)) + 1, dtype=np.float64)
+    nodes: Floats = NODE**powers
+    if isinstance(of.dynamics, FrequencyResponse):
+        return nodes, of.limits(nodes / 60)
+    deep = replace(of, highest=max(of.highest, DEEP * least_depth(of.dynamics, of.cut)))
+    return nodes, deep.limits(nodes / 60)
 
 
 def _points(

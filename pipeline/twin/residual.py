@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.store import write_bytes
 
 if TYPE_CHECKING:
     from sklearn.ensemble import RandomForestRegressor
@@ -152,8 +153,7 @@ def save_forest(forest: "RandomForestRegressor", folder: Path) -> None:
     """Write ``forest.skops``; the same forest gives the same bytes."""
     import skops.io
 
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "forest.skops").write_bytes(_canonical(skops.io.dumps(forest)))
+    write_bytes(_canonical(skops.io.dumps(forest)), folder / "forest.skops")
 
 
 def load_forest(folder: Path, about: Forest) -> ResidualForest | None:

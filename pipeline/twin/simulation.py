@@ -22,6 +22,7 @@ from pipeline.machine.control.path import Binding, Motion
 from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
+from pipeline.schema.files import replacing
 from pipeline.schema.program import SimulatedProgram
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured
@@ -191,7 +192,8 @@ def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None
     written = 0
     chunks = traces(plan)
     first = next(chunks)
-    with pq.ParquetWriter(path, _trace_schema(axes), compression="zstd") as writer:
+    schema = _trace_schema(axes)
+    with replacing(path) as part, pq.ParquetWriter(part, schema, compression="zstd") as writer:
         for chunk in chain([first], chunks):
             writer.write_table(_trace_table(chunk, axes, moves))
             written += len(chunk)
@@ -271,5 +273,6 @@ def simulate_files(
                 times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
                 blocks=len(table),
             )  # fmt: skip
-            table.to_parquet(out / f"{path.stem}.parquet", compression="zstd")
+            with replacing(out / f"{path.stem}.parquet") as part:
+                table.to_parquet(part, compression="zstd")
         write_json(program, out / f"{path.stem}.json")

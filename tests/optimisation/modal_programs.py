@@ -74,6 +74,10 @@ def _circle(rng):
     return [f"G2 I{rng.uniform(1, 9):.3f}{_f(rng)}", f"G1 X{_x(rng)}"]
 
 
+def _repeated(rng):
+    return [f"G91 G1 X0{_f(rng)}{_s(rng)}", "G90"]
+
+
 def _comment(rng):
     return [f"G1 X{_x(rng)}{_f(rng)} (F1 S1 G4)", "(G1 X5 F7)"]
 
@@ -131,7 +135,7 @@ def _skipped(rng):
     return [f"/G1 X{_x(rng)} F77", "Y3"]
 
 
-_PLAIN = (_feed, _more, _rapid, _loose, _circle, _comment, _drill)
+_PLAIN = (_feed, _more, _rapid, _loose, _circle, _repeated, _comment, _drill)
 _STRAIGHT = (*_PLAIN, _tap, _thread, _per_turn, _inverse, _stop, _surface, _expression)
 _PARTS = (*_STRAIGHT, *_PLAIN, _loop, _call, _jump, _skipped)
 

@@ -49,7 +49,7 @@ def test_rows_of_a_repeated_line_share_a_block() -> None:
         ("M5\nG1 X1 F100", "the spindle stands"),
         ("G1 X1 F100 M98 P7\nM30\nO7\nM99", "its line calls, computes or sets something, and "
          "nothing is written into it"),
-        ("F9\nM98 P7\nF8\nM98 P7\nM30\nO7\nG1 X1\nM99", "another pass through its line needs "
+        ("F9\nM98 P7\nF8\nM98 P7\nM30\nO7\nG91 G1 X1\nM99", "another pass through its line needs "
          "another F"),
         ("G20 G1 X1 F9\nG21 M98 P7\nM30\nO7\nM99", "G20 and G21 are both in a program that jumps"),
         ("G20 G1 A5 F9", "rotary axes move alone in a program in inches"),
@@ -70,6 +70,13 @@ def test_a_line_before_one_that_takes_its_f_is_held() -> None:
         "the lines after it take its F, and cannot be given one": 1,
     }
     assert of(HEAD + "G1 X1 F100\nX2 F2\nG33 Z-5 F2\n").line.tolist() == [2, 3]
+
+
+def test_a_line_before_an_f_without_a_value_is_held() -> None:
+    # #2 has none, so that line 3 takes the F of line 2
+    made = of(HEAD + "G1 X1 F100\nX2 F#2\nX3\n")
+    assert made.line.tolist() == [4]
+    assert of(HEAD + "#2=80\nG1 X1 F100\nX2 F#2\nX3\n").line.tolist() == [3, 5]
 
 
 def test_a_subprogram_in_another_file_is_held_and_what_it_takes(tmp_path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
+from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -14,8 +15,8 @@ from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import part_metrics, write_program
 from pipeline.optimisation.job import (
-    Catalogue,
     MachineModels,
+    Supplies,
     part_job,
     part_program,
     spindle_drive,
@@ -39,15 +40,16 @@ DRIVE = SpindleDrive(
 )
 
 
-def catalogue() -> Catalogue:
+def supplies() -> Supplies:
     def of(path: str, wanted: type) -> Any:
         values = yaml.safe_load((ROOT / f"conf/{path}.yaml").read_text())
         return structure({"a": values}, "a", wanted)
 
-    return Catalogue(tools={"mine": of("tool/mill01", ToolTable)},
+    return Supplies(tools={"mine": of("tool/mill01", ToolTable)},
                      materials={"A7075": of("material/A7075", Material),
                                 "A6061": of("material/A6061", Material)},
-                     rates=of("cost/default", CostRates))  # fmt: skip
+                     rates=of("cost/default", CostRates),
+                     cutting_data=of("catalogue/default", CuttingCatalogue))  # fmt: skip
 
 
 def cutting(material: str = "A6061") -> CuttingModel:
@@ -103,7 +105,7 @@ def job_of(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
     limits = CutLimit(load_N=60.0)
     part = Part(**(PART | {"limits": limits} | change))
     parts = Parts(programs=(part,), drive=DRIVE)
-    known, (read, setup) = catalogue(), part_program(tmp_path / part.program, Setup())
+    known, (read, setup) = supplies(), part_program(tmp_path / part.program, Setup())
     return part_job(
         read, part, models=models, workshop=known.workshop(part, parts), setup=setup,
         settings=OptimisationSettings(),
@@ -180,7 +182,9 @@ def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) 
     assert (tmp_path / "new/O1.nc").read_bytes() == after
     text = (tmp_path / "new/O1.json").read_text(encoding="utf-8")
     assert part_of(json.loads(text)) == part and "Größe" in text
-    assert json.loads(text)["limits"].keys() == {"power_share", "least_speed_change_rpm", "margins"}
+    assert json.loads(text)["limits"].keys() == {
+        "power_share", "least_speed_change_rpm", "margins", "practice",
+    }  # fmt: skip
     other = stored(proof={**vars(part.proof), "same": False})
     assert part_metrics({"O1": part, "O2": other}) == {
         "O1_before_time_s": 29.48, "O1_before_peak_load_N": 71.23, "O1_after_time_s": 24.51,

@@ -11,11 +11,12 @@ from pipeline.cutting.tool import tip_deflection
 from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Groups
 from pipeline.optimisation.problem.feasible import binding_constraints
+from pipeline.optimisation.problem.spindle import COARSE, speed_nodes
 from pipeline.schema.limits import CutLimit, Margins
 from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_document import document_of
 from pipeline.twin.cut_limits import cut_limits
-from pipeline.twin.cut_stability import stability
+from pipeline.twin.cut_stability import stability, table_of
 from tests.optimisation.problem_parts import (
     DRIVE,
     DYNAMICS,
@@ -182,28 +183,40 @@ def test_feeds_for_each_turn_are_judged_by_the_minute():
 
 
 def test_margins_of_stability_are_those_of_the_cuts_own_table(cut):
-    """In other cells of speed: a margin is the least within its cell, some 20 rev/min wide."""
+    """At the speeds of the program and at round ones; between two of these never above both."""
     blocks = cut_blocks(cut)
     own_table = stability(cut, blocks, DYNAMICS)
     problem = problem_on(cut, CutLimit(load_N=100.0), dynamics=DYNAMICS)
     rows = np.flatnonzero(np.isfinite(own_table.margin))
     assert len(rows) == 4  # two passes of each end mill
-    for speed in (5000.0, 6800.0, 8300.0):
-        around = speed + np.linspace(-45, 45, 40)[:, np.newaxis] * np.ones(len(problem))
-        near = own_table.table.margins(around)[:, rows]
-        found = problem.chatter.margins(np.full(len(problem), speed))[rows]
-        assert (found >= near.min(axis=0) - 1e-9).all() and (found <= near.max(axis=0) + 1e-9).all()
     margins = problem.chatter.margins(own(problem)[1])
-    assert margins[rows] == pytest.approx(own_table.margin[rows], rel=0.2)
+    np.testing.assert_array_equal(margins[rows], own_table.margin[rows])
+    for speed in (5000.0, 6800.0, 8300.0):
+        table, _ = table_of(cut, blocks, DYNAMICS, np.array([speed, speed + 50.0]))
+        found = [
+            problem.chatter.margins(np.full(len(problem), speed + off))[rows]
+            for off in (0.0, 25.1, 50.0)
+        ]
+        for at in (0, 2):
+            exact = table.margins(np.full(len(problem), speed + 25.0 * at))[rows]
+            np.testing.assert_array_equal(found[at], exact)
+        assert (found[1] <= np.maximum(found[0], found[2]) + 0.02).all()
 
 
-def test_below_a_tenth_of_the_fastest_the_least_limit_of_all_speeds_counts(cut):
+def test_below_a_tenth_of_the_fastest_the_slowest_limit_counts(cut):
     limits = replace(ROOMY, speed_rpm=(50.0, 9000.0))
     problem = problem_on(cut, limits, dynamics=DYNAMICS)
-    rows = np.ones(len(problem))
-    slow = problem.chatter.margins(np.array([[60.0], [500.0]]) * rows)
-    swept = problem.chatter.margins(np.linspace(900, 9000, 2000)[:, np.newaxis] * rows)
-    np.testing.assert_array_equal(slow, np.tile(swept.min(axis=0), (2, 1)))
+    slow, least = problem.chatter.margins(np.array([[60.0], [900.0]]) * np.ones(len(problem)))
+    np.testing.assert_array_equal(slow, least)
+
+
+@pytest.mark.parametrize(("low", "high"), [(1000.0, 12_000.0), (333.3, 471.7), (24e3, 24e3)])
+def test_speeds_at_which_limits_are_computed_are_round_and_close(low: float, high: float) -> None:
+    nodes = speed_nodes(low, high)
+    assert nodes[0] == low and nodes[-1] == high and (np.diff(nodes) > 0).all()
+    assert (np.diff(nodes) <= COARSE * nodes[:-1] * (1 + 1e-9)).all()
+    round_ones = np.arange(np.ceil(max(low, 1670) / 50), np.floor(min(high, 16_000) / 50) + 1) * 50
+    assert np.isin(round_ones, nodes).all()
 
 
 def test_speeds_that_chatter_are_no_answer(cut):

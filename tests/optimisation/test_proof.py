@@ -164,9 +164,7 @@ def test_a_line_that_may_be_left_out_has_a_feed_as_any_other(skip: tuple[int, ..
 
 def test_the_first_difference_is_told_with_both_texts() -> None:
     proof = proof_of(changed(("X10 Y5", "X10 Y6"), ("F80 X6", "F80 X7"), ("F100", "F90")))
-    assert str(proof.first) == (
-        "line 9: it differs in more than its F and S words: 'N7 X10 Y5' became 'N7 X10 Y6'"
-    )
+    assert str(proof.first) == ("line 9: Y5 became Y6: 'N7 X10 Y5' became 'N7 X10 Y6'")
     assert [change.after for change in proof.differences] == ["F90"]
 
 
@@ -241,3 +239,45 @@ def test_no_bytes_make_it_stumble(one: bytes, other: bytes, seed: int) -> None:
                 assert "\n" not in str(error)
                 continue
             assert proof.same == (proof.first is None)
+
+
+PART = (
+    "%\nO1000 (PART)\nN1 G21 G90\nN2 S3000 M3\nN3 G1 X10 F100\nN4 X20 Y5\nN5 G84 Z-9 R1 F300\n"
+    "N6 G80\nN7 M30\n%\n"
+)
+EDITS = {
+    "M0 was added": ("N4 X20 Y5", "N4 X20 Y5 M0"),
+    "the line was deleted": ("N4 X20 Y5\n", ""),
+    "2 lines were deleted": ("N4 X20 Y5\nN5 G84 Z-9 R1 F300\n", ""),
+    "the line was put in": ("N4 X20 Y5\n", "M0\nN4 X20 Y5\n"),
+    "only line ends differ: LF became CRLF in 10 of 10 lines": ("\n", "\r\n"),
+    "the program number O1000 became O1001": ("O1000", "O1001"),
+    "its block number N4 became N40": ("N4 ", "N40 "),
+    "the block skip / was added": ("N4 X20", "/N4 X20"),
+    "Y5 became Y6": ("Y5", "Y6"),
+    "Y5 is gone": ("X20 Y5", "X20"),
+    "G90 became G91": ("G90", "G91"),
+    "M3 became M4": ("M3\n", "M4\n"),
+    "the comment (PART) became (OTHER)": ("(PART)", "(OTHER)"),
+    "the comment (PART) is gone": (" (PART)", " "),
+    "only its blanks differ": ("X20 Y5", "X20  Y5"),
+    "only its capital and small letters differ": ("X20 Y5", "x20 Y5"),
+    "its words stand in another order": ("X20 Y5", "Y5 X20"),
+    "X20 became X21, Y5 is gone": ("X20 Y5", "X21"),
+    "F300 became F310, and with G84 in the line that is no plain feed or speed": ("F300", "F310"),
+    "the line was deleted at the end of the program": ("N7 M30\n%\n", "N7 M30\n"),
+    "2 lines were added at the end of the program": ("N7 M30\n%\n", "N7 M30\n%\n\n\n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("said", EDITS)
+def test_each_edit_by_hand_is_told_in_its_own_words(said: str) -> None:
+    old, new = EDITS[said]
+    proof = proof_of(PART.replace(old, new), PART)
+    assert proof.first is not None and proof.first.reason == said
+
+
+def test_the_line_end_of_a_line_whose_feed_changed_too() -> None:
+    proof = proof_of(PART.replace("\n", "\r\n").replace("F100", "F90"), PART)
+    assert proof.first is not None
+    assert proof.first.reason == "its line end differs: LF became CRLF"

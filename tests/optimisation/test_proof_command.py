@@ -50,7 +50,7 @@ def test_the_first_block_that_differs(folder: Path) -> None:
     done = check(folder, AFTER.replace(b"X10", b"X11"))
     assert done.exit_code == 1
     assert done.stdout.splitlines()[-3:] == [
-        "not the same, first in line 4: it differs in more than its F and S words",
+        "not the same, first in line 4: X10 became X11",
         "  before.nc: G1 X10 F100",
         "  after.nc: G1 X11 F80",
     ]
@@ -97,3 +97,79 @@ def test_junk_is_one_sentence(folder: Path) -> None:
     (folder / "before.nc").write_bytes(bytes(range(256)))
     done = check(folder, bytes(range(256)))
     assert done.exit_code == 2 and done.stderr.count("\n") == 1
+
+
+TOOLS = """description: mine
+tools:
+  1: {kind: flat, diameter_mm: 10, flutes: 2, feed_per_tooth_mm: [0.01, 0.05],
+      cutting_speed_m_min: [50, 120]}
+  2: {kind: flat, diameter_mm: 6, flutes: 2}
+"""
+CUTTING = """T1 M6
+S3000 M3
+G1 X10 F120
+Y5
+G95 X12 F0.05
+G94
+G84 Z-5 R1 F300
+G80
+T2 M6
+S3000 M3
+G1 X20 F900
+T3 M6
+M3
+X30
+M30
+"""
+
+
+def warned(folder: Path, *changes: tuple[str, str]) -> list[str]:
+    """What is said of the ranges of the tools."""
+    (folder / "tools.yaml").write_text(TOOLS)
+    (folder / "before.nc").write_text(CUTTING)
+    after = CUTTING
+    for old, new in changes:
+        assert old in after
+        after = after.replace(old, new, 1)
+    done = check(folder, after.encode(), "--tool-table", str(folder / "tools.yaml"))
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert "not judged: T2 has no range in the tool table" in lines
+    assert "not judged: T3 is not in the tool table" in lines
+    return [line.removeprefix("warning: ") for line in lines if line.startswith("warning")]
+
+
+def test_feeds_and_speeds_that_leave_the_range_of_the_tool_are_warned_of(folder: Path) -> None:
+    """0.05 mm a tooth of two at 3000 rev/min is F300, 120 m/min of 10 mm is 3820 rev/min."""
+    assert warned(folder, ("F120", "F300")) == []
+    assert warned(folder, ("F120", "F360")) == [
+        "line 3, T1: F360 at S3000 is 0.06 mm a tooth, outside of 0.01 to 0.05 of the tool table",
+        "line 4, T1: F360 at S3000 is 0.06 mm a tooth, outside of 0.01 to 0.05 of the tool table",
+    ]
+    assert warned(folder, ("Y5", "Y5 F30"))[0].startswith("line 4, T1: F30 at S3000 is 0.005 mm")
+    assert warned(folder, ("F0.05", "F0.2"))[0].startswith("line 5, T1: F0.2 at S3000 is 0.1 mm")
+
+
+def test_what_was_outside_before_is_not_warned_of_again(folder: Path) -> None:
+    (folder / "tools.yaml").write_text(TOOLS.replace("0.05]", "0.015]"))
+    (folder / "before.nc").write_text(CUTTING)
+    done = check(
+        folder, CUTTING.replace("Y5", "Y5 F130").encode(), "--tool-table",
+        str(folder / "tools.yaml"),
+    )  # fmt: skip
+    warnings = [line for line in done.stdout.splitlines() if line.startswith("warning")]
+    assert len(warnings) == 1 and "line 4, T1: F130" in warnings[0]
+
+
+def test_a_speed_that_leaves_the_range_of_the_tool(folder: Path) -> None:
+    before = b"T1 M6\nS3000 M3\nG1 X10 F120\nM30\n"
+    (folder / "tools.yaml").write_text(TOOLS)
+    (folder / "before.nc").write_bytes(before)
+    after = before.replace(b"S3000", b"S4000")
+    done = check(folder, after, "--tool-table", str(folder / "tools.yaml"))
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[-1] == (
+        "warning: line 3, T1: S4000 is 126 m/min, outside of 50 to 120 of the tool table"
+    )
+    done = check(folder, before, "--tool-table", str(folder / "none.yaml"))
+    assert done.exit_code == 2 and "none.yaml" in done.stderr and done.stderr.count("\n") == 1

@@ -80,6 +80,10 @@ CASES = {
         "S3000 M3\nG1 X1 F100\nG0 Z5 F80\nG1 X2\nX3\n", {2: 50, 4: 80, 5: 80},
         "S3000 M3\nG1 X1 F50\nG0 Z5 F80\nG1 X2\nX3\n",
     ),
+    "the F of a repeated point goes on": (
+        "S3000 M3\nG1 X1 F100\nX1 F80\nX2\nX2\nX3\n", {2: 50, 4: 60, 6: 70},
+        "S3000 M3\nG1 X1 F50\nX1 F80\nX2 F60\nX2\nX3 F70\n",
+    ),
     "a loop comes back to its first line": (
         "S3000 M3\nG1 X1 F100\nM98 P7 L2\nM30\nO7\nX2\nX3\nM99\n", {7: 50},
         "S3000 M3\nG1 X1 F100\nM98 P7 L2\nM30\nO7\nX2 F100\nX3 F50\nM99\n",

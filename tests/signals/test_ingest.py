@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals import ingest as ingesting
-from pipeline.signals import store
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.ingest import NOT_NAMED, Ingested, ingest
 from pipeline.signals.shdr import log
@@ -381,14 +379,3 @@ def test_long_and_odd_names_find_a_place(raw: Path, out: Path) -> None:
     assert entries(out)[long]["kept"] == 3
     assert entries(out)["agent/\\xff.txt"]["rejected"] == 2
     assert content(out) == from_nothing(raw)
-
-
-def test_what_breaks_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
-    path = tmp_path / "x.parquet"
-    path.write_text("old")
-
-    with pytest.raises(pa.ArrowInvalid), store.replacing(path) as part:
-        part.write_text("half")
-        raise pa.ArrowInvalid("broken")
-    assert [p.name for p in tmp_path.iterdir()] == ["x.parquet"]
-    assert path.read_text() == "old"

@@ -114,15 +114,23 @@ def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
         run = np.where(on[:, k % bins], run + 1, 0)
         better = np.minimum(run, bins) > longest
         longest[better], last[better] = run[better], k
-    # its ends within the first and the last angle
-    row, first = np.arange(many), last - longest + 1
-    inner = longest > 1
-    begin = _within(first % bins, _missing(depth, row, first, first + inner), bins)
-    end = _within(last % bins, 1 - _missing(depth, row, last, last - inner), bins)
+    begin, end = arc_ends(depth, last - longest + 1, last)
     end += np.where(end < begin, 2 * np.pi, 0.0)
     none, full = longest == 0, longest == bins
     entry = np.where(none, np.nan, np.where(full, 0.0, begin))
     return entry, np.where(none, np.nan, np.where(full, 2 * np.pi, end))
+
+
+def arc_ends(depth: NDArray[np.floating], first: Ints, last: Ints) -> tuple[Floats, Floats]:
+    """Where arcs from angle ``first`` to ``last`` begin and end within these two, 0 to 2 pi [rad].
+
+    Parameters as in :func:`engaged_arc`, which says how; ``first`` and ``last`` have shape (N,).
+    """
+    bins, row = depth.shape[1], np.arange(len(depth))
+    inner = (last > first).astype(np.int64)
+    begin = _within(first % bins, _missing(depth, row, first, first + inner), bins)
+    end = _within(last % bins, 1 - _missing(depth, row, last, last - inner), bins)
+    return begin, end
 
 
 def _within(at: Ints, share: Floats, bins: int) -> Floats:

@@ -6,12 +6,16 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement.engagement import Engagement, ToolPath
+from pipeline.cutting.engagement.engagement import Engagement, ToolPath, arc_ends
 from pipeline.schema.arrays import Bools, Floats
 
 Indices = NDArray[np.int32]
 STEEPEST = 0.7
 """|dz / ds| up to which a cut is milling; steeper ones drill, and vibrate along the axis."""
+
+
+LEAST_ARC = 1e-4
+"""Of a station that cuts at all [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,8 +29,7 @@ class Immersions:
     depth : ndarray, shape (N,)
         Axial length of the edge in the material [m], above 0.
     entry, exit : ndarray, shape (N,)
-        [rad], as in :mod:`pipeline.cutting.engagement.engagement`, 0 <= entry < exit <= pi; of the
-        widest arc that it can be.
+        [rad], as in :mod:`pipeline.cutting.engagement.engagement`, 0 <= entry < exit <= pi.
     feed_direction : ndarray, shape (N,)
         From the machine's x [rad].
     direction : ndarray of int8, shape (N,)
@@ -39,8 +42,6 @@ class Immersions:
     lowest, highest : ndarray, shape (N,), optional
         Between which heights above the tip the edge is in the material [m]; from the tip to
         ``depth`` where they are not given.
-    bin : float
-        By how much the true arc may enter later, or leave earlier [rad].
 
     Raises
     ------
@@ -59,7 +60,6 @@ class Immersions:
     unjudged: Bools
     lowest: Floats | None = None
     highest: Floats | None = None
-    bin: float = 0.0
 
     def __post_init__(self) -> None:
         shallow = np.flatnonzero(~((self.depth > 0.0) & np.isfinite(self.depth)))
@@ -77,20 +77,17 @@ class Immersions:
                 f"{self.exit[at]:.6g}, feed_direction = {self.feed_direction[at]:.6g} rad, which "
                 "must be 0 <= entry < exit <= pi and a direction"
             )
-        if not 0.0 <= self.bin < pi:
-            raise ValueError(f"immersions: bin = {self.bin} rad must be from 0 to below pi")
 
 
 def immersions(path: ToolPath, engagement: Engagement) -> Immersions:
     """Immersions of a program's engagement: its part that decides on chatter.
 
     Where teeth are in the material at several arcs or heights the least arc and height that hold
-    all of them count, as far as the chip has a thickness (0 to pi).  An arc ends somewhere within a
-    bin of the engagement's angles: ``bin`` says so, as the widest arc is not always the worst.
+    all of them count, as far as the chip has a thickness (0 to pi).  An arc ends within a bin of
+    the engagement's angles as in :func:`pipeline.cutting.engagement.engagement.engaged_arc`.
     """
     # angles at which a chip is cut
     angles = engagement.angles
-    half = pi / len(angles)
     height = (engagement.upper - engagement.lower).astype(np.float64)
     engaged = (height > 0.0) & (np.sin(angles) > 0.0)
     cuts = engaged.any(axis=1)
@@ -99,21 +96,21 @@ def immersions(path: ToolPath, engagement: Engagement) -> Immersions:
     turning = path.direction[engagement.piece]
     level = (np.abs(engagement.slope) <= STEEPEST) & (np.hypot(move[:, 0], move[:, 1]) > 0.0)
     kept = cuts & level & engagement.feed & (turning != 0)
-    # widest arc of each, and blocks with stations that do not mill
+    # arc of each, and blocks with stations that do not mill
     first, last = engaged.argmax(axis=1), len(angles) - 1 - engaged[:, ::-1].argmax(axis=1)
+    entry, exit = arc_ends(np.where(engaged, height, 0.0)[kept], first[kept], last[kept])
     unjudged = np.zeros(engagement.blocks, dtype=np.bool_)
     unjudged[engagement.block[~kept & (height > 0.0).any(axis=1)]] = True
     return Immersions(
         block=engagement.block[kept],
         tool=engagement.tool[kept],
         depth=np.where(engaged, height, 0.0).max(axis=1, initial=0.0)[kept],
-        entry=np.maximum(angles[first] - half, 0.0)[kept],
-        exit=np.minimum(angles[last] + half, pi)[kept],
+        entry=np.minimum(entry, pi - LEAST_ARC),
+        exit=np.minimum(np.maximum(exit, entry + LEAST_ARC), pi),
         feed_direction=np.arctan2(move[:, 1], move[:, 0])[kept],
         direction=turning[kept],
         blocks=engagement.blocks,
         unjudged=unjudged,
         lowest=np.where(engaged, engagement.lower, np.inf).min(axis=1, initial=np.inf)[kept],
         highest=np.where(engaged, engagement.upper, 0.0).max(axis=1, initial=0.0)[kept],
-        bin=2 * half,
     )

@@ -18,7 +18,7 @@ force have in the plane (as in :mod:`pipeline.cutting.force.waveform`).
 """
 
 from dataclasses import dataclass
-from math import ceil, cos, pi, sin, tan
+from math import cos, pi, sin, tan
 from typing import Literal, Self
 
 import numpy as np
@@ -28,8 +28,6 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, Finite, Positive, Ranged
-
-_STRAIGHT = 1e-6  # [rad] of lag: an edge that lags by less is straight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,36 +177,6 @@ def mean_matrix(cut: RegenerativeCut) -> Floats:
     return mean
 
 
-def step_means(cut: RegenerativeCut, edges: Floats, depth: float) -> Floats:
-    """Mean of A in each step between the angles ``edges`` after the first contact [N/m^2].
-
-    Parameters
-    ----------
-    cut : RegenerativeCut
-        With its lag.
-    edges : ndarray, shape (R + 1,)
-        Angles of the spindle since a tooth's tip came to ``entry`` [rad], growing.
-    depth : float
-        a_p [m].
-
-    Returns
-    -------
-    ndarray, shape (R, 2, 2)
-        In the machine's frame; exact, however coarse the steps.
-    """
-    lag = cut.lag * depth
-    total = np.zeros((3, len(edges)))
-    for tooth in range(ceil((cut.exit - cut.entry + lag) / cut.pitch) + 1):
-        phi = cut.entry + edges + tooth * cut.pitch
-        if lag < _STRAIGHT:
-            total += _once(cut, phi)
-        else:
-            total += (_twice(cut, phi) - _twice(cut, phi - lag)) / lag
-    means = _matrices(cut, np.diff(total, axis=1) / np.diff(edges))
-    turned: Floats = cut.turned @ means @ cut.turned.T
-    return turned
-
-
 def _matrices(cut: RegenerativeCut, products: Floats) -> Floats:
     """A from sin cos, sin^2, cos^2 in rows; shape (..., 2, 2)."""
     sc, ss, cc = products
@@ -227,23 +195,7 @@ def _once(cut: RegenerativeCut, phi: Floats) -> Floats:
     return once
 
 
-def _twice(cut: RegenerativeCut, phi: Floats) -> Floats:
-    """Integral of :func:`_once`, up to phi."""
-    clipped = np.clip(phi, cut.entry, cut.exit)
-    one = (3,) + (1,) * phi.ndim
-    first, second = _first(cut.entry).reshape(one), _second(cut.entry).reshape(one)
-    within = _second(clipped) - second - first * (clipped - cut.entry)
-    twice: Floats = within + _once(cut, phi) * np.maximum(phi - cut.exit, 0.0)
-    return twice
-
-
 def _first(phi: ArrayLike) -> Floats:
     phi = np.asarray(phi, dtype=np.float64)
     wave = np.sin(2 * phi) / 4
     return np.stack([np.sin(phi) ** 2 / 2, phi / 2 - wave, phi / 2 + wave])
-
-
-def _second(phi: ArrayLike) -> Floats:
-    phi = np.asarray(phi, dtype=np.float64)
-    wave = np.cos(2 * phi) / 8
-    return np.stack([phi / 4 - np.sin(2 * phi) / 8, phi**2 / 4 + wave, phi**2 / 4 - wave])

@@ -1,25 +1,25 @@
 """Chatter margin of the blocks of a program, for a population of spindle speeds.
 
 All that decides whether a station chatters, but its speed and its depth, is its class: tool, arc in
-the material, direction of the feed, and of a ball or a corner the part of its edge.  A class is
-known between marks of a scale, its depth limit the least at all of them.  One mark alone, be it
-that of more material, will not do: forces of the teeth in an arc cancel in part, so that a wider
-arc may allow many times the depth of the true one.
+the material, direction of the feed, and of a ball or a corner the part of its edge.  Arcs are
+rounded to marks that divide half a turn, of which 90 or more lie in the arc, directions of the feed
+to a quarter of a degree; :data:`ROUNDED` takes off what that may change.
 
-Limits are tabulated in cells of spindle speed.  By the zero-order solution
-(:mod:`pipeline.cutting.stability.lobes`) a cell holds the least limit of all lobes within it;
-between marks the true limit may lie a little lower: 0.15 % were seen.  A ball's limit is that of
-the part of its edge that cuts now, deeper it is another one.  At low immersion the solution itself
-promises twice too much and more, where flip lobes are.  By semi-discretisation
-(:mod:`pipeline.cutting.stability.semi_discretisation`, some 20 ms a cell and mark) a cell holds the
-lesser of the limits at its two ends.
+The limit of a class at a speed is that of semi-discretisation
+(:mod:`pipeline.cutting.stability.semi_discretisation`), which sees flip lobes, and is computed when
+it is first asked for and then kept, so that a program, its optimisation and the program that comes
+out of it compute it once.  It is looked for up to four times the depth of the class: no margin is
+above :data:`MOST`.  Two cases are left to the zero-order solution
+(:mod:`pipeline.cutting.stability.lobes`): a measured frequency response, which has no modes, and
+speeds so low that hundreds of waves lie within a cut; there its least depth of all speeds counts.
+
+Speeds lie at nodes.  Between two nodes the lesser of both limits counts.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, field
+from functools import lru_cache
 from math import pi, tan
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,82 +27,54 @@ from numpy.typing import ArrayLike
 from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut, in_plane, stiffness
-from pipeline.cutting.stability.lobes import stability_boundary
-from pipeline.cutting.stability.semi_discretisation import depth_limits
+from pipeline.cutting.stability.lobes import lobes
+from pipeline.cutting.stability.semi_discretisation import least_depth, settled_limits
 from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Bools, Floats, Ints
 
-SHARES = 32
+SHARES = 128
 """Marks of the radial coefficient in one tangential one."""
-_SLACK = 1e-6
-"""Of a step: what lies on a mark stays there."""
+IN_ARC = 90
+"""Least number of marks in an arc: its ends are known to half a mark each, 1.1 % of it in all."""
+FEED = pi / 720
+"""Between two marks of the feed's direction [rad]."""
+ROUNDED = 0.985
+"""Share of the limit that is allowed: rounded arcs and feeds may promise as much too much [1]."""
+MOST = 3.0
+"""Greatest margin that is told apart [1]: limits are looked for up to 1 + this times the depth."""
+KEPT = 1 << 14
+"""Classes whose limits are kept."""
 
-Corner = tuple[float, float, float, int]
-"""Entry, exit, direction of feed [rad], and marks of the radial coefficient above the tool's."""
 
-
-def classes(stations: Immersions, radial: Floats, step: float) -> Ints:
+def classes(stations: Immersions, radial: Floats) -> Ints:
     """Class of each station: all that it has in common with those of the same depth limit.
 
     Parameters
     ----------
     stations : Immersions
         N of them.
-    radial : ndarray, shape (N, 2)
-        Least and greatest radial coefficient less that of the tool's side, over the tangential one.
-    step : float
-        Between two marks of an arc's ends [rad]; those of the feed are half as far apart.
+    radial : ndarray, shape (N,)
+        Radial coefficient less that of the tool's side, over the tangential one.
 
     Returns
     -------
-    ndarray, shape (N, 10)
-        Tool, spindle, then the marks below and above entry, exit, feed and radial coefficient.
+    ndarray, shape (N, 7)
+        Tool, spindle, logarithm of the marks in half a turn, then the nearest marks of entry, exit,
+        feed and radial coefficient.
     """
-    feed = np.mod(stations.feed_direction, pi)  # the opposite feed is the same
+    arc = stations.exit - stations.entry
+    level = np.clip(np.ceil(np.log2(IN_ARC * pi / arc)), 0, 40)
+    step = pi / 2.0**level
     return np.column_stack([
         stations.tool,
         stations.direction,
-        _below(stations.entry, step),
-        _above(np.minimum(stations.entry + stations.bin, pi), step),
-        _below(np.maximum(stations.exit - stations.bin, 0.0), step),
-        _above(stations.exit, step),
-        _below(feed, step / 2),
-        _above(feed, step / 2),
-        _below(radial[:, 0], 1 / SHARES),
-        _above(radial[:, 1], 1 / SHARES),
+        level,
+        np.round(stations.entry / step),
+        np.round(stations.exit / step),
+        np.round(np.mod(stations.feed_direction, pi) / FEED) % 720,  # the opposite feed is the same
+        np.round(radial * SHARES),
     ]).astype(np.int64)  # fmt: skip
-
-
-def corners(marks: list[int], step: float) -> list[Corner]:
-    """The cuts that stand for a class, from its columns after tool and spindle."""
-    entries, exits, feeds, shares = (sorted(set(marks[k : k + 2])) for k in (0, 2, 4, 6))
-    whole = round(2 * pi / step) if abs(2 * pi / step - round(2 * pi / step)) < _SLACK else 0
-    cuts = [
-        (entry, exit, feed * step / 2, share)
-        for entry, exit in _arcs(entries, exits, step)
-        for feed, share in product((f % whole if whole else f for f in feeds), shares)
-    ]
-    return list(dict.fromkeys(cuts))
-
-
-def _arcs(entries: list[int], exits: list[int], step: float) -> list[tuple[float, float]]:
-    """Arcs from each entry to each exit."""
-    turned = [(a * step, min(b * step, pi)) for a, b in product(entries, exits)]
-    return [(entry, exit) for entry, exit in turned if exit - entry > _SLACK * step]
-
-
-def _below(value: ArrayLike, step: float) -> Floats:
-    mark: Floats = np.floor(np.asarray(value) / step + _SLACK)
-    return mark
-
-
-def _above(value: ArrayLike, step: float) -> Floats:
-    mark: Floats = np.ceil(np.asarray(value) / step - _SLACK)
-    return mark
-
-
-Method = Literal["zero_order", "semi_discretisation"]
 
 
 def margin(depth: ArrayLike, limit: ArrayLike) -> Floats:
@@ -121,16 +93,64 @@ def margin(depth: ArrayLike, limit: ArrayLike) -> Floats:
     return over - 1.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StabilityTable:
-    """Depth limits of K classes in C cells of spindle speed, and the stations that look them up.
+@lru_cache(maxsize=KEPT)
+def _kept(tip: object, cut: RegenerativeCut, highest: float) -> dict[float, float]:
+    """Limits of a cut by speed, as far as they were computed; empty at first."""
+    return {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutClass:
+    """A cut, the dynamics of its tip, and the depth up to which its limit matters.
 
     Parameters
     ----------
-    lowest, width : float
-        Where the first cell begins, and how wide each is [1/s].
+    dynamics : sequence of Mode, or FrequencyResponse
+        Of the tip.
+    cut : RegenerativeCut
+        Arc and coefficients of the class.
+    highest : float
+        Depth up to which chatter is looked for [m].
+    """
+
+    dynamics: Dynamics = field(repr=False)
+    cut: RegenerativeCut
+    highest: float
+
+    def limits(self, n: Floats) -> Floats:
+        """Depth that is allowed at speeds of shape (S,) [1/s]; of modes at most ``highest`` [m]."""
+        tip = self.dynamics if isinstance(self.dynamics, FrequencyResponse) else (*self.dynamics,)
+        known = _kept(tip, self.cut, self.highest)
+        missing = np.unique([speed for speed in n.tolist() if speed not in known])
+        if len(missing):
+            new = _allowed(tip, self.cut, missing, self.highest)
+            known.update(zip(missing.tolist(), new.tolist(), strict=True))
+        return np.array([known[speed] for speed in n.tolist()])
+
+
+def _allowed(dynamics: Dynamics, cut: RegenerativeCut, n: Floats, highest: float) -> Floats:
+    if isinstance(dynamics, FrequencyResponse):
+        measured: Floats = ROUNDED * lobes(dynamics, cut, n).depth_limit
+        return measured
+    limit = settled_limits(dynamics, cut, n, highest=highest).depth_limit
+    slow = np.isnan(limit)
+    limit[slow] = least_depth(dynamics, cut)
+    allowed: Floats = np.minimum(ROUNDED * limit, highest)
+    return allowed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StabilityTable:
+    """Depth limits of K classes at C nodes of spindle speed, and the stations that look them up.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (C,)
+        Spindle speeds, growing [1/s].
+    classes : sequence of CutClass
+        K of them.
     limit : ndarray, shape (K, C)
-        Least depth at which chatter begins within the cell [m]; inf without one.
+        Depth that is allowed [m]; nan where it was not asked for yet.
     kind, block : ndarray of int64, shape (N,)
         Class and block of each station.
     depth : ndarray, shape (N,)
@@ -139,16 +159,16 @@ class StabilityTable:
         Blocks of which all that is in the material was judged; air is.
     """
 
-    lowest: float
-    width: float
-    limit: Floats
-    kind: Ints
-    block: Ints
-    depth: Floats
-    judged: Bools
+    nodes: Floats
+    classes: Sequence[CutClass] = field(repr=False)
+    limit: Floats = field(repr=False)
+    kind: Ints = field(repr=False)
+    block: Ints = field(repr=False)
+    depth: Floats = field(repr=False)
+    judged: Bools = field(repr=False)
 
     def margins(self, speed_rpm: ArrayLike) -> Floats:
-        """Least margin of each block: limit / a_p - 1 [1].
+        """Least margin of each block: limit / a_p - 1, at most ``MOST`` [1].
 
         Parameters
         ----------
@@ -165,7 +185,7 @@ class StabilityTable:
         ValueError
             When a speed is outside of the table, or the number of blocks is another one.
         """
-        from pipeline.cutting.stability.stability_kernel import fill_margins
+        from pipeline.cutting.stability.stability_kernel import fill_margins, mark_missing
 
         given = np.asarray(speed_rpm, dtype=np.float64)
         blocks = len(self.judged)
@@ -173,30 +193,45 @@ class StabilityTable:
             raise ValueError(
                 f"speed_rpm has shape {given.shape}: it needs one speed for each of {blocks} blocks"
             )
-        speed = np.ascontiguousarray(np.atleast_2d(given)) / 60
-        out = np.full(speed.shape, np.inf)
-        bad = fill_margins(
-            speed, self.lowest, self.width, self.limit, self.kind, self.depth, self.block, out
-        )
-        if bad >= 0:
-            p, b = divmod(bad, blocks)
-            highest = self.lowest + self.width * self.limit.shape[1]
-            raise ValueError(
-                f"speed_rpm[{p}, {b}] = {60 * speed[p, b]:g} is outside of the table of stability, "
-                f"{60 * self.lowest:g} to {60 * highest:g} rpm"
-            )
         covered = np.zeros(blocks, dtype=np.bool_)
         covered[self.block] = True
+        below, above = self._between(np.atleast_2d(given), covered)
+        missing = np.zeros(self.limit.shape, dtype=np.bool_)
+        mark_missing(below, above, self.limit, self.kind, self.block, missing)
+        for kind in np.flatnonzero(missing.any(axis=1)).tolist():
+            at = missing[kind]
+            self.limit[kind, at] = self.classes[kind].limits(self.nodes[at])
+        out = np.full(below.shape, np.inf)
+        fill_margins(below, above, self.limit, self.kind, self.depth, self.block, MOST, out)
         out[:, ~self.judged & ~covered] = np.nan
         return out.reshape(given.shape)
+
+    def _between(self, speed_rpm: Floats, covered: Bools) -> tuple[Ints, Ints]:
+        """Nodes below and above each speed, the same twice at a node; (P, B) each."""
+        speed = speed_rpm / 60
+        low, high = float(self.nodes[0]), float(self.nodes[-1])
+        outside = ~((speed >= low * (1 - NEAR)) & (speed <= high * (1 + NEAR))) & covered
+        if outside.any():
+            p, b = np.argwhere(outside)[0]
+            raise ValueError(
+                f"speed_rpm[{p}, {b}] = {60 * speed[p, b]:g} is outside of the table of stability, "
+                f"{60 * low:g} to {60 * high:g} rpm"
+            )
+        last = len(self.nodes) - 1
+        below = np.searchsorted(self.nodes, speed * (1 + NEAR), side="right") - 1
+        above = np.searchsorted(self.nodes, speed * (1 - NEAR), side="left")
+        return np.clip(below, 0, last), np.clip(above, 0, last)
+
+
+NEAR = 1e-9
+"""Rounding, as a share: a speed as close to a node lies on it."""
 
 
 def stability_table(
     stations: Immersions, dynamics: Sequence[Dynamics | None], force_laws: Sequence[ForceLaw],
-    tools: Sequence[Tool], *, speed_rpm: tuple[float, float], cells: int = 512,
-    angle_step_deg: float = 5.0, thickness: float | None = None, method: Method = "zero_order",
+    tools: Sequence[Tool], *, nodes_rpm: ArrayLike, thickness: float | None = None,
 ) -> StabilityTable:  # fmt: skip
-    """Tabulate the depth limit of each class of a program's stations.
+    """The classes of a program's stations, whose depth limits are computed where they are read.
 
     Parameters
     ----------
@@ -204,32 +239,21 @@ def stability_table(
         Of the program.
     dynamics, force_laws, tools : sequence
         One for each tool; a tool whose dynamics are not known (None) is not judged.
-    speed_rpm : (float, float)
-        Least and greatest spindle speed [rev/min].
-    cells : int
-        Of speed.
-    angle_step_deg : float
-        Between two marks of an arc's ends, twice that of the feed [deg]; from 0.1 to 45.
+    nodes_rpm : array_like, shape (C,)
+        Spindle speeds at which limits are computed, growing [rev/min].
     thickness : float, optional
         Of the chip, where a law that is not linear is taken [m].
-    method : {"zero_order", "semi_discretisation"}
-        The latter needs modes, and looks up to four times the program's greatest depth: above it
-        the limit is inf.
 
     Raises
     ------
     ValueError
-        When a parameter is out of its range, or the method does not go with the dynamics.
+        When a parameter is out of its range.
     """
-    if method not in ("zero_order", "semi_discretisation"):
-        raise ValueError(f"method = {method!r} is none: write zero_order or semi_discretisation")
-    low, high = speed_rpm[0] / 60, speed_rpm[1] / 60
-    if not 0.0 < low < high < np.inf:
-        raise ValueError(f"speed_rpm = {speed_rpm} must be two speeds above 0, the least first")
-    if cells < 1:
-        raise ValueError(f"cells = {cells} must be at least 1")
-    if not 0.1 <= angle_step_deg <= 45.0:
-        raise ValueError(f"angle_step_deg = {angle_step_deg} is out of its range, 0.1 to 45")
+    nodes = np.atleast_1d(np.asarray(nodes_rpm, dtype=np.float64)) / 60
+    if not len(nodes) or not (np.diff(nodes, prepend=0.0) > 0.0).all() or not nodes[-1] < np.inf:
+        raise ValueError(
+            f"nodes_rpm has {len(nodes)} speeds, which must be above 0 and grow: give one or more"
+        )
     many = int(stations.tool.max(initial=-1)) + 1
     for name, given in (("dynamics", dynamics), ("force_laws", force_laws), ("tools", tools)):
         if len(given) < many:
@@ -242,27 +266,21 @@ def stability_table(
     kept = known[stations.tool] if len(known) else np.zeros(0, dtype=np.bool_)
     judged = ~stations.unjudged
     judged[stations.block[~kept]] = False
-    # classes of the stations
-    step = np.deg2rad(angle_step_deg)
+    # classes of the stations, and how deep each is
     radial = _radial(stations, force_laws, tools, kept, thickness)
-    kinds, kind = np.unique(classes(stations, radial, step)[kept], axis=0, return_inverse=True)
-    limit = np.full((len(kinds), cells), np.inf)
-    # limit of each class: the least of the cuts that stand for it, each computed once
-    highest = 4.0 * float(stations.depth.max(initial=0.0))
-    done: dict[tuple[int, int, Corner], Floats] = {}
-    for row, (tool, sense, *marks) in zip(limit, kinds.tolist(), strict=True):
-        for corner in corners(marks, step):
-            key = tool, sense, corner
-            if key not in done:
-                cut = _cut(force_laws[tool], tools[tool], sense, corner, thickness)
-                tip = dynamics[tool] or ()
-                if method == "zero_order":
-                    done[key] = _zero_order(tip, cut, low, high, cells)
-                else:
-                    done[key] = _semi_discretised(tip, cut, low, high, cells, highest)
-            np.minimum(row, done[key], out=row)
+    rows, kind = np.unique(classes(stations, radial)[kept], axis=0, return_inverse=True)
+    kind = kind.ravel().astype(np.int64)
+    deepest = np.zeros(len(rows))
+    np.maximum.at(deepest, kind, stations.depth[kept])
+    kinds = [
+        CutClass(
+            dynamics=dynamics[row[0]] or (), highest=(1.0 + MOST) * depth,
+            cut=_cut(force_laws[row[0]], tools[row[0]], row, thickness),
+        )
+        for row, depth in zip(rows.tolist(), deepest.tolist(), strict=True)
+    ]  # fmt: skip
     return StabilityTable(
-        lowest=low, width=(high - low) / cells, limit=limit, kind=kind.ravel().astype(np.int64),
+        nodes=nodes, classes=kinds, limit=np.full((len(kinds), len(nodes)), np.nan), kind=kind,
         block=stations.block[kept].astype(np.int64), depth=stations.depth[kept], judged=judged,
     )  # fmt: skip
 
@@ -271,14 +289,15 @@ def _radial(
     stations: Immersions, force_laws: Sequence[ForceLaw], tools: Sequence[Tool],
     kept: Bools, thickness: float | None,
 ) -> Floats:  # fmt: skip
-    """Least and greatest radial coefficient less the side's, over the tangential one; (N, 2).
+    """Radial coefficient less the side's, over the tangential one; (N,).
 
-    That of the lowest and of the highest part of the edge as long as the depth.
+    Of the lowest part of the edge as long as the depth, or the highest, whichever is farther from
+    that of the side.
     """
     depth = stations.depth
     low = np.zeros_like(depth) if stations.lowest is None else np.maximum(stations.lowest, 0.0)
     high = depth if stations.highest is None else stations.highest
-    radial = np.zeros((len(depth), 2))
+    radial = np.zeros(len(depth))
     for tool in np.unique(stations.tool[kept]).tolist():
         mine = stations.tool == tool
         a, b, length = low[mine], high[mine], depth[mine]
@@ -290,47 +309,18 @@ def _radial(
                 "does not grow with the chip's thickness says nothing of chatter"
             )
         both = [in_plane(force_laws[tool], tools[tool], *end, thickness)[1] - side for end in ends]
-        radial[mine] = np.sort(np.transpose(both), axis=1) / tangential
+        farther = np.abs(both[0]) >= np.abs(both[1])
+        radial[mine] = np.where(farther, both[0], both[1]) / tangential
     return radial
 
 
-def _cut(
-    law: ForceLaw, tool: Tool, sense: int, corner: Corner, thickness: float | None
-) -> RegenerativeCut:
-    entry, exit, feed, share = corner
+def _cut(law: ForceLaw, tool: Tool, row: Sequence[int], thickness: float | None) -> RegenerativeCut:
+    """The cut of a class, a row of :func:`classes`."""
+    _, sense, level, entry, exit, feed, share = row
+    step = pi / 2**level
     tangential, side = stiffness(law, thickness)
     return RegenerativeCut(
-        K_tc=tangential, K_rc=side + tangential * share / SHARES, flutes=tool.flutes, entry=entry,
-        exit=exit, feed_direction=feed, direction=1 if sense > 0 else -1,
-        lag=abs(tan(tool.helix)) / tool.radius,
+        K_tc=tangential, K_rc=side + tangential * share / SHARES, flutes=tool.flutes,
+        entry=entry * step, exit=exit * step, feed_direction=feed * FEED,
+        direction=1 if sense > 0 else -1, lag=abs(tan(tool.helix)) / tool.radius,
     )  # fmt: skip
-
-
-def _zero_order(
-    dynamics: Dynamics, cut: RegenerativeCut, low: float, high: float, cells: int
-) -> Floats:
-    """Least depth of all lobes within each cell."""
-    from pipeline.cutting.stability.stability_kernel import lobes_in_cells
-
-    edge = stability_boundary(dynamics, cut, low, high)
-    inverse = np.zeros(cells)
-    width = (high - low) / cells
-    lobes_in_cells(edge.omega, edge.share, edge.inverse, cut.flutes, low, width, inverse)
-    limit = np.full_like(inverse, np.inf)
-    np.divide(1.0, inverse, out=limit, where=inverse > 0.0)
-    return limit
-
-
-def _semi_discretised(
-    dynamics: Dynamics, cut: RegenerativeCut, low: float, high: float, cells: int, highest: float
-) -> Floats:
-    """Lesser of the limits at both ends of each cell."""
-    if isinstance(dynamics, FrequencyResponse):
-        raise ValueError(
-            "method semi_discretisation needs modes, and a tool has a measured frequency response: "
-            "give its modes, or method zero_order"
-        )
-    nodes = np.linspace(low, high, cells + 1)
-    limit = depth_limits(dynamics, cut, nodes, highest=highest).depth_limit
-    least: Floats = np.minimum(limit[:-1], limit[1:])
-    return least

@@ -70,7 +70,7 @@ class Hole:
         self.point[self.normal] = level
         end = self.run.transform.machine(self.point)
         if end != self.run.state.position:
-            self.run.line_to(kind, self.line, end)
+            self.run.line_to(kind, self.line, end, code=self.run.cycle.code // 10)
 
     def dwell(self) -> None:
         """P at the bottom."""

@@ -25,6 +25,7 @@ from pipeline.optimisation.methods.speeds import (
 from pipeline.optimisation.problem.arrays import Decision, Groups, Rows
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
+from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 
@@ -170,10 +171,11 @@ def refined(model: BlockModel, pieces: Pieces, stretches: Stretches, group: Rows
     colours = _colours(changes, len(speeds))
     width = _widths(model.problem, stretches)
     steps = np.linspace(-1.0, 1.0, CANDIDATES)[:, None]
+    step = model.problem.speed_step
     for _ in range(NARROWINGS):
         for colour in range(int(colours.max()) + 1):
             mine = colours == colour
-            tried = np.where(mine, np.round(speeds * (1 + width * steps)), speeds)
+            tried = np.where(mine, np.round(stepped(speeds * (1 + width * steps), step)), speeds)
             tried[CANDIDATES // 2] = speeds
             tried = np.maximum(tried, 1.0)
             values = _values(model, pieces, stretches, changes, group, tried)

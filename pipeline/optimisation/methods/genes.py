@@ -6,7 +6,7 @@ is a place in that interval, on a logarithmic scale, from 0 to 1; whatever S a s
 follow it and keep their limits.  Genes of S are the spindle speeds themselves.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
@@ -14,11 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.optimisation.methods.feeds import common_bounds, feed_bounds
-from pipeline.optimisation.problem.arrays import Decision, Groups, RowGroups
+from pipeline.optimisation.problem.arrays import Decision, Groups, RowGroups, first_rows
 from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import MethodLimits
 
+INCH_STEP = 20.0
+"""Step of F in millimetres over that in inches [1]: 10 mm/min, 0.5 in/min."""
 ROUNDING = 1e-9
 """Excess over limits, as a share, up to which an evaluation keeps them [1]."""
 LEAST = 1e-3
@@ -68,7 +71,7 @@ class BoundedGenes:
     def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
         """F, shape (P, G), and S, shape (P, H), of genes of shape (P, G + H)."""
         many = self.groups.feeds
-        speeds = whole(genes[:, many:], self.start.speeds)
+        speeds = whole(genes[:, many:], self.start.speeds, self.problem.speed_step)
         low, high = group_bounds(self.problem, self.groups, speeds)
         possible = low <= high
         with np.errstate(over="ignore", invalid="ignore"):
@@ -90,9 +93,38 @@ class BoundedGenes:
         )  # fmt: skip
 
 
-def whole(speeds: Floats, start: Floats) -> Floats:
+def whole(speeds: Floats, start: Floats, step: float) -> Floats:
     """Whole S, shape (P, H); those next to where the search began as it had them, (H,)."""
-    return np.where(np.abs(speeds - start) < 0.5, start, np.round(speeds))
+    near = np.abs(speeds - start) < max(0.5, 0.5 * step)
+    return np.where(near, start, np.round(stepped(speeds, step)))
+
+
+def written_feeds(problem: Problem, decision: Decision) -> Decision:
+    """A decision with its F as people write them, where that keeps the limits.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose practice says the step.
+    decision : Decision
+        F of G groups; those as programmed stay.
+    """
+    practice, groups = problem.practice, decision.groups
+    if practice is None or not groups.feeds:
+        return decision
+    first = first_rows(groups.feed)
+    unit = practice.unit[first]
+    inches = unit != 1.0
+    step = practice.settings.feed_step_mm_min
+    given = decision.feeds / unit
+    down = (
+        np.where(inches, stepped(given, step / INCH_STEP, np.floor), stepped(given, step, np.floor))
+        * unit
+    )
+    low, _ = group_bounds(problem, groups, decision.speeds[None])
+    own = groups.own_feed[first]
+    kept = (down < low[0]) | (decision.feeds == own)
+    return replace(decision, feeds=np.where(kept, decision.feeds, down))
 
 
 def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats, Floats]:
@@ -104,7 +136,10 @@ def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats,
     low, high = np.zeros(len(own)), np.full(len(own), np.inf)
     np.maximum.at(low, groups.speed[rows], problem.ranges.speed_low[rows])
     np.minimum.at(high, groups.speed[rows], problem.ranges.speed_high[rows])
-    low, high = np.maximum(np.ceil(low), 1.0), np.floor(high)
+    step = problem.speed_step
+    low = np.maximum(np.ceil(stepped(low, step, np.ceil)), 1.0)
+    below = np.floor(stepped(np.minimum(high, 1e9), step, np.floor))
+    high = np.where(np.isfinite(high), below, high)
     free = np.isfinite(high) & (low <= high)
     return np.where(free, low, own), np.where(free, high, own)
 

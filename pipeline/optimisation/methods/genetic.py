@@ -26,6 +26,7 @@ from pipeline.optimisation.methods.genes import (
 from pipeline.optimisation.problem.arrays import Decision, Groups, first_rows
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, SearchSettings
+from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 from pipeline.search.compass import compass
@@ -282,7 +283,7 @@ class _Words:
     """Genes that are F [mm/min] and S [rev/min] themselves, from their ranges alone."""
 
     def __init__(self, problem: Problem, groups: Groups) -> None:
-        self.groups = groups
+        self.groups, self._step = groups, problem.speed_step
         first = first_rows(groups.feed)
         self._first = first
         self._by_turn = problem.cut.plan.path.motion[first] == Motion.PER_TURN
@@ -298,7 +299,7 @@ class _Words:
     def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
         """F in the units of ``Moves``, shape (P, G), and whole S, shape (P, H)."""
         many = len(self._first)
-        speeds = np.round(genes[:, many:])
+        speeds = np.round(stepped(genes[:, many:], self._step))
         spindle_speed = self.groups.row_speeds(speeds)[:, self._first]
         by_turn = np.where(self._by_turn & (spindle_speed > 0), spindle_speed, 1.0)
         return genes[:, :many] / by_turn, speeds

@@ -16,6 +16,7 @@ from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import leads
 from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.modal_words import LineRuns
+from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Bools, Floats
 
 SPEEDS = 48
@@ -160,8 +161,12 @@ def _speeds(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> Floats:
     corners = corners[(corners > low) & (corners < high)]
     if len(corners) > CORNERS:
         corners = np.quantile(corners, np.linspace(0, 1, CORNERS))
-    ends = [np.ceil(low), np.floor(high)]
-    whole = np.concatenate([ends, np.round(row), np.ceil(corners)])
+    step = problem.speed_step
+    ends = stepped([low], step, np.ceil), stepped([high], step, np.floor)
+    whole = np.concatenate([
+        np.ceil(ends[0]), np.floor(ends[1]), np.round(stepped(row, step)),
+        np.ceil(stepped(corners, step, np.ceil)),
+    ])  # fmt: skip
     inside = whole[(whole >= low) & (whole <= high)]
     speeds: Floats = np.unique(np.concatenate([inside, own[(own >= low) & (own <= high)]]))
     return speeds if len(speeds) else np.array([low])

@@ -4,15 +4,17 @@ A program as interpreted has M rows, one for each move.  Rows of one line form a
 share an F form one of G groups, those that share an S one of H stretches.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.catalogue import CuttingRange, Operation
 from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode
 from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.limits import MachiningPractice
 from pipeline.schema.part import HeldRows
 from pipeline.twin.cut import Cut
 
@@ -22,15 +24,19 @@ Rows = NDArray[np.intp]
 CONSTRAINTS = (
     "load limit", "deflection", "roughness", "greatest chip", "least chip", "spindle torque",
     "spindle power", "stability", "cutting speed", "spindle speed", "feed", "as programmed",
+    "feed per tooth", "change from the program",
 )  # fmt: skip
-"""The last: chips of a plunge or a drill that nothing else bounds get no thicker than they were."""
+"""As programmed: where the operation allows no more for each tooth, or of a plunge or a drill that
+nothing else bounds.  The last two: the range of the tool, and the greatest change."""
 
 (
     LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, LEAST_CHIP, TORQUE, POWER, STABILITY,
-    CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED,
+    CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
 ) = range(len(CONSTRAINTS))  # fmt: skip
 
-F_Z_CONSTRAINTS = (LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED)
+F_Z_CONSTRAINTS = (
+    LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
+)  # fmt: skip
 """Constraints that bound f_z from above, whatever the spindle speed."""
 
 
@@ -40,7 +46,7 @@ class Bounds:
 
     Parameters
     ----------
-    most : ndarray, shape (6, M)
+    most : ndarray, shape (8, M)
         Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit.
     least : ndarray, shape (M,)
         For the least chip; 0 where there is none.
@@ -92,6 +98,79 @@ class Ranges:
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
     counted: Bools = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperationRange:
+    """Ranges that hold for one tool in one operation.
+
+    Parameters
+    ----------
+    tool : int
+        Number.
+    operation : str
+        Of :data:`pipeline.cutting.catalogue.OPERATIONS`.
+    range : CuttingRange
+        With its source; None in it where nothing is known.
+    kept : str
+        Why F and S stay as programmed; empty where they may change.
+    """
+
+    tool: int
+    operation: Operation
+    range: CuttingRange
+    kept: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Practice:
+    """Limits of M rows; every array has shape (M,) and is infinite (or 0) where nothing limits.
+
+    Parameters
+    ----------
+    settings : MachiningPractice
+        How far F and S may go.
+    operation : ndarray of int8
+        Place in :data:`pipeline.cutting.catalogue.OPERATIONS`; -1 of rows that do not move at feed.
+    ranges : tuple of OperationRange
+        Of each tool in each operation.
+    kept_feed, kept_speed : tuple of (str, ndarray of bool)
+        Rows whose F, S stay as programmed, by reason.
+    f_z_low, f_z_high : ndarray
+        Feed for each tooth by the tool's range [m].
+    f_z_change : ndarray
+        Greatest feed for each tooth by the change from the program [m].
+    f_z_own : ndarray
+        That programmed, where the operation allows no more [m].
+    feed_low, feed_high : ndarray
+        F by the change from the program [mm/min].
+    speed_low, speed_high : ndarray
+        S by the change from the program, and where no tool life is known [rev/min].
+    surface_low, surface_high : ndarray
+        S by the range of the cutting speed and by the least tool life [rev/min].
+    unit : ndarray
+        Millimetres in the unit of length that F counts in the text.
+    passes : ndarray of intp
+        Pass of each row that shares its F with it, -1 for others.
+    """
+
+    settings: MachiningPractice
+    operation: NDArray[np.int8] = field(repr=False)
+    ranges: tuple[OperationRange, ...]
+    kept_feed: tuple[tuple[str, Bools], ...] = field(repr=False)
+    kept_speed: tuple[tuple[str, Bools], ...] = field(repr=False)
+    f_z_low: Floats = field(repr=False)
+    f_z_high: Floats = field(repr=False)
+    f_z_change: Floats = field(repr=False)
+    f_z_own: Floats = field(repr=False)
+    feed_low: Floats = field(repr=False)
+    feed_high: Floats = field(repr=False)
+    speed_low: Floats = field(repr=False)
+    speed_high: Floats = field(repr=False)
+    surface_low: Floats = field(repr=False)
+    surface_high: Floats = field(repr=False)
+    unit: Floats = field(repr=False)
+    passes: Rows = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -232,6 +311,35 @@ class Editable:
     may_start: Bools = field(repr=False)
     own_start: Bools = field(repr=False)
     held: tuple[HeldRows, ...]
+
+
+def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
+    """Editable rows in which the rows of a pass are one block, inside which S does not change.
+
+    Parameters
+    ----------
+    editable : Editable
+        F and S that may change, of M rows.
+    passes : ndarray of intp, shape (M,)
+        Pass of each row, -1 for those of none.
+    """
+    block, line = editable.block, editable.line
+    rows = np.flatnonzero((passes >= 0) & (block >= 0))
+    lowest = np.arange(len(line))
+    while len(rows):
+        of_pass = np.full(int(passes.max()) + 1, len(line))
+        np.minimum.at(of_pass, passes[rows], lowest[block[rows]])
+        joined = lowest.copy()
+        np.minimum.at(joined, block[rows], of_pass[passes[rows]])
+        if (joined == lowest).all():
+            break
+        lowest = joined
+    kept, number = np.unique(lowest, return_inverse=True)
+    goes_on = (passes >= 0) & (passes == np.roll(passes, 1))
+    return replace(
+        editable, block=np.where(block >= 0, number[block], -1) if len(line) else block,
+        line=line[kept], may_start=editable.may_start & ~goes_on,
+    )  # fmt: skip
 
 
 class RowGroups:

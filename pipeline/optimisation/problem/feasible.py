@@ -17,6 +17,7 @@ from pipeline.optimisation.problem.arrays import (
     CONSTRAINTS,
     F_Z_CONSTRAINTS,
     Editable,
+    Practice,
     Rows,
     feeds_per_minute,
 )
@@ -57,6 +58,8 @@ REMEDY = {
     at.STABILITY: "take less depth, or another speed",
     at.CUTTING_SPEED: "widen cutting_speed_m_min",
     at.SPINDLE_SPEED: "widen limits.speed_rpm",
+    at.FEED_PER_TOOTH: "give the tool's feed_per_tooth_mm",
+    at.CHANGE: "widen practice.change",
 }
 
 
@@ -72,7 +75,7 @@ def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> F
 
     Returns
     -------
-    ndarray, shape (12, M)
+    ndarray, shape (14, M)
         In the order of ``CONSTRAINTS``; 0 where nothing limits.  F and S outside of their ranges
         on either side are above 1.
     """
@@ -93,6 +96,12 @@ def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> F
     machine = _outside(spindle_speed, ranges.speed_low, ranges.speed_high)
     out[at.SPINDLE_SPEED] = np.where(ranges.counted & (machine > surface), machine, 0.0)
     own = feeds_per_minute(problem.cut, feeds, spindle_speed)
+    if problem.practice is not None:
+        changed = np.maximum(
+            _over(own, problem.practice.feed_high),
+            _over(spindle_speed, problem.practice.speed_high),
+        )
+        out[at.CHANGE] = np.maximum(out[at.CHANGE], np.where(cuts, changed, 0.0))
     limited = np.isfinite(ranges.feed_high)
     out[at.FEED] = np.where(limited, _outside(own, ranges.feed_low, ranges.feed_high), 0.0)
     return out
@@ -157,7 +166,7 @@ def check_known(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
 
 def problem_of(
     cut: Cut, basis: CutBasis, limits: CutLimit, editable: Editable, *,
-    f_z_load: Floats | None = None,
+    f_z_load: Floats | None = None, practice: Practice | None = None,
 ) -> Problem:  # fmt: skip
     """Limits and objectives of the rows of a cut.
 
@@ -174,6 +183,8 @@ def problem_of(
     f_z_load : ndarray, shape (M,), optional
         Feed for each tooth up to which the load keeps its limit [m]; by default that of the load
         table.
+    practice : Practice, optional
+        Ranges by tool and operation, and the greatest change from the program.
 
     Raises
     ------
@@ -183,8 +194,8 @@ def problem_of(
     """
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
-    bounds = bounds_of(cut, blocks, limits, f_z_load)
-    ranges = ranges_of(cut, cut.tool >= 0, limits, editable, basis.drive)
+    bounds = bounds_of(cut, blocks, limits, f_z_load, practice)
+    ranges = ranges_of(cut, limits, editable, basis.drive, practice)
     life = tool_life(cut, blocks, arcs, basis.material)
     problem = Problem(
         cut=cut,
@@ -196,6 +207,7 @@ def problem_of(
         ranges=ranges,
         demand=demand_of(cut, blocks, life, basis, limits, bounds=bounds, ranges=ranges),
         lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed),
+        practice=practice,
     )
     _check(problem, load_limited=f_z_load is not None)
     return problem
@@ -206,7 +218,7 @@ def with_load(problem: Problem, f_z_load: Floats) -> Problem:
 
     Stability lobes are not computed again.
     """
-    bounds = bounds_of(problem.cut, problem.blocks, problem.limits, f_z_load)
+    bounds = bounds_of(problem.cut, problem.blocks, problem.limits, f_z_load, problem.practice)
     other = replace(problem, bounds=bounds, demand=problem.demand.with_bounds(bounds))
     _check(other, load_limited=True)
     return other
@@ -255,6 +267,8 @@ def _check_spindle_on(problem: Problem) -> None:
 def _check_limited(problem: Problem, load_limited: bool) -> None:
     """Each tool that cuts needs a limit that grows with its feed per tooth."""
     limits = problem.limits
+    if problem.practice is not None:
+        return
     every = (limits.load_N, limits.roughness_um, limits.chip_um, limits.torque_Nm)
     if load_limited or any(limit is not None for limit in every):
         return

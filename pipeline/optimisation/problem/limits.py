@@ -24,6 +24,7 @@ from pipeline.optimisation.problem.arrays import (
     F_Z_CONSTRAINTS,
     Bounds,
     Editable,
+    Practice,
     Ranges,
     feeds_per_minute,
 )
@@ -35,13 +36,16 @@ from pipeline.twin.cut_blocks import CutBlocks
 MM, UM = 1e-3, 1e-6
 STEEP = float(np.sqrt(0.5))
 """|dz / ds| from which a motion is a plunge."""
+SOFT = 0.85
+"""Of the greatest feed for each tooth, up to which the least one of a range gives way to it [1]."""
 LEAST_FEED = 0.1
 """Of the least F of a program, where no range is given, or one from 0 on."""
 
 
 def bounds_of(
-    cut: Cut, blocks: CutBlocks, limits: CutLimit, f_z_load: Floats | None = None
-) -> Bounds:
+    cut: Cut, blocks: CutBlocks, limits: CutLimit, f_z_load: Floats | None = None,
+    practice: Practice | None = None,
+) -> Bounds:  # fmt: skip
     """Bounds of each row of a cut.
 
     Parameters
@@ -54,11 +58,13 @@ def bounds_of(
         Of the part.
     f_z_load : ndarray, shape (M,), optional
         Feed for each tooth that the load limit allows [m]; by default that of the load table.
+    practice : Practice, optional
+        Ranges by tool and operation, and the greatest change.
     """
     margins = limits.margins
     torque = greatest_torque(cut)
     most = np.full((len(F_Z_CONSTRAINTS), cut.engagement.blocks), np.inf)
-    load, deflection, roughness, chip, by_torque, programmed = most
+    load, deflection, roughness, chip, by_torque, programmed, tooth, change = most
     cuts = cut.tool >= 0
     if f_z_load is not None:
         load[cuts] = f_z_load[cuts]
@@ -75,13 +81,22 @@ def bounds_of(
     if limits.torque_Nm is not None:
         by_torque[:] = inverse(cut, torque, limits.torque_Nm * (1 - margins.torque))
     factor = _chip_factor(cut, blocks)
-    chip[:] = _greatest_chip(cut, limits, factor)
-    alone = _only_along(cut) | ~np.isfinite(most).any(axis=0)
-    programmed[:] = np.where(
-        alone & ~np.isfinite(chip), cut.commanded_feed_per_tooth(), np.inf
-    )  # fmt: skip
+    chip[:] = _greatest_chip(cut, limits, factor, by_tool=practice is None)
+    least = _least(cut, blocks, limits, factor, by_tool=practice is None)
+    if practice is None:
+        alone = _only_along(cut) | ~np.isfinite(most).any(axis=0)
+        own = cut.commanded_feed_per_tooth()
+        programmed[:] = np.where(alone & ~np.isfinite(chip), own, np.inf)
+    else:
+        programmed[:], tooth[:], change[:] = (
+            practice.f_z_own,
+            practice.f_z_high,
+            practice.f_z_change,
+        )
+        gives_way = np.minimum(practice.f_z_low, SOFT * most.min(axis=0))
+        least = np.maximum(least, np.where(cuts, gives_way, 0.0))
     most[:, ~cuts] = np.inf
-    return Bounds(most=most, least=_least(cut, blocks, limits, factor), torque=torque)
+    return Bounds(most=most, least=least, torque=torque)
 
 
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
@@ -177,10 +192,10 @@ def _chip_factor(cut: Cut, blocks: CutBlocks) -> Floats:
     return out
 
 
-def _greatest_chip(cut: Cut, limits: CutLimit, factor: Floats) -> Floats:
+def _greatest_chip(cut: Cut, limits: CutLimit, factor: Floats, *, by_tool: bool) -> Floats:
     """Greatest f_z by the thickest chip that is allowed and by the tools' makers [m]."""
     share = 1 - limits.margins.chip
-    made = [tool.feed_per_tooth_mm for tool in cut.tools]
+    made = [tool.feed_per_tooth_mm if by_tool else None for tool in cut.tools]
     most = np.array([np.inf if span is None else span[1] * MM * share for span in made])[cut.tool]
     if limits.chip_um is not None:
         thickest = limits.chip_um[1] * UM * share
@@ -189,13 +204,15 @@ def _greatest_chip(cut: Cut, limits: CutLimit, factor: Floats) -> Floats:
     return most
 
 
-def _least(cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats) -> Floats:
+def _least(
+    cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats, *, by_tool: bool
+) -> Floats:
     """Least f_z by the thinnest chip and by the tools' makers [m]; shape (M,).
 
     A row that is engaged over less than a cell of the blank is too thin for its thickness to count.
     """
     share = 1 + limits.margins.chip
-    made = [tool.feed_per_tooth_mm for tool in cut.tools]
+    made = [tool.feed_per_tooth_mm if by_tool else None for tool in cut.tools]
     least = np.array([0.0 if span is None else span[0] * MM * share for span in made])[cut.tool]
     if limits.chip_um is not None:
         wide = np.zeros(len(least), dtype=np.bool_)
@@ -226,38 +243,48 @@ def _only_along(cut: Cut) -> Bools:
 
 
 def ranges_of(
-    cut: Cut, cuts: Bools, limits: CutLimit, editable: Editable, drive: SpindleDrive | None
-) -> Ranges:
+    cut: Cut, limits: CutLimit, editable: Editable, drive: SpindleDrive | None,
+    practice: Practice | None = None,
+) -> Ranges:  # fmt: skip
     """Ranges of each row.
 
     Parameters
     ----------
     cut : Cut
         Of M rows.
-    cuts : ndarray of bool, shape (M,)
-        Rows that cut at feed.
     limits : CutLimit
         Of the part.
     editable : Editable
         What may be changed.
     drive : SpindleDrive or None
         Of the machine.
+    practice : Practice, optional
+        Ranges by tool and operation, and the greatest change.
 
     Raises
     ------
     ValueError
         When a range is empty.
     """
-    unknown = not_computed(cut)
+    cuts, unknown = cut.tool >= 0, not_computed(cut)
     feed_low, feed_high = _feeds(cut, limits, editable, unknown)
-    surface_low, surface_high = _surface(cut, limits)
+    surface_low, surface_high = _surface(cut, limits, by_tool=practice is None)
     highest = cut.plan.path.control.auxiliary.maximum_speed
     if drive is not None:
         highest = min(highest, drive.top_speed_rpm)
-    low, high = _speeds(cut, cuts, limits, drive, highest)
+    low, high = (np.full(len(cuts), end) for end in _speeds(cut, cuts, limits, drive, highest))
+    high = np.minimum(high, highest)
+    if practice is not None:
+        free_feed = editable.block >= 0
+        feed_high = np.where(free_feed, np.minimum(feed_high, practice.feed_high), feed_high)
+        feed_low = np.where(free_feed, np.maximum(feed_low, practice.feed_low), feed_low)
+        feed_low = np.minimum(feed_low, feed_high)
+        surface_low = np.maximum(surface_low, practice.surface_low)
+        surface_high = np.minimum(surface_high, practice.surface_high)
+        low, high = np.maximum(low, practice.speed_low), np.minimum(high, practice.speed_high)
     free = editable.speed & ~unknown
     speed_low = np.where(free, np.maximum(low, surface_low), surface_low)
-    speed_high = np.minimum(np.where(free, min(high, highest), highest), surface_high)
+    speed_high = np.minimum(np.where(free, high, highest), surface_high)
     own = cut.plan.spindle_speed
     ranges = Ranges(
         feed_low=feed_low,
@@ -311,12 +338,13 @@ def _feeds(
     )
 
 
-def _surface(cut: Cut, limits: CutLimit) -> tuple[Floats, Floats]:
+def _surface(cut: Cut, limits: CutLimit, *, by_tool: bool) -> tuple[Floats, Floats]:
     """Range of S by the cutting speeds of the limits and of the tools' makers [rev/min]."""
     margin = limits.margins.cutting_speed
     low, high = np.zeros(len(cut.tools) + 1), np.full(len(cut.tools) + 1, np.inf)
     for index, tool in enumerate(cut.tools):
-        for span in (limits.cutting_speed_m_min, tool.cutting_speed_m_min):
+        made = tool.cutting_speed_m_min if by_tool else None
+        for span in (limits.cutting_speed_m_min, made):
             if span is not None:
                 spindle_speed = np.array(span) / (np.pi * tool.diameter)
                 low[index] = max(low[index], spindle_speed[0] * (1 + margin))

@@ -15,7 +15,14 @@ from numpy.typing import ArrayLike
 from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.row_motion import motion_times
-from pipeline.optimisation.problem.arrays import Bounds, Editable, Evaluation, Groups, Ranges
+from pipeline.optimisation.problem.arrays import (
+    Bounds,
+    Editable,
+    Evaluation,
+    Groups,
+    Practice,
+    Ranges,
+)
 from pipeline.optimisation.problem.demand import Demand
 from pipeline.optimisation.problem.limits import inverse
 from pipeline.optimisation.problem.spindle import (
@@ -59,6 +66,8 @@ class Problem:
         Objectives of each row.
     lobes : Lobes
         Of stability.
+    practice : Practice, optional
+        Ranges by tool and operation, and the greatest change from the program.
     """
 
     cut: Cut = field(repr=False)
@@ -70,9 +79,15 @@ class Problem:
     ranges: Ranges = field(repr=False)
     demand: Demand = field(repr=False)
     lobes: Lobes = field(repr=False)
+    practice: Practice | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.cut.plan.path)
+
+    @property
+    def speed_step(self) -> float:
+        """S is a whole multiple of it, or of a part of it where S is small [rev/min]."""
+        return 0.0 if self.practice is None else self.practice.settings.speed_step_rpm
 
     @cached_property
     def cuts(self) -> Bools:

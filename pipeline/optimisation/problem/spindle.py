@@ -6,6 +6,7 @@ run-up time of the spindle, which the control waits for or cuts through.
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,16 +24,16 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_stability import stability
+from pipeline.twin.cut_stability import table_of
 
 NEAR = 1e-9
 """Rounding, as a share: two speeds count as one, a margin as kept."""
 SLOWEST = 0.1
-"""Slowest speed whose lobes are computed, over the fastest: below it lobes stand close together,
-and the least limit of all speeds counts.
+"""Slowest speed whose limits are computed, over the fastest; slower ones count as that one, where
+the program has none of its own: lobes stand so close there that limits are nearly the same.
 """
-ALIKE = 0.999
-"""Greatest ratio of the slowest to the fastest speed, so that there are two."""
+COARSE = 0.006
+"""Greatest step between two speeds whose limits are computed, over the speed."""
 
 
 def allowed_power(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
@@ -246,11 +247,9 @@ def _waiting(path: Path, rows: Rows) -> Rows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chatter:
-    """Lobes of a cut between two speeds [rev/min]."""
+    """Stability of a cut over spindle speeds."""
 
     table: StabilityTable
-    low: float
-    high: float
 
     def margins(self, spindle_speed: Floats) -> Floats:
         """Least stability margin of each row [1]; inf in air, NaN without dynamics.
@@ -258,9 +257,9 @@ class Chatter:
         Parameters
         ----------
         spindle_speed : ndarray, shape (M,) or (P, M)
-            [rev/min]; those outside of the lobes count as their ends.
+            [rev/min]; those outside of the table count as their ends.
         """
-        return self.table.margins(np.clip(spindle_speed, self.low, self.high))
+        return self.table.margins(np.clip(spindle_speed, *(60 * self.table.nodes[[0, -1]])))
 
     def violation(self, spindle_speed: Floats, least: float) -> Floats:
         """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) speeds."""
@@ -270,7 +269,7 @@ class Chatter:
 
 
 class Lobes:
-    """Stability lobes, computed at their first use and kept: they take time.
+    """Stability lobes, computed where they are first read and then kept: they take time.
 
     Parameters
     ----------
@@ -294,7 +293,7 @@ class Lobes:
 def chatter_of(
     cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, ranges: Ranges, free: NDArray[np.bool_]
 ) -> Chatter | None:
-    """Lobes over the speeds that rows may have, those of the program where S is kept.
+    """Stability over the speeds that rows may have, those of the program where S is kept.
 
     None where nothing that is milled has known dynamics.
     """
@@ -304,14 +303,26 @@ def chatter_of(
     high = float(np.where(mine, ranges.speed_high[row], own).max(initial=0.0))
     if not high > 0.0:
         return None
-    span = max(min(low, ALIKE * high), SLOWEST * high), high
-    lobes = stability(cut, blocks, dynamics, span)
-    if lobes is None:
-        return None
-    table = _deepest(lobes.table)
-    if low < span[0]:
-        table.limit[:, 0] = table.limit.min(axis=1)
-    return Chatter(table=table, low=span[0], high=span[1])
+    nodes = speed_nodes(max(low, SLOWEST * high), high)
+    nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
+    found = table_of(cut, blocks, dynamics, nodes)
+    return None if found is None else Chatter(table=_deepest(found[0]))
+
+
+def speed_nodes(low: float, high: float) -> Floats:
+    """Speeds from ``low`` to ``high`` [rev/min] at which limits are computed, these two among them.
+
+    Round ones, 0.24 to 0.6 % apart, so that a speed that is rounded to 50 lies on one, and what
+    one program has computed serves another.
+    """
+    steps = [unit * 10.0**power for power in range(-3, 7) for unit in (1.0, 2.5, 5.0)]
+    parts = [np.array([low, high])]
+    for step, next_step in pairwise(steps):
+        first = np.ceil(max(low, step / COARSE) / step)
+        last = np.floor(min(high, next_step / COARSE) / step)
+        parts.append(step * np.arange(first, last + 1))
+    nodes: Floats = np.unique(np.concatenate(parts))
+    return nodes
 
 
 def _deepest(table: StabilityTable) -> StabilityTable:

@@ -32,12 +32,12 @@ from pipeline.optimisation.proof.moves import (
     moves_digest,
     splits_of,
 )
+from pipeline.optimisation.proof.reasons import text_difference
 from pipeline.optimisation.proof.text import (
     Difference,
     WordChange,
     proof_line,
     shown,
-    text_difference,
     text_digest,
     with_comment,
     without_comment,

@@ -21,7 +21,7 @@ SEALED_G = frozenset(
 """Dwell, data input, limits, probing, threads, tapping, calls, G93, G96 and their like."""
 SEALED_M = frozenset((19, 29, 70, 71, 72, 73, 96, 97, 98, 99, 198))
 """Oriented stop, rigid tapping, saved states, calls."""
-_COMMENT = re.compile(rb"\([^)]*\)|\(.*|;.*", re.DOTALL)
+COMMENT = re.compile(rb"\([^)]*\)|\(.*|;.*", re.DOTALL)
 _BRACKETS = re.compile(rb"\[[^\[\]]*\]")
 _VARIABLE = re.compile(rb"[#%b]*#[%b]*(?:[0-9]+|<[^>]*>|\x02+)" % (BLANKS, BLANKS))
 _GAP = re.compile(rb"[%b\x01]+" % BLANKS)
@@ -33,7 +33,9 @@ _WORD = re.compile(
 _DECIMAL = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _PLAIN = re.compile(rb"(?i)[FS][ \t\v\f\x00\x7f]*(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 """A word as it may be written anew: no sign, no blank between digits."""
-NOTHING = b""
+LINE_END = "its line end differs"
+SEALED = "it differs, and F or S may mean something else in it"
+MORE = "it differs in more than its F and S words"
 _PROOF_COMMENT = re.compile(
     rb"(?:\(KERF PROOF SHA256 ([0-9A-F]{64})\)|; KERF PROOF SHA256 ([0-9A-F]{64}))"
 )
@@ -125,11 +127,11 @@ def scanned(text: bytes) -> Scan | None:
         elif letter != "N":
             last_other = at
         numbers.append((letter, float(number[0]) if number is not None else -1.0))
-    sealed = any(map(_seals, numbers))
+    sealed = any(map(seals, numbers))
     return None if sealed else Scan(text, tuple(spans), last_other)
 
 
-def _seals(word: tuple[str, float]) -> bool:
+def seals(word: tuple[str, float]) -> bool:
     """Whether a word gives the F or S of its line another meaning, or names a program."""
     letter, value = word
     if letter == "G":
@@ -141,7 +143,7 @@ def _seals(word: tuple[str, float]) -> bool:
 
 def _masked(text: bytes) -> bytes:
     """The line with 1 for each byte of a comment and 2 for each of a value that is no number."""
-    masked = _COMMENT.sub(lambda found: b"\x01" * len(found[0]), text)
+    masked = COMMENT.sub(lambda found: b"\x01" * len(found[0]), text)
     if b"\x01" in text or b"\x02" in text:
         return b"\x03"  # no word begins so: sealed
     if b"[" not in masked and b"#" not in masked:
@@ -154,7 +156,7 @@ def _masked(text: bytes) -> bytes:
 
 def _without_blanks(text: bytes) -> bytes:
     pieces, at = [], 0
-    for comment in _COMMENT.finditer(text):
+    for comment in COMMENT.finditer(text):
         pieces += [text[at : comment.start()].translate(None, BLANKS_TO_STRIP), comment[0]]
         at = comment.end()
     return b"".join([*pieces, text[at:].translate(None, BLANKS_TO_STRIP)])
@@ -183,35 +185,9 @@ class Difference:
         return f"line {self.line}: {self.reason}: {self.before!r} became {self.after!r}"
 
 
-def text_difference(
-    before: list[bytes], after: list[bytes]
-) -> tuple[Difference | None, tuple[WordChange, ...]]:
-    """The first line that differs in more than F and S words, and what differs in those.
-
-    Parameters
-    ----------
-    before, after : list of bytes
-        Lines with their ends.
-    """
-    changes: list[WordChange] = []
-    for number, (old, new) in enumerate(zip(before, after, strict=False), 1):
-        if old == new:
-            continue
-        difference = _line_changes(number, old, new)
-        if isinstance(difference, str):
-            return Difference(number, shown(old), shown(new), difference), tuple(changes)
-        changes += difference
-    if len(before) != len(after):
-        number = min(len(before), len(after))
-        old, new = (lines[number] if len(lines) > number else NOTHING for lines in (before, after))
-        reason = f"one text has {len(before)} lines and the other {len(after)}"
-        return Difference(number + 1, shown(old), shown(new), reason), tuple(changes)
-    return None, tuple(changes)
-
-
 def same_but_words(old: bytes, new: bytes) -> bool:
     """Whether two lines, with their ends, differ in nothing but F and S words."""
-    return old == new or not isinstance(_line_changes(0, old, new), str)
+    return old == new or not isinstance(line_changes(0, old, new), str)
 
 
 def text_digest(lines: list[bytes]) -> bytes:
@@ -230,14 +206,14 @@ def shown(text: bytes) -> str:
     return text.rstrip(b"\r\n").decode("latin-1")
 
 
-def _line_changes(number: int, old: bytes, new: bytes) -> list[WordChange] | str:
+def line_changes(number: int, old: bytes, new: bytes) -> list[WordChange] | str:
     """F and S words of a line that differ, or the reason why it is not the same."""
     body, other = old.rstrip(b"\r\n"), new.rstrip(b"\r\n")
     if old[len(body) :] != new[len(other) :]:
-        return "its line end differs"
+        return LINE_END
     before, after = scanned(body), scanned(other)
     if before is None or after is None:
-        return "it differs, and F or S may mean something else in it"
+        return SEALED
     given = {span.letter: span for span in before.changeable}
     kept = [span for span in after.changeable if span.letter in given]
     added = [span for span in after.changeable if span.letter not in given]
@@ -251,7 +227,7 @@ def _line_changes(number: int, old: bytes, new: bytes) -> list[WordChange] | str
     frame = _frame(body, [given[span.letter] for span in kept])
     order = [span.letter for span in before.changeable] == [span.letter for span in kept]
     if not order or frame not in _frames_without(after, kept, added):
-        return "it differs in more than its F and S words"
+        return MORE
     return _words(number, body, other, given, kept, added)
 
 

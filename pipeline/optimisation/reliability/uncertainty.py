@@ -25,11 +25,12 @@ import numpy as np
 
 from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
 from pipeline.cutting.tool import UM, Tool
+from pipeline.optimisation.reliability.judged import judged_errors, judged_spread
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import MAGNITUDE, CuttingModel
+from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.part import UncertainQuantity
-from pipeline.schema.verdict import Verdict
+from pipeline.schema.verdict import UsedStatus, Verdict
 from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
 
 NORMAL = 1.959963984540054
@@ -152,7 +153,8 @@ def uncertainty(
         else:
             drawn = _taken_over(given, sources.index(given.source), settings)
         drawn_tools[number] = _with_runout(drawn, tools[number], given.kind, model, settings)
-    spread, spread_source = model_spread(verdict, settings.model)
+    own = any(one.kind == "identified" for one in coefficients.values())
+    spread, spread_source = model_spread(verdict, settings, own=own)
     depth = UncertainQuantity(
         what="axial depth", value="as in the blank", spread=f"{settings.depth_um:g} um",
         source="certainty.depth_um: tool length and blank, of each tool",
@@ -288,19 +290,15 @@ def root(matrix: Floats) -> Floats:
     return factor / np.where(length > 0, length, 1.0)
 
 
-def model_spread(verdict: Verdict | None, least: float) -> tuple[float, str]:
-    """Standard deviation of the model's peak loads [1], at least ``least``, and its source.
+def model_spread(
+    verdict: Verdict | None, settings: ReliabilitySettings, *, own: bool
+) -> tuple[float, str]:
+    """Standard deviation of the model's peak loads [1], and its source.
 
-    It is the root mean square of the errors of the peaks of recordings that the coefficients were
-    not fitted on, to two digits of a percent, as they are shown.
+    Coefficients of this machine (``own``) count as their verdict says, see
+    :func:`~pipeline.optimisation.reliability.judged.judged_spread`; others' have a spread of their
+    own, beside which the model itself counts with the errors that were measured.
     """
-    scores = () if verdict is None else verdict.of(MAGNITUDE)
-    errors = [
-        round(s.peak_percent, 2) for s in scores
-        if s.regime == "" and s.group != "all" and s.role != "training"
-        and s.peak_percent is not None
-    ]  # fmt: skip
-    rms = float(np.sqrt(np.mean(np.square(errors)))) / 100 if errors else 0.0
-    if rms > least:
-        return rms, f"{len(errors)} recordings that the coefficients were not found from"
-    return least, "certainty.model"
+    status: UsedStatus = "not judged" if verdict is None else verdict.status
+    errors = judged_errors("cutting", verdict)
+    return judged_spread(status if own else "passed", errors, settings.model, settings)

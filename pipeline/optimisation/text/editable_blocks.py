@@ -5,7 +5,7 @@ block may change only where every line that reads its F afterwards can be given 
 block before one that cannot, a subprogram in another file, say, stays as programmed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,7 +24,7 @@ from pipeline.optimisation.text.words import NONE, OTHER, FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.part import HeldRows
 
-Reasons = list[tuple[str, Bools]]
+Reasons = Sequence[tuple[str, Bools]]
 
 SELF = "the program's own expressions may read F and S"
 ELSEWHERE = "it is in another file"
@@ -33,7 +33,9 @@ PROBES = "it probes"
 CLOSED = "its line calls, computes or sets something, and nothing is written into it"
 
 
-def editable_blocks(program: Program, moves: Moves) -> Editable:
+def editable_blocks(
+    program: Program, moves: Moves, kept_feed: Reasons = (), kept_speed: Reasons = ()
+) -> Editable:
     """Blocks of a program whose F and S may change.
 
     Parameters
@@ -42,13 +44,16 @@ def editable_blocks(program: Program, moves: Moves) -> Editable:
         Text.
     moves : Moves
         The program as interpreted, M rows.
+    kept_feed, kept_speed : sequence of (str, ndarray of bool)
+        Rows (M,) that are to keep their F, their S, by reason; their lines may be given the words
+        that keep it.
 
     Returns
     -------
     Editable
         Blocks in the order of their lines.
     """
-    places = places_of(program, moves)
+    places = places_of(program, moves, kept_feed, kept_speed)
     speed = places.speed
     lines = np.unique(moves.line[places.feed_free])
     block = np.full(len(moves), -1, dtype=np.intp)
@@ -99,8 +104,10 @@ class Places:
     speed_reasons: Reasons = field(repr=False)
 
 
-def places_of(program: Program, moves: Moves) -> Places:
-    """Where F and S of a program are read and may be written."""
+def places_of(
+    program: Program, moves: Moves, kept_feed: Reasons = (), kept_speed: Reasons = ()
+) -> Places:
+    """Where F and S of a program are read and may be written, as :func:`editable_blocks`."""
     words, line_runs = ProgramWords(program), LineRuns.among(moves)
     feed = ModalWords.along("F", words, line_runs, reads_feed(moves), moves.feed)
     speed = ModalWords.along("S", words, line_runs, at_speed(moves), moves.speed)
@@ -110,24 +117,29 @@ def places_of(program: Program, moves: Moves) -> Places:
     bound = np.isin(feed.line, feed.line[feed.handed_on(~may, may)]) & may
     stands = _lines_with(moves, free & ~at_speed(moves))
     handed = _rows(feed, bound, line_runs)
+    kept = [(reason, _lines_with(moves, rows & reads_feed(moves))) for reason, rows in kept_feed]
     feed_reasons += [
         ("the spindle stands", stands),
         ("the lines after it take its F, and cannot be given one", handed),
+        *kept,
     ]
-    speed_may, speed_reasons = _speed_places(words, line_runs, speed, moves)
+    free &= ~_any([("", stands), *kept])
+    speed_may, speed_reasons = _speed_places(words, line_runs, speed, moves, kept_speed)
     return Places(
         words=words, line_runs=line_runs, feed=feed, speed=speed, feed_may=may, speed_may=speed_may,
-        feed_free=free & ~handed & ~stands, speed_free=at_speed(moves) & ~_any(speed_reasons),
+        feed_free=free & ~handed, speed_free=at_speed(moves) & ~_any(speed_reasons),
         feed_reasons=feed_reasons, speed_reasons=speed_reasons,
     )  # fmt: skip
 
 
-def _feed_reasons(words: ProgramWords, line_runs: LineRuns, moves: Moves) -> Reasons:
+def _feed_reasons(
+    words: ProgramWords, line_runs: LineRuns, moves: Moves
+) -> list[tuple[str, Bools]]:
     """Why the F of rows may not change (M,), but for what is handed on."""
     file_line = np.where(moves.file == 0, moves.line, 0)
     cutting, token = cuts_at_feed(moves), words.token("F")[file_line]
     text = FeedText.of(words, moves)
-    reasons: Reasons = [
+    reasons: list[tuple[str, Bools]] = [
         (SELF, np.full(len(moves), words.reads_itself)),
         (ELSEWHERE, moves.file != 0),
         (PITCH, (moves.kind == Kind.THREAD) | line_runs.taps[line_runs.of]),
@@ -169,16 +181,17 @@ def _differs(moves: Moves, line: Rows, reading: Bools) -> Bools:
 
 
 def _speed_places(
-    words: ProgramWords, line_runs: LineRuns, speed: ModalWords, moves: Moves
-) -> tuple[Bools, Reasons]:
+    words: ProgramWords, line_runs: LineRuns, speed: ModalWords, moves: Moves, kept: Reasons
+) -> tuple[Bools, list[tuple[str, Bools]]]:
     """LineRuns whose line may take an S word (K,), and why the S of rows may not change (M,)."""
     line, inside = speed.line, np.where(moves.file == 0, moves.line, 0)
     token = words.token("S")
     may = (line > 0) & ~words.closed[line] & (token[line] != OTHER) & ~line_runs.again[speed.run]
     may &= ~np.bool_(words.reads_itself or speed.uncertain)
+    may &= speed.sets | line_runs.any(moves.length > 0)[speed.run]
     may &= ~moves.constant_surface_speed[speed.row] & (speed.own == np.rint(speed.own))
     everywhere = np.ones(len(moves), dtype=np.bool_)
-    reasons: Reasons = [
+    reasons: list[tuple[str, Bools]] = [
         (SELF, everywhere & words.reads_itself),
         (ELSEWHERE, moves.file != 0),
         (PITCH, (moves.kind == Kind.THREAD) | line_runs.taps[line_runs.of]),
@@ -187,6 +200,7 @@ def _speed_places(
         ("S is no whole number", moves.speed != np.rint(moves.speed)),
         (CLOSED, words.closed[inside] & (token[inside] != NONE)),
         ("S words stand alone in a program that jumps", everywhere & speed.uncertain),
+        *((reason, rows & at_speed(moves)) for reason, rows in kept),
     ]
     keeps = line_runs.any(_any(reasons) & at_speed(moves))[speed.run]
     keeps |= speed.sets & ~may

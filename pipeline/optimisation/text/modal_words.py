@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
-from pipeline.optimisation.text.words import NONE, ProgramWords, Rows
+from pipeline.optimisation.text.words import NONE, OTHER, ProgramWords, Rows
 from pipeline.schema.arrays import Bools, Floats
 
 READS_F = (Kind.FEED, Kind.ARC, Kind.PROBE, Kind.THREAD)
@@ -85,14 +85,21 @@ class LineRuns:
 
 def reads_feed(moves: Moves) -> Bools:
     """Rows whose feed comes of the F in force (M,)."""
-    return np.isin(moves.kind, READS_F)
+    return np.isin(moves.kind, READS_F) & ~_repeats_point(moves)
 
 
 def cuts_at_feed(moves: Moves) -> Bools:
     """Rows whose F is a feed a minute or a revolution (M,)."""
-    cutting = np.isin(moves.kind, (Kind.FEED, Kind.ARC))
+    cutting = np.isin(moves.kind, (Kind.FEED, Kind.ARC)) & ~_repeats_point(moves)
     timed = moves.feed_mode == FeedMode.INVERSE_TIME
     return cutting & ~timed & (moves.feed > 0)
+
+
+def _repeats_point(moves: Moves) -> Bools:
+    """Feed and arc rows that end where they begin: they take no time, whatever their F (M,)."""
+    fed = np.isin(moves.kind, (Kind.FEED, Kind.ARC)) & (moves.angle == 0)
+    same: Bools = fed & (moves.end == moves.start).all(axis=1)
+    return same
 
 
 def at_speed(moves: Moves) -> Bools:
@@ -116,6 +123,9 @@ class ModalWords:
         First row that reads it.
     sets : ndarray of bool, shape (K,)
         Whether the line has a word of the letter.
+    may_be_empty : ndarray of bool, shape (K,)
+        Whether that word is no plain number and changes nothing: ``F#2`` without a value in #2
+        leaves the register as it is.
     own : ndarray, shape (K,)
         Value in the units of ``Moves``.
     loose : ndarray of intp
@@ -133,6 +143,7 @@ class ModalWords:
     line: Rows = field(repr=False)
     row: Rows = field(repr=False)
     sets: Bools = field(repr=False)
+    may_be_empty: Bools = field(repr=False)
     own: Floats = field(repr=False)
     loose: Rows = field(repr=False)
     uncertain: bool
@@ -150,9 +161,11 @@ class ModalWords:
         line, row = line_runs.line[run], first[run]
         has = token != NONE
         loose = np.setdiff1d(np.flatnonzero(has), line)
+        same = np.diff(values[row], prepend=np.nan) == 0
         return cls(
             letter=letter, run=run, line=line, row=row, sets=has[line] & (line > 0),
-            own=values[row], loose=loose, uncertain=words.winding and len(loose) > 0,
+            may_be_empty=(token[line] == OTHER) & same, own=values[row], loose=loose,
+            uncertain=words.winding and len(loose) > 0,
             optional=words.optional[line], loose_optional=bool(words.optional[loose].any()),
         )  # fmt: skip
 
@@ -167,7 +180,7 @@ class ModalWords:
             Those whose line may be written into.
         """
         bound, needed = np.zeros(len(self.line), dtype=np.bool_), False
-        ends = (self.sets | (may & ~self._depends())).tolist()
+        ends = ((self.sets & ~self.may_be_empty) | (may & ~self._depends())).tolist()
         keeping, writable, optional = keeps.tolist(), may.tolist(), self.optional.tolist()
         for k in range(len(ends) - 1, -1, -1):
             past = needed and optional[k]  # where the line is left out

@@ -6,7 +6,7 @@ as the program's text will hold them, so that what is evaluated is what is writt
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
@@ -216,6 +216,36 @@ def rounded_down(values: ArrayLike, least: int = 0) -> Floats:
     power = 10.0 ** decimals(given, least)
     steps: Floats = np.floor(given * power * (1 + SLACK))
     return steps / power
+
+
+def stepped(values: ArrayLike, step: float, to: Callable[[Floats], Floats] = np.rint) -> Floats:
+    """Values as people write them: whole multiples of a step.
+
+    Below ten steps the step is a tenth, and so on, so that two digits are left.
+
+    Parameters
+    ----------
+    values : array_like
+        Positive.
+    step : float
+        In their unit; 0 leaves them as they are.
+    to : callable
+        ``np.rint``, ``np.floor`` or ``np.ceil``.
+
+    Examples
+    --------
+    >>> stepped([3827.0, 423.0, 42.0], 50.0).tolist(), stepped([1534.0, 87.6], 10.0).tolist()
+    ([3850.0, 425.0, 42.0], [1530.0, 88.0])
+    """
+    given = np.asarray(values, dtype=np.float64)
+    if step == 0.0:
+        return given
+    with np.errstate(divide="ignore", invalid="ignore"):
+        smaller = np.minimum(np.floor(np.log10(given / (10 * step)) + SLACK), 0.0)
+    steps = step * 10.0 ** np.where(np.isfinite(smaller), smaller, 0.0)
+    slack = 1 + SLACK if to is np.floor else 1 - SLACK if to is np.ceil else 1.0
+    rounded: Floats = np.round(to(given * slack / steps) * steps, MOST_DECIMALS)
+    return rounded
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,8 +31,16 @@ from pipeline.report.cut.tables import (
     warnings_pairs,
     worst_table,
 )
-from pipeline.report.standalone_page import StandalonePage, rendered, source_of
+from pipeline.report.standalone_page import (
+    StandalonePage,
+    doubts,
+    rendered,
+    source_of,
+    verdicts_section,
+)
 from pipeline.schema.program_cut import CutCost, CutWarning, ProgramCut
+from pipeline.schema.store import write_text
+from pipeline.schema.verdict import UsedModel
 
 BLOCK = "block"
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
@@ -40,26 +48,33 @@ NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's p
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedCut:
-    """The cut of a program on a machine; ``origin`` is ``simulated`` or ``recorded``."""
+    """The cut of a program on a machine; ``origin`` is ``simulated`` or ``recorded``.
+
+    ``verdicts`` are those on the sub-models that it rests on.
+    """
 
     program: str
     machine: str
     origin: str
     cut: ProgramCut
+    verdicts: tuple[UsedModel, ...] = ()
 
 
 def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -> None:
     """Write the page of a cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     page = cut_page(shown, sources)
-    out.write_text(rendered(page, "cut.html.j2"), encoding="utf-8", newline="\n")
+    write_text(rendered(page, "cut.html.j2"), out)
 
 
 def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
     """Verdict, key figures and sections of a cut, in the order in which they are read."""
     cut = shown.cut
     status, word, sentences = _verdict(cut)
+    if doubtful := doubts(shown.verdicts):
+        status, sentences = "attention" if status == "passed" else status, [*doubtful, *sentences]
     sections = [
+        verdicts_section(shown.verdicts),
         _load_section(shown.program, cut, sources),
         _stability_section(cut, sources),
         Section(key="cost", title="Time, tool life and cost", blocks=[cost_table(cut, sources)]),

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.files import replacing
 from pipeline.shop.parameters import ShopParameters
 
 Category = Literal["SAMPLE", "EVENT", "CONDITION"]
@@ -133,8 +134,8 @@ def write_devices(path: Path, parameters: ShopParameters) -> None:
     ElementTree.SubElement(device, _tag("Description"), description).text = "simulated"
     _components(device, parameters)
     ElementTree.indent(root)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    with replacing(path) as part:
+        ElementTree.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 
 def _tag(name: str) -> str:

@@ -12,6 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.schema import store
 from pipeline.signals import columns
 from pipeline.signals.cleaning.activity import Intervals
 from pipeline.signals.cleaning.gaps import Gap
@@ -36,7 +37,7 @@ def write_table(path: Path, frame: pd.DataFrame | pa.Table) -> None:
     if not isinstance(frame, pa.Table):
         schema = _WHOLE[path.stem]
         frame = pa.Table.from_arrays([_array(frame[f.name], f.type) for f in schema], schema=schema)
-    pq.write_table(frame.replace_schema_metadata(None), path, compression="zstd")
+    store.write_table(frame.replace_schema_metadata(None), path)
 
 
 def _array(series: pd.Series, kind: pa.DataType) -> pa.Array:
@@ -130,7 +131,7 @@ def read_summary(out: Path) -> dict[str, Any]:
 def write_summary(out: Path, summary: Mapping[str, Any]) -> None:
     """Write ``summary.json`` with sorted keys."""
     text = json.dumps(summary, sort_keys=True, indent=1)
-    (out / "summary.json").write_text(text + "\n", encoding="utf-8")
+    store.write_text(text + "\n", out / "summary.json")
 
 
 def stacked(parts: list[pd.DataFrame]) -> pd.DataFrame:

@@ -49,10 +49,20 @@ def test_stations_of_an_engagement() -> None:
     np.testing.assert_allclose(found.depth, [2e-3, 4e-3], rtol=1e-6)
     np.testing.assert_allclose(found.lowest, [1e-3, 0.0], atol=1e-9)
     np.testing.assert_allclose(found.highest, [3e-3, 4e-3], rtol=1e-6)
-    assert found.bin == pytest.approx(np.deg2rad(5.0))
     np.testing.assert_allclose(found.feed_direction, [-pi / 2, 0.0], atol=1e-12)
     np.testing.assert_array_equal(found.direction, [1, -1])
     np.testing.assert_array_equal(found.unjudged, [False, True, True, True, False])
+
+
+def test_an_arc_ends_within_a_bin() -> None:
+    """Seen along the feed, as the first and the last angle are engaged in part."""
+    path = pieces()
+    upper = np.zeros((1, 72), np.float32)
+    upper[0, 28], upper[0, 29:36] = 0.4e-3, 1e-3
+    found = immersions(path, engagement(np.zeros_like(upper), upper, path, [3], [0.0]))
+    begin, end = np.cos(np.deg2rad([140, 145]))
+    np.testing.assert_allclose(np.cos(found.entry), end + 0.4 * (begin - end), rtol=1e-6)
+    np.testing.assert_allclose(found.exit, pi, rtol=1e-9)
 
 
 def test_ramps_are_milling_up_to_a_steepness() -> None:
@@ -73,7 +83,6 @@ def test_ramps_are_milling_up_to_a_steepness() -> None:
         ({"depth": [1e-3, 1e-3, np.nan, 1e-3]}, r"depth\[2\] = nan must be above 0 m"),
         ({"exit": [3.0, 1.0, 3.0, 3.0]}, r"station 1 has entry = 1\.5708, exit = 1,"),
         ({"feed_direction": [0.0, 0.0, 0.0, np.inf]}, "station 3 has .* feed_direction = inf"),
-        ({"bin": -0.1}, r"bin = -0\.1 rad"),
     ],
 )
 def test_stations_that_cannot_be(change: dict, message: str) -> None:

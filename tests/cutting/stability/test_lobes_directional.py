@@ -14,11 +14,12 @@ from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.stability.directional import (
     RegenerativeCut,
     mean_matrix,
-    step_means,
     stiffness,
 )
+from pipeline.cutting.stability.semi_discretisation import arrays
+from pipeline.cutting.stability.semi_discretisation_kernel import fill_weights
 from pipeline.cutting.tool import Tool
-from tests.cutting.chatter import DOWN, SLOT, STEADY
+from tests.cutting.chatter import DOWN, SLOT, STEADY, X, Y
 
 angles = st.floats(0.0, 2 * pi)
 
@@ -48,23 +49,29 @@ def summed(cut: RegenerativeCut, psi: np.ndarray, depth: float) -> np.ndarray:
     return cut.turned @ total @ cut.turned.T
 
 
+def integrals(cut: RegenerativeCut, depth: float, cells: int) -> tuple[float, np.ndarray]:
+    """Width of the cut [rad], and the integral of A over each of its cells."""
+    _, taken, work = arrays([X, Y], cut, cells)
+    window = fill_weights(taken, depth, cells, work)
+    return window, work.weight
+
+
 @settings(deadline=None, max_examples=30)
 @given(cut=cuts(), depth=st.floats(1e-4, 2e-2))
-def test_means_of_steps_are_those_of_the_forces(cut: RegenerativeCut, depth: float) -> None:
-    """A sum over 100 angles of a step misses where teeth enter and leave by 1 % of a tooth's."""
-    edges = np.linspace(0.0, cut.pitch, 5)
-    fine = (np.arange(400) + 0.5) / 400 * cut.pitch
+def test_integrals_of_cells_are_those_of_the_forces(cut: RegenerativeCut, depth: float) -> None:
+    """A sum over 100 angles of a cell misses where teeth enter and leave by 1 % of a tooth's."""
+    window, found = integrals(cut, depth, 4)
+    fine = (np.arange(400) + 0.5) / 400 * window
     direct = summed(cut, fine, depth).reshape(4, 100, 2, 2).mean(axis=1)
-    np.testing.assert_allclose(
-        step_means(cut, edges, depth), direct, atol=0.02 * cut.flutes * (cut.K_tc + abs(cut.K_rc))
-    )
+    scale = cut.flutes * (cut.K_tc + abs(cut.K_rc))
+    np.testing.assert_allclose(found / (window / 4), direct, atol=0.02 * scale)
 
 
 @settings(deadline=None)
 @given(cut=cuts(), depth=st.floats(1e-4, 2e-2))
 def test_helix_leaves_the_mean(cut: RegenerativeCut, depth: float) -> None:
     """Rounding of second differences over a small lag is 1e-9 of the matrix at most."""
-    whole = step_means(cut, np.array([0.0, cut.pitch]), depth)[0]
+    whole = integrals(cut, depth, 3)[1].sum(axis=0) / cut.pitch
     scale = cut.flutes * (cut.K_tc + abs(cut.K_rc))
     np.testing.assert_allclose(whole, mean_matrix(cut), atol=1e-8 * scale)
 
@@ -85,7 +92,8 @@ def test_mean_is_the_closed_form_of_altintas() -> None:
 
 def test_a_slot_with_four_flutes_is_the_same_at_each_angle() -> None:
     """Two teeth a quarter turn apart: sin^2 + cos^2."""
-    means = step_means(STEADY, np.linspace(0.0, STEADY.pitch, 12), 1e-3)
+    window, found = integrals(STEADY, 1e-3, 11)
+    means = found / (window / 11)
     np.testing.assert_allclose(means, np.tile(mean_matrix(STEADY), (11, 1, 1)), atol=1e-3)
     assert mean_matrix(STEADY)[0, 0] == pytest.approx(-STEADY.K_rc)
 

@@ -23,7 +23,8 @@ def leading(cut, rpm: float, depth: float) -> complex:
 def test_both_methods_agree_where_the_matrix_is_constant(modes) -> None:
     """A slot with four flutes: the zero-order solution is exact, and every lobe is compared.
 
-    0.1 % is what two extrapolated steps within 0.5 % leave; 0.02 % is the lobes' own tolerance.
+    0.1 % is what two counts of cells within 1 % leave when they are extrapolated; 0.02 % is the
+    lobes' own tolerance.
     """
     cut = replace(STEADY, feed_direction=0.5)
     exact = lobes(modes, cut, SPEEDS).depth_limit
@@ -63,16 +64,15 @@ def test_how_far_the_zero_order_solution_is_off_at_its_minima(cut, low, high) ->
 
 
 @pytest.mark.parametrize(
-    ("depth", "of_200"), [(0.2e-3, 0.8192), (0.5e-3, 1.0726), (1.0e-3, 1.4040)]
+    ("depth", "converged"), [(0.2e-3, 0.81974), (0.5e-3, 1.07398), (1.0e-3, 1.40647)]
 )
-def test_multipliers_of_a_slot_at_5000_rpm(depth: float, of_200: float) -> None:
-    """Values as computed with 200 steps, four digits; converged 0.81974, 1.07398, 1.40647.
+def test_multipliers_of_a_slot_at_5000_rpm(depth: float, converged: float) -> None:
+    """Values of another discretisation (a matrix exponential each step, delay straight between).
 
-    200 steps are up to 0.0024 off: what is compared is the discretisation as well as its limit.
+    With 2000 steps there and 800 cells here each is some 1e-4 off.
     """
-    assert spectral_radius([X], SLOT, 5000 / 60, depth, 200) == pytest.approx(of_200, abs=3e-4)
-    converged = spectral_radius([X], SLOT, 5000 / 60, depth, 2000)
-    assert converged == pytest.approx(of_200, abs=3e-3)
+    values = np.linalg.eigvals(monodromy([X], SLOT, 5000 / 60, depth, 800))
+    assert np.abs(values).max() == pytest.approx(converged, abs=2e-4)
 
 
 @pytest.mark.slow
@@ -90,13 +90,13 @@ def test_multipliers_of_a_slot_at_5000_rpm(depth: float, of_200: float) -> None:
     ],
 )  # fmt: skip
 def test_vibration_grows_above_and_dies_below(modes, cut, rpm: float) -> None:
-    """Runge-Kutta on the delayed equation itself; 2e-3 is the fit's, of vibrations that beat."""
+    """Runge-Kutta on the delayed equation itself; 1e-3 is the mean's, of vibrations that beat."""
     limit = depth_limits(modes, cut, [rpm / 60], highest=10e-3).depth_limit[0]
-    for factor in (0.95, 1.05):
-        grown = growth(modes, cut, rpm / 60, factor * limit, periods=140, steps=160)
+    for factor in (0.98, 1.02):
+        grown = growth(modes, cut, rpm / 60, factor * limit)
         assert (grown > 1.0) == (factor > 1.0)
         expected = spectral_radius(modes, cut, rpm / 60, factor * limit, 640)
-        assert grown == pytest.approx(expected, abs=2e-3)
+        assert grown == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -104,9 +104,12 @@ def test_vibration_grows_above_and_dies_below(modes, cut, rpm: float) -> None:
     [([X], SLOT, 5000, 5e-4), ([X], TWENTIETH, 19_500, 3e-3), ([X, Y], DOWN, 6000, 1e-3),
      ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
 )  # fmt: skip
-def test_the_error_falls_with_the_square_of_the_step(modes, cut, rpm, depth: float) -> None:
-    """120 steps and more: the next power of the step shifts the order seen by some hundredths."""
-    radii = [spectral_radius(modes, cut, rpm / 60, depth, 120 * 2**i) for i in range(4)]
+def test_the_error_falls_with_the_square_of_the_cell(modes, cut, rpm, depth: float) -> None:
+    """60 cells and more: the next power of the cell shifts the order seen by some hundredths."""
+    radii = [
+        np.abs(np.linalg.eigvals(monodromy(modes, cut, rpm / 60, depth, 60 * 2**i))).max()
+        for i in range(4)
+    ]
     orders = -np.diff(np.log2(np.abs(np.diff(radii))))
     np.testing.assert_allclose(orders, 2.0, atol=0.05)
 
@@ -117,34 +120,38 @@ def test_the_tolerance_is_kept() -> None:
     for cut in (SLOT, DOWN):
         coarse = depth_limits([X], cut, speeds, highest=6e-3, tolerance=5e-3)
         fine = depth_limits([X], cut, speeds, highest=6e-3, tolerance=2e-4)
-        assert (coarse.error <= 5e-3).all() and (coarse.steps < fine.steps).all()
+        assert (coarse.error <= 5e-3).all() and (coarse.cells < fine.cells).all()
         np.testing.assert_allclose(coarse.depth_limit, fine.depth_limit, rtol=1e-3)
 
 
-def test_forty_steps_overstate_the_depth_at_low_speed() -> None:
-    """Why the steps are refined: at 3000 rpm nine waves lie within the period."""
+def test_few_cells_are_off_at_low_speed() -> None:
+    """Why the cells are refined: at 3000 rpm nine waves lie within the period."""
     limit = depth_limits([X], SLOT, [3000 / 60], highest=5e-3)
-    assert limit.steps[0] > 200
-    assert spectral_radius([X], SLOT, 50.0, 1.2 * limit.depth_limit[0], 40) < 1.0
-    assert spectral_radius([X], SLOT, 50.0, 1.2 * limit.depth_limit[0], 800) > 1.02
+    assert limit.cells[0] >= 192
+    few, many = (
+        np.log(spectral_radius([X], SLOT, 50.0, limit.depth_limit[0], n)) for n in (24, 768)
+    )
+    assert abs(many) < 2e-3 < 10e-3 < abs(few)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=25)
 @given(
     rpm=st.floats(1500, 25_000), depth=st.floats(1e-5, 5e-3), entry=st.floats(0.0, 2.9),
     flutes=st.integers(1, 5), lag=st.sampled_from([0.0, 58.0]),
 )  # fmt: skip
 def test_krylov_finds_the_leading_eigenvalue(rpm, depth, entry, flutes, lag) -> None:
-    """All eigenvalues of the same matrix; a Krylov space ends at a residual of 1e-7."""
+    """All eigenvalues of the same matrix; close to 1 to what 0.1 % of depth is, else its side."""
     cut = replace(SLOT, entry=entry, flutes=flutes, lag=lag)
-    phi = monodromy([X, Y], cut, rpm / 60, depth, 60)
-    full = np.abs(np.linalg.eigvals(phi)).max()
-    assert spectral_radius([X, Y], cut, rpm / 60, depth, 60) == pytest.approx(full, rel=1e-5)
+    full = np.abs(np.linalg.eigvals(monodromy([X, Y], cut, rpm / 60, depth, 60))).max()
+    found = spectral_radius([X, Y], cut, rpm / 60, depth, 60)
+    assert (found > 1.0) == (full > 1.0) or abs(full - 1.0) < 1e-4
+    if abs(full - 1.0) < 0.05:
+        assert found == pytest.approx(full, abs=1e-4)
 
 
 def test_a_period_without_cut_is_a_free_vibration() -> None:
     phi = spectral_radius([X], SLOT, 100.0, 1e-12, 60)
-    assert phi == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-6)
+    assert phi == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-4)
 
 
 def test_a_helix_of_whole_pitches_is_a_constant_matrix() -> None:
@@ -154,7 +161,7 @@ def test_a_helix_of_whole_pitches_is_a_constant_matrix() -> None:
     """
     rpm, zero = 14_000, lobes([X], TWENTIETH, [14_000 / 60]).depth_limit[0]
     twisted = replace(TWENTIETH, lag=TWENTIETH.pitch / zero)
-    radii = [spectral_radius([X], twisted, rpm / 60, zero, s) for s in (400, 800)]
+    radii = [spectral_radius([X], twisted, rpm / 60, zero, s) for s in (200, 400)]
     assert (4 * radii[1] - radii[0]) / 3 == pytest.approx(1.0, abs=1e-4)
     assert abs(spectral_radius([X], TWENTIETH, rpm / 60, zero, 400) - 1.0) > 0.02
 
@@ -177,7 +184,7 @@ def test_depth_goes_with_one_over_the_force_and_modes_swap() -> None:
 
 def test_no_chatter_up_to_the_highest_depth_is_inf() -> None:
     least = stability_boundary([X], STEADY, SPEEDS[0], SPEEDS[-1]).least_depth
-    found = depth_limits([X], STEADY, SPEEDS[-2:], highest=0.9 * least, depths=16)
+    found = depth_limits([X], STEADY, SPEEDS[-2:], highest=0.9 * least)
     assert np.isinf(found.depth_limit).all() and (found.error == 0).all()
 
 
@@ -189,7 +196,7 @@ def test_no_chatter_up_to_the_highest_depth_is_inf() -> None:
         ([X], [100.0], {"highest": 0.0}, "highest = 0.0"),
         ([X], [100.0], {"highest": np.inf}, "highest = inf"),
         ([X], [100.0], {"tolerance": -1.0}, "tolerance = -1.0"),
-        ([X], [100.0], {"depths": 1}, "depths = 1"),
+        ([X], [100.0], {"ratio": 1.0}, "ratio = 1.0"),
     ],
 )
 def test_what_cannot_be_asked(modes, speeds, options, message: str) -> None:
@@ -198,45 +205,45 @@ def test_what_cannot_be_asked(modes, speeds, options, message: str) -> None:
 
 
 @pytest.mark.parametrize("n", [1.0, 0.1, 1e-6])
-def test_a_speed_so_low_that_steps_run_out_says_so(monkeypatch, n: float) -> None:
-    """Before a step is made: they would take the memory first."""
-    monkeypatch.setattr("pipeline.cutting.stability.semi_discretisation.spectral_radius", None)
+def test_a_speed_so_low_that_cells_run_out_says_so(monkeypatch, n: float) -> None:
+    """Before a cell is made: they would take the memory first."""
+    monkeypatch.setattr("pipeline.cutting.stability.semi_discretisation.arrays", None)
     with pytest.raises(ValueError, match=r"waves of the highest mode lie within a cut, too many"):
         depth_limits([X], SLOT, [n], highest=1e-3)
 
 
-def test_a_tolerance_that_no_steps_reach_says_so() -> None:
-    with pytest.raises(ValueError, match=r"at 6000 rpm \d+ steps do not settle the depth limit"):
-        depth_limits([X], SLOT, [100.0], highest=5e-3, tolerance=1e-9, depths=16)
+def test_a_tolerance_that_no_cells_reach_says_so() -> None:
+    with pytest.raises(ValueError, match=r"at 6000 rpm \d+ cells do not settle the depth limit"):
+        depth_limits([X], SLOT, [100.0], highest=5e-3, tolerance=1e-9)
 
 
 def test_no_speeds_have_no_limits() -> None:
     found = depth_limits([X], SLOT, [], highest=1e-3)
     assert (
-        found.n.shape == found.depth_limit.shape == found.error.shape == found.steps.shape == (0,)
+        found.n.shape == found.depth_limit.shape == found.error.shape == found.cells.shape == (0,)
     )
 
 
 @pytest.mark.parametrize("of", [monodromy, spectral_radius])
 @pytest.mark.parametrize(
-    ("modes", "n", "depth", "steps", "message"),
+    ("modes", "n", "depth", "cells", "message"),
     [
         ([], 100.0, 1e-3, 40, "modes: there is none"),
         ([X], 0.0, 1e-3, 40, "n = 0.0: the spindle speed must be above 0"),
         ([X], np.nan, 1e-3, 40, "n = nan"),
         ([X], 100.0, -1e-3, 40, "depth = -0.001 must be 0 m or more"),
         ([X], 100.0, np.inf, 40, "depth = inf"),
-        ([X], 100.0, 1e-3, 0, "steps = 0"),
+        ([X], 100.0, 1e-3, 0, "cells = 0"),
         ([X], 1e-300, 1e300, 40, "moves the tip beyond all numbers"),
         ([X], 100.0, 1e200, 40, "moves the tip beyond all numbers"),
     ],
 )
-def test_periods_that_cannot_be(of, modes, n, depth, steps, message: str) -> None:
+def test_periods_that_cannot_be(of, modes, n, depth, cells, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        of(modes, SLOT, n, depth, steps)
+        of(modes, SLOT, n, depth, cells)
 
 
 def test_without_depth_a_vibration_is_free() -> None:
     """e^(-zeta w_n T), as without a cut."""
     free = spectral_radius([X], SLOT, 100.0, 0.0, 60)
-    assert free == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-9)
+    assert free == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-4)

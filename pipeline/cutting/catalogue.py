@@ -1,0 +1,349 @@
+"""Catalogue of cutting data: feed per tooth and cutting speed by tool, material and operation.
+
+Every row is a range of a public table, with its source.  A row holds for its kinds of tool, its
+tool material, its groups of VDI 3323, its operations and its diameters; nothing is extrapolated, so
+a combination that no row covers is outside of the catalogue.
+
+Ranges are starting values of tool makers: the greatest value is what a maker recommends at most,
+the least one is where rubbing or a built-up edge is expected.  They are no property of a tool: its
+own range in the tool table goes first.
+"""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Annotated, Literal, get_args
+
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.tool import Tool
+from pipeline.schema.ranges import Range, Ranged
+
+Operation = Literal[
+    "roughing", "slotting", "finishing", "face_milling", "ball_finishing", "ramping", "plunging",
+    "drilling", "centre_drilling", "deep_drilling", "reaming", "boring", "tapping",
+    "thread_milling", "chamfering", "engraving", "probing", "lead", "air",
+]  # fmt: skip
+"""What a tool does in a cut, in the terms of cutting-data tables."""
+
+OPERATIONS: tuple[Operation, ...] = get_args(Operation)
+
+SLOTTING_IMMERSION = 0.4
+"""Radial depth over diameter from which on a cut has the values of a slot [1], as the tables of
+Tungaloy's solid end mills have it."""
+FINISHING_IMMERSION = 0.1
+"""Greatest radial depth over diameter of the finishing values of the same tables [1]."""
+
+ToolType = Literal[
+    "end_mill", "ball_end_mill", "face_mill", "drill", "spot_drill", "centre_drill", "reamer",
+    "tap", "thread_mill", "chamfer_mill", "boring_bar", "engraver", "probe",
+]  # fmt: skip
+"""Kinds of tool that tables of cutting data tell apart."""
+
+_BY_FORM: dict[str, ToolType] = {
+    "flat": "end_mill", "bull_nose": "end_mill", "ball": "ball_end_mill", "drill": "drill",
+}  # fmt: skip
+
+
+_BY_OPERATION: dict[Operation, ToolType] = {
+    "reaming": "reamer", "tapping": "tap", "thread_milling": "thread_mill",
+}  # fmt: skip
+SOLID = 32.0
+"""Greatest diameter of a solid carbide end mill in makers' ranges [mm]; greater mills that are not
+ball-nosed hold inserts."""
+
+
+def tool_type(tool: Tool, operation: Operation) -> ToolType:
+    """The kind of tool by which cutting data are listed.
+
+    It is the tool's role; where the tool table gives none, what the operation needs, or else what
+    the form of its end and its size say.
+
+    Examples
+    --------
+    >>> tool_type(Tool(kind="flat", diameter_mm=10.0, flutes=6), "reaming")
+    'reamer'
+    >>> tool_type(Tool(kind="flat", diameter_mm=50.0, flutes=5), "lead")
+    'face_mill'
+    """
+    if tool.role:
+        return tool.role
+    if operation in _BY_OPERATION:
+        return _BY_OPERATION[operation]
+    large = tool.material == "carbide" and tool.diameter_mm > SOLID
+    return "face_mill" if large and tool.kind in ("flat", "bull_nose") else _BY_FORM[tool.kind]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingRange:
+    """Range of cutting data for one tool in one material and operation.
+
+    Parameters
+    ----------
+    feed_per_tooth_mm : tuple of float, optional
+        Least and greatest f_z [mm]; of a drill for each lip.  The least is 0 where the source has
+        an upper value only.  None where the source has none.
+    cutting_speed_m_min : tuple of float, optional
+        Least and greatest v_c at the full diameter [m/min]; None where the source has none.
+    source : str
+        Whose table it is.
+    """
+
+    feed_per_tooth_mm: tuple[float, float] | None
+    cutting_speed_m_min: tuple[float, float] | None
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatalogueRow(Ranged, section="catalogue.rows"):
+    """Rows of a table of cutting data: one line of feeds over the diameter, one range of speed.
+
+    Parameters
+    ----------
+    tools : tuple of ToolType
+        Kinds of tool that it is for.
+    tool_material : {"carbide", "hss"}
+        Cutting material.
+    groups : tuple of int
+        First and last group of VDI 3323.
+    operations : tuple of Operation
+        Operations that it is for.
+    diameter_mm : tuple of float
+        N + 1 rising edges of N spans of diameter [mm]: a tool belongs to the span that begins at or
+        below its diameter; the last edge belongs to the last span.
+    feed_mm : tuple of tuple of float
+        Least and greatest feed in each span [mm]; none where the source has none.
+    feed_per : {"tooth", "revolution"}
+        What ``feed_mm`` is for.
+    cutting_speed_m_min : tuple of float, optional
+        Least and greatest v_c [m/min].
+    sources : tuple of str
+        Names among the sources of the catalogue.
+
+    Raises
+    ------
+    ValueError
+        When a list has the wrong length or order.
+    """
+
+    tools: tuple[ToolType, ...]
+    tool_material: Literal["carbide", "hss"] = "carbide"
+    groups: Annotated[tuple[int, ...], Range(least=1, most=41)]
+    operations: tuple[Operation, ...]
+    diameter_mm: Annotated[tuple[float, ...], Range(least=0.01, most=1000.0)]
+    feed_mm: Annotated[tuple[tuple[float, ...], ...], Range(least=0.0, most=10.0)] = ()
+    feed_per: Literal["tooth", "revolution"] = "tooth"
+    cutting_speed_m_min: Annotated[tuple[float, ...], Range(least=0.0, most=10_000.0)] | None = None
+    sources: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("tools", "operations", "sources"):
+            if not getattr(self, name):
+                raise ValueError(f"catalogue: {self.words} has no {name}: name at least one")
+        if len(self.groups) != 2 or self.groups[0] > self.groups[1]:
+            self._refuse("groups", self.groups, "the first and the last group of VDI 3323")
+        edges = self.diameter_mm
+        if len(edges) < 2 or any(low >= high for low, high in pairwise(edges)):
+            self._refuse("diameter_mm", edges, "two or more rising diameters")
+        if self.feed_mm and len(self.feed_mm) != len(edges) - 1:
+            self._refuse("feed_mm", self.feed_mm, f"{len(edges) - 1} pairs, one for each span")
+        speeds = () if self.cutting_speed_m_min is None else (self.cutting_speed_m_min,)
+        for span in (*self.feed_mm, *speeds):
+            if len(span) != 2 or not span[0] < span[1]:
+                self._refuse("a range", span, "a least and a greater value")
+        if not self.feed_mm and not speeds:
+            raise ValueError(f"catalogue: {self.words} has neither feed nor speed: leave it out")
+
+    def _refuse(self, name: str, value: tuple[object, ...], wanted: str) -> None:
+        raise ValueError(f"catalogue: {name} = {list(value)} of {self.words} must be {wanted}")
+
+    @property
+    def words(self) -> str:
+        """The row, for messages."""
+        return (
+            f"the row for {self.tool_material} {', '.join(self.tools)} in groups "
+            f"{'-'.join(map(str, self.groups))}, {', '.join(self.operations)}"
+        )
+
+    def fits(self, tool: Tool, material: Material, operation: Operation) -> bool:
+        """Whether the row is for such tools, whatever the diameter."""
+        return (
+            tool_type(tool, operation) in self.tools
+            and tool.material == self.tool_material
+            and self.groups[0] <= material.group <= self.groups[1]
+            and operation in self.operations
+        )
+
+    def span(self, diameter_mm: float) -> int | None:
+        """Index of the span of a diameter [mm]; None outside of all."""
+        edges = self.diameter_mm
+        if not edges[0] <= diameter_mm <= edges[-1]:
+            return None
+        return min(sum(edge <= diameter_mm for edge in edges), len(edges) - 1) - 1
+
+    def overlaps(self, other: "CatalogueRow") -> bool:
+        """Whether some tool, material and operation belongs to both rows.
+
+        Rows that touch in a diameter do not overlap: the tool belongs to the one that begins there.
+        """
+        return (
+            bool(set(self.tools) & set(other.tools))
+            and bool(set(self.operations) & set(other.operations))
+            and self.tool_material == other.tool_material
+            and max(self.groups[0], other.groups[0]) <= min(self.groups[1], other.groups[1])
+            and max(self.diameter_mm[0], other.diameter_mm[0])
+            < min(self.diameter_mm[-1], other.diameter_mm[-1])
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoatingFactor(Ranged, section="catalogue.coatings"):
+    """Feed and speed of tools with a coating over those of the rows.
+
+    Parameters
+    ----------
+    tools : tuple of ToolType
+        Kinds of tool that it is for.
+    tool_material : {"carbide", "hss"}
+        Cutting material.
+    coatings : tuple of str
+        As in the tool table; ``none`` is an uncoated tool.
+    groups : tuple of int
+        First and last group of VDI 3323.
+    feed, speed : float
+        Factors on both ends of a range [1].
+    source : str
+        Name among the sources of the catalogue.
+    """
+
+    tools: tuple[ToolType, ...]
+    tool_material: Literal["carbide", "hss"]
+    coatings: tuple[str, ...]
+    groups: Annotated[tuple[int, int], Range(least=1, most=41)] = (1, 41)
+    feed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0
+    speed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0
+    source: str
+
+    def fits(self, tool: Tool, material: Material, operation: Operation) -> bool:
+        """Whether it is for that tool in that material and operation."""
+        return (
+            tool_type(tool, operation) in self.tools
+            and tool.material == self.tool_material
+            and tool.coating.lower() in {coating.lower() for coating in self.coatings}
+            and self.groups[0] <= material.group <= self.groups[1]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CuttingCatalogue:
+    """Cutting data of public tables.
+
+    Parameters
+    ----------
+    rows : tuple of CatalogueRow
+        No two of them hold for the same tool, material and operation.
+    sources : dict of str to str
+        Name of a source -> its citation.
+    coatings : tuple of CoatingFactor
+        Applied to the rows; a tool whose coating is not said has the values of the rows.
+
+    Raises
+    ------
+    ValueError
+        When rows contradict each other, or a source is missing, empty or never used.
+    """
+
+    rows: tuple[CatalogueRow, ...]
+    sources: dict[str, str]
+    coatings: tuple[CoatingFactor, ...] = field(default_factory=tuple)
+
+    def __post_init__(self) -> None:
+        named = {name for row in self.rows for name in row.sources}
+        named |= {factor.source for factor in self.coatings}
+        for name in sorted(named):
+            if not self.sources.get(name, "").strip():
+                raise ValueError(f"catalogue: source {name!r} is not cited: add it to the sources")
+        for name in self.sources.keys() - named:
+            raise ValueError(f"catalogue: no row has source {name!r}: leave it out")
+        for index, row in enumerate(self.rows):
+            for other in self.rows[:index]:
+                if row.overlaps(other):
+                    raise ValueError(
+                        f"catalogue: {row.words} overlaps {other.words}: make one of both"
+                    )
+
+    def lookup(self, tool: Tool, material: Material, operation: Operation) -> CuttingRange | None:
+        """Range of feed per tooth and cutting speed; None outside of the catalogue.
+
+        Parameters
+        ----------
+        tool : Tool
+            Its role or form, material, coating, diameter and number of teeth count.
+        material : Material
+            Of the workpiece; its group counts.
+        operation : Operation
+            What the tool does.
+        """
+        found = self._row(tool, material, operation)
+        if found is None:
+            return None
+        row, span = found
+        factor = next((one for one in self.coatings if one.fits(tool, material, operation)), None)
+        by_feed, by_speed = (1.0, 1.0) if factor is None else (factor.feed, factor.speed)
+        if row.feed_per == "revolution":
+            by_feed /= tool.flutes
+        names = row.sources if factor is None else (*row.sources, factor.source)
+        return CuttingRange(
+            feed_per_tooth_mm=_scaled(row.feed_mm[span], by_feed) if row.feed_mm else None,
+            cutting_speed_m_min=(
+                None
+                if row.cutting_speed_m_min is None
+                else _scaled(row.cutting_speed_m_min, by_speed)
+            ),
+            source="; ".join(self.sources[name] for name in dict.fromkeys(names)),
+        )
+
+    def why_not(self, tool: Tool, material: Material, operation: Operation) -> str:
+        """Why there is no range, in words; "" where there is one.
+
+        Parameters
+        ----------
+        tool, material, operation
+            As in :meth:`lookup`.
+        """
+        if self._row(tool, material, operation) is not None:
+            return ""
+        kind = f"{_MATERIAL[tool.material]} {tool_type(tool, operation).replace('_', ' ')}"
+        where = f"ISO {material.iso}, group {material.group} of VDI 3323"
+        rows = [row for row in self.rows if row.fits(tool, material, operation)]
+        if rows:
+            spans = " and ".join(
+                f"{row.diameter_mm[0]:g} to {row.diameter_mm[-1]:g} mm"
+                for row in sorted(rows, key=lambda row: row.diameter_mm)
+            )
+            return (
+                f"no row for a {kind} of {tool.diameter_mm:g} mm in {where}, "
+                f"{operation.replace('_', ' ')}: the catalogue has {spans}"
+            )
+        return (
+            f"no row for a {kind} of {tool.diameter_mm:g} mm in {where}, "
+            f"{operation.replace('_', ' ')}"
+        )
+
+    def _row(
+        self, tool: Tool, material: Material, operation: Operation
+    ) -> tuple[CatalogueRow, int] | None:
+        """The row of a tool and its span of diameter; of rows that touch there, the upper one."""
+        found = [
+            (row, span)
+            for row in self.rows
+            if row.fits(tool, material, operation)
+            and (span := row.span(tool.diameter_mm)) is not None
+        ]
+        return max(found, key=lambda one: one[0].diameter_mm[0], default=None)
+
+
+_MATERIAL = {"carbide": "carbide", "hss": "high-speed steel"}
+
+
+def _scaled(span: tuple[float, ...], factor: float) -> tuple[float, float]:
+    return span[0] * factor, span[1] * factor

@@ -1,0 +1,154 @@
+"""Files that are written whole: beside their place, and moved into it when nothing went wrong.
+
+A full disk, a signal or a second run at the same time leaves the old file or the new one, never a
+part of either.
+"""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from errno import ELOOP
+from itertools import count
+from pathlib import Path
+from stat import S_IMODE
+from types import FrameType
+
+PART = ".part"
+"""End of the name of a file that is not whole yet."""
+LONGEST = 200
+"""Bytes of a file's name that go into the name beside it; file systems allow 255."""
+_numbers = count()
+_held: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_held", default=None)
+"""Files of :func:`together` that wait beside their places."""
+
+
+class NotWrittenError(OSError):
+    """A file that could not be written; what was there before is left as it was."""
+
+
+@contextmanager
+def replacing(path: Path, *, follow: bool = True) -> Iterator[Path]:
+    """A name to write to; the file is moved to ``path`` when all went well, else removed.
+
+    Inside :func:`together` it is moved at the end of that.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file; its folder is made where it is missing.  One that is there keeps its
+        permissions.  What is no ordinary file, a pipe, is written to directly.
+    follow : bool
+        Whether a symbolic link stays and its target is replaced, rather than the link.
+
+    Raises
+    ------
+    NotWrittenError
+        When the system refuses; the message names the file and the reason.
+    """
+    target, part = path, path
+    try:
+        target = Path(os.path.realpath(path)) if follow else path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if follow and target.is_symlink():  # what it leads to leads back to it
+            raise OSError(ELOOP, os.strerror(ELOOP))
+        if follow and target.exists() and not target.is_file():
+            yield path
+            return
+        part = beside(target)
+        try:
+            yield part
+            _finish(part, target)
+            waiting = _held.get()
+            if waiting is None:
+                part.replace(target)
+            else:
+                waiting.append((part, target))
+                part = target
+        finally:
+            if part != target:
+                part.unlink(missing_ok=True)
+    except OSError as error:
+        if isinstance(error, NotWrittenError) or not _is_of(error, target, part):
+            raise
+        raise NotWrittenError(_sentence(path, error)) from error
+
+
+@contextmanager
+def together() -> Iterator[None]:
+    """Files that are written inside are moved to their places at its end, or none of them."""
+    if _held.get() is not None:
+        yield
+        return
+    waiting: list[tuple[Path, Path]] = []
+    token = _held.set(waiting)
+    try:
+        yield
+        while waiting:
+            part, target = waiting[0]
+            try:
+                part.replace(target)
+            except OSError as error:
+                raise NotWrittenError(_sentence(target, error)) from error
+            del waiting[0]
+    finally:
+        _held.reset(token)
+        for part, _ in waiting:
+            part.unlink(missing_ok=True)
+
+
+def written(path: Path) -> Path:
+    """Where a file lies that was written: beside its place until :func:`together` ends."""
+    target = Path(os.path.realpath(path))
+    found = [part for part, place in _held.get() or () if place == target]
+    return found[-1] if found else path
+
+
+def beside(path: Path) -> Path:
+    """A name in the folder of a file that no other run and no other file writes to."""
+    name = path.name.encode()[:LONGEST].decode(errors="ignore")
+    return path.with_name(f".{name}.{os.getpid()}-{next(_numbers)}{PART}")
+
+
+def end_on_signals() -> None:
+    """End on SIGTERM and SIGHUP as on an error, with exit status 128 + number.
+
+    Files that are not whole are removed on the way out.  A signal that is ignored stays so.
+    """
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, _end)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)  # a second one finds the way out under way
+    raise SystemExit(128 + number)
+
+
+def _finish(part: Path, target: Path) -> None:
+    """Bring a file to the disk, with permissions and owner of the one that it replaces."""
+    handle = os.open(part, os.O_RDONLY)
+    try:
+        if target.is_file() and not target.is_symlink():
+            before = target.stat()
+            with suppress(PermissionError):  # only root gives files away
+                os.fchown(handle, before.st_uid, before.st_gid)
+            os.fchmod(handle, S_IMODE(before.st_mode))
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _is_of(error: OSError, target: Path, part: Path) -> bool:
+    """Whether an error is one of writing: of these files, or of a file that is open already."""
+    names = {str(path) for path in (target, target.parent, part)}
+    return error.filename is None or os.fspath(error.filename) in names
+
+
+def _sentence(path: Path, error: OSError) -> str:
+    said = os.strerror(error.errno) if error.errno else str(error)  # Arrow has its own words
+    return (
+        f"{path} cannot be written ({said}) and is left as it was: make room for it, or name a "
+        "file in another folder"
+    )
