@@ -58,7 +58,7 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
     ]
     for use in part.tools:
         rows.append([
-            f"T{use.tool}", use.name,
+            f"T{use.tool}", " ".join(filter(None, (use.name, use.operation))),
             _number(use.before.feed_per_tooth_mm), _number(use.after.feed_per_tooth_mm),
             _range(use.feed_per_tooth_range_mm),
             _number(use.before.cutting_speed_m_min), _number(use.after.cutting_speed_m_min),

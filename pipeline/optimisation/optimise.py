@@ -17,7 +17,7 @@ from pipeline.optimisation.axis_limits import check_axes_known
 from pipeline.optimisation.full_twin import Full, Result, full_twin
 from pipeline.optimisation.job import Interrupted, Job, Progress
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
-from pipeline.optimisation.methods.genes import Front, Method, method_of
+from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
 from pipeline.optimisation.practice import practice_of
@@ -296,9 +296,9 @@ class _Course:
 
     def _written(self, problem: Problem, method: Method) -> Method:
         """A method with the objectives of its F and S rounded as words are."""
-        decision = method.decision
-        if decision is None:
+        if method.decision is None:
             return method
+        decision = written_feeds(problem, method.decision)
         feeds = rounded_feeds(self.program, self.moves, decision.row_feeds)
         speeds = rounded_speeds(decision.row_speeds)
         objectives = problem.evaluate_rows(feeds[None], speeds[None]).objectives[0]

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
-from pipeline.cutting.tool import Tool
 from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
@@ -32,7 +31,7 @@ from pipeline.schema.part_sheet import (
 )
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut, CutBasis, warnings_of
-from pipeline.twin.cut_tables import by_tool, figure
+from pipeline.twin.cut_tables import by_tool, figure, tool_totals
 from pipeline.twin.cutting_path import offset_of, work_frame
 
 if TYPE_CHECKING:
@@ -49,36 +48,26 @@ FINE = 2e-3
 _WORD = re.compile(r"\s*[FS]\s*[-+0-9.]+")
 
 
-def tool_range(result: "Result", number: int) -> CuttingRange:
-    """The range that a tool's feed and speed are shown beside: of all its operations together."""
-    practice = result.problem.practice
-    if practice is None:
-        return makers_range(result.job.cut.tools[number])
-    mine = [one.range for one in practice.ranges if one.tool == number]
-    return CuttingRange(
-        feed_per_tooth_mm=_hull([one.feed_per_tooth_mm for one in mine]),
-        cutting_speed_m_min=_hull([one.cutting_speed_m_min for one in mine]),
-        source="; ".join(dict.fromkeys(one.source for one in mine if one.source)),
-    )
+def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bools]]:
+    """Number of each tool, ranges of its feed and speed, why these stay, and its rows (M,).
 
-
-def makers_range(tool: Tool) -> CuttingRange:
-    """What the tool table says of a tool."""
-    f_z, v_c = _pair(tool.feed_per_tooth_mm), _pair(tool.cutting_speed_m_min)
-    known = f_z is not None or v_c is not None
-    return CuttingRange(
-        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source="tool table" if known else ""
-    )
-
-
-def _pair(span: tuple[float, ...] | None) -> tuple[float, float] | None:
-    return None if span is None else (float(span[0]), float(span[1]))
-
-
-def _hull(spans: list[tuple[float, float] | None]) -> tuple[float, float] | None:
-    """From the least to the greatest value of some ranges; None of none."""
-    known = [span for span in spans if span is not None]
-    return (min(low for low, _ in known), max(high for _, high in known)) if known else None
+    Of each tool in each operation, where operations were told apart; else of the tool table.
+    """
+    problem, moves = result.problem, result.moves
+    practice = problem.practice
+    if practice is not None:
+        for one in practice.ranges:
+            mine = problem.cuts & (moves.tool == one.tool)
+            mine &= practice.operation == OPERATIONS.index(one.operation)
+            yield one.tool, one.range, one.kept, mine
+        return
+    for number in dict.fromkeys(moves.tool[problem.cuts].tolist()):
+        tool = result.job.cut.tools[number]
+        spans = tool.feed_per_tooth_mm, tool.cutting_speed_m_min
+        f_z, v_c = (None if span is None else (span[0], span[1]) for span in spans)
+        source = "tool table" if f_z or v_c else ""
+        known = CuttingRange(feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source=source)
+        yield number, known, "", problem.cuts & (moves.tool == number)
 
 
 def row_bindings(result: "Result") -> Rows:
@@ -107,31 +96,40 @@ def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
 
 
 def tool_uses(result: "Result", before: Side, after: Side) -> tuple[ToolUse, ...]:
-    """Each tool that cuts, in the order of the program."""
-    binds = row_bindings(result)
-    then = {one.tool: one for one in by_tool(before.of.found)}
-    uses = []
-    for totals in by_tool(after.of.found):
-        tool = result.job.cut.tools[totals.tool]
-        rows = np.flatnonzero(result.problem.cuts & (result.moves.tool == totals.tool))
-        known = tool_range(result, totals.tool)
+    """Each tool that cuts in each of its operations, in the order of the program."""
+    binds, uses = row_bindings(result), []
+    found = [one for one in tool_ranges(result) if one[3].any()]
+    for tool, known, why, mine in sorted(found, key=lambda one: int(np.argmax(one[3]))):
+        rows, now = np.flatnonzero(mine), np.zeros(len(after.cut.tool), dtype=np.bool_)
+        now[result.answer.rows[rows]] = True
         uses.append(ToolUse(
-            tool=totals.tool, name=tool.name, before=then[totals.tool], after=totals,
+            tool=tool, name=result.job.cut.tools[tool].name,
+            operation=_operation(result, int(rows[0])),
+            before=tool_totals(before.of.found, tool, mine),
+            after=tool_totals(after.of.found, tool, now),
             feed_per_tooth_range_mm=known.feed_per_tooth_mm,
-            cutting_speed_range_m_min=known.cutting_speed_m_min, range_source=known.source,
-            kept=_kept(result, rows), binds=longest_binding(binds, after.time, rows),
+            cutting_speed_range_m_min=known.cutting_speed_m_min,
+            range_source=known.source, kept=_kept(result, rows, why),
+            binds=longest_binding(binds, after.time, rows),
         ))  # fmt: skip
     return tuple(uses)
 
 
-def _kept(result: "Result", rows: Rows) -> str | None:
+def _operation(result: "Result", row: int) -> str:
+    """Operation of a row in words; empty where operations were not told apart."""
+    practice = result.problem.practice
+    code = -1 if practice is None else int(practice.operation[row])
+    return OPERATIONS[code].replace("_", " ") if code >= 0 else ""
+
+
+def _kept(result: "Result", rows: Rows, why: str) -> str | None:
     """Why no F and no S of the rows may change; None where one of them may."""
     editable, moves = result.problem.editable, result.moves
     if (editable.block[rows] >= 0).any() or editable.speed[rows].any():
         return None
     lines = {f"{moves.files[moves.file[row]]}:{moves.line[row]}" for row in rows.tolist()}
     reasons = [held.reason for held in editable.held if held.first in lines]
-    return "; ".join(reasons) or "none of its F and S words may be changed"
+    return why or "; ".join(reasons) or "none of its F and S words may be changed"
 
 
 def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChange, ...]:
@@ -139,11 +137,14 @@ def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChang
     moves, cut = result.moves, result.before
     binds, f_z = row_bindings(result), _commanded(result, before, after)
     per_turn = cut.plan.path.motion == Motion.PER_TURN
+    practice = result.problem.practice
+    operation = np.zeros(len(moves)) if practice is None else practice.operation
     rows = np.flatnonzero(np.isin(moves.kind, CUTTING) & (moves.length > 0))
     if not len(rows):
         return ()
     keys = np.stack([
         before.feed, after.feed, before.speed, after.speed, moves.tool, moves.file, per_turn,
+        operation,
     ])[:, rows]  # fmt: skip
     runs = np.split(rows, np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1)
     changes = []
@@ -154,7 +155,7 @@ def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChang
         cutting = run[result.problem.cuts[run]]
         changes.append(FeedChange(
             first_line=int(moves.line[run].min()), last_line=int(moves.line[run].max()),
-            tool=int(moves.tool[row]), operation=_operation(result, run),
+            tool=int(moves.tool[row]), operation=_operation(result, int(row)),
             feed_unit="mm/rev" if per_turn[row] else "mm/min",
             feed_before=float(before.feed[row]), feed_after=float(after.feed[row]),
             speed_before=float(before.speed[row]), speed_after=float(after.speed[row]),
@@ -163,13 +164,6 @@ def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChang
             binds=longest_binding(binds, after.time, cutting),
         ))  # fmt: skip
     return tuple(changes)
-
-
-def _operation(result: "Result", rows: Rows) -> str:
-    """Operations of some rows in words; empty where none were told."""
-    practice = result.problem.practice
-    codes = [] if practice is None else np.unique(practice.operation[rows]).tolist()
-    return ", ".join(OPERATIONS[code].replace("_", " ") for code in codes if code >= 0)
 
 
 def _commanded(result: "Result", before: Side, after: Side) -> tuple[Floats, Floats]:

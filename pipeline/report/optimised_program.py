@@ -39,7 +39,10 @@ def changes_section(part: OptimisedPart, sources: list[Source]) -> Section | Non
     if not blocks:
         return None
     kept = [
-        (f"T{use.tool} {use.name}".strip(), f"F and S stay as programmed: {use.kept}.")
+        (
+            ", ".join(filter(None, (f"T{use.tool} {use.name}".strip(), use.operation))),
+            f"F and S stay as programmed: {use.kept}.",
+        )
         for use in part.tools
         if use.kept
     ]
@@ -150,6 +153,7 @@ def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Feed per tooth and cutting speed of each tool before and after, beside its ranges."""
     return tabulated("Feed and speed by tool, before → after", part.tools, (
         Column("Tool", _name),
+        *_operations(part),
         Column("feed per tooth fz", _within("feed_per_tooth_mm", "feed_per_tooth_range_mm"), "mm"),
         Column("its range", lambda use: _span(use.feed_per_tooth_range_mm), "mm"),
         Column("cutting speed vc",
@@ -168,6 +172,7 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Depths, chip, load, torque, power and life of each tool before and after."""
     return tabulated("Cut by tool, before → after: the worst of its blocks", part.tools, (
         Column("Tool", _name),
+        *_operations(part),
         Column("depth ap", _both("axial_depth_mm", figure), "mm"),
         Column("width ae", _both("radial_depth_mm", figure), "mm"),
         Column("chip thickness", _both("chip_thickness_mm", figure), "mm"),
@@ -178,6 +183,12 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     ), sources, note="Load is the peak across the tool’s axis, torque the mean over a turn; life "
         "is the share of the tool’s life that one part uses.",
     )  # fmt: skip
+
+
+def _operations(part: OptimisedPart) -> list[Column[ToolUse]]:
+    """Column of the operations, where they were told apart."""
+    told = any(use.operation for use in part.tools)
+    return [Column("operation", lambda use: use.operation or NONE)] if told else []
 
 
 def _name(use: ToolUse | SetupTool) -> Cell:

@@ -14,7 +14,7 @@ Feed = float | None
 
 @dataclass(frozen=True, kw_only=True)
 class ToolUse:
-    """One tool before and after, beside the range that is usual for it.
+    """One tool in one operation before and after, beside the range that is usual for it.
 
     Parameters
     ----------
@@ -22,6 +22,8 @@ class ToolUse:
         Number.
     name : str
         For people.
+    operation : str
+        Kind of machining; empty where operations were not told apart.
     before, after : ToolTotals
         Worst values of its blocks and sums over them.
     feed_per_tooth_range_mm, cutting_speed_range_m_min : tuple of float, or None
@@ -36,6 +38,7 @@ class ToolUse:
 
     tool: int
     name: str
+    operation: str = ""
     before: ToolTotals
     after: ToolTotals
     feed_per_tooth_range_mm: tuple[float, float] | None

@@ -46,16 +46,18 @@ def figure(value: float, digits: int = 6) -> float | None:
 
 def by_tool(found: CutResults) -> tuple[ToolTotals, ...]:
     """Each tool that cuts, in the order of the program."""
-    cut, blocks = found.cut, found.blocks
-    order = dict.fromkeys(blocks.tool.tolist())
+    cut = found.cut
     number = cut.plan.path.moves.tool
-    return tuple(
-        ToolTotals(
-            tool=cut.numbers[tool], name=cut.tools[tool].name,
-            **_totals(found, blocks.tool == tool, number == cut.numbers[tool]),
-        )
-        for tool in order
-    )  # fmt: skip
+    order = dict.fromkeys(cut.numbers[tool] for tool in found.blocks.tool.tolist())
+    return tuple(tool_totals(found, tool, number == tool) for tool in order)
+
+
+def tool_totals(found: CutResults, tool: int, rows: Bools) -> ToolTotals:
+    """Totals of the ``rows`` (M,) of one tool, by its number."""
+    cut, blocks = found.cut, found.blocks
+    index = cut.numbers.index(tool)
+    mine = (blocks.tool == index) & rows[blocks.row]
+    return ToolTotals(tool=tool, name=cut.tools[index].name, **_totals(found, mine, rows))
 
 
 def summary(found: CutResults) -> PartTotals:

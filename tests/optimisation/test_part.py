@@ -149,7 +149,11 @@ def test_what_a_part_names_must_be_there(tmp_path: Path, change: dict[str, str],
 def stored(**change: Any) -> OptimisedPart:
     """A part without blocks, as small as one can be."""
     column = {"total_mm": 1.0, "way_mm": [0.0], "load_N": [None], "line": [1]}
-    empty: dict[str, Any] = {key: [] for key in ("methods", "front", "groups", "binding", "held")}
+    empty: dict[str, Any] = {
+        key: [] for key in (
+            "methods", "front", "groups", "binding", "held", "tools", "changes", "lines",
+        )
+    }  # fmt: skip
     return part_of(empty | {
         "program": "O1.nc", "machine": "mill", "origin": "recorded", "control": "identified",
         "objective": "time", "currency": "KRW", "stock": "box", "material": "A6061",
@@ -160,7 +164,8 @@ def stored(**change: Any) -> OptimisedPart:
         "trace": {"before": column, "after": column, "tools": []},
         "verified": {"peak_load_N": None, "peak_line": None, "following_um": None,
                      "full_evaluations": 1, "tightened": 0},
-        "interrupted": False, "not_known": [], "notes": ["Größe"],
+        "interrupted": False, "not_known": [], "notes": ["Größe"], "path": None,
+        "setup": {"tools": [], "offsets": [], "blank_offset": "G54", "warnings": []},
     } | change)  # fmt: skip
 
 

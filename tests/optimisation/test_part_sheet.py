@@ -13,7 +13,7 @@ from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.feeds import feed_bounds
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.optimise import ANSWER, DIRECT, optimise
-from pipeline.optimisation.part_sheet import makers_range, path_trace
+from pipeline.optimisation.part_sheet import path_trace
 from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.report.optimised_program import feeds_table, loads_table
@@ -130,9 +130,6 @@ def test_a_tool_stands_beside_its_ranges(part: OptimisedPart) -> None:
     assert (use.tool, use.kept, use.range_source) == (1, None, "")
     assert use.before.feed_per_tooth_mm == pytest.approx(0.03)  # F300 of 2 teeth at S5000
     assert use.before.cutting_speed_m_min == pytest.approx(94.2478)  # pi 6 mm 5000/min
-    tool = paper_job("time").cut.tools[1]
-    known = makers_range(replace(tool, feed_per_tooth_mm=(0.01, 0.05)))
-    assert known.feed_per_tooth_mm == (0.01, 0.05) and known.source == "tool table"
     assert len(feeds_table(part, []).rows) == len(loads_table(part, []).rows) == 1
 
 

@@ -54,6 +54,11 @@ def problem(cut):
     return problem_on(cut, LIMITS, editable=replace(editable, block=block))
 
 
+def plunges(moves):
+    """G1 Z-… beside the blank: F of these is at most as programmed."""
+    return (moves.kind == 1) & (moves.start[:, 2] > moves.end[:, 2]) & (moves.tool != 3)
+
+
 def kept(cut, feeds, speeds):
     """The greatest share of LIMITS that F and S take, by what is judged of their cut."""
     turns = np.where(cut.plan.path.moves.direction == 0, 0.0, speeds)
@@ -65,11 +70,12 @@ def kept(cut, feeds, speeds):
              for t, p in zip(blocks.tool, blocks.peak, strict=True)]  # fmt: skip
     v_c = np.pi * turns[blocks.row] * np.array([tool.diameter for tool in cut.tools])[blocks.tool]
     fed = np.isin(path.moves.kind, (1, 2)) & (path.moves.tool != 3)
+    faster = (feeds / path.moves.feed)[plunges(path.moves)]
     ratios = [
         blocks.peak / 300.0, np.array(bends) / 20e-6, blocks.thickness / 90e-6,
         5e-6 / blocks.thickness, blocks.torque / 2.0, limits.drive / 0.15, v_c / 250.0, 15.0 / v_c,
         turns[blocks.row] / 9500.0, 1000.0 / turns[blocks.row], feeds[fed] / 2500.0,
-        50.0 / feeds[fed],
+        50.0 / feeds[fed], np.where(faster > 1, faster, 0.0),
     ]  # fmt: skip
     return max(float(ratio.max()) for ratio in ratios)
 
@@ -81,6 +87,8 @@ def test_there_is_no_violation_just_inside_all_limits(problem, seed, wide):
     moves = cut.plan.path.moves
     drilled = moves.tool == 3
     feeds = moves.feed * np.where(drilled, 1.0, np.exp(rng.uniform(-wide, wide, len(moves))))
+    if rng.random() < 0.8:
+        feeds = np.where(plunges(moves), np.minimum(feeds, moves.feed), feeds)
     speeds = moves.speed * np.exp(rng.uniform(-0.3, 0.3, len(moves)))
     nearest = kept(cut, feeds, speeds)
     found = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis]).violation[0]
@@ -137,7 +145,9 @@ def test_ranges_that_nobody_gave_hold_the_program_and_what_the_machine_can(cut):
     problem = problem_on(cut, limits)
     fed = problem.editable.block >= 0
     assert set(problem.ranges.feed_low[fed]) == {15.0}  # a tenth of the drill's F150
-    assert set(problem.ranges.feed_high[fed]) == {10000.0}  # of the axes
+    down = plunges(cut.plan.path.moves)
+    assert set(problem.ranges.feed_high[fed & ~down]) == {10000.0}  # of the axes
+    assert set(problem.ranges.feed_high[down]) == {300.0}  # as programmed
     turning = problem.editable.speed
     assert set(problem.ranges.speed_low[turning]) == {100.0}  # of the drive
     assert set(problem.ranges.speed_high) == {10000.0}
@@ -312,6 +322,7 @@ def test_what_a_row_is_at(limits, feed, speed, name):
         min(problem.bounds.high[row], 1e-4) - problem.bounds.least[row]
     )
     feeds = np.full(len(problem), max(f_z, 1e-6) * speed * problem.flutes[row] * 1e3)
+    feeds = np.where(problem.cuts, feeds, 100.0)  # air is at no limit
     found = binding_constraints(problem, feeds, np.full(len(problem), speed))
     assert (CONSTRAINTS[found[row]] if found[row] >= 0 else None) == name
     assert (found[~problem.cuts] == -1).all()
@@ -334,7 +345,7 @@ def test_a_row_at_the_drives_power_or_torque():
     for speed, name in ((2000.0, "spindle torque"), (6000.0, "spindle power")):
         speeds = np.full(len(problem), speed)
         f_z = problem.power_f_z(speeds)[row]
-        feeds = np.full(len(problem), f_z * speed * problem.flutes[row] * 1e3)
+        feeds = np.where(problem.cuts, f_z * speed * problem.flutes[row] * 1e3, 100.0)
         assert CONSTRAINTS[binding_constraints(problem, feeds, speeds)[row]] == name
         violation = problem.evaluate_rows(feeds[np.newaxis] * [[1.0], [1.001]],
                                           np.tile(speeds, (2, 1))).violation  # fmt: skip
