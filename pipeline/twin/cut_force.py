@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import RADIAN
-from pipeline.machine.control.geometry import ROTARY
 from pipeline.machine.control.interpolate import Trace
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.twin.cut import Cut
@@ -97,8 +96,9 @@ def _begins(cut: Cut) -> Floats:
 
     Rows that stand or turn rotary axes alone have none.
     """
-    path = cut.plan.path
-    lengths = np.where(path.moving & (path.form != ROTARY), path.length, 0.0)
+    path, moves = cut.plan.path, cut.plan.path.moves
+    linear = np.any(moves.start[:, :3] != moves.end[:, :3], axis=1) | (moves.angle != 0)
+    lengths = np.where(path.moving & linear, path.length, 0.0)
     return np.concatenate([[0.0], np.cumsum(lengths)])
 
 

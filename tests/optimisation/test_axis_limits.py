@@ -60,8 +60,8 @@ def test_a_program_limited_by_motor_command_keeps_it_there() -> None:
 
 def test_a_limit_that_no_feed_keeps_names_line_and_limit() -> None:
     """F 100 is the least of the range: 42 um at the gain of the loop."""
-    with pytest.raises(ValueError, match=r"O2023\.nc:\d+: .*limit of the axes in the cut needs F "
-                       r"[\d.]+ mm/min or less, below the least of 100 mm/min"):  # fmt: skip
+    with pytest.raises(ValueError, match=r"O2023\.nc:\d+: the limit of 10 um on the following error in the "
+                       r"cut of axis [XY] needs F [\d.]+ mm/min or less, below the least of 100 mm/min"):  # fmt: skip
         found(following=10.0)
 
 
