@@ -140,9 +140,8 @@ def _held_against(
             k = int(np.argmax(np.where(over, size, 0.0)))
             if size[k] / (limit * kept) > worst:
                 worst = float(size[k] / (limit * kept))
-                words = (
-                    f"limit of {limit:g} {unit} on the {limit_words(name)[0].name} of axis {letter}"
-                )
+                about = limit_words(name)[0].name
+                words = f"limit of {limit:g} {unit} on the {about} of axis {letter}"
                 what = "is behind by" if name == "following_um" else "draws"
                 why_not = (
                     f"{where(moves, int(one.row[k]))}: axis {letter} {what} {size[k]:.4g} {unit} "

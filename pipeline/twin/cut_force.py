@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from pipeline.gcode.moves import RADIAN
 from pipeline.machine.control.interpolate import Trace
+from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.twin.cut import Cut
 
@@ -42,7 +43,7 @@ class CutForce:
     tooth_frequency : (T,) array
         [Hz]; 0 in air.
     cutting : (T,) array of bool
-        Whether the tool is in the material at feed.
+        Whether the tool is in the material at feed, and its command not in a rapid yet.
     f_z : (T,) array
         Feed for each tooth, 0 in air [m].
     """
@@ -86,9 +87,12 @@ def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:
     force[at] = np.einsum("qij,qj->qi", turn, forces[:, :3])
     # components that vary independently: variances go with the squares of the turn
     ripple[at] = np.sqrt(2 * np.einsum("qij,qj->qi", turn**2, forces[:, 3:] ** 2))
+    path = cut.plan.path
+    rapid = np.isin(path.motion, (Motion.RAPID, Motion.INDEPENDENT))[trace.row]
     return CutForce(
-        force=force, ripple=ripple, tooth_frequency=frequency, cutting=station >= 0, f_z=f_z
-    )
+        force=force, ripple=ripple, tooth_frequency=frequency,
+        cutting=(station >= 0) & ~rapid, f_z=f_z,
+    )  # fmt: skip
 
 
 def _begins(cut: Cut) -> Floats:
