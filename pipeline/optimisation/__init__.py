@@ -8,6 +8,7 @@ may change, ``proof`` the comparison of two programs that shares nothing with wh
 """
 
 __all__ = [
+    "axis_limits",
     "document",
     "full_twin",
     "job",

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.machine.control.path import where
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import AxisInCut
-from pipeline.schema.limits import CutLimit
+from pipeline.schema.limits import CutLimit, limit_words
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_axes import NEWTON, CutFollowing, axes_in_cut, follow_cut
 from pipeline.twin.drive import IdentifiedDrive
@@ -42,14 +42,17 @@ class AxesCheck:
         Those whose drives are known.
     factor : ndarray, shape (M,)
         Factor by which each row's feed has to go down, 1 where it need not.
+    limit : str
+        Limit that is passed most, in words; empty where all are kept.
     why_not : str
-        Limit that is passed, with its place; empty where all are kept.
+        The same with its place, in one sentence.
     reason : str
         Why nothing is known; empty where something is.
     """
 
     axes: tuple[AxisInCut, ...]
     factor: Floats = field(repr=False)
+    limit: str = ""
     why_not: str = ""
     reason: str = ""
 
@@ -70,8 +73,8 @@ def check_axes(
     axes = axes_in_cut(followed, cut.plan.path.moves.line)
     if limits is None or not followed.load.cutting.any():
         return AxesCheck(axes=axes, factor=free)
-    factor, why_not = _held_against(cut, followed, drives, limits)
-    return AxesCheck(axes=axes, factor=factor, why_not=why_not)
+    factor, limit, why_not = _held_against(cut, followed, drives, limits)
+    return AxesCheck(axes=axes, factor=factor, limit=limit, why_not=why_not)
 
 
 def check_axes_known(drives: Mapping[str, IdentifiedDrive], limits: CutLimit) -> None:
@@ -111,10 +114,10 @@ def _unknown(drives: Mapping[str, IdentifiedDrive]) -> str:
 
 def _held_against(
     cut: Cut, followed: CutFollowing, drives: Mapping[str, IdentifiedDrive], limits: CutLimit
-) -> tuple[Floats, str]:
-    """Factors of the rows' feeds, shape (M,), and the limit that is passed most."""
+) -> tuple[Floats, str, str]:
+    """Factors of the rows' feeds, shape (M,), the limit that is passed most, and a sentence."""
     moves, kept = cut.plan.path.moves, 1.0 - limits.margins.axes
-    factor, worst, why_not = np.ones(len(moves)), 1.0 + SLACK, ""
+    factor, worst, words, why_not = np.ones(len(moves)), 1.0 + SLACK, "", ""
     for letter, one in followed.cut.items():
         screw = drives[letter].feed_drive
         still = (screw.friction.positive.coulomb + abs(screw.offset)) / screw.force_constant
@@ -137,13 +140,15 @@ def _held_against(
             k = int(np.argmax(np.where(over, size, 0.0)))
             if size[k] / (limit * kept) > worst:
                 worst = float(size[k] / (limit * kept))
+                about = limit_words(name)[0].name
+                words = f"limit of {limit:g} {unit} on the {about} of axis {letter}"
                 what = "is behind by" if name == "following_um" else "draws"
                 why_not = (
                     f"{where(moves, int(one.row[k]))}: axis {letter} {what} {size[k]:.4g} {unit} "
                     f"in the cut, its limit of {limit:g} {unit} allows {limit * kept:.4g} {unit}, "
                     f"and no feed of its range keeps it: raise limits.{name} or take less depth"
                 )
-    return factor, why_not
+    return factor, words, why_not
 
 
 def _falls(values: Floats) -> Bools:

@@ -149,7 +149,7 @@ class _Course:
             problem = with_load(problem, self.f_z)
         if np.isfinite(answer.feed_cap).any():
             self.feed_cap = np.minimum(self.feed_cap, answer.feed_cap)
-            problem = with_feed_cap(problem, self.feed_cap, "limit of the axes in the cut")
+            problem = with_feed_cap(problem, self.feed_cap, answer.verified.axes.limit)
         return problem
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:

@@ -7,10 +7,12 @@ in mm, times in s, forces in N, frames are the machine's.
 __all__ = [
     "control",
     "cut",
+    "cut_axes",
     "cut_blocks",
     "cut_coefficients",
     "cut_cost",
     "cut_document",
+    "cut_force",
     "cut_limits",
     "cut_stability",
     "cut_tables",

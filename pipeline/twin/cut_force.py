@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.moves import RADIAN
-from pipeline.machine.control.geometry import ROTARY
 from pipeline.machine.control.interpolate import Trace
+from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.twin.cut import Cut
 
@@ -43,7 +43,7 @@ class CutForce:
     tooth_frequency : (T,) array
         [Hz]; 0 in air.
     cutting : (T,) array of bool
-        Whether the tool is in the material at feed.
+        Whether the tool is in the material at feed, and its command not in a rapid yet.
     f_z : (T,) array
         Feed for each tooth, 0 in air [m].
     """
@@ -87,9 +87,12 @@ def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:
     force[at] = np.einsum("qij,qj->qi", turn, forces[:, :3])
     # components that vary independently: variances go with the squares of the turn
     ripple[at] = np.sqrt(2 * np.einsum("qij,qj->qi", turn**2, forces[:, 3:] ** 2))
+    path = cut.plan.path
+    rapid = np.isin(path.motion, (Motion.RAPID, Motion.INDEPENDENT))[trace.row]
     return CutForce(
-        force=force, ripple=ripple, tooth_frequency=frequency, cutting=station >= 0, f_z=f_z
-    )
+        force=force, ripple=ripple, tooth_frequency=frequency,
+        cutting=(station >= 0) & ~rapid, f_z=f_z,
+    )  # fmt: skip
 
 
 def _begins(cut: Cut) -> Floats:
@@ -97,8 +100,9 @@ def _begins(cut: Cut) -> Floats:
 
     Rows that stand or turn rotary axes alone have none.
     """
-    path = cut.plan.path
-    lengths = np.where(path.moving & (path.form != ROTARY), path.length, 0.0)
+    path, moves = cut.plan.path, cut.plan.path.moves
+    linear = np.any(moves.start[:, :3] != moves.end[:, :3], axis=1) | (moves.angle != 0)
+    lengths = np.where(path.moving & linear, path.length, 0.0)
     return np.concatenate([[0.0], np.cumsum(lengths)])
 
 

@@ -12,6 +12,7 @@ __all__ = [
     "drive_step",
     "feed_drive",
     "friction",
+    "presliding",
     "servo",
     "simd_population",
     "speed_trial",
