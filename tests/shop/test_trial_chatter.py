@@ -56,7 +56,7 @@ def side_cut(depth_mm: float, width: float, speed: float, feed: float) -> str:
     )
 
 
-STABLE, CHATTER = 0.1, 0.3
+STABLE, CHATTER = 0.25, 0.4
 """Share of the vibration that differs from tooth to tooth."""
 
 
@@ -66,7 +66,11 @@ STABLE, CHATTER = 0.1, 0.3
 def test_chatter_begins_at_the_depth_of_the_delayed_equation(
     rpm: float, immersion: float, flutes: int
 ) -> None:
-    """10 % below it and 15 % above, where vibration grows until teeth leave the material."""
+    """10 % below it and 15 % above, where vibration grows until teeth leave the material.
+
+    At a thin chip: the tip stands off by as much as a part of a 1 mm immersion all the same, and
+    close below the limit a vibration is long in dying.
+    """
     cut = RegenerativeCut(
         K_tc=6e8, K_rc=2e8, flutes=flutes, entry=0.0,
         exit=float(np.arccos(1 - 2 * immersion)) if immersion < 1 else pi,
@@ -79,7 +83,7 @@ def test_chatter_begins_at_the_depth_of_the_delayed_equation(
     assert limit < 8e-3
     width = immersion * DIAMETER if immersion < 1 else 15.0 + DIAMETER / 2
     found = [
-        shares(side_cut(share * limit * 1e3, width, rpm, 0.03 * flutes * rpm), even(flutes), [TIP])
+        shares(side_cut(share * limit * 1e3, width, rpm, 0.01 * flutes * rpm), even(flutes), [TIP])
         for share in (0.9, 1.15)
     ]
     assert found[0][5] < STABLE and found[1][5] > CHATTER

@@ -5,7 +5,7 @@ and is pushed by the force of the step.  Tooth paths are those of the tip where 
 meets the surface that the teeth of the turn before it have left, with their vibration in it, so
 that regeneration, teeth that miss the material and chips that they leave to the next are all there.
 
-In a stretch of each line the tool begins at rest, which the cut disturbs as much as it can.  In a
+In a stretch of each line the tool begins at rest and its force comes in little by little.  In a
 stable cut each tooth soon vibrates as the tooth before it, with the force that the cut has; where
 it chatters no tooth does as the one before.
 """
@@ -51,6 +51,8 @@ END = 8
 """Part of a stretch at its end that says whether the vibration repeats: one in so many."""
 
 
+ENTERS = 0.4
+"""Part of a stretch in which the force comes in."""
 RIGID = 1e6
 """Stiffness over its own of a tip that counts as rigid: what it shows is the cut's own change."""
 STEADY = 0.02
@@ -121,9 +123,11 @@ def displacement(
                 t, r, _ = edge_force(edge, h * 1e-3, sharpness[tooth])
                 push_x -= (t * cosine + r * sine) * height[s] * 1e-3
                 push_y += (t * sine - r * cosine) * height[s] * 1e-3
+        # the cut comes in little by little, as where a tool enters its material
+        enters = min((k - begin + 1) / (ENTERS * (steps.angle.size - begin)), 1.0)
         step = time[min(k + 1, time.size - 1)] - time[k]
         for j in range(modes):
-            rest = (push_x if tip.axis[j] == 0 else push_y) / tip.stiffness[j]
+            rest = enters * (push_x if tip.axis[j] == 0 else push_y) / tip.stiffness[j]
             share = np.sqrt(1 - tip.damping[j] ** 2)
             decay = np.exp(-tip.damping[j] * tip.omega[j] * step)
             c = np.cos(share * tip.omega[j] * step) * decay
