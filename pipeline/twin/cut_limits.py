@@ -6,13 +6,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
-from pipeline.cutting.stability.tip_dynamics import TipDynamics, rigid_directions
+from pipeline.cutting.stability.tip_dynamics import (
+    Dynamics,
+    FrequencyResponse,
+    TipDynamics,
+    rigid_directions,
+)
 from pipeline.cutting.tool import tip_deflection
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
 
+WORN = 0.3e-3
+"""Width of the flank's land of a worn tool, ISO 8688-2 [m]."""
 BINDS = ("load limit", "spindle drive", "stability")
 
 
@@ -141,7 +148,10 @@ def cut_warnings(
         over = blocks.row[blocks.peak > limit_load]
         what = f"the load passes its limit of {limit_load:g} N"
         warnings.insert(1, _warning(cut, over, what, "Lower the feed of these blocks.", grave=True))
-    warnings += [missed_blank(cut, stock), *_rigid(cut, blocks, dynamics)]
+    warnings += [
+        missed_blank(cut, stock), *_rigid(cut, blocks, dynamics),
+        _damped(cut, blocks, limits, dynamics),
+    ]  # fmt: skip
     return [one for one in warnings if one is not None]
 
 
@@ -206,6 +216,42 @@ def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[Cu
         )
         for name, tools in stiff.items()
     ]
+
+
+def _damped(
+    cut: Cut, blocks: CutBlocks, limits: CutLimits, dynamics: TipDynamics | None
+) -> CutWarning | None:
+    """Blocks said to chatter whose waves are so short that process damping may still hold them.
+
+    A wave is v_c / f long; a flank that is worn to ``WORN`` rubs along a quarter of it where that is
+    no longer than the land.
+    """
+    if dynamics is None:
+        return None
+    tips = dynamics.of(cut.numbers)
+    slowest = np.array([_lowest_mode_Hz(tip) for tip in tips])[blocks.tool]
+    radius = np.array([tool.radius for tool in cut.tools])[blocks.tool]
+    speed = 2 * np.pi * radius * blocks.spindle_speed / 60
+    wave = np.divide(speed, slowest, out=np.full(len(speed), np.inf), where=slowest > 0)
+    short = (limits.margin[blocks.row] < 0) & (wave < 4 * WORN)
+    if not short.any():
+        return None
+    return _warning(
+        cut, blocks.row[short],
+        f"waves of the tip's vibration are as short as {wave[short].min() * 1e3:.2g} mm: process "
+        "damping, which is not counted, may let these blocks cut deeper, by how much is not known",
+        "Try the cut with care, or identify the process damping; do not count on it.",
+    )  # fmt: skip
+
+
+def _lowest_mode_Hz(tip: Dynamics | None) -> float:
+    """Natural frequency of the lowest mode [Hz]; 0 where none is known."""
+    if tip is None:
+        return 0.0
+    if isinstance(tip, FrequencyResponse):
+        direct = np.abs(np.einsum("fii->fi", tip.receptance)).max(axis=1)
+        return float(tip.frequency_Hz[direct.argmax()])
+    return min(mode.natural_frequency_Hz for mode in tip)
 
 
 def _too_deep(cut: Cut, blocks: CutBlocks) -> Rows:

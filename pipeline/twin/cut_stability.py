@@ -10,6 +10,7 @@ from pipeline.cutting.engagement.immersions import Immersions, immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import stiffness
 from pipeline.cutting.stability.margins import (
+    MOST,
     NEAR,
     CutClass,
     StabilityTable,
@@ -69,9 +70,15 @@ def _clipped(cut: Cut, table: StabilityTable) -> Floats:
 
 
 def table_of(
-    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, nodes_rpm: Floats | None = None
+    cut: Cut,
+    blocks: CutBlocks,
+    dynamics: TipDynamics,
+    nodes_rpm: Floats | None = None,
+    most: float = MOST,
 ) -> tuple[StabilityTable, Immersions] | None:
     """Table of stability of a cut at ``nodes_rpm``, by default the speeds of the program.
+
+    Margins above ``most`` are not told apart.
 
     None where no tool that cuts has known dynamics.
     """
@@ -87,7 +94,7 @@ def table_of(
         linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.force_laws)
     )  # fmt: skip
     nodes = np.unique(turning) if nodes_rpm is None else nodes_rpm
-    return stability_table(milled, tips, force_laws, cut.tools, nodes_rpm=nodes), milled
+    return stability_table(milled, tips, force_laws, cut.tools, nodes_rpm=nodes, most=most), milled
 
 
 def _chip(blocks: CutBlocks, tool: int) -> float:

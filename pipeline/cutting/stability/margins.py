@@ -9,7 +9,8 @@ The limit of a class at a speed is that of semi-discretisation
 (:mod:`pipeline.cutting.stability.semi_discretisation`), which sees flip lobes, and is computed when
 it is first asked for and then kept, so that a program, its optimisation and the program that comes
 out of it compute it once.  It is looked for up to four times the depth of the class: no margin is
-above :data:`MOST`.  Two cases are left to the zero-order solution
+above :data:`MOST`, and a class that does not reach half the least depth of the zero-order solution
+is not looked at.  Two cases are left to the zero-order solution
 (:mod:`pipeline.cutting.stability.lobes`): a measured frequency response, which has no modes, and
 speeds so low that hundreds of waves lie within a cut; there its least depth of all speeds counts.
 
@@ -28,7 +29,7 @@ from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut, in_plane, stiffness
 from pipeline.cutting.stability.lobes import lobes
-from pipeline.cutting.stability.semi_discretisation import least_depth, settled_limits
+from pipeline.cutting.stability.semi_discretisation import BELOW, least_depth, settled_limits
 from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Bools, Floats, Ints
@@ -132,6 +133,8 @@ def _allowed(dynamics: Dynamics, cut: RegenerativeCut, n: Floats, highest: float
     if isinstance(dynamics, FrequencyResponse):
         measured: Floats = ROUNDED * lobes(dynamics, cut, n).depth_limit
         return measured
+    if highest <= BELOW * least_depth(dynamics, cut):
+        return np.full(len(n), highest)
     limit = settled_limits(dynamics, cut, n, highest=highest).depth_limit
     slow = np.isnan(limit)
     limit[slow] = least_depth(dynamics, cut)
@@ -157,6 +160,8 @@ class StabilityTable:
         [m].
     judged : ndarray of bool, shape (B,)
         Blocks of which all that is in the material was judged; air is.
+    most : float
+        Greatest margin that is told apart [1].
     """
 
     nodes: Floats
@@ -166,9 +171,10 @@ class StabilityTable:
     block: Ints = field(repr=False)
     depth: Floats = field(repr=False)
     judged: Bools = field(repr=False)
+    most: float = MOST
 
     def margins(self, speed_rpm: ArrayLike) -> Floats:
-        """Least margin of each block: limit / a_p - 1, at most ``MOST`` [1].
+        """Least margin of each block: limit / a_p - 1, at most ``most`` [1].
 
         Parameters
         ----------
@@ -202,7 +208,7 @@ class StabilityTable:
             at = missing[kind]
             self.limit[kind, at] = self.classes[kind].limits(self.nodes[at])
         out = np.full(below.shape, np.inf)
-        fill_margins(below, above, self.limit, self.kind, self.depth, self.block, MOST, out)
+        fill_margins(below, above, self.limit, self.kind, self.depth, self.block, self.most, out)
         out[:, ~self.judged & ~covered] = np.nan
         return out.reshape(given.shape)
 
@@ -230,6 +236,7 @@ NEAR = 1e-9
 def stability_table(
     stations: Immersions, dynamics: Sequence[Dynamics | None], force_laws: Sequence[ForceLaw],
     tools: Sequence[Tool], *, nodes_rpm: ArrayLike, thickness: float | None = None,
+    most: float = MOST,
 ) -> StabilityTable:  # fmt: skip
     """The classes of a program's stations, whose depth limits are computed where they are read.
 
@@ -243,6 +250,8 @@ def stability_table(
         Spindle speeds at which limits are computed, growing [rev/min].
     thickness : float, optional
         Of the chip, where a law that is not linear is taken [m].
+    most : float
+        Greatest margin that is told apart [1]; the less, the sooner limits are known.
 
     Raises
     ------
@@ -274,7 +283,7 @@ def stability_table(
     np.maximum.at(deepest, kind, stations.depth[kept])
     kinds = [
         CutClass(
-            dynamics=dynamics[row[0]] or (), highest=(1.0 + MOST) * depth,
+            dynamics=dynamics[row[0]] or (), highest=(1.0 + most) * depth,
             cut=_cut(force_laws[row[0]], tools[row[0]], row, thickness),
         )
         for row, depth in zip(rows.tolist(), deepest.tolist(), strict=True)
@@ -282,6 +291,7 @@ def stability_table(
     return StabilityTable(
         nodes=nodes, classes=kinds, limit=np.full((len(kinds), len(nodes)), np.nan), kind=kind,
         block=stations.block[kept].astype(np.int64), depth=stations.depth[kept], judged=judged,
+        most=most,
     )  # fmt: skip
 
 

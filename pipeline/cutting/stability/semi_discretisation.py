@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 KRYLOV = 8
 """Dimensions of the Krylov space besides those of the modes' states."""
-CELLS_PER_WAVE = 8
+CELLS_PER_WAVE = 6
 """Of the highest mode, where refinement begins."""
 LEAST_CELLS = 12
 MOST_CELLS = 4096

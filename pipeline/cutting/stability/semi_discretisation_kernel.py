@@ -28,6 +28,10 @@ _SETTLED = 1e-6
 """Change of the growth for each period between two squarings below which it is taken."""
 
 
+_CLEAR = 0.2
+"""Decay over that without a cut which is far enough from chatter that few cells will do."""
+
+
 class Cut(NamedTuple):
     """A cut as the kernel takes it: coefficients [N/m^2], angles [rad], lag [rad/m]."""
 
@@ -317,7 +321,7 @@ def _crossing(tip, cut, n, low, at_low, high, at_high, cells, tolerance, work): 
 
 @compiled
 def _first(tip, cut, n, least, highest, ratio, cells, tolerance, work):  # type: ignore[no-untyped-def]
-    """Least depth of chatter from ``least`` to ``highest`` [m]; inf without one.
+    """Least depth of chatter from ``least`` to ``highest`` [m], inf without one; greatest growth.
 
     The depths grow by ``ratio``; a hump of the growth between them is climbed.
     """
@@ -329,24 +333,32 @@ def _first(tip, cut, n, least, highest, ratio, cells, tolerance, work):  # type:
         here /= 2.0
         at_here = growth(tip, cut, n, here, cells, work)
         if at_here <= 0.0:
-            return _crossing(tip, cut, n, here, at_here, before, at_before, cells, tolerance, work)
+            return _crossing(
+                tip, cut, n, here, at_here, before, at_before, cells, tolerance, work
+            ), 0.0  # fmt: skip
+    most = at_here
     while here < highest:
         there = min(here * ratio, highest)
         at_there = growth(tip, cut, n, there, cells, work)
         if at_there > 0.0:
-            return _crossing(tip, cut, n, here, at_here, there, at_there, cells, tolerance, work)
+            return _crossing(
+                tip, cut, n, here, at_here, there, at_there, cells, tolerance, work
+            ), 0.0  # fmt: skip
         if at_here >= at_before and at_here >= at_there and before > 0.0:
             low, high = before, there
             for _ in range(8):  # golden section
                 one, two = low + 0.382 * (high - low), low + 0.618 * (high - low)
                 at_one = growth(tip, cut, n, one, cells, work)
                 if at_one > 0.0:
-                    return _crossing(tip, cut, n, before, at_before, one, at_one, cells,
-                                     tolerance, work)  # fmt: skip
+                    return _crossing(
+                        tip, cut, n, before, at_before, one, at_one, cells, tolerance, work
+                    ), 0.0  # fmt: skip
                 at_two = growth(tip, cut, n, two, cells, work)
                 if at_two > 0.0:
-                    return _crossing(tip, cut, n, before, at_before, two, at_two, cells,
-                                     tolerance, work)  # fmt: skip
+                    return _crossing(
+                        tip, cut, n, before, at_before, two, at_two, cells, tolerance, work
+                    ), 0.0  # fmt: skip
+                most = max(most, at_one, at_two)
                 if at_one > at_two:
                     high = two
                 else:
@@ -355,7 +367,8 @@ def _first(tip, cut, n, least, highest, ratio, cells, tolerance, work):  # type:
                     break
         before, at_before = here, at_here
         here, at_here = there, at_there
-    return inf
+        most = max(most, at_here)
+    return inf, most
 
 
 @compiled
@@ -392,18 +405,24 @@ def first_limits(tip, cut, work, speeds, cells, depths, tolerance, out, error, l
         Filled; the estimated error before extrapolation over the limit, and the cells.
     """
     least, highest, ratio = depths
-    exact = 0.02 * tolerance
+    exact = 0.05 * tolerance
     for s in range(speeds.shape[0]):
         many = cells
-        coarse = _first(tip, cut, speeds[s], least, highest, ratio, many, exact, work)
+        coarse, most = _first(tip, cut, speeds[s], least, highest, ratio, many, exact, work)
         out[s], error[s] = coarse, inf
+        free = inf  # decay of a mode in a tooth period without a cut
+        for j in range(tip.omega.shape[0]):
+            free = min(free, tip.zeta[j] * tip.omega[j] * cut.pitch / (2.0 * pi * speeds[s]))
+        if coarse == inf and most < -_CLEAR * free:
+            error[s], last[s] = 0.0, many
+            continue
         while 2 * many <= work.weight.shape[0]:
             many *= 2
             fine = inf
             if coarse < inf:
                 fine = _near(tip, cut, speeds[s], coarse, many, exact, work)
             if fine == inf:
-                fine = _first(tip, cut, speeds[s], least, highest, ratio, many, exact, work)
+                fine, _ = _first(tip, cut, speeds[s], least, highest, ratio, many, exact, work)
             if fine == coarse:  # both without limit
                 out[s], error[s] = fine, 0.0
                 break

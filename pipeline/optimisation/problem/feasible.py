@@ -206,7 +206,7 @@ def problem_of(
         bounds=bounds,
         ranges=ranges,
         demand=demand_of(cut, blocks, life, basis, limits, bounds=bounds, ranges=ranges),
-        lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed),
+        lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed, limits.margins.stability),
         practice=practice,
     )
     _check(problem, load_limited=f_z_load is not None)

@@ -32,8 +32,12 @@ SLOWEST = 0.1
 """Slowest speed whose limits are computed, over the fastest; slower ones count as that one, where
 the program has none of its own: lobes stand so close there that limits are nearly the same.
 """
-COARSE = 0.006
+COARSE = 0.012
 """Greatest step between two speeds whose limits are computed, over the speed."""
+FINE = 0.35
+"""Speed above which that holds, over the fastest; below it steps are up to 2.5 times as wide."""
+OVER, SURE = 1.1, 0.05
+"""Greatest margin told apart in a search: this share of the least that is allowed, and more."""
 
 
 def allowed_power(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
@@ -279,23 +283,27 @@ class Lobes:
 
     def __init__(
         self, cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
-        free: NDArray[np.bool_],
+        free: NDArray[np.bool_], least: float,
     ) -> None:  # fmt: skip
-        self._of = cut, blocks, dynamics, ranges, free
+        self._of = cut, blocks, dynamics, ranges, free, least
 
     @cached_property
     def chatter(self) -> Chatter | None:
         """None where nothing that is milled has known dynamics."""
-        cut, blocks, dynamics, ranges, free = self._of
-        return None if dynamics is None else chatter_of(cut, blocks, dynamics, ranges, free)
+        cut, blocks, dynamics, ranges, free, least = self._of
+        if dynamics is None:
+            return None
+        return chatter_of(cut, blocks, dynamics, ranges, free, least)
 
 
 def chatter_of(
-    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, ranges: Ranges, free: NDArray[np.bool_]
-) -> Chatter | None:
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, ranges: Ranges, free: NDArray[np.bool_],
+    least: float,
+) -> Chatter | None:  # fmt: skip
     """Stability over the speeds that rows may have, those of the program where S is kept.
 
-    None where nothing that is milled has known dynamics.
+    Margins are told apart a little above ``least``, which is what the part asks for [1].  None
+    where nothing that is milled has known dynamics.
     """
     row = blocks.row
     own, mine = cut.plan.spindle_speed[row], free[row]
@@ -305,22 +313,23 @@ def chatter_of(
         return None
     nodes = speed_nodes(max(low, SLOWEST * high), high)
     nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
-    found = table_of(cut, blocks, dynamics, nodes)
+    found = table_of(cut, blocks, dynamics, nodes, OVER * least + SURE)
     return None if found is None else Chatter(table=_deepest(found[0]))
 
 
 def speed_nodes(low: float, high: float) -> Floats:
     """Speeds from ``low`` to ``high`` [rev/min] at which limits are computed, these two among them.
 
-    Round ones, 0.24 to 0.6 % apart, so that a speed that is rounded to 50 lies on one, and what
-    one program has computed serves another.
+    Round ones, 0.5 to 1.2 % apart and more below a third of the fastest, so that a speed that is
+    rounded to 50 lies on one, and what one program has computed serves another.
     """
     steps = [unit * 10.0**power for power in range(-3, 7) for unit in (1.0, 2.5, 5.0)]
     parts = [np.array([low, high])]
-    for step, next_step in pairwise(steps):
-        first = np.ceil(max(low, step / COARSE) / step)
-        last = np.floor(min(high, next_step / COARSE) / step)
-        parts.append(step * np.arange(first, last + 1))
+    for coarse, begin, end in ((2.5 * COARSE, low, FINE * high), (COARSE, FINE * high, high)):
+        for step, next_step in pairwise(steps):
+            first = np.ceil(max(begin, low, step / coarse) / step)
+            last = np.floor(min(end, next_step / coarse) / step)
+            parts.append(step * np.arange(first, last + 1))
     nodes: Floats = np.unique(np.concatenate(parts))
     return nodes
 

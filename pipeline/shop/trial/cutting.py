@@ -398,6 +398,23 @@ def _piece(
     number = int(track.tool[begin])
     tool = part.tools[number]
     turn = _steps(tool)
+    steps, time, first = _turning(track, blank, turned, turn, begin, end)
+    if steps is None:
+        return np.zeros((0, 3)), np.zeros(0), 0.0
+    force, count = forces(
+        edge_coefficients(part.workpiece, wear(tool, used)), _cutter(tool),
+        np.array(tool.sharpness), _layers(blank, part.deeper[number]), steps, turn, first,
+    )  # fmt: skip
+    length = count / tool.flutes * (2 * pi / turn) * tool.radius
+    return force, time[first:], length
+
+
+def _turning(
+    track: Track, blank: Swept, turned: Floats, turn: int, begin: int, end: int
+) -> tuple[Steps | None, Floats, int]:
+    """Steps of ``turn`` a revolution from before ``begin`` to ``end``, their times [s], and the
+    first that counts; None where there is none.
+    """
     part_of = 2 * pi / turn
     since = int(np.searchsorted(blank.path, blank.path[begin] - RECENT))
     since = max(since, begin - ceil(BEFORE / track.cycle), 0)
@@ -406,17 +423,12 @@ def _piece(
     angle = np.arange(ceil(turned[since] / part_of), ceil(turned[end] / part_of)) * part_of
     first = ceil(turned[begin] / part_of) - ceil(turned[since] / part_of)
     if first < turn or angle.size <= first:
-        return np.zeros((0, 3)), np.zeros(0), 0.0
+        return None, np.zeros(0), 0
     at = np.interp(angle, turned[since : end + 1], np.arange(since, end + 1, dtype=np.float64))
     rows = np.arange(since, end + 1)
     x, y, z = (np.interp(at, rows, track.tip[since : end + 1, axis]) for axis in range(3))
     steps = Steps(angle=angle, x=x, y=y, z=z, path=np.interp(at, rows, blank.path[since : end + 1]))
-    force, count = forces(
-        edge_coefficients(part.workpiece, wear(tool, used)), _cutter(tool),
-        np.array(tool.sharpness), _layers(blank, part.deeper[number]), steps, turn, first,
-    )  # fmt: skip
-    length = count / tool.flutes * part_of * tool.radius
-    return force, at[first:] * track.cycle, length
+    return steps, at * track.cycle, first
 
 
 def _cutter(tool: EndMill) -> Cutter:

@@ -167,19 +167,16 @@ def test_a_helix_of_whole_pitches_is_a_constant_matrix() -> None:
 
 
 def test_depth_goes_with_one_over_the_force_and_modes_swap() -> None:
-    """The same numbers in another order, but roots are found within 0.01 of the tolerance.
-
-    That is 5e-5 of the depth for each of two limits.
-    """
+    """The same numbers in another order, but roots are found within 5e-4 of the depth."""
     speeds = [6000 / 60, 13_000 / 60]
     base = depth_limits([X, Y], DOWN, speeds, highest=8e-3).depth_limit
     harder = replace(DOWN, K_tc=2 * DOWN.K_tc, K_rc=2 * DOWN.K_rc)
     half = depth_limits([X, Y], harder, speeds, highest=4e-3).depth_limit
-    np.testing.assert_allclose(2 * half, base, rtol=1e-4)
+    np.testing.assert_allclose(2 * half, base, rtol=1e-3)
     swapped = [replace(X, direction="y"), replace(Y, direction="x")]
     turned = replace(DOWN, feed_direction=np.pi / 2)
     other = depth_limits(swapped, turned, speeds, highest=8e-3).depth_limit
-    np.testing.assert_allclose(other, base, rtol=1e-4)
+    np.testing.assert_allclose(other, base, rtol=1e-3)
 
 
 def test_no_chatter_up_to_the_highest_depth_is_inf() -> None:
