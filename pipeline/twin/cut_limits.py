@@ -223,8 +223,8 @@ def _damped(
 ) -> CutWarning | None:
     """Blocks said to chatter whose waves are so short that process damping may still hold them.
 
-    A wave is v_c / f long; a flank that is worn to ``WORN`` rubs along a quarter of it where that is
-    no longer than the land.
+    A wave is v_c / f long; a flank that is worn to ``WORN`` rubs along a quarter of it where that
+    is no longer than the land.
     """
     if dynamics is None:
         return None
@@ -233,7 +233,7 @@ def _damped(
     radius = np.array([tool.radius for tool in cut.tools])[blocks.tool]
     speed = 2 * np.pi * radius * blocks.spindle_speed / 60
     wave = np.divide(speed, slowest, out=np.full(len(speed), np.inf), where=slowest > 0)
-    short = (limits.margin[blocks.row] < 0) & (wave < 4 * WORN)
+    short = (limits.margin < 0) & (wave < 4 * WORN)
     if not short.any():
         return None
     return _warning(

@@ -12,7 +12,7 @@ import pytest
 from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.lobes import lobes
-from pipeline.cutting.stability.margins import StabilityTable, stability_table
+from pipeline.cutting.stability.margins import StabilityTable, _kept, stability_table
 from pipeline.cutting.stability.semi_discretisation import depth_limits
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import DOWN, SLOT, X, Y
@@ -47,15 +47,21 @@ def of_program(blocks: int) -> StabilityTable:
     )  # fmt: skip
     return stability_table(
         program, [[X, Y]], [ForceLaw.linear(K_tc=600.0, K_rc=200.0)],
-        [Tool(kind="flat", diameter_mm=10.0, flutes=2)], speed_rpm=(5000, 25_000),
+        [Tool(kind="flat", diameter_mm=10.0, flutes=2)], nodes_rpm=np.linspace(5000, 25_000, 64),
     )  # fmt: skip
 
 
 @pytest.mark.benchmark(timer=process_time)
 def test_table_of_40_classes(benchmark) -> None:
-    of_program(40)
-    benchmark.pedantic(lambda: of_program(20_000), rounds=5)
-    assert benchmark.stats["min"] / 40 < 20e-3
+    """The first look computes 64 speeds a class, with two modes."""
+    speeds = np.linspace(5000, 25_000, 64)[:, None] * np.ones(40)
+
+    def first_look() -> None:
+        _kept.cache_clear()
+        of_program(40).margins(speeds)
+
+    benchmark.pedantic(first_look, rounds=2, warmup_rounds=1)
+    assert benchmark.stats["min"] / (40 * 64) < 10e-3
 
 
 @pytest.mark.benchmark(timer=process_time)

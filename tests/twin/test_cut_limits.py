@@ -184,7 +184,6 @@ def test_process_damping_is_named_where_waves_are_short(cut, frequency: float, s
     words = " ".join(one.what for one in document(cut, dynamics=tips).warnings)
     assert ("process damping" in words) == said
     assert "chatter" in words
-    assert not said or "0.79 mm" in words or "0.4" in words
 
 
 def test_points_above_the_lobes_are_those_that_chatter(cut):

@@ -313,6 +313,7 @@ def chatter_of(
         return None
     nodes = speed_nodes(max(low, SLOWEST * high), high)
     nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
+    nodes = nodes[np.diff(nodes, prepend=0.0) > NEAR * nodes]  # the same speed, but for rounding
     found = table_of(cut, blocks, dynamics, nodes, OVER * least + SURE)
     return None if found is None else Chatter(table=_deepest(found[0]))
 
