@@ -195,7 +195,7 @@ def problem_of(
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
     bounds = bounds_of(cut, blocks, limits, f_z_load, practice)
-    ranges = ranges_of(cut, limits, editable, basis.drive, practice)
+    ranges = ranges_of(cut, limits, editable, basis.drive, practice, bounds.high)
     life = tool_life(cut, blocks, arcs, basis.material)
     problem = Problem(
         cut=cut,

@@ -38,6 +38,8 @@ STEEP = float(np.sqrt(0.5))
 """|dz / ds| from which a motion is a plunge."""
 SOFT = 0.85
 """Of the greatest feed for each tooth, up to which the least one of a range gives way to it [1]."""
+GIVES_WAY = 0.5
+"""Of the greatest F by all limits, down to which the least change gives way to them [1]."""
 LEAST_FEED = 0.1
 """Of the least F of a program, where no range is given, or one from 0 on."""
 
@@ -244,7 +246,7 @@ def _only_along(cut: Cut) -> Bools:
 
 def ranges_of(
     cut: Cut, limits: CutLimit, editable: Editable, drive: SpindleDrive | None,
-    practice: Practice | None = None,
+    practice: Practice | None = None, f_z_high: Floats | None = None,
 ) -> Ranges:  # fmt: skip
     """Ranges of each row.
 
@@ -260,6 +262,9 @@ def ranges_of(
         Of the machine.
     practice : Practice, optional
         Ranges by tool and operation, and the greatest change.
+    f_z_high : ndarray, shape (M,), optional
+        Greatest feed for each tooth by all limits [m]: where that is less than the least change
+        from the program, the change gives way, so that a load is never kept for its sake.
 
     Raises
     ------
@@ -277,7 +282,13 @@ def ranges_of(
     if practice is not None:
         free_feed = editable.block >= 0
         feed_high = np.where(free_feed, np.minimum(feed_high, practice.feed_high), feed_high)
-        feed_low = np.where(free_feed, np.maximum(feed_low, practice.feed_low), feed_low)
+        least = practice.feed_low
+        if f_z_high is not None:
+            own = cut.commanded_feed_per_tooth()
+            share = np.divide(f_z_high, own, out=np.full(len(own), np.inf), where=own > 0)
+            programmed = feeds_per_minute(cut, cut.plan.path.moves.feed, cut.plan.spindle_speed)
+            least = np.minimum(least, GIVES_WAY * share * programmed)
+        feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
         surface_low = np.maximum(surface_low, practice.surface_low)
         surface_high = np.minimum(surface_high, practice.surface_high)
