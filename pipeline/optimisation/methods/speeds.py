@@ -126,6 +126,13 @@ def _no_speed(problem: Problem, pieces: Pieces, grid: Floats, row: int) -> str:
         )
     speeds = grid[pieces.tool_run[piece]]
     span = f"no S from {speeds[0]:g} to {speeds[-1]:g} rev/min"
+    tried = spread(speeds[:, None], np.where(pieces.piece == piece, 0, -1), moves.speed)
+    if not problem.stable(tried)[:, row].any():
+        return (
+            f"{place}: {span} is free of chatter at this depth with a margin of "
+            f"{problem.limits.margins.stability:g}: take less depth, another tool, or a smaller "
+            "limits.margins.stability"
+        )
     if problem.editable.block[row] < 0:
         return (
             f"{place}: F {moves.feed[row]:g} cannot be changed there, and {span} keeps the limits "

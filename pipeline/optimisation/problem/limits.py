@@ -285,9 +285,9 @@ def ranges_of(
         least = practice.feed_low
         if f_z_high is not None:
             own = cut.commanded_feed_per_tooth()
-            share = np.divide(f_z_high, own, out=np.full(len(own), np.inf), where=own > 0)
+            share = np.divide(f_z_high, own, out=np.full(len(own), 1e9), where=own > 0)
             programmed = feeds_per_minute(cut, cut.plan.path.moves.feed, cut.plan.spindle_speed)
-            least = np.minimum(least, GIVES_WAY * share * programmed)
+            least = np.minimum(least, GIVES_WAY * np.minimum(share, 1e9) * programmed)
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
         surface_low = np.maximum(surface_low, practice.surface_low)
