@@ -79,3 +79,20 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
         return structured(found, wanted, path)
     except ValueError as error:
         raise ParametersError(f"params.yaml, {error}") from error
+
+
+def as_section(name: str, path: Path) -> str:
+    """A YAML file as the section ``name`` of parameters, in YAML; empty where there is no file.
+
+    Raises
+    ------
+    ValueError
+        When it is broken.
+    """
+    if not path.exists():
+        return ""
+    try:
+        values = yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path} does not compose: {' '.join(str(error).split())}") from error
+    return str(yaml.dump({name: values}, Dumper=yaml.CSafeDumper, sort_keys=False))

@@ -4,8 +4,7 @@ import os
 import re
 from pathlib import Path
 
-import yaml
-
+from pipeline.parameters import as_section
 from pipeline.schema.store import write_text
 
 HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
@@ -47,23 +46,11 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
             fleet = hydra_compose("config", overrides=list(overrides)).fleet
             machines = [f"+machine@machine.{name}={name}" for name in fleet.machines]
             config = hydra_compose("config", overrides=[*overrides, *entries, *machines])
-        return OmegaConf.to_yaml(config, resolve=True) + _cutting_data(conf)
+        return OmegaConf.to_yaml(config, resolve=True) + as_section(
+            "catalogue", conf / "catalogue/default.yaml"
+        )
     except (HydraException, OmegaConfBaseException) as error:
         raise ValueError(f"{conf} does not compose: {' '.join(str(error).split())}") from error
-
-
-def _cutting_data(conf: Path) -> str:
-    """The section ``catalogue``: a table of many rows that refers to nothing else, as it stands."""
-    path = conf / "catalogue/default.yaml"
-    if not path.exists():
-        return ""
-    try:
-        values = yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} does not compose: {' '.join(str(error).split())}") from error
-    return str(
-        yaml.dump({"catalogue": values}, Dumper=yaml.CSafeDumper, sort_keys=False, width=100)
-    )
 
 
 def _entries(conf: Path, group: str) -> list[str]:

@@ -74,10 +74,10 @@ WRONG = {
     "under G91": ("G91 G1 X5", "G91 G1 X5\nG1 X-2.0", "not of the block"),
     "before a rapid": ("G90 G0 X0", "G1 X2.\nG90 G0 X0", "not of the block"),
     "at the end": ("G90 G0 X0\n", "G90 G0 X0\nG1 X2.\n", "not of the block"),
-    "a coordinate that was changed": ("G1 X30 Y10", "G1 X15. Y5.\nG1 X30 Y11", "more than its F"),
-    "without a point": ("G1 X30 Y10", "G1 X15 Y5\nG1 X30 Y10", "more than its F"),
-    "with another word": ("G1 X30 Y10", "G1 X15. Y5. M8\nG1 X30 Y10", "more than its F"),
-    "another code": ("G1 X30 Y10", "G0 X15. Y5.\nG1 X30 Y10", "more than its F"),
+    "a coordinate that was changed": ("G1 X30 Y10", "G1 X15. Y5.\nG1 X30 Y11", "Y10 became Y11"),
+    "without a point": ("G1 X30 Y10", "G1 X15 Y5\nG1 X30 Y10", "was put in"),
+    "with another word": ("G1 X30 Y10", "G1 X15. Y5. M8\nG1 X30 Y10", "was put in"),
+    "another code": ("G1 X30 Y10", "G0 X15. Y5.\nG1 X30 Y10", "was put in"),
 }  # fmt: skip
 
 

@@ -188,7 +188,8 @@ def _speed_places(
     token = words.token("S")
     may = (line > 0) & ~words.closed[line] & (token[line] != OTHER) & ~line_runs.again[speed.run]
     may &= ~np.bool_(words.reads_itself or speed.uncertain)
-    may &= speed.sets | line_runs.any(moves.length > 0)[speed.run]
+    starts = (moves.kind == Kind.SPINDLE) & (moves.direction != 0)
+    may &= speed.sets | line_runs.any(starts | (moves.length > 0))[speed.run]
     may &= ~moves.constant_surface_speed[speed.row] & (speed.own == np.rint(speed.own))
     everywhere = np.ones(len(moves), dtype=np.bool_)
     reasons: list[tuple[str, Bools]] = [

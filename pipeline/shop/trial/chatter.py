@@ -166,7 +166,7 @@ def unrepeated(
     shares: dict[int, float] = {}
     for begin, end in _stretches(track, blank, tips):
         line = int(track.line[begin])
-        share = _share(track, blank, turned, part, tips, (begin, end))
+        share = _share(track, blank, turned, part, tips=tips, stretch=(begin, end))
         if share is not None:
             shares[line] = max(shares.get(line, 0.0), share)
     return shares
@@ -190,7 +190,7 @@ def _stretches(
 
 
 def _share(
-    track: Track, blank: Swept, turned: Floats, part: Chance,
+    track: Track, blank: Swept, turned: Floats, part: Chance, *,
     tips: Mapping[int, Sequence[TipMode]], stretch: tuple[int, int],
 ) -> float | None:  # fmt: skip
     """What does not repeat at the end of a stretch [1]; None where the cut itself changes there."""
