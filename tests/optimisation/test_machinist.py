@@ -155,3 +155,20 @@ def test_there_is_still_something_to_gain(order: Order) -> None:
     """Limits that leave all as it was would keep every rule above."""
     document = optimised(order).document
     assert document["gain"]["time_percent"] < -5.0 and document["after"]["beyond"] == 0
+
+
+@ORDERS
+def test_no_tool_goes_farther_out_of_the_range_of_the_catalogue(order: Order) -> None:
+    """Each tool in each operation; one without a range keeps what it has."""
+    tools = optimised(order).document["tools"]
+    assert {use["operation"] for use in tools} >= {"slotting"}
+    for use in tools:
+        for name, span in (
+            ("feed_per_tooth_mm", use["feed_per_tooth_range_mm"]),
+            ("cutting_speed_m_min", use["cutting_speed_range_m_min"]),
+        ):
+            before, after = use["before"][name], use["after"][name]
+            if use["kept"] is not None or before is None:
+                assert after == before, (use["tool"], use["operation"], name)
+            elif span is not None:
+                assert after <= max(span[1], before) * (1 + 1e-6), (use["tool"], name)

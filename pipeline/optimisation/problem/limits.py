@@ -284,10 +284,9 @@ def ranges_of(
         feed_high = np.where(free_feed, np.minimum(feed_high, practice.feed_high), feed_high)
         least = practice.feed_low
         if f_z_high is not None:
-            own = cut.commanded_feed_per_tooth()
-            share = np.divide(f_z_high, own, out=np.full(len(own), 1e9), where=own > 0)
-            programmed = feeds_per_minute(cut, cut.plan.path.moves.feed, cut.plan.spindle_speed)
-            least = np.minimum(least, GIVES_WAY * np.minimum(share, 1e9) * programmed)
+            teeth = np.array([tool.flutes for tool in cut.tools] or [0])[cut.tool]
+            allowed = np.minimum(f_z_high, 1.0) * teeth * cut.plan.spindle_speed / MM
+            least = np.where(cuts, np.minimum(least, GIVES_WAY * allowed), least)
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
         surface_low = np.maximum(surface_low, practice.surface_low)
