@@ -143,6 +143,12 @@ def test_many_at_once_leave_one_of_their_files(path: Path) -> None:
     assert path.read_text() in texts and alone(path, path.read_text())
 
 
+def heeded() -> None:
+    """Signals end a process again, whatever who runs the tests ignores (``nohup``, ``&``)."""
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 WRITER = """
 import sys, time
 from pathlib import Path
@@ -163,8 +169,9 @@ def test_a_signal_leaves_the_old_file_and_nothing_beside_it(
     path: Path, number: int, status: int
 ) -> None:
     done = subprocess.Popen(
-        [sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    )
+        [sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        preexec_fn=heeded,
+    )  # fmt: skip
     assert done.stdout is not None and done.stdout.readline() == b"here\n"
     assert len(list(path.parent.iterdir())) == 2
     begin = time.monotonic()
