@@ -423,9 +423,6 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     ValueError
         When the store cannot be opened or written.
     """
-    import mlflow
-    from sqlalchemy.exc import SQLAlchemyError
-
     known = versions(machine, root)
     numbers = {v.bundle: v.version for v in reversed(known)}
     now = {alias: v.version for v in known for alias in v.aliases}
@@ -433,6 +430,9 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     changed = {alias: number for alias, number in goals.items() if number != now.get(alias)}
     if not changed:
         return
+    import mlflow
+    from sqlalchemy.exc import SQLAlchemyError
+
     client = _client(root)
     try:
         for alias, number in changed.items():
