@@ -3,13 +3,13 @@ range of a tool.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.app.cut import read_tools
 from pipeline.app.programs import check_program, machine_setup, setup_beside
+from pipeline.cutting.catalogue import CuttingRange
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import FeedMode, Moves
@@ -20,8 +20,6 @@ from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
 
 ADDED = "-"
-Span = tuple[float, ...] | None
-"""Least and greatest value; None where none is known."""
 NEAR = 1e-3
 """Rounding of words, as a share."""
 
@@ -71,21 +69,13 @@ def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
     yield f"proof sha256 {proof.sha256}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ToolRange:
-    """Range of a tool: f_z [mm], v_c [m/min], and whose it is."""
-
-    feed_per_tooth_mm: Span
-    cutting_speed_m_min: Span
-    source: str
-
-
-def tool_range(tool: Tool) -> ToolRange:
+def tool_range(tool: Tool) -> CuttingRange:
     """What a tool may be given, where it is known: its own in the tool table."""
-    return ToolRange(
-        feed_per_tooth_mm=tool.feed_per_tooth_mm, cutting_speed_m_min=tool.cutting_speed_m_min,
-        source="the tool table",
-    )  # fmt: skip
+    f_z, v_c = (
+        None if span is None else (span[0], span[1])
+        for span in (tool.feed_per_tooth_mm, tool.cutting_speed_m_min)
+    )
+    return CuttingRange(feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source="the tool table")
 
 
 def range_lines(
@@ -144,7 +134,7 @@ def _in_force(moves: Moves, rows: Rows) -> Iterator[tuple[float, ...]]:
     return zip(*(column[rows].tolist() for column in columns), strict=True)
 
 
-def _outside(moves: Moves, row: int, tool: Tool, limits: ToolRange) -> Iterator[str]:
+def _outside(moves: Moves, row: int, tool: Tool, limits: CuttingRange) -> Iterator[str]:
     """What of a row is outside of the range of its tool."""
     feed, speed = float(moves.feed[row]), float(moves.speed[row])
     per_turn = moves.feed_mode[row] == FeedMode.PER_REVOLUTION
