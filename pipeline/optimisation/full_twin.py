@@ -116,8 +116,9 @@ class Full:
         Of the rounded values, as :data:`~pipeline.optimisation.settings.OBJECTIVES`.
     verified : Verified
         Loads by tooth passing, following errors.
-    tightening : ndarray, shape (M,)
-        Factor by which each row's feed for each tooth has to go down, 1 where it need not.
+    f_z_cap : ndarray, shape (M,)
+        Feed for each tooth to which each row has to go down for its load [m]; infinite where it
+        need not.
     feed_cap : ndarray, shape (M,)
         F to which each row has to go down for its axes [mm/min]; infinite where it need not.
     why_not : str
@@ -131,7 +132,7 @@ class Full:
     rows: NDArray[np.intp] = field(repr=False)
     objectives: Floats
     verified: Verified = field(repr=False)
-    tightening: Floats = field(repr=False)
+    f_z_cap: Floats = field(repr=False)
     feed_cap: Floats = field(repr=False)
     why_not: str
 
@@ -227,9 +228,9 @@ def full_twin(
     cut = recut(problem.cut, planned_program(after, job.models.control), rows)
     evaluated = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
     verified = verify(cut, drives=job.models.drives, rows=CHECKED_ROWS, limits=job.limits)
-    tightening = np.ones(len(moves))
+    loaded, f_z_cap = cut.feed_per_tooth[rows], np.full(len(moves), np.inf)
     if certain_f_z is not None:
-        tightening = _tightening(problem.cut, certain_f_z, cut.feed_per_tooth[rows], verified, rows)
+        f_z_cap = _f_z_cap(problem.cut, certain_f_z, loaded, verified, rows)
     factor = verified.axes.factor[rows]
     reached = np.minimum(
         feeds_per_minute(problem.cut, feeds, problem.spindle_speed(speeds)),
@@ -238,19 +239,19 @@ def full_twin(
     violation = float(evaluated.violation[0])
     return Full(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
-        objectives=evaluated.objectives[0], verified=verified, tightening=tightening,
+        objectives=evaluated.objectives[0], verified=verified, f_z_cap=f_z_cap,
         feed_cap=np.where(factor < 1.0, factor * reached, np.inf),
         why_not=_why_not(
-            problem, (feeds, speeds), violation, tightening,
+            problem, (feeds, speeds), violation, f_z_cap,
             verified.row_peak[rows],
         ) or verified.axes.why_not,
     )  # fmt: skip
 
 
-def _tightening(
+def _f_z_cap(
     cut: Cut, certain_f_z: Floats, reached: Floats, verified: Verified, rows: NDArray[np.intp]
 ) -> Floats:
-    """Factors of the feed for each tooth that bring passing teeth down to the load of the table.
+    """Feeds for each tooth that bring passing teeth down to the load of the table [m].
 
     The table's load at the certain feed stands for the limit; where teeth that pass one by one make
     more of the feed that is reached, the excess over the table's slope has to go.
@@ -262,11 +263,11 @@ def _tightening(
     slope = (here - cut.table.peaks(STEP * reached)) / (1 - STEP)  # [N] for the whole feed
     over = bound & (excess > SLACK * allowed) & (slope > 0)
     share = np.divide(excess, slope, out=np.zeros(len(over)), where=over)
-    return np.where(over, np.maximum(1 - share, LEAST), 1.0)
+    return np.where(over, np.maximum(1 - share, LEAST) * reached, np.inf)
 
 
 def _why_not(
-    problem: Problem, words: tuple[Floats, Floats], violation: float, tightening: Floats,
+    problem: Problem, words: tuple[Floats, Floats], violation: float, f_z_cap: Floats,
     peak: Floats,
 ) -> str:  # fmt: skip
     """The limit that F and S, rounded as words, pass with loads ``peak`` of rows; or nothing."""
@@ -282,8 +283,9 @@ def _why_not(
                 f"{100 * violation:.2g} % in all: widen the ranges of F and S"
             )
         )
-    if tightening.min(initial=1.0) < 1.0:
-        row = int(np.argmin(tightening))
+    capped = np.isfinite(f_z_cap)
+    if capped.any():
+        row = int(np.argmax(np.where(capped, peak, -1.0)))
         return (
             f"{where(moves, row)}: teeth that pass one by one load {tool_name(problem, row)} with "
             f"{peak[row]:.4g} N, and the load limit of {problem.limits.load_N:g} N less its margin "

@@ -6,7 +6,9 @@ again, and checked by the whole twin: speeds that the control reaches, loads by 
 servo.  Rows whose loads the table took too low get less feed, and the search begins again.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
@@ -52,8 +54,9 @@ AXIS_ROUNDS = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:
-    """Result of one round."""
+    """What the search came to in its last, tightened problem."""
 
+    problem: Problem
     blockwise: Decision
     answer: Full
     front: Front | None
@@ -84,7 +87,7 @@ class _Course:
     def __init__(self, job: Job, progress: Progress) -> None:
         self.job, self._progress = job, progress
         self.interrupted = False
-        self.evaluated = 0
+        self.evaluated = self.tightened = 0
         self.program, self.moves, self.before = _as_programmed(job)
         check_known(self.before, job.limits, job.basis.drive)
         self.practice, self.editable = self._practice()
@@ -100,23 +103,18 @@ class _Course:
 
     def result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
-        job, tightened = self.job, 0
-        problem = problem_of(
-            self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z,
-            practice=self.practice,
+        job = self.job
+        outcome = self._search(
+            problem_of(
+                self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z,
+                practice=self.practice,
+            )
         )  # fmt: skip
-        while True:
-            outcome = self._search(problem)
-            answer, done = outcome.answer, self.evaluated >= job.settings.search.full
-            axes = bool(np.isfinite(answer.feed_cap).any())
-            if answer.kept or done or tightened >= (AXIS_ROUNDS if axes else ROUNDS):
-                break
-            if self.f_z is None and not axes:
-                break
-            problem = self._tightened(problem, answer)
-            tightened += 1
-        if not answer.kept:
-            raise ValueError(answer.why_not)
+        problem = outcome.problem
+        if not outcome.answer.kept:
+            if self.interrupted:
+                raise Interrupted
+            raise ValueError(outcome.answer.why_not)
         self.ends("comparing", 0.8)
         answer, methods = self._methods(problem, outcome)
         nominal = self._nominal(problem)
@@ -125,7 +123,7 @@ class _Course:
             blockwise=outcome.blockwise, answer=answer, proof=self._proof(answer),
             methods=(*methods, *nominal), front=outcome.front, uncertain=self.uncertain,
             nominal=DIRECT if nominal else None, risk=self._risk(answer),
-            tightened=tightened, evaluated=self.evaluated, interrupted=self.interrupted,
+            tightened=self.tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
     def _practice(self) -> tuple[Practice | None, Editable]:
@@ -142,10 +140,26 @@ class _Course:
         )
         return practice, one_feed_each_pass(editable, practice.passes)
 
+    def _settled(
+        self, problem: Problem, solve: Callable[[Problem], tuple[Decision, Front | None]]
+    ) -> _Found:
+        """The solution of a problem that is tightened until the whole twin accepts it."""
+        for rounds in count():
+            decision, front = solve(problem)
+            full = self._full(problem, decision)
+            axes = bool(np.isfinite(full.feed_cap).any())
+            spent = rounds >= (AXIS_ROUNDS if axes else ROUNDS) or self.interrupted
+            spent = spent or self.evaluated >= self.job.settings.search.full
+            if full.kept or spent or not (axes or np.isfinite(full.f_z_cap).any()):
+                break
+            problem = self._tightened(problem, full)
+            self.tightened += 1
+        return _Found(problem=problem, blockwise=decision, answer=full, front=front, evaluations=1)
+
     def _tightened(self, problem: Problem, answer: Full) -> Problem:
         """The problem with less feed where loads or axes pass their limit by the whole twin."""
         if self.f_z is not None:
-            self.f_z = self.f_z * answer.tightening
+            self.f_z = np.minimum(self.f_z, answer.f_z_cap)
             problem = with_load(problem, self.f_z)
         if np.isfinite(answer.feed_cap).any():
             self.feed_cap = np.minimum(self.feed_cap, answer.feed_cap)
@@ -163,7 +177,10 @@ class _Course:
             basis.coefficients, self.job.cut.tools, models.cutting, models.judged, settings
         )
         margin = self.job.limits.margins.load
-        feeds = chance_constrained_feeds(self.before, limit, margin, uncertain, settings)
+        most = None if self.practice is None else self.practice.greatest_f_z
+        feeds = chance_constrained_feeds(
+            self.before, limit, margin, uncertain, settings, greatest=most
+        )  # fmt: skip
         return uncertain, feeds
 
     @property
@@ -171,30 +188,45 @@ class _Course:
         """Objective of the blockwise optimum: a front begins with the fastest."""
         return "time" if self.job.objective == "pareto" else self.job.objective
 
-    def _search(self, problem: Problem) -> "_Found":
-        """The blockwise optimum, the best that the whole twin accepts, and the front."""
+    def _search(self, problem: Problem) -> _Found:
+        """The best that the whole twin accepts: blockwise, then by genetic search, or of a front.
+
+        Loads and axes are brought inside their limits by the blockwise optimum, which is quick.
+        """
         if self.ends("solving block by block", 0.2):
             raise Interrupted
-        grouping, settings = self.job.settings.grouping, self.job.settings.search
-        optimum = blockwise_optimum(problem, self.objective, grouping)
-        elite, front, evaluations = [optimum], None, 1
-        if not self.ends("searching", 0.3):
-            if self.job.objective == "pareto":
-                front = self._front(problem, optimum)
-                elite = [front.decisions[front.knee]]
-            else:
-                better = improve(problem, optimum, self.objective, settings, self._each)
-                evaluations += better.evaluations
-                elite.append(better.decision)
-        self.ends("whole twin", 0.6)
-        checked = [self._full(problem, one) for one in elite]
-        kept = [one for one in checked if one.kept] or checked
-        index = OBJECTIVES.index(self.objective)
-        return _Found(
-            blockwise=optimum, front=front,
-            answer=min(kept, key=lambda one: float(one.objectives[index])),
-            evaluations=evaluations,
+        direct = self._settled(problem, lambda one: (self._blockwise(one), None))
+        if self.ends("searching", 0.3):
+            return direct
+        if self.job.objective == "pareto":
+            front = self._settled(direct.problem, self._knee)
+            return replace(front, blockwise=direct.blockwise) if front.answer.kept else direct
+        better = improve(
+            direct.problem, direct.blockwise, self.objective, self.job.settings.search, self._each
+        )
+        return replace(
+            direct, answer=self._better(direct, better.decision),
+            evaluations=1 + better.evaluations,
         )  # fmt: skip
+
+    def _blockwise(self, problem: Problem) -> Decision:
+        """The blockwise optimum, as words hold it."""
+        optimum = blockwise_optimum(problem, self.objective, self.job.settings.grouping)
+        return written_feeds(problem, optimum)
+
+    def _knee(self, problem: Problem) -> tuple[Decision, Front]:
+        front = self._front(problem, self._blockwise(problem))
+        return front.decisions[front.knee], front
+
+    def _better(self, direct: _Found, decision: Decision) -> Full:
+        """The better of the blockwise optimum and another decision that the whole twin accepts."""
+        if decision is direct.blockwise:
+            return direct.answer
+        self.ends("whole twin", 0.6)
+        which = OBJECTIVES.index(self.objective)
+        other = self._full(direct.problem, decision)
+        kept = [one for one in (direct.answer, other) if one.kept] or [direct.answer]
+        return min(kept, key=lambda one: float(one.objectives[which]))
 
     def _front(self, problem: Problem, fastest: Decision) -> Front:
         values = problem.evaluate_rows(fastest.row_feeds[None], fastest.row_speeds[None])
@@ -234,7 +266,7 @@ class _Course:
             seed=settings.seed + 1,
         )  # fmt: skip
 
-    def _methods(self, problem: Problem, outcome: "_Found") -> tuple[Full, tuple[Method, ...]]:
+    def _methods(self, problem: Problem, outcome: _Found) -> tuple[Full, tuple[Method, ...]]:
         """The answer, and beside it the blockwise optimum and the baselines, all as written.
 
         A method that passes the same test, the whole twin included, and is better, is the answer.

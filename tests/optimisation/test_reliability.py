@@ -196,6 +196,42 @@ def test_a_limit_below_the_edge_forces_leaves_no_feed(milled):
     assert still.probability == 0.0 and still.interval_95[0] == 0.0
 
 
+def test_feeds_that_other_limits_allow(milled):
+    """Rows that cannot come near to the limit are not drawn; those that reach it stay as they are.
+
+    What a row cannot reach does not count: the others may have a little more.
+    """
+    certainty = ReliabilitySettings()
+    found = feeds(milled, certainty)
+    bound = np.isfinite(found.f_z) & (found.f_z > 0)
+    known_of = known(milled, certainty)
+    half = np.where(np.arange(len(bound)) % 2, 0.5, 2.0) * np.where(bound, found.f_z, 1e-4)
+    for greatest, same in ((np.full(len(bound), 1.0), 1e-12), (half, 0.15)):
+        other = chance_constrained_feeds(
+            milled, LIMIT, 0.0, known_of, certainty, greatest=greatest
+        )  # fmt: skip
+        reached = bound & (found.f_z < greatest)
+        assert reached.any()
+        assert other.f_z[reached] == pytest.approx(found.f_z[reached], rel=same)
+        assert (other.f_z[bound & ~reached] >= greatest[bound & ~reached] * (1 - 1e-9)).all()
+        at = np.minimum(other.f_z, greatest)
+        judged = exceedance(milled, at, LIMIT, known_of, certainty, 5)
+        assert judged.interval_95[0] <= certainty.epsilon
+    none = chance_constrained_feeds(
+        milled, LIMIT, 0.0, known_of, certainty, greatest=np.full(len(bound), 1e-9)
+    )  # fmt: skip
+    assert np.array_equal(none.f_z, none.nominal)
+
+
+def test_rows_that_are_not_drawn_do_not_count(milled, monkeypatch):
+    """The part's peaks are those of all rows, whichever are left out of the draws."""
+    certainty = ReliabilitySettings(draws=256)
+    at = np.minimum(0.9 * feeds(milled, certainty).f_z, 1e-4)
+    few = exceedance(milled, at, LIMIT, known(milled, certainty), certainty, 3)
+    monkeypatch.setattr("pipeline.optimisation.reliability.chance_constraint.FAR", 1e12)
+    assert exceedance(milled, at, LIMIT, known(milled, certainty), certainty, 3) == few
+
+
 def test_the_same_seed_is_the_same_bytes(milled):
     one, again, other = (feeds(milled, ReliabilitySettings(seed=seed)).f_z for seed in (1, 1, 2))
     assert one.tobytes() == again.tobytes() != other.tobytes()

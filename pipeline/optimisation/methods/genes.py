@@ -78,7 +78,8 @@ class BoundedGenes:
             feeds = low * (high / low) ** genes[:, :many]
         # groups without an F that keeps the limits take the greatest that keeps the upper ones
         other = np.where((high > 0) & np.isfinite(high), high, self.start.feeds)
-        return np.where(possible, np.minimum(feeds, high), other), speeds
+        chosen = np.where(possible, np.minimum(feeds, high), other)
+        return _stepped_down(self.problem, self.groups, chosen, low), speeds
 
     def encoded(self, feeds: Floats, speeds: Floats) -> Floats:
         """Genes, shape (P, G + H), of F, shape (P, G), and S, shape (P, H)."""
@@ -109,22 +110,21 @@ def written_feeds(problem: Problem, decision: Decision) -> Decision:
     decision : Decision
         F of G groups; those as programmed stay.
     """
-    practice, groups = problem.practice, decision.groups
+    low, _ = group_bounds(problem, decision.groups, decision.speeds[None])
+    feeds = _stepped_down(problem, decision.groups, decision.feeds[None], low)
+    return replace(decision, feeds=feeds[0])
+
+
+def _stepped_down(problem: Problem, groups: Groups, feeds: Floats, low: Floats) -> Floats:
+    """F, shape (P, G), in steps, where those are no less than the least of (P, G)."""
+    practice = problem.practice
     if practice is None or not groups.feeds:
-        return decision
+        return feeds
     first = first_rows(groups.feed)
     unit = practice.unit[first]
-    inches = unit != 1.0
-    step = practice.settings.feed_step_mm_min
-    given = decision.feeds / unit
-    down = (
-        np.where(inches, stepped(given, step / INCH_STEP, np.floor), stepped(given, step, np.floor))
-        * unit
-    )
-    low, _ = group_bounds(problem, groups, decision.speeds[None])
-    own = groups.own_feed[first]
-    kept = (down < low[0]) | (decision.feeds == own)
-    return replace(decision, feeds=np.where(kept, decision.feeds, down))
+    step = practice.settings.feed_step_mm_min * np.where(unit != 1.0, 1 / INCH_STEP, 1.0)
+    down = stepped(feeds / unit, step, np.floor) * unit
+    return np.where((down < low) | (feeds == groups.own_feed[first]), feeds, down)
 
 
 def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats, Floats]:

@@ -172,6 +172,11 @@ class Practice:
     unit: Floats = field(repr=False)
     passes: Rows = field(repr=False)
 
+    @property
+    def greatest_f_z(self) -> Floats:
+        """Feed for each tooth that no row can pass [m]; shape (M,)."""
+        return np.minimum(np.minimum(self.f_z_high, self.f_z_change), self.f_z_own)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Groups:

@@ -16,8 +16,10 @@ epsilon at most whatever the seed (of 20 seeds in 19).
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.optimisation.reliability.part_loads import (
+    ENDLESS,
     NODES,
     Critical,
     Draws,
@@ -48,6 +50,10 @@ BESIDE = 1.1
 LEAST = 1e-9
 """Feed for each tooth that is computed at least [m]."""
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
+FAR = 4.0
+"""Factor of a load that no draw passes: six standard deviations of a catalogue's values are 2.5."""
+FRESH = 4
+"""Draws that test feeds, for each one that they rest on: an estimate settles less quickly."""
 SETTLED = 4
 """Draws above a quantile that settle it; beyond, the tail goes on."""
 TAIL = 0.9
@@ -102,8 +108,9 @@ class Exceedance:
 
 
 def chance_constrained_feeds(
-    cut: Cut, limit_N: float, margin: float, uncertain: Uncertainty, settings: ReliabilitySettings
-) -> ChanceConstrainedFeeds:
+    cut: Cut, limit_N: float, margin: float, uncertain: Uncertainty, settings: ReliabilitySettings,
+    *, greatest: Floats | None = None,
+) -> ChanceConstrainedFeeds:  # fmt: skip
     """Greatest feeds at which P(any row's load > limit) <= epsilon for the part.
 
     Parameters
@@ -118,6 +125,9 @@ def chance_constrained_feeds(
         Of every tool that cuts.
     settings : ReliabilitySettings
         Epsilon, draws, seed.
+    greatest : ndarray, shape (M,), optional
+        Feed for each tooth that other limits allow each row [m]; rows that cannot come near to the
+        load limit with it are not drawn.
 
     Raises
     ------
@@ -125,7 +135,8 @@ def chance_constrained_feeds(
         When a tool that cuts has no entry in ``uncertain``, or the draws are too few for epsilon.
     """
     limit = limit_N * (1.0 - margin)
-    candidates = critical(cut)
+    allowed = np.full(cut.engagement.blocks, np.inf) if greatest is None else greatest
+    candidates = critical(cut, _near(cut, allowed, limit))
     _check(cut, candidates, uncertain)
     most = candidates.feeds(limit)
     nominal = row_feeds(candidates, most)
@@ -134,6 +145,7 @@ def chance_constrained_feeds(
             f_z=nominal, nominal=nominal, level=NOMINAL, share=float("nan")
         )
     reach = np.where(np.isfinite(most), most, candidates.last_feeds)
+    reach = np.maximum(np.minimum(reach, allowed[candidates.row]), LEAST)
     draws = draws_of(uncertain, settings.draws, settings.seed)
     start = normal_level(1.0 - settings.epsilon)
     nodes = _feed_nodes(cut, candidates, limit, reach, draws, start)
@@ -147,11 +159,22 @@ def chance_constrained_feeds(
             f"{settings.epsilon:g} for this part: take more draws, or a greater epsilon"
         )
     feeds = part.feeds(quantiles(np.sort(part.responses.values, axis=2), level))
-    feeds = np.where((feeds >= reach) & ~np.isfinite(most), np.inf, feeds)
+    feeds = np.where((feeds >= reach) & (reach < most), np.inf, feeds)
     return ChanceConstrainedFeeds(
         f_z=np.minimum(row_feeds(candidates, feeds), nominal), nominal=nominal,
         level=normal_share(level), share=share,
     )  # fmt: skip
+
+
+def _near(cut: Cut, f_z: Floats, load: float) -> NDArray[np.intp]:
+    """Rows whose load could come to ``load`` at feeds for each tooth of shape (M,), whatever is
+    drawn: where it would with the chips of all teeth on one, and forces and depths ``FAR`` times as
+    great.
+    """
+    many = np.array([tool.flutes for tool in cut.tools] or [1])[cut.tool]
+    with np.errstate(invalid="ignore"):
+        loads = cut.table.peaks(np.minimum(many * f_z, ENDLESS))
+    return np.flatnonzero(FAR * loads >= load)
 
 
 def _feed_nodes(
@@ -191,13 +214,15 @@ def exceedance(
     uncertain : Uncertainty
         Of every tool that cuts.
     settings : ReliabilitySettings
-        How many draws.
+        How many draws the feeds rest on; ``FRESH`` times as many are drawn.
     seed : int
         Another one than that of the feeds.
     """
-    candidates, many = critical(cut), settings.draws
+    many, at = FRESH * settings.draws, np.asarray(f_z, dtype=np.float64)
+    least_of = min(limit_N, float(cut.table.peaks(np.minimum(at, ENDLESS)).max(initial=0.0)))
+    candidates = critical(cut, _near(cut, at, least_of))
     _check(cut, candidates, uncertain)
-    feeds = np.asarray(f_z, dtype=np.float64)[candidates.row]
+    feeds = at[candidates.row]
     feeds = np.where(np.isfinite(feeds), feeds, candidates.last_feeds)
     least, most = np.full(candidates.classes, np.inf), np.full(candidates.classes, LEAST)
     np.minimum.at(least, candidates.group, np.where(feeds > 0, feeds, np.inf))

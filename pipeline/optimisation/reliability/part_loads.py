@@ -26,6 +26,7 @@ from pipeline.cutting.engagement.engagement import engaged_arc
 from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut
 
@@ -305,9 +306,12 @@ def nodes_between(least: Floats, most: Floats) -> Floats:
 def responses(cut: Cut, candidates: Critical, f_z: Floats, draws: Draws) -> Responses:
     """Loads of all representatives at feeds of shape (C, K)."""
     values, expected = np.empty((*f_z.shape, len(draws))), np.empty(f_z.shape)
-    for one in range(candidates.classes):
+
+    def fill(one: int) -> None:
         drawn = draws.tools[cut.numbers[candidates.tool[one]]]
         _fill(cut, int(candidates.station[one]), f_z[one], drawn, expected[one], values[one])
+
+    mapped(fill, range(candidates.classes), compute="threads")
     values *= draws.model
     return Responses(f_z=f_z, expected=expected, values=values)
 

@@ -218,7 +218,7 @@ def rounded_down(values: ArrayLike, least: int = 0) -> Floats:
     return steps / power
 
 
-def stepped(values: ArrayLike, step: float, to: Callable[[Floats], Floats] = np.rint) -> Floats:
+def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] = np.rint) -> Floats:
     """Values as people write them: whole multiples of a step.
 
     Below ten steps the step is a tenth, and so on, so that two digits are left.
@@ -227,8 +227,8 @@ def stepped(values: ArrayLike, step: float, to: Callable[[Floats], Floats] = np.
     ----------
     values : array_like
         Positive.
-    step : float
-        In their unit; 0 leaves them as they are.
+    step : array_like
+        In their unit, above 0, one for all or for each; one 0 leaves all as they are.
     to : callable
         ``np.rint``, ``np.floor`` or ``np.ceil``.
 
@@ -237,12 +237,12 @@ def stepped(values: ArrayLike, step: float, to: Callable[[Floats], Floats] = np.
     >>> stepped([3827.0, 423.0, 42.0], 50.0).tolist(), stepped([1534.0, 87.6], 10.0).tolist()
     ([3850.0, 425.0, 42.0], [1530.0, 88.0])
     """
-    given = np.asarray(values, dtype=np.float64)
-    if step == 0.0:
+    given, unit = (np.asarray(one, dtype=np.float64) for one in (values, step))
+    if not unit.all():
         return given
     with np.errstate(divide="ignore", invalid="ignore"):
-        smaller = np.minimum(np.floor(np.log10(given / (10 * step)) + SLACK), 0.0)
-    steps = step * 10.0 ** np.where(np.isfinite(smaller), smaller, 0.0)
+        smaller = np.minimum(np.floor(np.log10(given / (10 * unit)) + SLACK), 0.0)
+    steps = unit * 10.0 ** np.where(np.isfinite(smaller), smaller, 0.0)
     slack = 1 + SLACK if to is np.floor else 1 - SLACK if to is np.ceil else 1.0
     rounded: Floats = np.round(to(given * slack / steps) * steps, MOST_DECIMALS)
     return rounded
