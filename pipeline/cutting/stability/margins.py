@@ -29,9 +29,15 @@ from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut, in_plane, stiffness
 from pipeline.cutting.stability.lobes import lobes
-from pipeline.cutting.stability.semi_discretisation import BELOW, least_depth, settled_limits
+from pipeline.cutting.stability.semi_discretisation import (
+    BELOW,
+    KEPT,
+    least_depth,
+    settled_limits,
+)
 from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse
 from pipeline.cutting.tool import Tool
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats, Ints
 
 SHARES = 128
@@ -44,8 +50,6 @@ ROUNDED = 0.985
 """Share of the limit that is allowed: rounded arcs and feeds may promise as much too much [1]."""
 MOST = 3.0
 """Greatest margin that is told apart [1]: limits are looked for up to 1 + this times the depth."""
-KEPT = 1 << 14
-"""Classes whose limits are kept."""
 
 
 def classes(stations: Immersions, radial: Floats) -> Ints:
@@ -204,9 +208,14 @@ class StabilityTable:
         below, above = self._between(np.atleast_2d(given), covered)
         missing = np.zeros(self.limit.shape, dtype=np.bool_)
         mark_missing(below, above, self.limit, self.kind, self.block, missing)
-        for kind in np.flatnonzero(missing.any(axis=1)).tolist():
+
+        def fill(kind: int) -> None:
             at = missing[kind]
             self.limit[kind, at] = self.classes[kind].limits(self.nodes[at])
+
+        kinds = np.flatnonzero(missing.any(axis=1)).tolist()
+        if kinds:
+            mapped(fill, kinds, compute="threads")
         out = np.full(below.shape, np.inf)
         fill_margins(below, above, self.limit, self.kind, self.depth, self.block, self.most, out)
         out[:, ~self.judged & ~covered] = np.nan

@@ -19,6 +19,7 @@ waves lie within a period.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import exp, pi
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,8 @@ LEAST_CELLS = 12
 MOST_CELLS = 4096
 REFINEMENTS = 6
 """Doublings of the cells."""
+KEPT = 1 << 14
+"""Classes of cuts whose limits are kept."""
 BELOW = 0.5
 """Share of the zero-order solution's least depth where the search for chatter begins [1]."""
 _AROUND = np.linspace(-8.0, 8.0, 65)
@@ -267,6 +270,11 @@ def first_cells(modes: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest:
 
 def least_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
     """Least depth limit at any speed by the zero-order solution [m], some percent too high."""
+    return _least_depth(tuple(modes), cut)
+
+
+@lru_cache(maxsize=KEPT)
+def _least_depth(modes: tuple[Mode, ...], cut: RegenerativeCut) -> float:
     frequency = np.concatenate([
         mode.natural_frequency_Hz * (1.0 + mode.damping * (1.0 + _AROUND)) for mode in modes
     ])  # fmt: skip
