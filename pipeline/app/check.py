@@ -2,19 +2,24 @@
 range of a tool.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.app.cut import read_tools
+from pipeline.app.cut import read_catalogue, read_material, read_tools
 from pipeline.app.programs import check_program, machine_setup, setup_beside
-from pipeline.cutting.catalogue import CuttingRange
+from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
+from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool
+from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import FeedMode, Moves
-from pipeline.gcode.program import parse_program
+from pipeline.gcode.program import Program, parse_program
 from pipeline.gcode.setup import Setup
+from pipeline.optimisation.operations import MAY_BE, told_operations
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
@@ -22,6 +27,7 @@ from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_f
 ADDED = "-"
 NEAR = 1e-3
 """Rounding of words, as a share."""
+TABLE = "the tool table"
 
 
 def check_programs(
@@ -69,56 +75,86 @@ def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
     yield f"proof sha256 {proof.sha256}"
 
 
-def tool_range(tool: Tool) -> CuttingRange:
-    """What a tool may be given, where it is known: its own in the tool table."""
-    f_z, v_c = (
-        None if span is None else (span[0], span[1])
-        for span in (tool.feed_per_tooth_mm, tool.cutting_speed_m_min)
-    )
-    return CuttingRange(feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source="the tool table")
-
-
 def range_lines(
-    before: Path, after: Path, machine: str | None, dialect: str | None, tool_table: str
-) -> Iterator[str]:
+    before: Path, after: Path, machine: str | None, dialect: str | None, tool_table: str,
+    material: str | None = None,
+) -> Iterator[str]:  # fmt: skip
     """Lines of AFTER whose F or S is not that of BEFORE and leaves the range of the tool.
 
     Cuts at feed count, with the F and S in force; feeds of threads, cycles of tapping and G93 are
-    no feeds a tooth.
+    no feeds a tooth.  Where the tool table gives no range and there is a ``material``, that of the
+    catalogue counts: of the operation that cycle, comment or tool tells, else the widest of all
+    milling, since there is no cut.
 
     Raises
     ------
     ValueError
-        When the tool table cannot be read, or a program cannot be followed.
+        When tool table or material cannot be read, or a program cannot be followed.
     """
     setup = setup_beside(machine_setup(machine, dialect), before)
     tools = read_tools(tool_table).tools
-    old, new = (_moves(path, setup) for path in (before, after))
+    data = None if material is None else (read_catalogue(), read_material(material))
+    (_, old), (program, new) = (_moves(path, setup) for path in (before, after))
     known = set(_in_force(old, np.arange(len(old))))
+    known_speeds = {_speed(key) for key in known}
+    told = told_operations(program, new, tools).code
+    limits_of = cache(partial(_limits, tools, data))
     rows = _cuts(new)
     said: set[str] = set()
-    silent: dict[int, str] = {}
+    silent: set[tuple[int, str]] = set()
     for row, key in zip(rows.tolist(), _in_force(new, rows), strict=True):
         number = int(new.tool[row])
-        if number not in tools:
-            silent[number] = "is not in the tool table"
-            continue
-        limits = tool_range(tools[number])
-        if limits.feed_per_tooth_mm is None and limits.cutting_speed_m_min is None:
-            silent[number] = f"has no range in {limits.source}"
+        limits = limits_of(number, OPERATIONS[told[row]])
+        if limits.why_not:
+            silent.add((number, limits.why_not))
             continue
         if key in known:
             continue
-        for line in _outside(new, row, tools[number], limits):
+        new_speed = _speed(key) not in known_speeds
+        for line in _outside(new, row, tools[number], limits, new_speed=new_speed):
             if line not in said:
                 said.add(line)
                 yield line
-    for number, why in sorted(silent.items()):
+    for number, why in sorted(silent):
         yield f"not judged: T{number} {why}"
 
 
-def _moves(path: Path, setup: Setup) -> Moves:
-    return interpret(parse_program(path.read_bytes(), path.name), setup)
+@dataclass(frozen=True, kw_only=True)
+class _Limits:
+    """What a tool may be given, whose feed and speed that are, and why nothing is known."""
+
+    range: CuttingRange | None = None
+    feed_of: str = TABLE
+    speed_of: str = TABLE
+    why_not: str = ""
+
+
+def _limits(
+    tools: Mapping[int, Tool], data: tuple[CuttingCatalogue, Material] | None,
+    number: int, told: Operation,
+) -> _Limits:  # fmt: skip
+    """Of the tool table, else of the catalogue for all that a row may be which is told as one."""
+    if number not in tools:
+        return _Limits(why_not=f"is not in {TABLE}")
+    tool = tools[number]
+    listed = None if data is None else listed_range(*data, tool, MAY_BE.get(told, (told,)))
+    found = tool_range(tool, listed)
+    if found.feed_per_tooth_mm is None and found.cutting_speed_m_min is None:
+        why = f"has no range in {TABLE}"
+        if data is not None:
+            why = f"{why}, and the catalogue has {data[0].why_not(tool, data[1], told)}"
+        return _Limits(why_not=why)
+    catalogue = "" if listed is None else f"the catalogue ({listed.source})"
+    return _Limits(
+        range=found,
+        feed_of=catalogue if tool.feed_per_tooth_mm is None else TABLE,
+        speed_of=catalogue if tool.cutting_speed_m_min is None else TABLE,
+    )
+
+
+def _moves(path: Path, setup: Setup) -> tuple[Program, Moves]:
+    program = parse_program(path.read_bytes(), path.name)
+    return program, interpret(program, setup)
 
 
 def _cuts(moves: Moves) -> Rows:
@@ -134,8 +170,18 @@ def _in_force(moves: Moves, rows: Rows) -> Iterator[tuple[float, ...]]:
     return zip(*(column[rows].tolist() for column in columns), strict=True)
 
 
-def _outside(moves: Moves, row: int, tool: Tool, limits: CuttingRange) -> Iterator[str]:
-    """What of a row is outside of the range of its tool."""
+def _speed(key: tuple[float, ...]) -> tuple[float, ...]:
+    """File, line, tool and S of what :func:`_in_force` gives."""
+    return *key[:3], key[4]
+
+
+def _outside(
+    moves: Moves, row: int, tool: Tool, limits: _Limits, *, new_speed: bool
+) -> Iterator[str]:
+    """What of a row is outside of the range of its tool; of S where it is another one."""
+    known = limits.range
+    if known is None:
+        return
     feed, speed = float(moves.feed[row]), float(moves.speed[row])
     per_turn = moves.feed_mode[row] == FeedMode.PER_REVOLUTION
     f_z = feed / tool.flutes / (1.0 if per_turn else speed)
@@ -143,12 +189,13 @@ def _outside(moves: Moves, row: int, tool: Tool, limits: CuttingRange) -> Iterat
     where = f"line {moves.line[row]}, T{moves.tool[row]}"
     if moves.file[row]:
         where = f"{Path(moves.files[moves.file[row]]).name} {where}"
-    for word, value, span, unit in (
-        (f"F{feed:g} at S{speed:g}", f_z, limits.feed_per_tooth_mm, "mm a tooth"),
-        (f"S{speed:g}", v_c, limits.cutting_speed_m_min, "m/min"),
-    ):
+    for word, value, span, unit, whose in (
+        (f"F{feed:g} at S{speed:g}", f_z, known.feed_per_tooth_mm, "mm a tooth", limits.feed_of),
+        (f"S{speed:g}", v_c, known.cutting_speed_m_min if new_speed else None, "m/min",
+         limits.speed_of),
+    ):  # fmt: skip
         if span is not None and not span[0] * (1 - NEAR) <= value <= span[1] * (1 + NEAR):
             yield (
                 f"warning: {where}: {word} is {value:.3g} {unit}, outside of {span[0]:g} to "
-                f"{span[1]:g} of {limits.source}"
+                f"{span[1]:g} of {whose}"
             )

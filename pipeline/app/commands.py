@@ -233,18 +233,26 @@ def check(
         bool, typer.Option(help="Let AFTER have more points on the path of straight cuts.")
     ] = False,
     tool_table: kerf.ToolTable = None,
+    material: kerf.Material = None,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
 
     With a tool table it warns where a changed F or S leaves the range of the tool.
+
+    With a material too it takes the catalogue's range where the table has none.
     """
     from pipeline.app.check import check_lines, check_programs, range_lines
 
     with one_sentence():
+        if material is not None and tool_table is None:
+            raise ValueError(
+                "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
+                "file"
+            )
         proof = check_programs(before, after, machine, dialect, splits=splits)
         warnings: list[str] = []
         if proof.same and tool_table is not None:
-            warnings += range_lines(before, after, machine, dialect, tool_table)
+            warnings += range_lines(before, after, machine, dialect, tool_table, material)
     for line in (*check_lines(proof, before, after), *warnings):
         typer.echo(line)
     if not proof.same:

@@ -231,6 +231,17 @@ def read_tools(name: str) -> ToolTable:
     return _read(name, "tool", "tool table", ToolTable)
 
 
+def read_catalogue() -> CuttingCatalogue:
+    """Cutting data of conf/catalogue/.
+
+    Raises
+    ------
+    ValueError
+        When there are none, or they do not fit.
+    """
+    return _read("default", "catalogue", "catalogue", CuttingCatalogue)
+
+
 def read_material(name: str) -> Material:
     """The material ``name`` of conf/material/, or of a YAML file.
 

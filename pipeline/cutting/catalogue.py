@@ -83,13 +83,18 @@ class CuttingRange:
         an upper value only.  None where the source has none.
     cutting_speed_m_min : tuple of float, optional
         Least and greatest v_c at the full diameter [m/min]; None where the source has none.
-    source : str
-        Whose table it is.
+    sources : tuple of str
+        Whose tables they are.
     """
 
     feed_per_tooth_mm: tuple[float, float] | None
     cutting_speed_m_min: tuple[float, float] | None
-    source: str
+    sources: tuple[str, ...]
+
+    @property
+    def source(self) -> str:
+        """The sources in words; empty where nothing is known."""
+        return "; ".join(self.sources)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,7 +304,7 @@ class CuttingCatalogue:
                 if row.cutting_speed_m_min is None
                 else _scaled(row.cutting_speed_m_min, by_speed)
             ),
-            source="; ".join(self.sources[name] for name in dict.fromkeys(names)),
+            sources=tuple(self.sources[name] for name in dict.fromkeys(names)),
         )
 
     def why_not(self, tool: Tool, material: Material, operation: Operation) -> str:

@@ -6,6 +6,7 @@ width, what cuts nothing.  In doubt the operation is the one whose rule allows l
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,6 +55,15 @@ OF_ROLE: dict[str, Operation] = {
     "probe": "probing",
 }  # fmt: skip
 """Operation that a tool is made for, by its role in the tool table."""
+MAY_BE: dict[Operation, tuple[Operation, ...]] = {
+    "roughing": (
+        "roughing", "slotting", "face_milling", "finishing", "ball_finishing", "lead", "ramping",
+        "plunging",
+    ),
+    "finishing": ("finishing", "ball_finishing", "lead"),
+    "face_milling": ("face_milling", "lead"),
+}  # fmt: skip
+"""Operations that a row may be of that is told as one without its cut; others are what is told."""
 STEEP = float(np.sqrt(0.5))
 """|dz / ds| from which a motion in the material is a plunge."""
 DESCENDS = float(np.sin(np.radians(0.25)))
@@ -110,17 +120,49 @@ def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> O
     blocks : CutBlocks
         Its blocks that cut.
     """
-    fed = reads_feed(moves) & (moves.length > 0) | np.isin(moves.kind, (Kind.PROBE, Kind.THREAD))
-    comments, by_tool = _comments(program)
-    code = np.full(len(moves), -1, dtype=np.int8)
-    code[fed] = CODE["air"]
+    code = np.where(_fed(moves), CODE["air"], -1).astype(np.int8)
     _fill_milling(code, moves, cut, blocks)
+    return _told(code, program, moves, dict(zip(cut.numbers, cut.tools, strict=True)))
+
+
+def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
+    """Operation of each row of a program as far as it is known without the cut.
+
+    What neither a cycle nor a comment nor the tool tells is roughing, that of a drill drilling; see
+    :data:`MAY_BE` for what such a row may be.
+
+    Parameters
+    ----------
+    program, moves : Program, Moves
+        As in :func:`operations`.
+    tools : mapping of int to Tool
+        By their number, those of the program that are known.
+    """
+    fed = _fed(moves)
+    code = np.where(fed, CODE["roughing"], -1).astype(np.int8)
+    drills = [number for number, tool in tools.items() if tool.kind == "drill"]
+    code[fed & np.isin(moves.tool, drills)] = CODE["drilling"]
+    return _told(code, program, moves, tools)
+
+
+def _fed(moves: Moves) -> Bools:
+    """Rows that move at feed, probe or cut a thread; shape (M,)."""
+    fed: Bools = reads_feed(moves) & (moves.length > 0)
+    return fed | np.isin(moves.kind, (Kind.PROBE, Kind.THREAD))
+
+
+def _told(
+    code: NDArray[np.int8], program: Program, moves: Moves, known: Mapping[int, Tool]
+) -> Operations:
+    """Operations with what cycles, comments and tools say of them; ``code`` is filled in."""
+    fed = _fed(moves)
+    comments, by_tool = _comments(program)
     for cycle, name in CYCLES.items():
         code[fed & (moves.code == cycle)] = CODE[name]
     _fill_named(code, fed & (moves.file == 0), _tags(comments, moves), moves.line)
-    for number, tool in _tools(cut, moves).items():
+    for number in np.unique(moves.tool).tolist():
         mine = fed & (moves.tool == number)
-        tag = _of_tool(tool, by_tool.get(number, ""))
+        tag = _of_tool(known.get(number), by_tool.get(number, ""))
         if tag is None:
             continue
         code[mine & np.isin(code, _given_way(tag))] = CODE[tag]
@@ -218,12 +260,6 @@ def _tags(comments: tuple[str, ...], moves: Moves) -> tuple[Operation | None, ..
         used = used or bool(feeds[line])
         tags[line] = tag
     return tuple(tags)
-
-
-def _tools(cut: Cut, moves: Moves) -> dict[int, Tool | None]:
-    """Tools of the program by their number; None for one that cuts nothing."""
-    known: dict[int, Tool | None] = dict.fromkeys(np.unique(moves.tool).tolist())
-    return known | dict(zip(cut.numbers, cut.tools, strict=True))
 
 
 def _of_tool(tool: Tool | None, comment: str) -> Operation | None:

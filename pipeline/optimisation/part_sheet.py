@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
+from pipeline.cutting.tool_range import tool_range
 from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
@@ -62,11 +63,7 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
             yield one.tool, one.range, one.kept, mine
         return
     for number in dict.fromkeys(moves.tool[problem.cuts].tolist()):
-        tool = result.job.cut.tools[number]
-        spans = tool.feed_per_tooth_mm, tool.cutting_speed_m_min
-        f_z, v_c = (None if span is None else (span[0], span[1]) for span in spans)
-        source = "tool table" if f_z or v_c else ""
-        known = CuttingRange(feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, source=source)
+        known = tool_range(result.job.cut.tools[number])
         yield number, known, "", problem.cuts & (moves.tool == number)
 
 

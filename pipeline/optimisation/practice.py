@@ -13,10 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
+from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, Operation
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, life
-from pipeline.cutting.tool import Tool
+from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operations import (
@@ -37,13 +37,6 @@ from pipeline.twin.cut_blocks import CutBlocks, cut_blocks
 MM = 1e-3
 SAME = 1 + 1e-9
 """Factor by which a value may pass the programmed one and count as it: rounding."""
-
-
-LIKE: dict[Operation, tuple[Operation, ...]] = {
-    name: ("roughing", "finishing", "ball_finishing", "face_milling")
-    for name in ("lead", "ramping", "plunging", "finishing", "ball_finishing")
-}
-"""Operations whose values hold where the catalogue has none for one, the first that it has."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +200,10 @@ class _Rows:
             mine = self.cuts & (self.cut.tool == index)
             for code in np.unique(self.found.code[mine]).tolist():
                 operation = OPERATIONS[code]
-                known = _own_range(tool, self.limits, _listed(catalogue, tool, material, operation))
+                listed = listed_range(catalogue, material, tool, (operation,))
+                known = tool_range(
+                    tool, listed, cutting_speed_m_min=self.limits.cutting_speed_m_min
+                )
                 kept, rule = "", RULES.get(operation, Rule())
                 if rule.feed == "keep":
                     kept = f"{words(operation)} keeps F and S"
@@ -312,39 +308,6 @@ class _Rows:
                 "tool as T5, lines as 120-180, or a word that is there"
             )
         return rows
-
-
-def _listed(
-    catalogue: CuttingCatalogue, tool: Tool, material: Material, operation: Operation
-) -> CuttingRange | None:
-    """What the catalogue has for an operation, or for one whose values hold for it too.
-
-    Entries and ramps are cut at the speed of the cut that they lead to, and get no more for each
-    tooth than programmed in any case.
-    """
-    found = catalogue.lookup(tool, material, operation)
-    for other in LIKE.get(operation, ()) if found is None else ():
-        found = found or catalogue.lookup(tool, material, other)
-    return found
-
-
-def _own_range(tool: Tool, limits: CutLimit, listed: CuttingRange | None) -> CuttingRange:
-    """The tool table's ranges, or the part's own limits, or those of the catalogue."""
-    f_z, source = tool.feed_per_tooth_mm, "tool table"
-    v_c = tool.cutting_speed_m_min or limits.cutting_speed_m_min
-    if f_z is None or v_c is None:
-        source = "" if listed is None else listed.source
-        if f_z is not None or v_c is not None:
-            source = f"tool table, limits; {source}".strip("; ")
-    return CuttingRange(
-        feed_per_tooth_mm=_pair(f_z) or (None if listed is None else listed.feed_per_tooth_mm),
-        cutting_speed_m_min=_pair(v_c) or (None if listed is None else listed.cutting_speed_m_min),
-        source=source,
-    )
-
-
-def _pair(span: tuple[float, ...] | None) -> tuple[float, float] | None:
-    return None if span is None else (span[0], span[1])
 
 
 def words(operation: Operation) -> str:

@@ -137,6 +137,39 @@ def test_ranges_are_those_of_the_tables(
     assert result.source
 
 
+@pytest.mark.parametrize(
+    ("tool", "group", "operation", "feed", "speed"),
+    [
+        # ISCAR, group 38: 40 to 80 m/min; Mitsubishi, inserts at 40 to 55 HRC: 0.1 to 0.15 mm
+        (FLAT, "H38", "finishing", (0.03, 0.1), (40, 80)),
+        (FLAT, "H38", "slotting", (0.01, 0.05), (20, 40)),
+        # Sandvik, CoroMill Plura at 60 HRC: 40 m/min
+        (FLAT, "H39", "roughing", (0.0, 0.03), (7, 40)),
+        (of_size(FLAT, 3.175), "H38", "roughing", (0.005, 0.013), (7, 80)),
+        # ATA, up to 12 % Si: 0.08 mm at 10 mm, 294 m/min
+        (FLAT, "N25", "slotting", (0.05, 0.09), (100, 300)),
+        # a trial of 2000 holes in 304 at 1/4 in.: 0.064 mm by lip, 70 m/min
+        (DRILL, "M14", "drilling", (0.0, 0.064), (18, 70)),
+        (Tool(kind="drill", role="spot_drill", diameter_mm=10.0, flutes=2), "P2", "centre_drilling",
+         (0.02, 0.051), (100, 250)),
+        # Kyocera, boring bars: 0.025 to 0.1 mm, 30 to 100 m/min; Machine Tool finishes at 0.25 mm
+        (Tool(kind="flat", role="boring_bar", diameter_mm=25.0, flutes=1), "P2", "boring",
+         (0.01, 0.25), (20, 140)),
+    ],
+)  # fmt: skip
+def test_ranges_of_harder_materials_and_of_tools_for_holes(
+    tool: Tool, group: str, operation: Operation,
+    feed: tuple[float, float], speed: tuple[float, float],
+) -> None:  # fmt: skip
+    """Inside of a band that other tables than the row's own support where the comment says so."""
+    of_group = replace(C45, iso=group[0], group=int(group[1:]))
+    result = CATALOGUE.lookup(tool, of_group, operation)
+    assert result is not None
+    assert result.feed_per_tooth_mm is not None and result.cutting_speed_m_min is not None
+    assert feed[0] <= result.feed_per_tooth_mm[0] < result.feed_per_tooth_mm[1] <= feed[1]
+    assert speed[0] <= result.cutting_speed_m_min[0] < result.cutting_speed_m_min[1] <= speed[1]
+
+
 @pytest.mark.parametrize("material", sorted(MATERIALS))
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_there_is_a_range_or_a_reason(material: str, operation: Operation) -> None:

@@ -173,3 +173,135 @@ def test_a_speed_that_leaves_the_range_of_the_tool(folder: Path) -> None:
     )
     done = check(folder, before, "--tool-table", str(folder / "none.yaml"))
     assert done.exit_code == 2 and "none.yaml" in done.stderr and done.stderr.count("\n") == 1
+
+
+OPERATIONS = """T1 M6
+S5000 M3
+G1 X10 F1200
+(FINISH WALL)
+Y5
+T2 M6
+S2000 M3
+G81 Z-9 R1 F250
+G83 Z-30 R1 Q3 F200
+G80
+T3 M6
+S2500 M3
+G81 X30 Z-2 R1 F200
+G80
+T4 M6
+S3000 M3
+G1 X40 F600
+T5 M6
+S600 M3
+G85 Z-9 R1 F40
+G80
+T6 M6
+S2500 M3
+G1 X50 F100
+M30
+"""
+PLAIN_TOOLS = """description: without ranges of their own
+tools:
+  1: {kind: flat, diameter_mm: 10, flutes: 4}
+  2: {kind: drill, diameter_mm: 8.5, flutes: 2}
+  3: {kind: drill, role: spot_drill, diameter_mm: 10, flutes: 2, cutting_speed_m_min: [50, 90]}
+  4: {kind: flat, role: chamfer_mill, diameter_mm: 10, flutes: 4}
+  5: {kind: flat, role: boring_bar, diameter_mm: 20, flutes: 1}
+  6: {kind: flat, diameter_mm: 40, flutes: 4, material: hss}
+"""
+
+
+def warned_in_steel(folder: Path, *changes: tuple[str, str]) -> list[str]:
+    """What is said of tools without ranges in steel of medium carbon."""
+    (folder / "tools.yaml").write_text(PLAIN_TOOLS)
+    (folder / "before.nc").write_text(OPERATIONS)
+    after = OPERATIONS
+    for old, new in changes:
+        assert after.count(old) == 1
+        after = after.replace(old, new)
+    done = check(
+        folder, after.encode(), "--tool-table", str(folder / "tools.yaml"), "--material",
+        "steel_medium_carbon",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    silent = [line for line in lines if line.startswith("not judged")]
+    where = "ISO P, group 2 of VDI 3323"
+    assert silent == [
+        "not judged: T4 has no range in the tool table, and the catalogue has no row for a "
+        f"carbide chamfer mill of 10 mm in {where}, chamfering",
+        "not judged: T6 has no range in the tool table, and the catalogue has no row for a "
+        f"high-speed steel end mill of 40 mm in {where}, roughing: the catalogue has 6.35 to 32 mm",
+    ]
+    return [line.removeprefix("warning: ") for line in lines if line.startswith("warning")]
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "whose"),
+    [
+        # without the cut a mill may slot or finish: 0.035 mm of slots to 0.12 mm of finishing
+        (("F1200", "F2200"), "", ""),
+        (("F1200", "F3000"), "line 3, T1: F3000 at S5000 is 0.15 mm a tooth, outside of 0.035 to "
+         "0.12", "Tungaloy"),
+        # slots from 140 m/min on, finishing up to 280
+        (("S5000", "S9500"), "line 3, T1: S9500 is 298 m/min, outside of 140 to 280", "Tungaloy"),
+        # the feed of drills is shared by two lips; deep holes have 0.8 of it
+        (("F250", "F320"), "line 8, T2: F320 at S2000 is 0.08 mm a tooth, outside of 0.051 to "
+         "0.076", ""),
+        (("F200\nG80\nT3", "F260\nG80\nT3"), "line 9, T2: F260 at S2000 is 0.065 mm a tooth, "
+         "outside of 0.04065 to 0.061", "Metal Drilling"),
+        # a spot drill with a speed of its own has the feed of the catalogue
+        (("X30 Z-2 R1 F200", "X30 Z-2 R1 F300"), "line 13, T3: F300 at S2500 is 0.06 mm a tooth, "
+         "outside of 0.025 to 0.05", "Nine9"),
+        (("S2500 M3\nG81", "S3500 M3\nG81"), "line 13, T3: S3500 is 110 m/min, outside of 50 to "
+         "90 of the tool table", ""),
+        (("F40", "F150"), "line 20, T5: F150 at S600 is 0.25 mm a tooth, outside of "
+         "0.0127 to 0.178", "SCT"),
+    ],
+)  # fmt: skip
+def test_without_a_range_in_the_table_that_of_the_catalogue_counts(
+    folder: Path, change: tuple[str, str], said: str, whose: str
+) -> None:
+    warnings = warned_in_steel(folder, change)
+    assert bool(warnings) == bool(said), warnings
+    if said:
+        line = next(line for line in warnings if line.startswith(said))
+        assert ("of the catalogue (" in line) == ("tool table" not in said)
+        assert whose in line
+
+
+def test_a_comment_tells_finishing_where_there_is_no_cut(folder: Path) -> None:
+    """0.065 mm is inside of what slots have, and below finishing and what leads to it."""
+    (folder / "tools.yaml").write_text(PLAIN_TOOLS)
+    words = ("--tool-table", str(folder / "tools.yaml"), "--material", "steel_medium_carbon")
+    for comment, outside in (("(WALL)", False), ("(FINISH WALL)", True)):
+        before = f"T1 M6\nS5000 M3\n{comment}\nG1 X10 F1600\nM30\n"
+        (folder / "before.nc").write_text(before)
+        done = check(folder, before.replace("F1600", "F1300").encode(), *words)
+        assert ("F1300 at S5000 is 0.065 mm a tooth" in done.stdout) == outside, done.stdout
+
+
+def test_a_speed_that_stays_is_not_warned_of(folder: Path) -> None:
+    """16 m/min is below all milling, in the program already."""
+    (folder / "tools.yaml").write_text(PLAIN_TOOLS)
+    before = "T1 M6\nS500 M3\nG1 X10 F100\nM30\n"
+    (folder / "before.nc").write_text(before)
+    words = ("--tool-table", str(folder / "tools.yaml"), "--material", "steel_medium_carbon")
+    assert "warning" not in check(folder, before.replace("F100", "F120").encode(), *words).stdout
+    assert (
+        "S450 is 14.1 m/min"
+        in check(folder, before.replace("S500", "S450").encode(), *words).stdout
+    )
+
+
+def test_a_material_without_a_table_or_a_file_is_refused(folder: Path) -> None:
+    done = check(folder, AFTER, "--material", "steel_medium_carbon")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "kerf: --material is given without --tool-table: name a table of conf/tool/ or a YAML "
+        "file\n"
+    )
+    (folder / "tools.yaml").write_text(TOOLS)
+    done = check(folder, AFTER, "--tool-table", str(folder / "tools.yaml"), "--material", "cheese")
+    assert done.exit_code == 2 and "conf/material/cheese.yaml does not exist" in done.stderr

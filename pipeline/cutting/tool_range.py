@@ -1,0 +1,99 @@
+"""What a tool may be given: by the tool table, by the limits of a part, by the catalogue.
+
+The tool table goes first, then the limits of the part, then the catalogue; feed for each tooth and
+cutting speed each have the first that knows them.
+"""
+
+from collections.abc import Sequence
+
+from pipeline.cutting.catalogue import CuttingCatalogue, CuttingRange, Operation
+from pipeline.cutting.economics.material import Material
+from pipeline.cutting.tool import Tool
+
+LIKE: dict[Operation, tuple[Operation, ...]] = {
+    name: ("roughing", "finishing", "ball_finishing", "face_milling")
+    for name in ("lead", "ramping", "plunging", "finishing", "ball_finishing")
+}
+"""Operations whose values hold where the catalogue has none for one, the first that it has."""
+
+Span = tuple[float, float]
+
+
+def tool_range(
+    tool: Tool, listed: CuttingRange | None = None,
+    *, cutting_speed_m_min: Sequence[float] | None = None,
+) -> CuttingRange:  # fmt: skip
+    """What a tool may be given, where it is known, and where that is from.
+
+    Parameters
+    ----------
+    tool : Tool
+        Its own ranges in the tool table go first.
+    listed : CuttingRange, optional
+        Of the catalogue, see :func:`listed_range`.
+    cutting_speed_m_min : sequence of float, optional
+        Least and greatest v_c of the part's limits [m/min].
+    """
+    f_z, v_c = _pair(tool.feed_per_tooth_mm), _pair(tool.cutting_speed_m_min)
+    sources = [] if f_z is None and v_c is None else ["tool table"]
+    if v_c is None and cutting_speed_m_min is not None:
+        v_c = _pair(cutting_speed_m_min)
+        sources.append("limits")
+    if listed is not None and (f_z is None or v_c is None):
+        f_z, v_c = f_z or listed.feed_per_tooth_mm, v_c or listed.cutting_speed_m_min
+        sources += listed.sources
+    return CuttingRange(
+        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, sources=tuple(sources)
+    )  # fmt: skip
+
+
+def listed_range(
+    catalogue: CuttingCatalogue, material: Material, tool: Tool, operations: Sequence[Operation]
+) -> CuttingRange | None:
+    """What the catalogue has for a tool in a material; None where it has nothing.
+
+    Entries and ramps are cut at the speed of the cut that they lead to, so that where they have no
+    row they have its values.
+
+    Parameters
+    ----------
+    catalogue : CuttingCatalogue
+        Cutting data.
+    material : Material
+        Of the blank.
+    tool : Tool
+        Whose range is asked for.
+    operations : sequence of Operation
+        What the tool does; of several the range is the widest, from the least to the greatest of
+        all that have one.
+    """
+    found = [
+        one for name in operations if (one := _listed(catalogue, tool, material, name)) is not None
+    ]
+    if not found:
+        return None
+    return CuttingRange(
+        feed_per_tooth_mm=_widest([one.feed_per_tooth_mm for one in found]),
+        cutting_speed_m_min=_widest([one.cutting_speed_m_min for one in found]),
+        sources=tuple(dict.fromkeys(name for one in found for name in one.sources)),
+    )
+
+
+def _listed(
+    catalogue: CuttingCatalogue, tool: Tool, material: Material, operation: Operation
+) -> CuttingRange | None:
+    """Of one operation, or of the first whose values hold for it too."""
+    names = (operation, *LIKE.get(operation, ()))
+    ranges = (catalogue.lookup(tool, material, name) for name in names)
+    return next((one for one in ranges if one is not None), None)
+
+
+def _widest(spans: Sequence[Span | None]) -> Span | None:
+    known = [span for span in spans if span is not None]
+    if not known:
+        return None
+    return min(low for low, _ in known), max(high for _, high in known)
+
+
+def _pair(span: Sequence[float] | None) -> Span | None:
+    return None if span is None else (span[0], span[1])
