@@ -1,13 +1,13 @@
 """Document of an optimisation: what ``kerf optimise`` writes, prints and draws."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.machine.control.path import Motion
+from pipeline.machine.control.path import Motion, where
 from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.genes import Method
@@ -88,13 +88,31 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         verified=_verified(result),
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
-        notes=notes(after.of, basis),
+        notes=(*_chatters(result), *notes(after.of, basis)),
         tools=tool_uses(result, before, after),
         changes=feed_changes(result, before, after),
         lines=program_lines(result, before, after),
         path=path_trace(before.cut, job.cut.stock),
         setup=setup_sheet(result, after.of, basis),
     )
+
+
+def _chatters(result: Result) -> Iterator[str]:
+    """One sentence for each tool that is predicted to chatter as programmed, at any S it may have.
+
+    Its F and S come no nearer to chatter than they were.
+    """
+    problem = result.problem
+    limit, least = problem.limits.margins.stability, problem.least_margin
+    for number in np.unique(problem.cut.tool[least < limit]).tolist():
+        rows = np.flatnonzero((least < limit) & (problem.cut.tool == number))
+        worst = int(rows[np.argmin(least[rows])])
+        yield (
+            f"{where(result.moves, worst)}: T{problem.cut.numbers[number]} is cut "
+            f"{100 * least[worst]:+.0f} % of its depth from the stability boundary as programmed, "
+            f"and no S that it may have keeps {100 * limit:.0f} %: listen for chatter, or measure "
+            "the dynamics of the tip"
+        )
 
 
 def _sides(result: Result) -> tuple[Side, Side]:

@@ -23,7 +23,13 @@ from pipeline.optimisation.methods.genes import Front, Method, method_of, writte
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
 from pipeline.optimisation.practice import practice_of
-from pipeline.optimisation.problem.arrays import Decision, Editable, Practice, one_feed_each_pass
+from pipeline.optimisation.problem.arrays import (
+    Decision,
+    Editable,
+    Practice,
+    one_feed_each_pass,
+    speeds_between_cuts,
+)
 from pipeline.optimisation.problem.feasible import check_known, problem_of, with_feed_cap, with_load
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof, prove
@@ -138,6 +144,7 @@ class _Course:
         editable = editable_blocks(
             self.program, self.moves, practice.kept_feed, practice.kept_speed
         )
+        editable = speeds_between_cuts(editable, self.moves.kind)
         return practice, one_feed_each_pass(editable, practice.passes)
 
     def _settled(

@@ -17,7 +17,7 @@ from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, Operation
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, life
 from pipeline.cutting.tool_range import listed_range, tool_range
-from pipeline.gcode.moves import Moves
+from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operations import (
     LEAD,
@@ -120,9 +120,11 @@ class _Rows:
         self.found, self.limits, self.settings = found, limits, limits.practice
         self.fed = found.code >= 0
         self.cuts = cut.tool >= 0
-        self.own_f_z = cut.commanded_feed_per_tooth()
         self.own_speed = cut.plan.spindle_speed
         self.own_feed = feeds_per_minute(cut, moves.feed, self.own_speed)
+        # of F as it is written: a block that is too short to reach it has no other range
+        self.own_f_z = cut.feed_per_tooth_at(self.own_feed * METRE_PER_SECOND, self.own_speed)
+        self.reached_f_z = cut.commanded_feed_per_tooth()
 
     def practice(self, catalogue: CuttingCatalogue, material: Material) -> Practice:
         ranges = tuple(self._ranges(catalogue, material))
@@ -229,7 +231,20 @@ class _Rows:
                 if span is not None:
                     bounds[2 * k, mine] = np.minimum(span[0] * unit, own[mine]) / SAME
                     bounds[2 * k + 1, mine] = np.maximum(span[1] * unit, own[mine]) * SAME
+        bounds[0] = np.minimum(bounds[0], self.reached_f_z)
+        again = self._again_in_air()
+        bounds[0, again] = np.minimum(
+            bounds[0, again], self._change()[0][again] * self.own_f_z[again]
+        )
         return tuple(bounds)
+
+    def _again_in_air(self) -> Bools:
+        """Rows that cut in lines that are also run in air, where F may not rise; shape (M,)."""
+        line = np.where(self.moves.file == 0, self.moves.line, 0)
+        air = np.zeros(len(self.program) + 1, dtype=np.bool_)
+        air[line[self.fed & ~self.cuts]] = True
+        rows: Bools = self.cuts & air[line]
+        return rows
 
     def _of(self, one: OperationRange) -> Bools:
         """Rows that cut with the tool and in the operation of a range; shape (M,)."""
@@ -250,6 +265,8 @@ class _Rows:
             rows = self._named(text)
             feed.append((f"keep {text}", rows))
             speed.append((f"keep {text}", rows))
+        if self.settings.air_feed_mm_min is None:
+            feed.append(("moves in air keep their own F", self._air_words()))
         for operation, rule in RULES.items():
             rows = self.found.of(operation)
             if rule.feed == "keep":
@@ -266,6 +283,15 @@ class _Rows:
         whole = ((why, np.isin(runs, runs[rows])) for why, rows in speed)
         nothing = np.zeros(len(self.fed), dtype=np.bool_)
         return (*feed, ("", nothing)), (*whole, ("", nothing))
+
+    def _air_words(self) -> Bools:
+        """Rows in air whose line has an F word and nothing that cuts; shape (M,)."""
+        words = ProgramWords(self.program).token("F") >= 0
+        line = np.where(self.moves.file == 0, self.moves.line, 0)
+        cutting = np.zeros(len(words), dtype=np.bool_)
+        cutting[line[self.cuts]] = True
+        rows: Bools = self.fed & ~self.cuts & words[line] & ~cutting[line]
+        return rows
 
     def _named(self, text: str) -> Bools:
         """Rows that a person names: a tool, lines, a word of a comment or of a tool's name."""

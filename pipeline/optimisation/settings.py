@@ -76,7 +76,9 @@ class Grouping(Ranged, section="grouping"):
     least_block_s : float
         Blocks are merged until each group takes at least this [s].
     least_gain : float
-        An F or S word has to save this share of the time of the whole part [1].
+        An F word that is added has to save this share of the time of the whole part [1].
+    least_speed_gain : float
+        The same of an S word: a spindle that changes its speed inside of an operation is noticed.
     speeds : {"blocks", "own"}
         Whether S words may be added at any block, or only the program's own changed.
     split : bool
@@ -86,7 +88,8 @@ class Grouping(Ranged, section="grouping"):
     """
 
     least_block_s: Annotated[float, Range(least=0.0, most=3600.0, unit="s")] = 0.05
-    least_gain: Share = 1e-4
+    least_gain: Share = 5e-4
+    least_speed_gain: Share = 5e-3
     speeds: Literal["blocks", "own"] = "blocks"
     split: bool = False
     split_gain: Annotated[float, Range(least=0.0, most=100.0)] = 0.2

@@ -58,8 +58,14 @@ def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability |
         return None
     return Stability(
         margin=table[0].margins(_clipped(cut, table[0])), table=table[0], stations=table[1],
-        dynamics=tuple(dynamics.of(cut.numbers)),
+        dynamics=tuple(_milling(cut, dynamics)),
     )  # fmt: skip
+
+
+def _milling(cut: Cut, dynamics: TipDynamics) -> list[Dynamics | None]:
+    """Dynamics of each tool that mills: lobes of milling say nothing of a drill."""
+    tips = zip(dynamics.of(cut.numbers), cut.tools, strict=True)
+    return [None if tool.kind == "drill" else tip for tip, tool in tips]
 
 
 def _clipped(cut: Cut, table: StabilityTable) -> Floats:
@@ -82,7 +88,7 @@ def table_of(
 
     None where no tool that cuts has known dynamics.
     """
-    tips = dynamics.of(cut.numbers)
+    tips = _milling(cut, dynamics)
     turning = blocks.spindle_speed[blocks.spindle_speed > 0]
     if not len(turning) or not any(tips[tool] is not None for tool in np.unique(blocks.tool)):
         return None

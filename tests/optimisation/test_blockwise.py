@@ -39,7 +39,7 @@ from tests.optimisation.direct_parts import (
 )  # fmt: skip
 
 SLOWEST = 10.0
-FREE = Grouping(least_block_s=0.0, least_gain=0.0)
+FREE = Grouping(least_block_s=0.0, least_gain=0.0, least_speed_gain=0.0)
 ONE_SPEED = replace(FREE, speeds="own")
 LIMITS = CutLimit(load_N=60.0, feed_mm_min=(SLOWEST, 2000), speed_rpm=(1000, 12000))
 GROWING = Taylor(n=0.25, C_m_min=400.0, f_z_exponent=0.6, f_z_ref_mm=0.05)  # wear with the chip

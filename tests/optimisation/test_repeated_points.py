@@ -19,7 +19,7 @@ from pipeline.schema.limits import CutLimit
 from tests.optimisation.direct_parts import SIX, problem
 
 LIMITS = CutLimit(load_N=60.0, feed_mm_min=(50, 1000), speed_rpm=(1000, 8000))
-FREE = Grouping(least_block_s=0.0, least_gain=0.0)
+FREE = Grouping(least_block_s=0.0, least_gain=0.0, least_speed_gain=0.0)
 HEAD = ["T1 M6", "S3000 M3", "G0 X20 Y20 Z5"]
 SLOT = [
     ("G1 Z-0.5 F50", (20.0, 20.0, -0.5)),

@@ -66,7 +66,7 @@ def test_equal_changes_come_early():
     assert path.tolist() == [0, 1, 1]
 
 
-GROUPING = Grouping(least_gain=0.0)
+GROUPING = Grouping(least_gain=0.0, least_speed_gain=0.0)
 RATE, BASE = 4000.0, 3000.0
 
 

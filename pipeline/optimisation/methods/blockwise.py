@@ -107,6 +107,7 @@ def _solved(model: BlockModel, grouping: Grouping, whole: float) -> Decision:
     moves = problem.cut.plan.path.moves
     pieces, stretches = best_speeds(model, grouping, whole)
     speeds = refined(model, pieces, stretches, problem.editable.block)
+    speeds = _with_feeds(model, stretches, speeds)
     row_speeds = spread(speeds, stretches.stretch, moves.speed)
     whole = min(whole, _of_blocks(model, row_speeds))
     feed, feeds = feed_groups(model, grouping, stretches.stretch, row_speeds, whole)
@@ -114,6 +115,22 @@ def _solved(model: BlockModel, grouping: Grouping, whole: float) -> Decision:
         feed=feed, speed=stretches.stretch, own_feed=moves.feed, own_speed=moves.speed
     )  # fmt: skip
     return Decision(groups=groups, feeds=feeds, speeds=speeds)
+
+
+def _with_feeds(model: BlockModel, stretches: Stretches, speeds: Floats) -> Floats:
+    """The speeds, as programmed where no F suits all runs of a line at those chosen; shape (H,)."""
+    problem, own = model.problem, model.problem.cut.plan.path.moves.speed
+    row_speeds = spread(speeds, stretches.stretch, own)
+    bad = np.isinf(block_feeds(model, problem.editable.block, row_speeds[None]).values[0])
+    wrong = np.unique(stretches.stretch[bad & (stretches.stretch >= 0)])
+    if not len(wrong):
+        return speeds
+    kept = speeds.copy()
+    for stretch in wrong.tolist():
+        there = own[(stretches.stretch == stretch) & (own > 0)]
+        if len(there) and (there == there[0]).all():
+            kept[stretch] = there[0]
+    return kept
 
 
 def _as_programmed(problem: Problem, objective: Objective) -> float:

@@ -20,6 +20,8 @@ from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import MethodLimits
 
+FINER = (100.0, 10.0, 1.0)
+"""Parts of a step of F that are tried where a range is narrow, the last that fits is taken."""
 INCH_STEP = 20.0
 """Step of F in millimetres over that in inches [1]: 10 mm/min, 0.5 in/min."""
 ROUNDING = 1e-9
@@ -116,15 +118,18 @@ def written_feeds(problem: Problem, decision: Decision) -> Decision:
 
 
 def _stepped_down(problem: Problem, groups: Groups, feeds: Floats, low: Floats) -> Floats:
-    """F, shape (P, G), in steps, where those are no less than the least of (P, G)."""
+    """F, shape (P, G), in steps, in finer ones where those are below the least of (P, G)."""
     practice = problem.practice
     if practice is None or not groups.feeds:
         return feeds
     first = first_rows(groups.feed)
     unit = practice.unit[first]
     step = practice.settings.feed_step_mm_min * np.where(unit != 1.0, 1 / INCH_STEP, 1.0)
-    down = stepped(feeds / unit, step, np.floor) * unit
-    return np.where((down < low) | (feeds == groups.own_feed[first]), feeds, down)
+    chosen = feeds
+    for finer in FINER:
+        down = stepped(feeds / unit, step / finer, np.floor) * unit
+        chosen = np.where(down < low, chosen, down)
+    return np.where(feeds == groups.own_feed[first], feeds, chosen)
 
 
 def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats, Floats]:

@@ -83,7 +83,7 @@ def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pi
     rest = model.values(moves.feed[None], moves.speed[None])[0, pieces.piece < 0]
     least = float(values.min(axis=1).sum() + rest.sum())
     whole = min(whole, least)  # as programmed may be many times what it could be
-    words = whole * np.where(pieces.word, max(grouping.least_gain, CHANGE), CHANGE)
+    words = whole * np.where(pieces.word, max(grouping.least_speed_gain, CHANGE), CHANGE)
     chosen = _chosen(model, pieces, grid, values, words)
     return pieces, _stretches(pieces, grid[pieces.tool_run, chosen])
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.catalogue import CuttingRange, Operation
-from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode
+from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode, Kind
 from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import MachiningPractice
@@ -316,6 +316,20 @@ class Editable:
     may_start: Bools = field(repr=False)
     own_start: Bools = field(repr=False)
     held: tuple[HeldRows, ...]
+
+
+def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable:
+    """Editable rows in which S changes at the program's own S words and at rapids alone.
+
+    Parameters
+    ----------
+    editable : Editable
+        F and S that may change, of M rows.
+    kind : ndarray of uint8, shape (M,)
+        Of the moves.
+    """
+    fitting = editable.own_start | np.isin(kind, (Kind.RAPID, Kind.SPINDLE))
+    return replace(editable, may_start=editable.may_start & fitting)
 
 
 def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:

@@ -87,10 +87,9 @@ def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> F
     out[at.LEAST_CHIP] = np.where(cuts, _over(problem.bounds.least, f_z), 0.0)
     _fill_drive(out, problem, f_z, spindle_speed)
     if problem.chatter is not None:
-        kept = 1.0 + problem.limits.margins.stability
-        out[at.STABILITY] = np.nan_to_num(
-            _over(kept, 1.0 + problem.chatter.margins(spindle_speed)), nan=0.0
-        )
+        margins = problem.chatter.margins(spindle_speed)
+        used = _over(1.0 + problem.least_margin, 1.0 + np.nan_to_num(margins, nan=np.inf))
+        out[at.STABILITY] = np.where(np.isnan(margins), 0.0, used)
     surface = _outside(spindle_speed, ranges.surface_low, ranges.surface_high)
     out[at.CUTTING_SPEED] = np.where(cuts, surface, 0.0)
     machine = _outside(spindle_speed, ranges.speed_low, ranges.speed_high)

@@ -40,6 +40,10 @@ from pipeline.twin.cut_document import CutBasis
 
 AT_ONCE = 1 << 18
 """Rows of all individuals of one pass, so that they stay in the cache."""
+SPEEDS = 33
+"""Spindle speeds of a row's range at which chatter is looked for, where it chatters as it is."""
+NEAR = 1e-9
+"""Rounding of a margin [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,8 +129,30 @@ class Problem:
         if self.chatter is None:
             return np.ones(given.shape, dtype=np.bool_)
         margins = self.chatter.margins(self.spindle_speed(given).reshape(-1, len(self)))
-        stable: Bools = ~(margins < self.limits.margins.stability)
+        stable: Bools = ~(margins < self.least_margin)
         return stable.reshape(given.shape)
+
+    @cached_property
+    def least_margin(self) -> Floats:
+        """Margin of stability that each row has to keep [1]; shape (M,).
+
+        Where machining practice holds and no S of a row's range has that of the limits, its margin
+        as programmed: what is cut today may stay, and comes no nearer to chatter.
+        """
+        limit = self.limits.margins.stability
+        least = np.full(len(self), limit)
+        if self.practice is None or self.chatter is None:
+            return least
+        turning = self.cut.plan.spindle_speed
+        own = self.chatter.margins(turning)
+        below = own < limit  # NaN: not known
+        if not below.any():
+            return least
+        low, high = self.ranges.speed_low, self.ranges.speed_high
+        free = below & self.editable.speed & (low <= high) & np.isfinite(high)
+        tried = np.linspace(np.where(free, low, turning), np.where(free, high, turning), SPEEDS)
+        best = self.chatter.margins(tried).max(axis=0)
+        return np.where(below & ~(best >= limit), own * (1 + NEAR) - NEAR, least)
 
     def feed_per_tooth(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
         """f_z of each row at F and S [m], shape (M,) or (P, M); 0 in air."""
@@ -214,5 +240,5 @@ def _violation(problem: Problem, feed: Floats, spindle_speed: Floats) -> Floats:
     out = problem.demand.violation(problem.cut.plan.path, feed, spindle_speed)
     out += problem.speed_changes.violation(spindle_speed, limits.least_speed_change_rpm)
     if problem.chatter is not None:
-        out += problem.chatter.violation(spindle_speed, limits.margins.stability)
+        out += problem.chatter.violation(spindle_speed, problem.least_margin)
     return out

@@ -265,8 +265,11 @@ class Chatter:
         """
         return self.table.margins(np.clip(spindle_speed, *(60 * self.table.nodes[[0, -1]])))
 
-    def violation(self, spindle_speed: Floats, least: float) -> Floats:
-        """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) speeds."""
+    def violation(self, spindle_speed: Floats, least: Floats) -> Floats:
+        """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) speeds.
+
+        ``least`` is the margin that each row has to keep, shape (M,).
+        """
         over = (1.0 + least) / np.maximum(1.0 + self.margins(spindle_speed), NEAR) - 1.0
         total: Floats = np.where(over > NEAR, over, 0.0).sum(axis=1)  # NaN: no dynamics
         return total
