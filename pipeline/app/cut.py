@@ -339,7 +339,7 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
         "feed in air"
     )
     for row in cut.basis:
-        if row.what.startswith("forces of"):
+        if row.what.startswith(("forces of", "dynamics of")):
             yield f"  {row.what}: {row.value} ({row.source})"
     yield from _table(cut)
     if total.cost is not None:

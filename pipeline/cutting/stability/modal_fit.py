@@ -33,12 +33,12 @@ STIFF = 0.05
 """Share of the greatest response from which on down lines count alike [1]."""
 MOST_MODES = 16
 """Of one direction."""
-LESSENED = 0.98
-"""Error on the lines left out over that without the last mode, at most, for it to be kept [1]."""
-EXACT = 1e-3
+LESSENED = 0.9
+"""Share to which each mode that is kept lessens the error on the lines left out [1]."""
+EXACT = 0.1
 """Error on the lines left out, over what is asked, below which no mode is sought [1]."""
 FELT = 0.01
-"""Greatest part of a mode in the band, over the greatest response, below which it is left out."""
+"""Part of a mode at its peak, over the greatest response, below which it is left out [1]."""
 ERROR = 0.1
 """Greatest error of the modes with which a limit is computed [1]."""
 FEW = 16
@@ -47,16 +47,19 @@ BELOW, ABOVE = 0.2, 2.0
 """Where modes beyond the band are sought, over its lowest and its highest frequency [1]."""
 DAMPING = (1e-4, 0.7)
 """Range of the damping ratio [1]."""
-UNSEEN = 0.25
-"""What a mode beyond the band may reach at its peak, over the greatest one in it [1].
+UNSEEN = 0.05
+"""Compliance of modes above the band, over that of those in it, up to which nothing is said [1].
 
-Margins are told apart up to four times the depth: a lesser one rarely decides."""
+With half or twice the damping of such a mode limits stay within 2 %; at twice the compliance no
+more."""
 _NEAR = 41
 """Lines over which the noise's median is taken."""
 _TRIED = (0.003, 0.01, 0.03, 0.1, 0.3)
 """Damping ratios at which a mode is sought."""
 _PLACES = 3
-"""Places in the band where a mode is sought before the search ends."""
+"""Places in the band where a mode is sought."""
+_PATIENCE = 2
+"""Modes that may be added in vain before the search ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +150,8 @@ def _direction(frequency: Floats, measured: Complex, name: str) -> ModalFit:
     low, high = float(frequency[0]), float(frequency[-1])
     band = f"{low:g} to {high:g} Hz"
     every = _modes(found, name)
-    felt = [mode for mode in every if _part(mode, frequency) >= FELT * _top(measured)]
-    seen = [mode for mode in felt if low <= mode.natural_frequency_Hz <= high]
+    within = [mode for mode in every if low <= mode.natural_frequency_Hz <= high]
+    seen = [mode for mode in within if _part(mode, frequency) >= FELT * _top(measured)]
     if not seen:
         raise ValueError(
             f"frequency response along {name}: no mode is found from {band}; measure a band that "
@@ -168,7 +171,7 @@ def _direction(frequency: Floats, measured: Complex, name: str) -> ModalFit:
         )
     inside = [_taken(m, 1.0 + e) for m, e in zip(seen, np.minimum(errors, 1.0), strict=True)]
     least = min(mode.damping for mode in seen)
-    beyond = [_taken(mode, 1.0, least) for mode in felt if mode not in seen]
+    beyond = [_taken(mode, 1.0, least) for mode in every if mode not in within]
     return ModalFit(modes=(*inside, *beyond), error=error, caution=caution)
 
 
@@ -182,10 +185,8 @@ def _taken(mode: Mode, factor: float, damping: float | None = None) -> Mode:
 
 def _caution(modes: Sequence[Mode], seen: Sequence[Mode], high: float, name: str) -> str:
     """What modes above the band may do that were not measured."""
-    least = min(mode.damping for mode in seen)
-    peak = max(1.0 / (2.0 * mode.damping * mode.stiffness) for mode in seen)
     beyond = sum(1.0 / mode.stiffness for mode in modes if mode.natural_frequency_Hz > high)
-    share = beyond / (2.0 * least) / peak
+    share = beyond / sum(1.0 / mode.stiffness for mode in seen)
     if share > 1.0:
         raise ValueError(
             f"frequency response along {name}: above {high:g} Hz, where the measurement ends, the "
@@ -194,8 +195,8 @@ def _caution(modes: Sequence[Mode], seen: Sequence[Mode], high: float, name: str
     if share <= UNSEEN:
         return ""
     return (
-        f"along {name} a mode above {high:g} Hz, where the measurement ends, may reach "
-        f"{100 * share:.0f} % of the greatest peak, and where it lies is not known"
+        f"modes above {high:g} Hz, where the measurement along {name} ends, have {100 * share:.0f} "
+        "% of the compliance of those in it, and their damping is not known"
     )
 
 
@@ -290,16 +291,24 @@ def _chosen(frequency: Floats, measured: Complex, weight: Floats) -> Floats:
         off = weight[odd] * (_sum(found, frequency[odd]) - measured[odd])
         return float(np.sqrt(np.mean(np.abs(off) ** 2)))
 
-    found, best = np.empty((0, 3)), left(np.empty((0, 3)))
-    while len(found) < MOST_MODES and best > EXACT:
-        for one in _candidates(found, *fit):
-            tried = _fitted(np.vstack([found, one]), *fit)
-            error = left(tried)
-            if error <= LESSENED * best:
-                found, best = tried, error
+    path = [np.empty((0, 3))]
+    price = [left(path[0])]  # error on the lines left out, dearer with each mode
+    best = 0
+    while len(path) <= min(best + _PATIENCE, MOST_MODES) and price[best] > EXACT:
+        dearer, next_one = np.inf, None
+        for one in _candidates(path[-1], *fit):
+            tried = _fitted(np.vstack([path[-1], one]), *fit)
+            error = left(tried) / LESSENED ** len(tried)
+            if error < dearer:
+                dearer, next_one = error, tried
+            if dearer <= price[-1]:
                 break
-        else:
+        if next_one is None:
             break
+        path.append(next_one)
+        price.append(dearer)
+        best = int(np.argmin(price))
+    found = path[best]
     return _fitted(found, frequency, measured, weight, exact=True) if len(found) else found
 
 
@@ -348,6 +357,9 @@ def _error(
     near = np.abs(frequency - mode.natural_frequency_Hz) <= width
     if near.sum() < 3:
         return float(np.sqrt(max(peak, 0.0)))
-    common = np.mean((rest[near][1:].conj() * rest[near][:-1]).real)
-    size = np.mean(np.abs(measured[near]) ** 2)
+    left = rest[near]
+    common = np.mean((left[1:].conj() * left[:-1]).real)
+    common -= np.mean(np.abs(left) ** 2) / np.sqrt(2.0 * len(left))  # what noise has by chance
+    # the least real part, from which the limit comes, is half of the peak
+    size = (_top(measured[near]) / 2.0) ** 2
     return float(np.sqrt(max(peak, 0.0) + max(common, 0.0) / size))
