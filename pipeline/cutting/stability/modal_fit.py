@@ -263,6 +263,7 @@ def _fitted(
 ) -> Floats:
     """Parameters with the least squares of the weighted residual, from ``start``."""
     from scipy.optimize import least_squares
+    from threadpoolctl import threadpool_limits
 
     low = np.log([BELOW * frequency[0], DAMPING[0], 1e-9 * _top(measured)])
     high = np.log([ABOVE * frequency[-1], DAMPING[1], 1e6 * _top(measured)])
@@ -275,10 +276,11 @@ def _fitted(
 
     inside = np.clip(start, low + 1e-9, high - 1e-9).ravel()
     many = len(start)
-    answer = least_squares(
-        residual, inside, jac=slopes, bounds=(np.tile(low, many), np.tile(high, many)),
-        ftol=1e-8 if exact else 1e-4, max_nfev=100 if exact else 25,
-    )  # fmt: skip
+    with threadpool_limits(1):  # matrices are slim: threads wait for one another
+        answer = least_squares(
+            residual, inside, jac=slopes, bounds=(np.tile(low, many), np.tile(high, many)),
+            ftol=1e-8 if exact else 1e-4, max_nfev=100 if exact else 25,
+        )  # fmt: skip
     return np.asarray(answer.x).reshape(-1, 3)
 
 
