@@ -125,8 +125,9 @@ def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path)
     done = kerf(project, "simulate", "part.nc", *CUT, *words_)
     assert done.exit_code == 0, done.output
     cut = json.loads((project / "c.json").read_text())["cut"]
-    assert "x.csv, y.csv" in cut["dynamics"] and cut["lobes"]
-    assert cut["summary"]["stability_margin"] is not None
+    assert "modes fitted to the measured response x.csv, y.csv, error 0.0 %" in cut["dynamics"]
+    assert cut["lobes"] and cut["summary"]["stability_margin"] is not None
+    assert "modes fitted to the measured response x.csv, y.csv, error 0.0 %" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -214,18 +215,21 @@ def test_a_response_along_one_axis_is_refused(project: Path) -> None:
     assert "nothing is measured along y" in said and "--frf y=FILE" in said
 
 
-def test_a_response_without_its_mode_is_no_margin(project: Path) -> None:
-    _response(project, "x.csv", 9000, 60)
-    words_ = ("--frf", "x=x.csv", "--frf", "y=x.csv", "--json", "c.json")
-    done = kerf(project, "simulate", "part.nc", *CUT, *words_)
+def test_a_response_without_its_mode_is_refused(project: Path) -> None:
+    _response(project, "x.csv", 9000, 600)
+    said = refused(project, "simulate", "part.nc", *CUT, "--frf", "x=x.csv", "--frf", "y=x.csv")
+    assert "--frf x.csv, x.csv: frequency response along x" in said and "measure" in said
+
+
+def test_what_a_response_does_not_show_is_warned_of(project: Path) -> None:
+    rows = ["frequency [Hz],real [m/N],imaginary [m/N]"]
+    for f in range(50, 2000, 5):
+        g = sum(1 / (k * (1 - (f / n) ** 2 + 0.06j * f / n)) for n, k in ((900, 2e7), (2200, 4e7)))
+        rows.append(f"{f},{g.real:.9e},{g.imag:.9e}")
+    (project / "x.csv").write_text("\n".join(rows) + "\n")
+    done = kerf(project, "simulate", "part.nc", *CUT, "--frf", "x=x.csv", "--frf", "y=x.csv")
     assert done.exit_code == 0, done.output
-
-    def refuse(name: str) -> None:
-        raise AssertionError(name)
-
-    cut = json.loads((project / "c.json").read_text(), parse_constant=refuse)["cut"]
-    assert cut["summary"]["stability_margin"] is None
-    assert "not known: stability, the dynamics of the tips give no limit" in done.stdout
+    assert "warning: modes above 1995 Hz, where the measurement along x ends" in done.stdout
 
 
 def test_modes_along_one_axis_are_warned_of(project: Path) -> None:

@@ -15,7 +15,7 @@ from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.stability.tip_dynamics import TipDynamics, TipModes, rigid_directions
+from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.axis_limits import check_axes
 from pipeline.optimisation.job import Workshop, cut_of, machine_models
@@ -304,9 +304,10 @@ def section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:
 
 
 def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:
-    """Response at the tools' tips: that of the option, else the modes of the machine's section."""
+    """Modes of the tools' tips: of the option's response, else those of the machine's section."""
     if frf:
         from pipeline.cutting.stability.frf_file import read_frf
+        from pipeline.cutting.stability.modal_fit import fit_modes
         from pipeline.cutting.stability.tip_dynamics import joined_responses
 
         parts = []
@@ -321,13 +322,21 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
             parts.append(read_frf(path, direction=direction if said else None))  # type: ignore[arg-type]
         names = ", ".join(Path(word.rpartition("=")[2]).name for word in frf)
         whole = joined_responses(parts)
-        if rigid := rigid_directions(whole):
+        if rigid := [d for k, d in enumerate(DIRECTIONS) if not whole.receptance[:, k, k].any()]:
             raise ValueError(
                 f"--frf {names}: nothing is measured along {' and '.join(rigid)}, which would "
                 f"count as rigid: give --frf {rigid[0]}=FILE too, the same file where the tip "
                 "gives way alike"
             )
-        return TipDynamics(source=f"measured, {names}, taken for every tool", every=whole)
+        try:
+            fit = fit_modes(parts)
+        except ValueError as error:
+            raise ValueError(f"--frf {names}: {error}") from error
+        return TipDynamics(
+            source=f"modes fitted to the measured response {names}, error {100 * fit.error:.1f} %, "
+            "taken for every tool",
+            every=fit.modes, caution=fit.caution,
+        )  # fmt: skip
     modes = section(sections, "dynamics", TipModes)
     return None if modes is None else TipDynamics.of_modes(modes)
 
@@ -341,7 +350,7 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
         "feed in air"
     )
     for row in cut.basis:
-        if row.what.startswith("forces of"):
+        if row.what.startswith(("forces of", "dynamics of")):
             yield f"  {row.what}: {row.value} ({row.source})"
     yield from _table(cut)
     if total.cost is not None:

@@ -236,8 +236,6 @@ def _why_no_margin(found: CutResults, basis: CutBasis, stable: Stability | None)
         )
     if not (found.blocks.spindle_speed > 0).any():
         return "the spindle stands in every cut"
-    if stable is not None and np.isposinf(found.limits.margin).any():
-        return "the dynamics of the tips give no limit: a response’s band must hold its modes"
     return "no tool that mills has known dynamics"
 
 

@@ -1,17 +1,13 @@
 """Limits of a cut (load, spindle drive, stability), and warnings before the part is cut."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
-from pipeline.cutting.stability.tip_dynamics import (
-    Dynamics,
-    FrequencyResponse,
-    TipDynamics,
-    rigid_directions,
-)
+from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
 from pipeline.cutting.tool import tip_deflection
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import CutWarning
@@ -149,7 +145,7 @@ def cut_warnings(
         what = f"the load passes its limit of {limit_load:g} N"
         warnings.insert(1, _warning(cut, over, what, "Lower the feed of these blocks.", grave=True))
     warnings += [
-        missed_blank(cut, stock), *_rigid(cut, blocks, dynamics),
+        missed_blank(cut, stock), *_rigid(cut, blocks, dynamics), _unseen(dynamics),
         _damped(cut, blocks, limits, dynamics),
     ]  # fmt: skip
     return [one for one in warnings if one is not None]
@@ -218,6 +214,16 @@ def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[Cu
     ]
 
 
+def _unseen(dynamics: TipDynamics | None) -> CutWarning | None:
+    """What the measurement of the tips does not show."""
+    if dynamics is None or not dynamics.caution:
+        return None
+    return CutWarning(
+        what=f"{dynamics.caution}: the stability may be too high there",
+        do="Measure the tips to a higher frequency.",
+    )
+
+
 def _damped(
     cut: Cut, blocks: CutBlocks, limits: CutLimits, dynamics: TipDynamics | None
 ) -> CutWarning | None:
@@ -244,13 +250,10 @@ def _damped(
     )  # fmt: skip
 
 
-def _lowest_mode_Hz(tip: Dynamics | None) -> float:
+def _lowest_mode_Hz(tip: Sequence[Mode] | None) -> float:
     """Natural frequency of the lowest mode [Hz]; 0 where none is known."""
     if tip is None:
         return 0.0
-    if isinstance(tip, FrequencyResponse):
-        direct = np.abs(np.einsum("fii->fi", tip.receptance)).max(axis=1)
-        return float(tip.frequency_Hz[direct.argmax()])
     return min(mode.natural_frequency_Hz for mode in tip)
 
 

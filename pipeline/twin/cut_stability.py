@@ -1,5 +1,7 @@
 """Stability of a program's blocks, and the lobes of each tool's least stable engagement."""
 
+from collections.abc import Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, log
 
@@ -18,7 +20,7 @@ from pipeline.cutting.stability.margins import (
     stability_table,
 )
 from pipeline.cutting.stability.semi_discretisation import least_depth
-from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse, TipDynamics
+from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.gcode.moves import RADIAN
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import LobePoint, Lobes
@@ -45,7 +47,7 @@ class Stability:
     margin: Floats
     table: StabilityTable
     stations: Immersions
-    dynamics: tuple[Dynamics | None, ...]
+    dynamics: tuple[Sequence[Mode] | None, ...]
 
 
 def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability | None:
@@ -62,7 +64,7 @@ def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability |
     )  # fmt: skip
 
 
-def _milling(cut: Cut, dynamics: TipDynamics) -> list[Dynamics | None]:
+def _milling(cut: Cut, dynamics: TipDynamics) -> list[Sequence[Mode] | None]:
     """Dynamics of each tool that mills: lobes of milling say nothing of a drill."""
     tips = zip(dynamics.of(cut.numbers), cut.tools, strict=True)
     return [None if tool.kind == "drill" else tip for tip, tool in tips]
@@ -151,8 +153,6 @@ def _drawn(of: CutClass, spindle: Floats) -> tuple[Floats, Floats]:
     low, high = SLOWEST * float(spindle.min()), FASTEST * float(spindle.max())
     powers = np.arange(ceil(log(low, NODE)), floor(log(high, NODE)) + 1, dtype=np.float64)
     nodes: Floats = NODE**powers
-    if isinstance(of.dynamics, FrequencyResponse):
-        return nodes, of.limits(nodes / 60)
     deep = replace(of, highest=max(of.highest, DEEP * least_depth(of.dynamics, of.cut)))
     return nodes, deep.limits(nodes / 60)
 

@@ -10,9 +10,9 @@ The limit of a class at a speed is that of semi-discretisation
 it is first asked for and then kept, so that a program, its optimisation and the program that comes
 out of it compute it once.  It is looked for up to four times the depth of the class: no margin is
 above :data:`MOST`, and a class that does not reach half the least depth of the zero-order solution
-is not looked at.  Two cases are left to the zero-order solution
-(:mod:`pipeline.cutting.stability.lobes`): a measured frequency response, which has no modes, and
-speeds so low that hundreds of waves lie within a cut; there its least depth of all speeds counts.
+is not looked at.  Of a measured frequency response the modes are fitted first
+(:mod:`pipeline.cutting.stability.modal_fit`).  One case is left to the zero-order solution: speeds
+so low that hundreds of waves lie within a cut; there its least depth of all speeds counts.
 
 Speeds lie at nodes.  Between two nodes the lesser of both limits counts.
 """
@@ -28,14 +28,13 @@ from numpy.typing import ArrayLike
 from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut, in_plane, stiffness
-from pipeline.cutting.stability.lobes import lobes
 from pipeline.cutting.stability.semi_discretisation import (
     BELOW,
     KEPT,
     least_depth,
     settled_limits,
 )
-from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse
+from pipeline.cutting.stability.tip_dynamics import Mode
 from pipeline.cutting.tool import Tool
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats, Ints
@@ -110,7 +109,7 @@ class CutClass:
 
     Parameters
     ----------
-    dynamics : sequence of Mode, or FrequencyResponse
+    dynamics : sequence of Mode
         Of the tip.
     cut : RegenerativeCut
         Arc and coefficients of the class.
@@ -118,13 +117,13 @@ class CutClass:
         Depth up to which chatter is looked for [m].
     """
 
-    dynamics: Dynamics = field(repr=False)
+    dynamics: Sequence[Mode] = field(repr=False)
     cut: RegenerativeCut
     highest: float
 
     def limits(self, n: Floats) -> Floats:
-        """Depth that is allowed at speeds of shape (S,) [1/s]; of modes at most ``highest`` [m]."""
-        tip = self.dynamics if isinstance(self.dynamics, FrequencyResponse) else (*self.dynamics,)
+        """Depth that is allowed at speeds of shape (S,) [1/s], at most ``highest`` [m]."""
+        tip = (*self.dynamics,)
         known = _kept(tip, self.cut, self.highest)
         missing = np.unique([speed for speed in n.tolist() if speed not in known])
         if len(missing):
@@ -133,15 +132,12 @@ class CutClass:
         return np.array([known[speed] for speed in n.tolist()])
 
 
-def _allowed(dynamics: Dynamics, cut: RegenerativeCut, n: Floats, highest: float) -> Floats:
-    if isinstance(dynamics, FrequencyResponse):
-        measured: Floats = ROUNDED * lobes(dynamics, cut, n).depth_limit
-        return measured
-    if highest <= BELOW * least_depth(dynamics, cut):
+def _allowed(tip: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest: float) -> Floats:
+    if highest <= BELOW * least_depth(tip, cut):
         return np.full(len(n), highest)
-    limit = settled_limits(dynamics, cut, n, highest=highest).depth_limit
+    limit = settled_limits(tip, cut, n, highest=highest).depth_limit
     slow = np.isnan(limit)
-    limit[slow] = least_depth(dynamics, cut)
+    limit[slow] = least_depth(tip, cut)
     allowed: Floats = np.minimum(ROUNDED * limit, highest)
     return allowed
 
@@ -243,9 +239,9 @@ NEAR = 1e-9
 
 
 def stability_table(
-    stations: Immersions, dynamics: Sequence[Dynamics | None], force_laws: Sequence[ForceLaw],
-    tools: Sequence[Tool], *, nodes_rpm: ArrayLike, thickness: float | None = None,
-    most: float = MOST,
+    stations: Immersions, dynamics: Sequence[Sequence[Mode] | None],
+    force_laws: Sequence[ForceLaw], tools: Sequence[Tool], *, nodes_rpm: ArrayLike,
+    thickness: float | None = None, most: float = MOST,
 ) -> StabilityTable:  # fmt: skip
     """The classes of a program's stations, whose depth limits are computed where they are read.
 

@@ -202,7 +202,7 @@ def depth_limits(
     ------
     ValueError
         When a parameter is out of its range, or 4096 cells do not reach the tolerance at a speed:
-        some 200 waves of the highest mode within a cut are too many, as at 1 tooth a second.
+        more than 256 waves of the highest mode within a cut are too many, as at 1 tooth a second.
     """
     speeds = checked_speeds(n)
     if not modes:

@@ -234,12 +234,16 @@ class TipModes:
 
 @dataclass(frozen=True, kw_only=True)
 class TipDynamics:
-    """Dynamics of each tool's tip by its number; ``every`` for those that are not listed."""
+    """Modes of each tool's tip by its number; ``every`` for those that are not listed.
+
+    ``caution`` says what a measurement does not show of them; empty where nothing is missing.
+    """
 
     source: str
     measured: bool = True
-    every: Dynamics | None = None
-    tools: Mapping[int, Dynamics] = field(default_factory=dict)
+    every: Sequence[Mode] | None = None
+    tools: Mapping[int, Sequence[Mode]] = field(default_factory=dict)
+    caution: str = ""
 
     @classmethod
     def of_modes(cls, tip: TipModes) -> "TipDynamics":
@@ -249,15 +253,11 @@ class TipDynamics:
             tools=dict(tip.tools),
         )  # fmt: skip
 
-    def of(self, numbers: Sequence[int]) -> list[Dynamics | None]:
+    def of(self, numbers: Sequence[int]) -> list[Sequence[Mode] | None]:
         """For each of the tools with these numbers; None where nothing is known."""
         return [self.tools.get(number, self.every) for number in numbers]
 
 
-def rigid_directions(tip: Dynamics) -> list[str]:
+def rigid_directions(tip: Sequence[Mode]) -> list[str]:
     """Directions of the machine in which a tip counts as rigid."""
-    if isinstance(tip, FrequencyResponse):
-        moving = [bool(np.any(tip.receptance[:, i, i])) for i in range(len(DIRECTIONS))]
-    else:
-        moving = [any(mode.direction == name for mode in tip) for name in DIRECTIONS]
-    return [name for name, moves in zip(DIRECTIONS, moving, strict=True) if not moves]
+    return [name for name in DIRECTIONS if all(mode.direction != name for mode in tip)]

@@ -14,7 +14,6 @@ from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.lobes import lobes
 from pipeline.cutting.stability.margins import MOST, ROUNDED, margin, stability_table
 from pipeline.cutting.stability.semi_discretisation import depth_limits, least_depth
-from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, modal_receptance
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import X, Y
 
@@ -209,20 +208,6 @@ def test_flip_lobes_count() -> None:
     ).margins([14_000.0])[0]  # fmt: skip
     cut = RegenerativeCut.of(LAW, TWO, entry=pi / 2, exit=pi)
     assert lobes([X], cut, [14_000 / 60]).depth_limit[0] > 1.7 * (found + 1) * 2e-3
-
-
-def test_a_measured_response_is_judged_by_the_zero_order_solution() -> None:
-    frequency = np.arange(300.0, 3000.0, 1.0)
-    tip = FrequencyResponse(
-        frequency_Hz=frequency, receptance=modal_receptance([X], frequency)
-    )  # fmt: skip
-    row = (0, 0, 1.0, 0, 180, 0, 1)
-    found = stability_table(
-        stations([row], 1), [tip], [LAW], [TWO], nodes_rpm=[9000.0]
-    ).margins([9000.0])[0]  # fmt: skip
-    cut = RegenerativeCut.of(LAW, TWO, entry=0.0, exit=pi)
-    expected = ROUNDED * lobes(tip, cut, [150.0]).depth_limit[0] / 1e-3 - 1
-    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_speeds_too_slow_for_cells_have_the_least_depth() -> None:
