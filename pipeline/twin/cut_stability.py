@@ -1,7 +1,6 @@
 """Stability of a program's blocks, and the lobes of each tool's least stable engagement."""
 
 from collections.abc import Sequence
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, log
 

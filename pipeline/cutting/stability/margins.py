@@ -33,6 +33,7 @@ from pipeline.cutting.stability.semi_discretisation import (
     KEPT,
     least_depth,
     settled_limits,
+    stable_depth,
 )
 from pipeline.cutting.stability.tip_dynamics import Mode
 from pipeline.cutting.tool import Tool
@@ -133,7 +134,7 @@ class CutClass:
 
 
 def _allowed(tip: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest: float) -> Floats:
-    if highest <= BELOW * least_depth(tip, cut):
+    if highest <= BELOW * stable_depth(tip, cut):
         return np.full(len(n), highest)
     limit = settled_limits(tip, cut, n, highest=highest).depth_limit
     slow = np.isnan(limit)
