@@ -22,6 +22,7 @@ from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
+from pipeline.optimisation.methods.speeds import staying
 from pipeline.optimisation.practice import practice_of
 from pipeline.optimisation.problem.arrays import (
     Decision,
@@ -110,12 +111,11 @@ class _Course:
     def result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         job = self.job
-        outcome = self._search(
-            problem_of(
-                self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z,
-                practice=self.practice,
-            )
+        asked = problem_of(
+            self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z,
+            practice=self.practice,
         )  # fmt: skip
+        outcome = self._search(staying(asked, job.settings.grouping))
         problem = outcome.problem
         if not outcome.answer.kept:
             if self.interrupted:

@@ -19,7 +19,7 @@ from pipeline.optimisation.methods.speed_pieces import Pieces, speed_grid, speed
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 
 LEADS = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0])
 """Classes of the time before a cut [s]."""
@@ -88,21 +88,46 @@ def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pi
     return pieces, _stretches(pieces, grid[pieces.tool_run, chosen])
 
 
+def staying(problem: Problem, grouping: Grouping) -> Problem:
+    """The problem, in which what chatters as programmed may stay where no S would help.
+
+    Where machining practice holds, a piece that has no S at which all of its rows keep their limits
+    may be cut as it is: those of its rows that are nearer to chatter than the limit asks come no
+    nearer.
+    """
+    below = problem.own_margin < problem.limits.margins.stability  # NaN: not known
+    if problem.practice is None or not (below & problem.editable.speed).any():
+        return problem
+    pieces = speed_pieces(problem.cut.plan, problem.editable, problem.cuts, grouping)
+    grid = speed_grid(problem, pieces)
+    values = _row_values(BlockModel.alone(problem, "time"), pieces, grid)
+    without = np.flatnonzero(np.isinf(values).all(axis=1))
+    return problem.staying(below & np.isin(pieces.piece, without))
+
+
 def _piece_values(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
     """Objective of each piece at each speed with its best feeds; shape (A, K)."""
-    problem = model.problem
-    own, block = problem.cut.plan.path.moves.speed, problem.editable.block
+    failing = np.ones(len(model.problem), dtype=bool)
+    totals = _row_values(model, pieces, grid, failing)
+    if failing.any():
+        raise ValueError(_no_speed(model.problem, pieces, grid, int(failing.argmax())))
+    return totals
+
+
+def _row_values(
+    model: BlockModel, pieces: Pieces, grid: Floats, failing: Bools | None = None
+) -> Floats:
+    """The same without a refusal; ``failing`` (M,) keeps rows that have no feed at any speed."""
+    own, block = model.problem.cut.plan.path.moves.speed, model.problem.editable.block
     group = _parts_of_blocks(block, pieces.piece)
     totals = np.zeros((len(pieces), grid.shape[1]))
-    failing = np.ones(len(own), dtype=bool)
+    here = pieces.piece >= 0
     for k, speeds in enumerate(grid.T):
         row_speeds = spread(speeds[pieces.tool_run], pieces.piece, own)
         values = block_feeds(model, group, row_speeds[None]).values[0]
-        here = pieces.piece >= 0
         totals[:, k] = np.bincount(pieces.piece[here], values[here], minlength=len(pieces))
-        failing &= np.isinf(values)
-    if failing.any():
-        raise ValueError(_no_speed(problem, pieces, grid, int(failing.argmax())))
+        if failing is not None:
+            failing &= np.isinf(values)
     return totals
 
 

@@ -208,6 +208,9 @@ def problem_of(
         lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed, limits.margins.stability),
         practice=practice,
     )
+    if practice is not None:  # what keeps its S is cut as it is
+        kept = problem.cuts & ~editable.speed
+        problem = problem.staying(kept & (problem.own_margin < limits.margins.stability))
     _check(problem, load_limited=f_z_load is not None)
     return problem
 

@@ -6,7 +6,7 @@ those of the look-ahead.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,8 +40,6 @@ from pipeline.twin.cut_document import CutBasis
 
 AT_ONCE = 1 << 18
 """Rows of all individuals of one pass, so that they stay in the cache."""
-SPEEDS = 33
-"""Spindle speeds of a row's range at which chatter is looked for, where it chatters as it is."""
 NEAR = 1e-9
 """Rounding of a margin [1]."""
 
@@ -72,6 +70,8 @@ class Problem:
         Of stability.
     practice : Practice, optional
         Ranges by tool and operation, and the greatest change from the program.
+    stays : ndarray, shape (M,), optional
+        Margin of stability that each row has to keep [1]; by default that of the limits.
     """
 
     cut: Cut = field(repr=False)
@@ -84,6 +84,7 @@ class Problem:
     demand: Demand = field(repr=False)
     lobes: Lobes = field(repr=False)
     practice: Practice | None = field(default=None, repr=False)
+    stays: Floats | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.cut.plan.path)
@@ -132,27 +133,25 @@ class Problem:
         stable: Bools = ~(margins < self.least_margin)
         return stable.reshape(given.shape)
 
-    @cached_property
+    @property
     def least_margin(self) -> Floats:
-        """Margin of stability that each row has to keep [1]; shape (M,).
+        """Margin of stability that each row has to keep [1]; shape (M,)."""
+        given = self.limits.margins.stability
+        return np.full(len(self), given) if self.stays is None else self.stays
 
-        Where machining practice holds and no S of a row's range has that of the limits, its margin
-        as programmed: what is cut today may stay, and comes no nearer to chatter.
-        """
-        limit = self.limits.margins.stability
-        least = np.full(len(self), limit)
-        if self.practice is None or self.chatter is None:
-            return least
-        turning = self.cut.plan.spindle_speed
-        own = self.chatter.margins(turning)
-        below = own < limit  # NaN: not known
-        if not below.any():
-            return least
-        low, high = self.ranges.speed_low, self.ranges.speed_high
-        free = below & self.editable.speed & (low <= high) & np.isfinite(high)
-        tried = np.linspace(np.where(free, low, turning), np.where(free, high, turning), SPEEDS)
-        best = self.chatter.margins(tried).max(axis=0)
-        return np.where(below & ~(best >= limit), own * (1 + NEAR) - NEAR, least)
+    @cached_property
+    def own_margin(self) -> Floats:
+        """Margin of stability of each row as programmed [1], NaN where not known; shape (M,)."""
+        if self.chatter is None:
+            return np.full(len(self), np.nan)
+        return self.chatter.margins(self.cut.plan.spindle_speed)
+
+    def staying(self, rows: Bools) -> "Problem":
+        """The same problem, in which some rows (M,) may stay as near to chatter as programmed."""
+        least = np.where(
+            rows, np.fmin(self.own_margin, self.least_margin) - NEAR, self.least_margin
+        )
+        return replace(self, stays=least)
 
     def feed_per_tooth(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
         """f_z of each row at F and S [m], shape (M,) or (P, M); 0 in air."""
