@@ -1,7 +1,7 @@
 """Programs as a process engineer writes them, optimised by ``kerf optimise``, read by a machinist.
 
 F and S are those that stand in the two texts, row by row, not what the control reaches.  The
-machines are those of conf/ before anything was identified, without the dynamics of their tips.
+machines are those of conf/ before anything was identified.
 """
 
 import json
@@ -34,7 +34,10 @@ AT_FEED = (Kind.FEED, Kind.ARC)
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """A program with its blank, material, machine, load limit [N] and resolution [mm]."""
+    """A program with its blank, material, machine, load limit [N] and resolution [mm].
+
+    Without ``dynamics`` those of the machine's tips are left out.
+    """
 
     name: str
     machine: str
@@ -42,6 +45,7 @@ class Order:
     material: str
     limit_load: float
     resolution: float
+    dynamics: bool = False
 
 
 BRACKET = Order(
@@ -51,6 +55,12 @@ BRACKET = Order(
 ALUMINIUM = Order(
     name="aluminium", machine="mill01", stock="box:0,80,0,50,-20,0", material="A6061",
     limit_load=600.0, resolution=0.25,
+)  # fmt: skip
+
+
+SLOTS = Order(
+    name="slots", machine="mill02", stock="box:0,80,0,60,-15,0", material="steel_medium_carbon",
+    limit_load=2500.0, resolution=0.5, dynamics=True,
 )  # fmt: skip
 
 
@@ -207,7 +217,7 @@ def new_project(folder: Path, order: Order) -> Path:
     config.write_text(config.read_text().replace("budget: default", "budget: quick"))
     search = folder / "conf/optimisation/default.yaml"
     search.write_text(search.read_text().replace("draws: 1024", "draws: 256"))
-    for path in (folder / "conf/machine").glob("mill*.yaml"):
+    for path in () if order.dynamics else (folder / "conf/machine").glob("mill*.yaml"):
         # usual values of 40-taper spindles, by which each slot in steel would chatter
         text = re.sub(r"^dynamics:.*\n(?:  .*\n)+", "", path.read_text(), flags=re.MULTILINE)
         path.write_text(re.sub(r"^  dynamics: \$\{.*\n", "", text, flags=re.MULTILINE))

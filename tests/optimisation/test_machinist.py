@@ -14,6 +14,7 @@ from tests.optimisation.machinist import (
     ALUMINIUM,
     BRACKET,
     PROGRAMS,
+    SLOTS,
     Order,
     moves_of,
     optimised,
@@ -172,3 +173,28 @@ def test_no_tool_goes_farther_out_of_the_range_of_the_catalogue(order: Order) ->
                 assert after == before, (use["tool"], use["operation"], name)
             elif span is not None:
                 assert after <= max(span[1], before) * (1 + 1e-6), (use["tool"], name)
+
+
+def test_what_chatters_as_programmed_may_stay() -> None:
+    """Usual values of a spindle let each slot in steel chatter: the program runs as it is today.
+
+    A subprogram that cuts in one run and is in air in the next has one F, and drills no lobes.
+    """
+    read = optimised(SLOTS)
+    document, rows = read.document, read.rows
+    assert any("from the stability boundary as programmed" in note for note in document["notes"])
+    after, before = document["after"], document["before"]
+    assert after["time_s"] < before["time_s"]
+    drilled = rows.in_cut & (rows.tool == 2)
+    assert (rows.feed[1, drilled] >= rows.feed[0, drilled]).all() and drilled.any()
+    air = rows.in_air
+    assert (rows.feed[1, air] <= rows.feed[0, air]).all()
+
+
+def test_the_least_feed_of_a_short_block_is_that_of_its_word() -> None:
+    """A block in the cut that is too short to reach its F keeps to the F of its neighbours."""
+    short = ("G1 X90. F420", "G1 X40. F420\nX40.02\nX90.")
+    rows = optimised(SLOTS, edit=(short,)).rows
+    slot = np.flatnonzero(rows.in_cut & (rows.tool == 1))[:3]
+    assert rows.length[slot[1]] < 0.03
+    assert rows.feed[1, slot[1]] >= 0.5 * rows.feed[0, slot[1]]
