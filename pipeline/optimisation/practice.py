@@ -93,7 +93,7 @@ def practice_of(
     cut : Cut
         Of those rows.
     limits : CutLimit
-        Of the part; its cutting speed and its chip, where given, stand for the tools' ranges.
+        Of the part; its cutting speed, where given, stands for the range of a tool without one.
     catalogue : CuttingCatalogue
         Where the tool table gives no range.
     material : Material
