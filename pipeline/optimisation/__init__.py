@@ -13,6 +13,7 @@ __all__ = [
     "full_twin",
     "job",
     "methods",
+    "operation_words",
     "operations",
     "optimise",
     "problem",
