@@ -52,6 +52,7 @@ MAY_BE: dict[Operation, tuple[Operation, ...]] = {
 ROUGH_SHARE = 0.5
 """Share of the length of what one tool roughs at one F up to which cuts may be thin [1]."""
 _SUBPROGRAM = re.compile(rb"\s*(N\d+\s*)?[O:]\d+\s*(\(|;|$)", re.IGNORECASE)
+_CALL = re.compile(rb"^[^(;]*((?<![A-Z])(M1?98|G6[56])(?!\d)|CALL)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -195,37 +196,57 @@ def _in_force(
 ) -> tuple[NDArray[np.intp], tuple[str, ...]]:
     """Which comment is in force in each row (M,), and those that there are, the first one empty.
 
-    A comment holds up to the next that names an operation, and up to the tool change after the
-    moves that it stands above.  A subprogram is under the comment where it is called and its own.
+    A subprogram is under its own comment and those of the lines that may have called it: of the
+    calls between the rows of the main program before and after it.
+    """
+    heads, first_sub, calls = _heads(program, comments, moves)
+    main = (moves.file == 0) & (moves.line < first_sub)
+    texts, said = {"": 0}, np.zeros(len(moves), dtype=np.intp)
+    last, caller = 1, ""
+    for row, (line, here, own) in enumerate(
+        zip(moves.line.tolist(), main.tolist(), (moves.file == 0).tolist(), strict=True)
+    ):
+        text = heads[line] if own else ""
+        if here:
+            last = line
+        else:
+            if row == 0 or main[row - 1]:
+                after = np.flatnonzero(main[row:])
+                end = int(moves.line[row + after[0]]) if len(after) else first_sub
+                between = [call for call in calls if last <= call < end] or [last]
+                caller = "; ".join(dict.fromkeys(heads[call] for call in between))
+            text = f"{caller}; {text}"
+        said[row] = texts.setdefault(text, len(texts))
+    return said, tuple(texts)
+
+
+def _heads(
+    program: Program, comments: tuple[str, ...], moves: Moves
+) -> tuple[list[str], int, list[int]]:
+    """Comment above each line (L + 1), the line where subprograms begin, lines that call them.
+
+    A comment holds up to the next that names an operation, up to the tool change after the moves
+    or calls that it stands above, and up to the end of its program.
     """
     own = moves.file == 0
     changes = set(moves.line[own & (moves.kind == Kind.TOOL_CHANGE)].tolist())
     feeds = set(moves.line[own & reads_feed(moves)].tolist())
     lines = program.data.splitlines()
-    above, used, inside = "", False, False
-    heads: list[tuple[str, bool]] = [("", False)]
-    started = False
+    calls = [k for k, line in enumerate(lines, 1) if _CALL.search(line)]
+    feeds.update(calls)
+    begins = int(moves.line[own][0]) if own.any() else 0
+    subs = {k for k, line in enumerate(lines, 1) if k > begins and _SUBPROGRAM.match(line)}
+    above, used, heads = "", False, [""]
     for line in range(1, len(comments)):
-        started = started or line in feeds
-        if started and line <= len(lines) and _SUBPROGRAM.match(lines[line - 1]):
-            above, used, inside = "", False, True
-        if line in changes and used:
+        if line in subs or (line in changes and used):
             above = ""
         if named_operation(comments[line]) is not None:
             above, used = comments[line], False
         elif line in changes:
             used = False
         used = used or line in feeds
-        heads.append((above, inside))
-    texts, said, caller = {"": 0}, np.zeros(len(moves), dtype=np.intp), ""
-    for row, (line, here) in enumerate(zip(moves.line.tolist(), own.tolist(), strict=True)):
-        text, called = heads[line] if here else ("", True)
-        if not called:
-            caller = text
-        elif caller:
-            text = f"{caller}; {text}"
-        said[row] = texts.setdefault(text, len(texts))
-    return said, tuple(texts)
+        heads.append(above)
+    return heads, min(subs, default=len(comments)), calls
 
 
 def _about(tool: Tool | None, comment: str) -> str:
