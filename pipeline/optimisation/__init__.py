@@ -13,7 +13,6 @@ __all__ = [
     "full_twin",
     "job",
     "methods",
-    "operation_words",
     "operations",
     "optimise",
     "problem",

@@ -201,6 +201,7 @@ def _in_force(
     """
     heads, first_sub, calls = _heads(program, comments, moves)
     main = (moves.file == 0) & (moves.line < first_sub)
+    rows = np.flatnonzero(main)
     texts, said = {"": 0}, np.zeros(len(moves), dtype=np.intp)
     last, caller = 1, ""
     for row, (line, here, own) in enumerate(
@@ -211,8 +212,8 @@ def _in_force(
             last = line
         else:
             if row == 0 or main[row - 1]:
-                after = np.flatnonzero(main[row:])
-                end = int(moves.line[row + after[0]]) if len(after) else first_sub
+                after = np.searchsorted(rows, row)
+                end = int(moves.line[rows[after]]) if after < len(rows) else first_sub
                 between = [call for call in calls if last <= call < end] or [last]
                 caller = "; ".join(dict.fromkeys(heads[call] for call in between))
             text = f"{caller}; {text}"

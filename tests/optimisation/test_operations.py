@@ -83,12 +83,12 @@ def of_tool(found: list[tuple[int, int, str]], number: int) -> set[str]:
 
 
 @pytest.mark.parametrize(("tool", "names"), [
-    (1, {"face_milling"}), (2, {"roughing", "slotting"}), (3, {"finishing"}),
+    (1, {"face_milling"}), (2, {"roughing", "slotting"}),
     (4, {"centre_drilling"}), (5, {"deep_drilling"}), (6, {"tapping"}), (7, {"countersinking"}),
     (8, {"chamfering"}), (9, {"drilling"}),
 ])  # fmt: skip
 def test_each_tool_of_the_fitting_does_what_it_is_called(tool: int, names: set[str]) -> None:
-    assert of_tool(whole("fitting", resolution=0.2), tool) == names
+    assert of_tool(whole("fitting"), tool) == names
 
 
 def test_the_sections_of_the_base_plate_are_what_their_comments_say() -> None:
