@@ -19,8 +19,8 @@ from pipeline.schema.ranges import Range, Ranged
 
 Operation = Literal[
     "roughing", "slotting", "finishing", "face_milling", "ball_finishing", "ramping", "plunging",
-    "drilling", "centre_drilling", "deep_drilling", "reaming", "boring", "tapping",
-    "thread_milling", "chamfering", "engraving", "probing", "lead", "air",
+    "drilling", "centre_drilling", "countersinking", "counterboring", "deep_drilling", "reaming",
+    "boring", "tapping", "thread_milling", "chamfering", "engraving", "probing", "lead", "air",
 ]  # fmt: skip
 """What a tool does in a cut, in the terms of cutting-data tables."""
 
@@ -34,7 +34,8 @@ FINISHING_IMMERSION = 0.1
 
 ToolType = Literal[
     "end_mill", "ball_end_mill", "face_mill", "drill", "spot_drill", "centre_drill", "reamer",
-    "tap", "thread_mill", "chamfer_mill", "boring_bar", "engraver", "probe",
+    "tap", "thread_mill", "chamfer_mill", "boring_bar", "engraver", "probe", "countersink",
+    "counterbore",
 ]  # fmt: skip
 """Kinds of tool that tables of cutting data tell apart."""
 
@@ -45,6 +46,8 @@ _BY_FORM: dict[str, ToolType] = {
 
 _BY_OPERATION: dict[Operation, ToolType] = {
     "reaming": "reamer", "tapping": "tap", "thread_milling": "thread_mill",
+    "centre_drilling": "spot_drill", "countersinking": "countersink",
+    "counterboring": "counterbore",
 }  # fmt: skip
 SOLID = 32.0
 """Greatest diameter of a solid carbide end mill in makers' ranges [mm]; greater mills that are not

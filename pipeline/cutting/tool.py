@@ -21,7 +21,7 @@ DEGREE = pi / 180
 Kind = Literal["flat", "bull_nose", "ball", "drill"]
 Role = Literal[
     "", "face_mill", "spot_drill", "centre_drill", "reamer", "tap", "thread_mill", "chamfer_mill",
-    "boring_bar", "engraver", "probe",
+    "boring_bar", "engraver", "probe", "countersink", "counterbore",
 ]  # fmt: skip
 """What a tool is made for, where the form of its end does not say it."""
 Length = Annotated[float, Range(least=0.01, most=1000.0)]
@@ -39,7 +39,8 @@ class Tool(Ranged, section="tool"):
     role : str
         What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
         ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
-        ``boring_bar``, ``engraver`` or ``probe``.  Geometry goes by ``kind``.
+        ``boring_bar``, ``engraver``, ``probe``, ``countersink`` or ``counterbore``.  Geometry goes
+        by ``kind``.
     diameter_mm : float
         D over the cutting edges [mm].
     flutes : int

@@ -12,36 +12,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.catalogue import OPERATIONS, SLOTTING_IMMERSION, Operation
+from pipeline.cutting.catalogue import Operation
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.gcode.program import Program, TokenKind
+from pipeline.gcode.program import Program
+from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
+from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.modal_words import reads_feed
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
-
-CODE = {name: code for code, name in enumerate(OPERATIONS)}
-"""Operation -> its number in arrays of rows; -1 is none."""
-
-WORDS: tuple[tuple[Operation, str], ...] = (
-    ("probing", r"PROB(E|ES|ING)\b"),
-    ("thread_milling", r"THREAD[ -]?MILL|\bTHREADING\b|GEWINDEFR"),
-    ("tapping", r"\bTAP(S|PING)?\b|GEWINDEBOHR"),
-    ("reaming", r"\bREAM|\bREIB"),
-    ("boring", r"\bBOR(E|ING)\b|AUSDREH"),
-    ("centre_drilling", r"\bSPOT|\bCENT(ER|RE)[ -]?DRILL|ZENTRIER"),
-    ("deep_drilling", r"\bDEEP[ -]?(HOLE|DRILL)|\bGUN[ -]?DRILL|TIEFBOHR|TIEFLOCH"),
-    ("chamfering", r"\bCHAMFER|\bDEBURR|\bFASEN?\b|ENTGRAT"),
-    ("engraving", r"\bENGRAV|GRAVIER"),
-    ("drilling", r"DRILL(S|ING)?\b"),
-    ("face_milling", r"\bFACE ?MILL|\bFACING\b|PLANFR"),
-    ("finishing", r"\bFINISH|\bSCHLICHT"),
-)
-"""Operations with the words that name them in comments and names of tools, the first that fits."""
-_WORDS = tuple((name, re.compile(words, re.IGNORECASE)) for name, words in WORDS)
-_TOOL = re.compile(r"\bT(?:OOL)?\s*0*(\d+)\b", re.IGNORECASE)
 
 CYCLES: dict[int, Operation] = {
     73: "deep_drilling", 83: "deep_drilling", 81: "drilling", 82: "drilling", 74: "tapping",
@@ -52,9 +33,13 @@ OF_ROLE: dict[str, Operation] = {
     "face_mill": "face_milling", "spot_drill": "centre_drilling", "reamer": "reaming",
     "centre_drill": "centre_drilling", "tap": "tapping", "thread_mill": "thread_milling",
     "chamfer_mill": "chamfering", "boring_bar": "boring", "engraver": "engraving",
-    "probe": "probing",
+    "probe": "probing", "countersink": "countersinking", "counterbore": "counterboring",
 }  # fmt: skip
 """Operation that a tool is made for, by its role in the tool table."""
+KEPT: tuple[Operation, ...] = (
+    "tapping", "probing", "thread_milling", "reaming", "boring", "engraving",
+)  # fmt: skip
+"""Operations that keep F and S."""
 MAY_BE: dict[Operation, tuple[Operation, ...]] = {
     "roughing": (
         "roughing", "slotting", "face_milling", "finishing", "ball_finishing", "lead", "ramping",
@@ -64,14 +49,10 @@ MAY_BE: dict[Operation, tuple[Operation, ...]] = {
     "face_milling": ("face_milling", "lead"),
 }  # fmt: skip
 """Operations that a row may be of that is told as one without its cut; others are what is told."""
-STEEP = float(np.sqrt(0.5))
-"""|dz / ds| from which a motion in the material is a plunge."""
-DESCENDS = float(np.sin(np.radians(0.25)))
-"""|dz / ds| from which one that goes down is a ramp."""
-THIN, THIN_SHARE = 0.5e-3, 0.1
-"""Depth of cut up to which a cut is a finishing one: [m], and as a share of the diameter."""
-LEAD = 2.0
-"""Length over the diameter up to which a row that is partly in air leads in or out [1]."""
+ROUGH_SHARE = 0.5
+"""Share of the length of what one tool roughs at one F up to which cuts may be thin [1]."""
+_SUBPROGRAM = re.compile(rb"\s*(N\d+\s*)?[O:]\d+\s*(\(|;|$)", re.IGNORECASE)
+_CALL = re.compile(rb"^[^(;]*((?<![A-Z])(M1?98|G6[56])(?!\d)|CALL)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,17 +76,6 @@ class Operations:
         return there
 
 
-def named_operation(text: str) -> Operation | None:
-    """Operation that a comment or the name of a tool speaks of.
-
-    Examples
-    --------
-    >>> [named_operation(name) for name in ("10H7 REAMER", "8.5 DRILL", "16MM ENDMILL")]
-    ['reaming', 'drilling', None]
-    """
-    return next((name for name, words in _WORDS if words.search(text)), None)
-
-
 def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> Operations:
     """Operation of each row of a program.
 
@@ -121,8 +91,9 @@ def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> O
         Its blocks that cut.
     """
     code = np.where(_fed(moves), CODE["air"], -1).astype(np.int8)
-    _fill_milling(code, moves, cut, blocks)
-    return _told(code, program, moves, dict(zip(cut.numbers, cut.tools, strict=True)))
+    slender = fill_from_cut(code, moves, cut, blocks)
+    known = dict(zip(cut.numbers, cut.tools, strict=True))
+    return _told(code, program, moves, known, slender)
 
 
 def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
@@ -140,9 +111,11 @@ def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -
     """
     fed = _fed(moves)
     code = np.where(fed, CODE["roughing"], -1).astype(np.int8)
-    drills = [number for number, tool in tools.items() if tool.kind == "drill"]
-    code[fed & np.isin(moves.tool, drills)] = CODE["drilling"]
-    return _told(code, program, moves, tools)
+    for number, tool in tools.items():
+        if tool.kind == "drill":
+            name: Operation = "centre_drilling" if spots_only(tool) else "drilling"
+            code[fed & (moves.tool == number)] = CODE[name]
+    return _told(code, program, moves, tools, np.zeros(len(moves), dtype=np.bool_))
 
 
 def _fed(moves: Moves) -> Bools:
@@ -152,121 +125,142 @@ def _fed(moves: Moves) -> Bools:
 
 
 def _told(
-    code: NDArray[np.int8], program: Program, moves: Moves, known: Mapping[int, Tool]
-) -> Operations:
+    code: NDArray[np.int8], program: Program, moves: Moves, known: Mapping[int, Tool],
+    slender: Bools,
+) -> Operations:  # fmt: skip
     """Operations with what cycles, comments and tools say of them; ``code`` is filled in."""
     fed = _fed(moves)
-    comments, by_tool = _comments(program)
+    comments, by_tool = comments_of(program)
+    said, texts = _in_force(program, comments, moves)
+    used = {
+        number: (known.get(number), by_tool.get(number, ""))
+        for number in np.unique(moves.tool).tolist()
+    }
+    rough = np.zeros(len(moves), dtype=np.bool_)
+    for number, about in used.items():
+        says = np.array([says_roughing(f"{text}; {_about(*about)}") for text in texts])
+        rough |= (moves.tool == number) & says[said]
+    _fill_rough(code, moves, slender & rough, rough)
+    spotting = code == CODE["centre_drilling"]
     for cycle, name in CYCLES.items():
-        code[fed & (moves.code == cycle)] = CODE[name]
-    _fill_named(code, fed & (moves.file == 0), _tags(comments, moves), moves.line)
-    for number in np.unique(moves.tool).tolist():
-        mine = fed & (moves.tool == number)
-        tag = _of_tool(known.get(number), by_tool.get(number, ""))
-        if tag is None:
-            continue
-        code[mine & np.isin(code, _given_way(tag))] = CODE[tag]
+        code[fed & (moves.code == cycle) & ~(spotting & (name == "drilling"))] = CODE[name]
+    for number, tag in enumerate(map(named_operation, texts)):
+        _fill_tag(code, fed & (said == number), tag)
+    for number, about in used.items():
+        _fill_tag(code, fed & (moves.tool == number), _of_tool(*about))
     code[fed & (moves.kind == Kind.PROBE)] = CODE["probing"]
     code[fed & (moves.kind == Kind.THREAD)] = CODE["tapping"]
     return Operations(code=code, tag=comments)
 
 
+def _fill_rough(code: NDArray[np.int8], moves: Moves, slender: Bools, rough: Bools) -> None:
+    """Thin cuts that comments call roughing, where the tool cuts more than that at the same F."""
+    cuts = rough & (code >= 0) & (code != CODE["air"])
+    there = zip(moves.tool[slender].tolist(), moves.feed[slender].tolist(), strict=True)
+    for tool, feed in set(there):
+        mine = cuts & (moves.tool == tool) & (moves.feed == feed)
+        if moves.length[mine & slender].sum() <= ROUGH_SHARE * moves.length[mine].sum():
+            code[mine & slender] = CODE["roughing"]
+
+
+def _fill_tag(code: NDArray[np.int8], rows: Bools, tag: Operation | None) -> None:
+    """Fill in what a comment or a tool says of rows."""
+    if tag is not None:
+        code[rows & np.isin(code, _given_way(tag))] = CODE[tag]
+
+
 def _given_way(tag: Operation) -> list[int]:
-    """Numbers of the operations that give way to what a tool or a comment is called."""
+    """Numbers of the operations that give way to what a tool or a comment is called.
+
+    What keeps F and S gives way only to what does so too, milling to all but roughing.
+    """
     milling = [CODE["roughing"], CODE["slotting"], CODE["face_milling"]]
+    if tag == "roughing":
+        return []
     if tag in ("finishing", "face_milling"):
         return milling
     if tag == "drilling":
-        return [*milling, CODE["plunging"], CODE["finishing"]]
-    kept = [CODE["tapping"], CODE["probing"]]
+        return [*milling, CODE["plunging"]]
+    kept: tuple[Operation, ...] = ("tapping", "probing")
+    if tag not in KEPT:
+        kept = KEPT
+    if tag in ("centre_drilling", "countersinking", "counterboring", "deep_drilling"):
+        kept += ("chamfering",)
     if tag in ("centre_drilling", "deep_drilling"):
-        kept += [CODE["boring"], CODE["air"]]
-    return [code for code in CODE.values() if code not in kept]
+        kept += ("air",)
+    return [code for name, code in CODE.items() if name not in kept]
 
 
-def _fill_milling(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlocks) -> None:
-    """Fill in what the cut says of rows in the material."""
-    row = blocks.row
-    if not len(row):
-        return
-    diameter = np.array([tool.diameter for tool in cut.tools])[blocks.tool]
-    kind = np.array([tool.kind for tool in cut.tools])[blocks.tool]
-    thin = np.minimum(THIN, THIN_SHARE * diameter)
-    fine = np.minimum(blocks.axial_depth, blocks.radial_depth) <= thin
-    length = moves.length[row] * 1e-3
-    time = blocks.air + blocks.seconds
-    in_air = np.divide(blocks.air, time, out=np.zeros(len(row)), where=time > 0) * length
-    fall = (moves.start[row, 2] - moves.end[row, 2]) / np.maximum(moves.length[row], 1e-9)
-    found = np.full(len(row), CODE["roughing"], dtype=np.int8)
-    found[blocks.radial_depth >= SLOTTING_IMMERSION * diameter] = CODE["slotting"]
-    found[fine] = CODE["finishing"]
-    found[fine & (kind == "ball")] = CODE["ball_finishing"]
-    lead = (in_air > cut.engagement.resolution) & (length <= LEAD * diameter)
-    found[lead & (found != CODE["ball_finishing"])] = CODE["lead"]
-    found[(fall > DESCENDS) & (found != CODE["ball_finishing"])] = CODE["ramping"]
-    found[fall >= STEEP] = CODE["plunging"]
-    found[kind == "drill"] = CODE["drilling"]
-    code[row] = found
+def _in_force(
+    program: Program, comments: tuple[str, ...], moves: Moves
+) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """Which comment is in force in each row (M,), and those that there are, the first one empty.
 
-
-def _fill_named(
-    code: NDArray[np.int8], rows: Bools, tags: tuple[Operation | None, ...], line: NDArray[np.int32]
-) -> None:
-    """Fill in what comments say of rows of the program's own lines."""
-    numbers = np.array([-1 if tag is None else CODE[tag] for tag in tags], dtype=np.int8)
-    named = np.where(rows, numbers[np.where(rows, line, 0)], -1)
-    for tag in {tag for tag in tags if tag is not None}:
-        code[(named == CODE[tag]) & np.isin(code, _given_way(tag))] = CODE[tag]
-
-
-def _comments(program: Program) -> tuple[tuple[str, ...], dict[int, str]]:
-    """Comments of each line (L + 1), and of tools by their number."""
-    tokens, lines = program.tokens, [""] * (len(program) + 1)
-    by_tool: dict[int, str] = {}
-    line_of = np.repeat(np.arange(1, len(program) + 1), np.diff(tokens.first))
-    there = np.flatnonzero(np.isin(tokens.kind, (TokenKind.COMMENT, TokenKind.REMARK)))
-    for at in there.tolist():
-        text = program.data[tokens.start[at] : tokens.start[at + 1]].decode("latin-1").strip("(); ")
-        number = _TOOL.search(text)
-        if number is None:
-            lines[line_of[at]] = f"{lines[line_of[at]]} {text}".strip()
-        else:
-            by_tool[int(number[1])] = f"{by_tool.get(int(number[1]), '')} {text}".strip()
-    return tuple(lines), by_tool
-
-
-def _tags(comments: tuple[str, ...], moves: Moves) -> tuple[Operation | None, ...]:
-    """Operation that the last comment before each line names (L + 1).
-
-    A comment holds up to the next that names an operation, and up to the tool change after the
-    moves that it stands above.
+    A subprogram is under its own comment and those of the lines that may have called it: of the
+    calls between the rows of the main program before and after it.
     """
-    many = len(comments)
+    heads, first_sub, calls = _heads(program, comments, moves)
+    main = (moves.file == 0) & (moves.line < first_sub)
+    rows = np.flatnonzero(main)
+    texts, said = {"": 0}, np.zeros(len(moves), dtype=np.intp)
+    last, caller = 1, ""
+    for row, (line, here, own) in enumerate(
+        zip(moves.line.tolist(), main.tolist(), (moves.file == 0).tolist(), strict=True)
+    ):
+        text = heads[line] if own else ""
+        if here:
+            last = line
+        else:
+            if row == 0 or main[row - 1]:
+                after = np.searchsorted(rows, row)
+                end = int(moves.line[rows[after]]) if after < len(rows) else first_sub
+                between = [call for call in calls if last <= call < end] or [last]
+                caller = "; ".join(dict.fromkeys(heads[call] for call in between))
+            text = f"{caller}; {text}"
+        said[row] = texts.setdefault(text, len(texts))
+    return said, tuple(texts)
+
+
+def _heads(
+    program: Program, comments: tuple[str, ...], moves: Moves
+) -> tuple[list[str], int, list[int]]:
+    """Comment above each line (L + 1), the line where subprograms begin, lines that call them.
+
+    A comment holds up to the next that names an operation, up to the tool change after the moves
+    or calls that it stands above, and up to the end of its program.
+    """
     own = moves.file == 0
-    changes, feeds = np.zeros((2, many), dtype=np.bool_)
-    changes[moves.line[own & (moves.kind == Kind.TOOL_CHANGE)]] = True
-    feeds[moves.line[own & reads_feed(moves)]] = True
-    tags: list[Operation | None] = [None] * many
-    tag: Operation | None = None
-    used = False
-    for line in range(1, many):
-        if changes[line] and used:
-            tag = None
-        named = named_operation(comments[line]) if comments[line] else None
-        if named is not None:
-            tag, used = named, False
-        elif changes[line]:
+    changes = set(moves.line[own & (moves.kind == Kind.TOOL_CHANGE)].tolist())
+    feeds = set(moves.line[own & reads_feed(moves)].tolist())
+    lines = program.data.splitlines()
+    calls = [k for k, line in enumerate(lines, 1) if _CALL.search(line)]
+    feeds.update(calls)
+    begins = int(moves.line[own][0]) if own.any() else 0
+    subs = {k for k, line in enumerate(lines, 1) if k > begins and _SUBPROGRAM.match(line)}
+    above, used, heads = "", False, [""]
+    for line in range(1, len(comments)):
+        if line in subs or (line in changes and used):
+            above = ""
+        if named_operation(comments[line]) is not None:
+            above, used = comments[line], False
+        elif line in changes:
             used = False
-        used = used or bool(feeds[line])
-        tags[line] = tag
-    return tuple(tags)
+        used = used or line in feeds
+        heads.append(above)
+    return heads, min(subs, default=len(comments)), calls
+
+
+def _about(tool: Tool | None, comment: str) -> str:
+    """Name of a tool, and what the program's head says of it."""
+    return f"{'' if tool is None else tool.name}; {comment}"
 
 
 def _of_tool(tool: Tool | None, comment: str) -> Operation | None:
     """Operation that a tool is for, by its role, its name and what the program's head says."""
-    if tool is not None and tool.role:
-        return OF_ROLE[tool.role]
-    return named_operation(f"{'' if tool is None else tool.name} {comment}")
+    named = named_operation(_about(tool, comment))
+    if tool is None or not tool.role or (tool.role == "face_mill" and named == "finishing"):
+        return named
+    return OF_ROLE[tool.role]
 
 
 def passes(operations: Operations, moves: Moves, rows: Bools) -> Rows:
@@ -284,13 +278,3 @@ def passes(operations: Operations, moves: Moves, rows: Bools) -> Rows:
     out = np.full(len(moves), -1, dtype=np.intp)
     out[moving] = np.cumsum(new) - 1
     return np.where(rows, out, -1)
-
-
-def length_in_air(cut: Cut, blocks: CutBlocks) -> Floats:
-    """Length of each row that cuts nothing at feed [m]; shape (M,)."""
-    length = cut.plan.path.moves.length * 1e-3
-    inside = np.zeros(len(length))
-    time = blocks.air + blocks.seconds
-    inside[blocks.row] = np.divide(blocks.seconds, time, out=np.zeros(len(time)), where=time > 0)
-    outside: Floats = length * (1 - inside)
-    return outside

@@ -19,14 +19,9 @@ from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_spee
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operations import (
-    LEAD,
-    Operations,
-    length_in_air,
-    named_operation,
-    operations,
-    passes,
-)
+from pipeline.optimisation.operation_cuts import LEAD, length_in_air
+from pipeline.optimisation.operation_words import named_operation
+from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import OperationRange, Practice, feeds_per_minute
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
@@ -69,6 +64,8 @@ RULES: dict[Operation, Rule] = {
     "ball_finishing": Rule("no_more", one_feed=True),
     "chamfering": Rule("no_more", "no_more", one_feed=True),
     "centre_drilling": Rule("no_more", "no_more"),
+    "countersinking": Rule("no_more", "no_more"),
+    "counterboring": Rule("no_more", "no_more"),
     "deep_drilling": Rule("no_more", "no_more"),
     "engraving": KEEP,
     "tapping": KEEP,
