@@ -19,6 +19,7 @@ from pipeline.optimisation.methods.speeds import (
     best_speeds,
     change_price,
     changes_of,
+    own_speeds,
     spread,
     start_prices,
 )
@@ -106,7 +107,8 @@ def _solved(model: BlockModel, grouping: Grouping, whole: float) -> Decision:
     problem = model.problem
     moves = problem.cut.plan.path.moves
     pieces, stretches = best_speeds(model, grouping, whole)
-    speeds = refined(model, pieces, stretches, problem.editable.block)
+    worth = grouping.least_speed_gain
+    speeds = refined(model, pieces, stretches, problem.editable.block, worth=worth)
     speeds = _with_feeds(model, stretches, speeds)
     row_speeds = spread(speeds, stretches.stretch, moves.speed)
     whole = min(whole, _of_blocks(model, row_speeds))
@@ -172,8 +174,12 @@ def _passed(problem: Problem, violation: float, nearest: Decision) -> str:
     )
 
 
-def refined(model: BlockModel, pieces: Pieces, stretches: Stretches, group: Rows) -> Floats:
+def refined(
+    model: BlockModel, pieces: Pieces, stretches: Stretches, group: Rows, *, worth: float = 0.0
+) -> Floats:
     """Best S of each stretch near those given; never worse.  Shape (H,) [rev/min].
+
+    A stretch that has its S as programmed keeps it: another was not worth its word.
 
     Parameters
     ----------
@@ -183,6 +189,8 @@ def refined(model: BlockModel, pieces: Pieces, stretches: Stretches, group: Rows
         Pieces of the stretches, and their speeds so far.
     group : ndarray of intp, shape (M,)
         Rows that share an F, -1 where it is kept.
+    worth : float
+        What another S than that programmed has to save, as a share; without it all are refined.
     """
     speeds = stretches.speeds.copy()
     if not len(speeds):
@@ -192,9 +200,15 @@ def refined(model: BlockModel, pieces: Pieces, stretches: Stretches, group: Rows
     width = _widths(model.problem, stretches)
     steps = np.linspace(-1.0, 1.0, CANDIDATES)[:, None]
     step = model.problem.speed_step
+    given = own_speeds(model.problem, pieces)
+    kept = np.zeros(len(speeds), dtype=np.bool_)
+    there = stretches.of_piece >= 0
+    kept[stretches.of_piece[there]] = (worth > 0) & (
+        given[there] == speeds[stretches.of_piece[there]]
+    )
     for _ in range(NARROWINGS):
         for colour in range(int(colours.max()) + 1):
-            mine = colours == colour
+            mine = (colours == colour) & ~kept
             tried = np.where(mine, np.round(stepped(speeds * (1 + width * steps), step)), speeds)
             tried[CANDIDATES // 2] = speeds
             tried = np.maximum(tried, 1.0)

@@ -79,6 +79,9 @@ def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pi
     grid = speed_grid(problem, pieces)
     values = _piece_values(model, pieces, grid)
     values += start_prices(model, pieces, grid)
+    given = own_speeds(problem, pieces)
+    changed = np.abs(grid[pieces.tool_run] - given[:, None]) > CHANGE * given[:, None]
+    values += whole * grouping.least_speed_gain * changed
     values *= 1 + TIE * np.arange(values.shape[1])
     rest = model.values(moves.feed[None], moves.speed[None])[0, pieces.piece < 0]
     least = float(values.min(axis=1).sum() + rest.sum())
@@ -86,6 +89,14 @@ def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pi
     words = whole * np.where(pieces.word, max(grouping.least_speed_gain, CHANGE), CHANGE)
     chosen = _chosen(model, pieces, grid, values, words)
     return pieces, _stretches(pieces, grid[pieces.tool_run, chosen])
+
+
+def own_speeds(problem: Problem, pieces: Pieces) -> Floats:
+    """S of each piece as programmed [rev/min], NaN where nothing of it cuts; shape (A,)."""
+    speeds = np.full(len(pieces), np.nan)
+    rows = np.flatnonzero(problem.cuts & (pieces.piece >= 0))[::-1]
+    speeds[pieces.piece[rows]] = problem.cut.plan.path.moves.speed[rows]
+    return speeds
 
 
 def staying(problem: Problem, grouping: Grouping) -> Problem:
