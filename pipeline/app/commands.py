@@ -273,7 +273,7 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
         given = words.option.removeprefix("--").replace("-", "_")
         default = typer.Option(
             None, words.option, help=words.help, rich_help_panel="Limits",
-            metavar=None if kind is float else "LOW HIGH",
+            metavar={float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
         )  # fmt: skip
         fields[given] = name
         options.append(

@@ -307,6 +307,4 @@ class Rows:
         """Rows written so far, as :class:`Moves`."""
         columns: dict[str, Any] = {name: a[: self.count] for name, a in self.arrays.items()}
         start = np.array(origin, dtype=np.float64)
-        return Moves(
-            origin=start, files=files, frames=frames, cutter_radii=cutter_radii, **columns
-        )
+        return Moves(origin=start, files=files, frames=frames, cutter_radii=cutter_radii, **columns)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
-from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.part_sheet import (
     FeedWords,
@@ -227,13 +227,19 @@ def _groups(
             time_after_s=figure(float(after.time[rows].sum())),
             cost_before=figure(float(before.cost[rows].sum())),
             cost_after=figure(float(after.cost[rows].sum())),
-            peak_load_before_N=figure(float(before.peak[rows].max())),
-            peak_load_after_N=figure(float(after.peak[rows].max())),
+            peak_load_before_N=_load(before.peak[rows]),
+            peak_load_after_N=_load(after.peak[rows]),
             binds=longest_binding(reasons.binds, after.time, rows[free[rows]]),
             kept=reasons.why_both(rows[cuts[rows]]),
         )
         for rows in _runs(result, words)
     )
+
+
+def _load(peaks: Floats) -> float | None:
+    """Greatest load of rows [N]; that of teeth in balance is what rounding leaves."""
+    greatest = float(peaks.max())
+    return figure(greatest if greatest > NOTHING else 0.0)
 
 
 def _runs(result: Result, words: FeedWords) -> list[Rows]:

@@ -259,9 +259,7 @@ Pairs = dict[int, tuple[float | None, float | None]]
 """Value before and after, by line."""
 
 
-def _by_line(
-    result: "Result", before: Side, after: Side, words: FeedWords
-) -> tuple[Pairs, Pairs]:
+def _by_line(result: "Result", before: Side, after: Side, words: FeedWords) -> tuple[Pairs, Pairs]:
     """F of the moves at feed of each line, and S of all, of the row that changed the most."""
     moves, own = result.moves, result.moves.file == 0
     fed = own & np.isin(moves.kind, CUTTING) & (moves.length > 0)

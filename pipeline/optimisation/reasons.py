@@ -116,7 +116,8 @@ class RowReasons:
         """Rows that keep F and S, by the reason for which they keep F."""
         words, first = self._held["F"]
         for k in np.unique(first[rows]).tolist():
-            yield words[k] if k >= 0 else "", rows[first[rows] == k]
+            why = words[k].replace("keeps it", "keeps F and S") if k >= 0 else ""
+            yield why, rows[first[rows] == k]
 
     def why_both(self, rows: Rows) -> str | None:
         """Why rows keep both F and S; None where one of them may change."""
@@ -124,7 +125,8 @@ class RowReasons:
             return None
         feed, speed = (self.why_kept(letter, rows) for letter in "FS")
         if feed == speed:
-            return feed or "none of its F and S words may be changed"
+            why = feed.replace("keeps it", "keeps F and S")
+            return why or "none of its F and S words may be changed"
         return "; ".join(f"{letter}: {why}" for letter, why in zip("FS", (feed, speed), strict=True)
                          if why)  # fmt: skip
 
@@ -134,20 +136,21 @@ class RowReasons:
             return None
         free = rows[self.editable.speed[rows]]
         if not len(free):
-            return self.why_kept("S", rows) or "no S word of it may be changed"
+            number = self.problem.cut.numbers[self.problem.cut.tool[rows[0]]]
+            why = self.why_kept("S", rows).removeprefix(f"T{number}: ")
+            return why or "no S word of it may be changed"
         practice, ranges = self.problem.practice, self.problem.ranges
         if practice is not None and self._unknown_life[free].all():
             tool = self.problem.cut.tools[self.problem.cut.tool[free[0]]]
-            material = self.result.job.basis.material.name
-            return f"tool life of {tool.material} in {material} is not known"
+            return f"tool life of {tool.material} in this material is not known"
         if practice is not None and (practice.speed_high[free] <= self._own(free)).all():
             operation = OPERATIONS[practice.operation[free[0]]].replace("_", " ")
             return f"{operation} takes no more than programmed"
         by_range = (ranges.surface_high[free] * AT <= self.spindle_speed[free]).any()
         if by_range:
-            return "its cutting speed, or the life of its edge, is at the limit"
+            return "cutting speed or life of the edge is at its limit"
         if (ranges.speed_high[free] * AT <= self.spindle_speed[free]).any():
-            return "the spindle or the range of S is at its limit"
+            return "S is at the spindle’s top speed, or at the end of its range"
         return "a higher one gains nothing"
 
     def _own(self, rows: Rows) -> Floats:
