@@ -38,6 +38,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     yield from _changes(part)
     for held in part.held:
         yield f"  held: {held.reason}, {_many(held.rows, 'move')}, the first in {held.first}"
+    yield from warning_lines([one for one in part.setup.warnings if one not in part.warnings])
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
 

@@ -11,7 +11,6 @@ from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, lo
 from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.part_sheet import (
-    FeedWords,
     feed_changes,
     longest_binding,
     path_trace,
@@ -23,6 +22,7 @@ from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
 from pipeline.optimisation.reliability.judged import used_models
+from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import reads_feed
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
@@ -32,6 +32,7 @@ from pipeline.schema.program_cut import NotKnown
 from pipeline.schema.store import write_bytes
 from pipeline.twin.cut_document import assessed, not_known, notes, warnings_of
 from pipeline.twin.cut_tables import figure, summary
+from pipeline.twin.setup_warnings import setup_warnings
 
 DIGITS = 4
 """Digits of a metric."""
@@ -62,9 +63,9 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     totals = _totals(before, result), _totals(after, result)
     reasons = RowReasons(result)
     words = FeedWords(reasons.program, result.moves)
-    warnings = warnings_of(after.of, basis)
+    warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut)
     return OptimisedPart(
-        warnings=warnings,
+        warnings=tuple(one for one in warnings if one.grave or one in odd),
         verdicts=used_models(job.models.verdicts, job.settings.certainty),
         program=job.program.name.rpartition("/")[2],
         machine=machine,

@@ -6,7 +6,7 @@ All are of the program as it was and as it is written, row by row; nothing is se
 import re
 from collections.abc import Iterator
 from difflib import SequenceMatcher
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +15,15 @@ from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
 from pipeline.cutting.tool_range import tool_range
-from pipeline.gcode.moves import FeedMode, Moves
-from pipeline.gcode.program import Program
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
 from pipeline.optimisation.problem.arrays import Rows, feeds_per_minute
 from pipeline.optimisation.reasons import BINDS, RowReasons
-from pipeline.optimisation.text.words import FeedText, ProgramWords
+from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.part_sheet import (
     FeedChange,
     FeedRise,
-    FeedUnit,
     PathTrace,
     ProgramLine,
     SetupSheet,
@@ -53,7 +50,6 @@ FINE = 2e-3
 
 LEAST_RISE = 5e-3
 """Rise of a feed per tooth that is more than the rounding of words [1]."""
-FEED_UNITS = get_args(FeedUnit)
 _WORD = re.compile(r"\s*[FS]\s*[-+0-9.]+")
 
 
@@ -139,36 +135,6 @@ def _operation(result: "Result", row: int) -> str:
     practice = result.problem.practice
     code = -1 if practice is None else int(practice.operation[row])
     return OPERATIONS[code].replace("_", " ") if code >= 0 else ""
-
-
-class FeedWords:
-    """F of each row of a program in the unit in which the program writes it.
-
-    Parameters
-    ----------
-    program, moves : Program, Moves
-        Text, and as interpreted; M rows.
-    """
-
-    def __init__(self, program: Program, moves: Moves) -> None:
-        by_time = moves.feed_mode == FeedMode.INVERSE_TIME
-        self.length = FeedText.of(ProgramWords(program), moves).unit
-        self._factor = np.where(by_time, 1.0, self.length)
-        self.code = np.select(
-            [by_time, moves.feed_mode == FeedMode.PER_REVOLUTION], [4, 1], 0
-        ) + np.where((self.length != 1.0) & ~by_time, 2, 0)  # fmt: skip
-
-    def unit(self, row: int) -> FeedUnit:
-        """Unit of the F of a row."""
-        return FEED_UNITS[int(self.code[row])]
-
-    def written(self, feeds: Floats) -> Floats:
-        """F (M,) in the units of ``Moves`` as the text has it."""
-        return np.round(feeds / self._factor, 9)
-
-    def program_unit(self, rows: Bools) -> Literal["mm", "inch"]:
-        """Unit of length of most of some rows."""
-        return "inch" if 2 * np.count_nonzero(self.length[rows] != 1.0) > rows.sum() else "mm"
 
 
 def feed_changes(

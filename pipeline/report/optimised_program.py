@@ -107,21 +107,23 @@ def _ratio(before: float | None, after: float | None) -> float:
 def increases_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """The largest increases of F, S or feed per tooth."""
     rows = increases(part.changes)
-    operation = any(row.one.operation for row in rows)
     units = {row.one.feed_unit for row in rows}
     unit = units.pop() if len(units) == 1 else ""
     columns: list[Column[Increase]] = [
         Column("Line", lambda row: row.lines),
         Column("tool", lambda row: f"T{row.one.tool}"),
-        *([Column("operation", _operation)] if operation else []),
+        Column("operation", _operation),
         Column("most", lambda row: f"{row.what} ×{NARROW}{row.factor:.2f}", ""),
         Column("F", lambda row: _feeds(row.one, unit), unit),
         Column("S", lambda row: _change(_word, row.one.speed_before, row.one.speed_after), ""),
-        *([Column("feed per tooth fz", lambda row: _feeds_per_tooth(row, INCH), "in")]
-          if part.unit == "inch" else []),
+        Column("feed per tooth fz", lambda row: _feeds_per_tooth(row, INCH), "in"),
         Column("feed per tooth fz", _feeds_per_tooth, "mm"),
         Column("what binds", lambda row: limit_name(row.one.binds) if row.one.binds else NONE),
-    ]  # fmt: skip
+    ]
+    if part.unit != "inch":
+        del columns[6]
+    if not any(row.one.operation for row in rows):
+        del columns[2]
     return tabulated(
         "Largest increases: look at these first",
         rows,

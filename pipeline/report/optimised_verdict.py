@@ -1,5 +1,7 @@
 """Verdict and key figures of an optimised program, in the words of who cuts the part."""
 
+from collections.abc import Sequence
+
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
 from pipeline.report.cut.tables import sentence, share, spans_of
 from pipeline.report.optimised_program import increases
@@ -54,13 +56,18 @@ def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
 
 def _grave(part: OptimisedPart) -> list[str]:
     """Warnings to be seen to before the program is run, without their remedies."""
-    grave = [one for one in part.warnings if one.grave] or part.warnings[:MOST_SAID]
     found = []
-    for one in grave[:MOST_SAID]:
+    for one in part.warnings[:MOST_SAID]:
         spans = spans_of(one.lines)
-        where = f" (line {', '.join(spans[:MOST_SAID])}{', …' * (len(spans) > MOST_SAID)})"
+        where = f" ({_lines(spans[:MOST_SAID])}{', …' * (len(spans) > MOST_SAID)})"
         found.append(f"{sentence(one.what)}{where if spans else ''}.")
     return found
+
+
+def _lines(spans: Sequence[str]) -> str:
+    """Stretches of lines in words."""
+    one = len(spans) == 1 and "–" not in spans[0]
+    return f"line{'' if one else 's'} {', '.join(spans)}"
 
 
 def _first_look(part: OptimisedPart) -> list[str]:
@@ -72,7 +79,7 @@ def _first_look(part: OptimisedPart) -> list[str]:
     first = found[0]
     operation = f", {first.one.operation}" if first.one.operation else ""
     return [
-        f"Watch line {first.lines} first (T{first.one.tool}{operation}): {first.what} rises most "
+        f"Watch {_lines(first.lines.split(', '))} first (T{first.one.tool}{operation}): {first.what} rises most "
         f"there, ×{NARROW}{first.factor:.2f}."
     ]
 

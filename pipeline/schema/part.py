@@ -357,7 +357,8 @@ class OptimisedPart:
     Parameters
     ----------
     warnings : tuple of CutWarning
-        What to look at before anything else, what is grave first; those of ``kerf simulate``.
+        To look at before anything else: what is grave, and tools and registers that do not fit the
+        program; all others are in ``setup``.
     verdicts : tuple of UsedModel
         On the sub-models that its figures rest on; what failed or was not judged first.
     program, machine : str
