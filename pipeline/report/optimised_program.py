@@ -1,8 +1,7 @@
 """Tables of an optimised program for who runs it: increases, by tool, its lines."""
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from itertools import pairwise
 from math import log
 
@@ -12,15 +11,22 @@ from pipeline.charts.numbers import NARROW, TOGETHER, as_stated, counted, number
 from pipeline.charts.sections import Listing, ListingLine, Section, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Column, Table, tabulated
-from pipeline.report.cut.tables import NONE, share, spans_of
-from pipeline.report.optimised_tables import figure, force, limit_name, tool_name
+from pipeline.report.cut.tables import NONE, share
+from pipeline.report.optimised_tables import (
+    LEAST,
+    Increase,
+    figure,
+    force,
+    increases,
+    limit_name,
+    ratio,
+    tool_name,
+)
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.part_sheet import FeedChange, ProgramLine, ToolUse
 
 OUTSIDE = 5e-3  # share by which rounding may leave a range
 MOST_INCREASES = 12
-MOST_SPANS = 6  # stretches of lines that a row names
-LEAST = 5e-3  # share: a smaller change is rounding
 STEPS = (1.25, 2.0)  # factors from which a change is large, and very large
 MOST_LINES = 1500  # of a listing; the whole is in the file
 UNFOLDED = 60  # lines up to which a listing is open
@@ -50,58 +56,6 @@ def changes_section(part: OptimisedPart, sources: list[Source]) -> Section | Non
 
 
 # increases
-
-
-@dataclass(frozen=True, kw_only=True)
-class Increase:
-    """Changes that are alike, and what of F, S and feed per tooth rose most, by which factor."""
-
-    lines: str
-    one: FeedChange
-    what: str
-    factor: float
-
-
-def increases(changes: Sequence[FeedChange]) -> list[Increase]:
-    """What got faster or thicker, the largest factor first; changes that are alike are one.
-
-    Of a move in air F alone counts.
-    """
-    alike: dict[tuple[object, ...], list[FeedChange]] = {}
-    for one in changes:
-        key = (
-            one.tool, one.operation, one.feed_before, one.feed_after, one.speed_before,
-            one.speed_after, one.binds,
-        )  # fmt: skip
-        alike.setdefault(key, []).append(one)
-    found = []
-    for same in alike.values():
-        one = max(same, key=lambda change: max(_factors(change).values()))
-        what, factor = max(_factors(one).items(), key=lambda pair: pair[1])
-        if factor > 1 + LEAST:
-            found.append(Increase(lines=_spans(same), one=one, what=what, factor=factor))
-    return sorted(found, key=lambda row: (-row.factor, row.one.first_line))
-
-
-def _spans(changes: Sequence[FeedChange]) -> str:
-    lines = (line for one in changes for line in range(one.first_line, one.last_line + 1))
-    spans = spans_of(lines)
-    more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
-    return ", ".join(spans[:MOST_SPANS]) + more
-
-
-def _factors(one: FeedChange) -> dict[str, float]:
-    """Factor of each quantity of a change, those that a chip is made by first."""
-    feed = _ratio(one.feed_before, one.feed_after)
-    if one.feed_per_tooth_after_mm is None:
-        return {"F": feed}
-    thicker = _ratio(one.feed_per_tooth_before_mm, one.feed_per_tooth_after_mm)
-    return {"fz": thicker, "F": feed, "S": _ratio(one.speed_before, one.speed_after)}
-
-
-def _ratio(before: float | None, after: float | None) -> float:
-    """1 where one of them is not known or nothing."""
-    return after / before if before and after else 1.0
 
 
 def increases_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
@@ -301,7 +255,7 @@ def _listed(line: ProgramLine, *, gap: bool) -> ListingLine:
     pairs = (
         ("F", line.feed_before, line.feed_after), ("S", line.speed_before, line.speed_after),
     )  # fmt: skip
-    sizes = [log(_ratio(before, after)) for _, before, after in pairs]
+    sizes = [log(ratio(before, after)) for _, before, after in pairs]
     greatest, changed = max(sizes, key=abs), line.after is not None
     notes = [
         f"{letter}{NARROW}{_word(before)} → {_word(after)} {_arrows(size)}"

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
 from pipeline.report.cut.tables import sentence, share, spans_of
-from pipeline.report.optimised_program import increases
-from pipeline.report.optimised_tables import change, limit_name
+from pipeline.report.optimised_tables import change, increases, limit_name
 from pipeline.report.standalone_page import doubts
 from pipeline.schema.part import OptimisedPart
 
@@ -77,10 +76,10 @@ def _first_look(part: OptimisedPart) -> list[str]:
     if not found:
         return ["No cut has more F, S or feed per tooth than before."] if part.words.total else []
     first = found[0]
-    operation = f", {first.one.operation}" if first.one.operation else ""
+    whose = ", ".join(filter(None, (f"T{first.one.tool}", first.one.operation)))
     return [
-        f"Watch {_lines(first.lines.split(', '))} first (T{first.one.tool}{operation}): {first.what} rises most "
-        f"there, ×{NARROW}{first.factor:.2f}."
+        f"Watch {_lines(first.lines.split(', '))} first ({whose}): {first.what} rises most there, "
+        f"×{NARROW}{first.factor:.2f}."
     ]
 
 
