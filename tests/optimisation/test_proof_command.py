@@ -317,3 +317,39 @@ def test_a_material_without_a_table_or_a_file_is_refused(folder: Path) -> None:
     (folder / "tools.yaml").write_text(TOOLS)
     done = check(folder, AFTER, "--tool-table", str(folder / "tools.yaml"), "--material", "cheese")
     assert done.exit_code == 2 and "conf/material/cheese.yaml does not exist" in done.stderr
+
+
+FAST = "T1 M6\nS3000 M3\nG1 X15 F120\nX20 F100\nG95 X30 F0.05\nM30\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("S3000", "S3200"), []),
+        (("S3000", "S13000"), ["line 3, T1 and 2 more lines: S13000 is above 12000 rev/min",
+                               "line 3, T1 and 2 more lines: S3000 became S13000, ×4.33"]),
+        (("F120", "F181"), ["line 3, T1: F120 became F181, ×1.51"]),
+        (("F100", "F49"), ["line 4, T1: F100 became F49, ×0.49"]),
+        (("F120", "F16000"), ["line 3, T1: F16000 mm/min is 16000 mm/min, above 15000",
+                              "line 3, T1: F120 became F16000, ×133"]),
+        (("F0.05", "F5.5"), ["line 5, T1: F5.5 mm/rev is 16500 mm/min, above 15000",
+                             "line 5, T1: F0.05 became F5.5, ×110"]),
+    ],
+)  # fmt: skip
+def test_what_the_machine_does_not_have_and_what_changed_much(
+    folder: Path, change: tuple[str, str], said: list[str]
+) -> None:
+    (folder / "before.nc").write_text(FAST)
+    done = check(folder, FAST.replace(*change).encode(), "--machine", "mill01")
+    assert done.exit_code == 0
+    lines = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    assert len(lines) == len(said)
+    for line, begin in zip(lines, said, strict=True):
+        assert line.startswith(f"warning: {begin}")
+
+
+def test_feeds_in_inches_are_said_in_inches(folder: Path) -> None:
+    before = b"G20\nT1 M6\nS3000 M3\nG1 X1. F10.\nM30\n"
+    (folder / "before.nc").write_bytes(before)
+    done = check(folder, before.replace(b"F10.", b"F20."), "--machine", "mill01")
+    assert "line 4, T1: F10 became F20, ×2, outside of ×0.5 to ×1.5" in done.stdout
