@@ -22,6 +22,7 @@ from pipeline.gcode.setup import Setup
 from pipeline.optimisation.operations import MAY_BE, told_operations
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.proof.prove import Proof, prove
+from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
 
 ADDED = "-"
@@ -94,15 +95,16 @@ def range_lines(
     setup = setup_beside(machine_setup(machine, dialect), before)
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))
-    (_, old), (program, new) = (_moves(path, setup) for path in (before, after))
-    known = set(_in_force(old, np.arange(len(old))))
-    known_speeds = {_speed(key) for key in known}
+    (_, old), (program, new) = (moves_of(path, setup) for path in (before, after))
+    known = set(in_force(old, np.arange(len(old))))
+    known_speeds = {speed_of(key) for key in known}
     told = told_operations(program, new, tools).code
+    written = FeedWords(program, new).written(new.feed)
     limits_of = cache(partial(_limits, tools, data))
     rows = _cuts(new)
     said: set[str] = set()
     silent: set[tuple[int, str]] = set()
-    for row, key in zip(rows.tolist(), _in_force(new, rows), strict=True):
+    for row, key in zip(rows.tolist(), in_force(new, rows), strict=True):
         number = int(new.tool[row])
         limits = limits_of(number, OPERATIONS[told[row]])
         if limits.why_not:
@@ -110,8 +112,10 @@ def range_lines(
             continue
         if key in known:
             continue
-        new_speed = _speed(key) not in known_speeds
-        for line in _outside(new, row, tools[number], limits, new_speed=new_speed):
+        new_speed = speed_of(key) not in known_speeds
+        for line in _outside(
+            new, row, tools[number], limits, word=f"F{written[row]:g}", new_speed=new_speed
+        ):
             if line not in said:
                 said.add(line)
                 yield line
@@ -152,7 +156,8 @@ def _limits(
     )
 
 
-def _moves(path: Path, setup: Setup) -> tuple[Program, Moves]:
+def moves_of(path: Path, setup: Setup) -> tuple[Program, Moves]:
+    """A program, and as it is interpreted."""
     program = parse_program(path.read_bytes(), path.name)
     return program, interpret(program, setup)
 
@@ -164,21 +169,32 @@ def _cuts(moves: Moves) -> Rows:
     return np.flatnonzero(plain & ~runs.taps[runs.of] & (moves.tool >= 0))
 
 
-def _in_force(moves: Moves, rows: Rows) -> Iterator[tuple[float, ...]]:
+def in_force(moves: Moves, rows: Rows) -> Iterator[tuple[float, ...]]:
     """File, line, tool, F and S of rows."""
     columns = (moves.file, moves.line, moves.tool, moves.feed, moves.speed)
     return zip(*(column[rows].tolist() for column in columns), strict=True)
 
 
-def _speed(key: tuple[float, ...]) -> tuple[float, ...]:
-    """File, line, tool and S of what :func:`_in_force` gives."""
+def speed_of(key: tuple[float, ...]) -> tuple[float, ...]:
+    """File, line, tool and S of what :func:`in_force` gives."""
     return *key[:3], key[4]
 
 
+def place(moves: Moves, row: int) -> str:
+    """Line and tool of a row, with its file where that is not the program's own."""
+    where = f"line {moves.line[row]}, T{moves.tool[row]}"
+    if moves.file[row]:
+        return f"{Path(moves.files[moves.file[row]]).name} {where}"
+    return where
+
+
 def _outside(
-    moves: Moves, row: int, tool: Tool, limits: _Limits, *, new_speed: bool
+    moves: Moves, row: int, tool: Tool, limits: _Limits, *, word: str, new_speed: bool
 ) -> Iterator[str]:
-    """What of a row is outside of the range of its tool; of S where it is another one."""
+    """What of a row is outside of the range of its tool; of S where it is another one.
+
+    ``word`` is its F as the program has it.
+    """
     known = limits.range
     if known is None:
         return
@@ -186,16 +202,14 @@ def _outside(
     per_turn = moves.feed_mode[row] == FeedMode.PER_REVOLUTION
     f_z = feed / tool.flutes / (1.0 if per_turn else speed)
     v_c = np.pi * tool.diameter * speed
-    where = f"line {moves.line[row]}, T{moves.tool[row]}"
-    if moves.file[row]:
-        where = f"{Path(moves.files[moves.file[row]]).name} {where}"
-    for word, value, span, unit, whose in (
-        (f"F{feed:g} at S{speed:g}", f_z, known.feed_per_tooth_mm, "mm a tooth", limits.feed_of),
+    where = place(moves, row)
+    for said, value, span, unit, whose in (
+        (f"{word} at S{speed:g}", f_z, known.feed_per_tooth_mm, "mm a tooth", limits.feed_of),
         (f"S{speed:g}", v_c, known.cutting_speed_m_min if new_speed else None, "m/min",
          limits.speed_of),
     ):  # fmt: skip
         if span is not None and not span[0] * (1 - NEAR) <= value <= span[1] * (1 + NEAR):
             yield (
-                f"warning: {where}: {word} is {value:.3g} {unit}, outside of {span[0]:g} to "
+                f"warning: {where}: {said} is {value:.3g} {unit}, outside of {span[0]:g} to "
                 f"{span[1]:g} of {whose}"
             )

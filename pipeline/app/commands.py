@@ -237,11 +237,14 @@ def check(
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
 
+    It warns of F and S that changed very much and, with a machine, that are beyond its own.
+
     With a tool table it warns where a changed F or S leaves the range of the tool.
 
     With a material too it takes the catalogue's range where the table has none.
     """
     from pipeline.app.check import check_lines, check_programs, range_lines
+    from pipeline.app.check_machine import machine_lines
 
     with one_sentence():
         if material is not None and tool_table is None:
@@ -251,6 +254,8 @@ def check(
             )
         proof = check_programs(before, after, machine, dialect, splits=splits)
         warnings: list[str] = []
+        if proof.same:
+            warnings += machine_lines(before, after, machine, dialect)
         if proof.same and tool_table is not None:
             warnings += range_lines(before, after, machine, dialect, tool_table, material)
     for line in (*check_lines(proof, before, after), *warnings):
@@ -273,7 +278,7 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
         given = words.option.removeprefix("--").replace("-", "_")
         default = typer.Option(
             None, words.option, help=words.help, rich_help_panel="Limits",
-            metavar=None if kind is float else "LOW HIGH",
+            metavar={float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
         )  # fmt: skip
         fields[given] = name
         options.append(

@@ -23,7 +23,7 @@ from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective
-from pipeline.schema.program_cut import CutCost, CutTotals, NotKnown, ProgramCut
+from pipeline.schema.program_cut import CutCost, CutTotals, CutWarning, NotKnown, ProgramCut
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
 
@@ -363,16 +363,22 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
             f"{_number(axis.command)} {axis.command_unit} in line {axis.command_line} (in air "
             f"{_number(axis.command_air)})"
         )
-    for warning in cut.warnings:
-        lines = ", ".join(map(str, warning.lines[:MOST_LINES]))
-        more = ", ..." if len(warning.lines) > MOST_LINES else ""
-        where = f", {_many(warning.blocks or 0, 'block')}, line {lines}{more}" if lines else ""
-        yield f"  warning: {warning.what}{where}. {warning.do}"
+    yield from warning_lines(cut.warnings)
     for moves in cut.left_out:
         many = _many(moves.rows, "move")
         yield f"  left out: {moves.reason}, {many}, the first in {moves.first}"
     for one in cut.not_known:
         yield f"  not known: {one.what}, {one.why}"
+
+
+def warning_lines(warnings: Sequence[CutWarning]) -> Iterator[str]:
+    """One line a warning, with the lines of the program; what is grave is in capitals."""
+    for one in warnings:
+        lines = ", ".join(map(str, one.lines[:MOST_LINES]))
+        more = ", ..." if len(one.lines) > MOST_LINES else ""
+        blocks = "" if one.blocks is None else f", {_many(one.blocks, 'block')}"
+        where = f"{blocks}, line {lines}{more}" if lines else ""
+        yield f"  {'WARNING' if one.grave else 'warning'}: {one.what}{where}. {one.do}"
 
 
 def _many(count: int, what: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from pipeline.app.cut import warning_lines
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 
@@ -25,6 +26,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
         f"{part.program} on {part.machine}{label}, control {source}: "
         f"{part.objective}, {part.stock} in {part.material}"
     )
+    yield from warning_lines(part.warnings)
     yield from verdict_lines(part.verdicts)
     if part.interrupted:
         yield "interrupted: the best that was found until then"
@@ -36,6 +38,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     yield from _changes(part)
     for held in part.held:
         yield f"  held: {held.reason}, {_many(held.rows, 'move')}, the first in {held.first}"
+    yield from warning_lines([one for one in part.setup.warnings if one not in part.warnings])
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
 
@@ -67,10 +70,21 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
         ])  # fmt: skip
     if part.tools:
         yield from _table(rows, words=2)
+    yield from _not_raised(part)
+
+
+def _not_raised(part: OptimisedPart) -> Iterator[str]:
+    """Why S is not raised, each reason with the tools and operations that it holds for."""
+    alike: dict[str, list[str]] = {}
+    for use in part.tools:
+        if use.no_faster:
+            alike.setdefault(use.no_faster, []).append(f"T{use.tool} {use.operation}".strip())
+    for why, named in alike.items():
+        yield f"  S not raised: {', '.join(named)}: {why}"
 
 
 def _range(known: tuple[float, float] | None) -> str:
-    return NONE if known is None else f"{known[0]:g}..{known[1]:g}"
+    return NONE if known is None else f"{known[0]:.3g}..{known[1]:.3g}"
 
 
 def _certainty(part: OptimisedPart) -> Iterator[str]:
@@ -122,8 +136,11 @@ def _methods(part: OptimisedPart) -> Iterator[str]:
 
 def _binding(part: OptimisedPart) -> Iterator[str]:
     for one in part.binding:
-        what = one.limit or "nothing"
-        yield f"  binds: {what:<16} {_many(one.blocks, 'block')}, {_number(one.time_s)} s"
+        held = f"{_many(one.blocks, 'block')}, {_number(one.time_s)} s"
+        if one.kept:
+            yield f"  {one.limit}: {one.kept}, {held}"
+        else:
+            yield f"  binds: {one.limit or 'nothing':<16} {held}"
 
 
 def _changes(part: OptimisedPart) -> Iterator[str]:

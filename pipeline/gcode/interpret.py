@@ -109,7 +109,7 @@ class Interpreter:
             self._step()
         run, origin = self.run, list(self.setup.initial_position)
         close_contour(run)
-        return run.rows.moves(origin, tuple(run.files), tuple(run.frames))
+        return run.rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
 
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":

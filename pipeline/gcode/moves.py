@@ -75,6 +75,32 @@ class Frame:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CutterRadius:
+    """Radius that a G41 or G42 took of a register.
+
+    Parameters
+    ----------
+    word : str
+        ``"G41"`` or ``"G42"``.
+    line, file : int
+        As those of :class:`Moves`.
+    tool : int
+        In the spindle; -1 before the first tool change.
+    register : int
+        Number of the register.
+    radius : float
+        What it holds, wear included [mm]; 0 where the set-up does not have it.
+    """
+
+    word: str
+    line: int
+    file: int
+    tool: int
+    register: int
+    radius: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Moves:
     """M rows; every array has M as its first axis.
 
@@ -126,6 +152,8 @@ class Moves:
         The program's file and those of its subprograms.
     frames : tuple of Frame
         Work coordinate systems used.
+    cutter_radii : tuple of CutterRadius
+        Radii of each G41 and G42 that took one of a register, in their order.
     """
 
     origin: npt.NDArray[np.float64]
@@ -149,6 +177,7 @@ class Moves:
     value: npt.NDArray[np.float64]
     files: tuple[str, ...]
     frames: tuple[Frame, ...] = (Frame(),)
+    cutter_radii: tuple[CutterRadius, ...] = ()
 
     def __post_init__(self) -> None:
         for name, array in self.columns():
@@ -219,7 +248,7 @@ _WIDTHS = {"end": 6, "centre": 3}
 COLUMNS: dict[str, tuple[type[Any], int]] = {
     name: (get_args(get_args(hint)[1])[0], _WIDTHS.get(name, 0))
     for name, hint in get_type_hints(Moves).items()
-    if name not in ("origin", "files", "frames")
+    if name not in ("origin", "files", "frames", "cutter_radii")
 }
 """Name -> type, and the length of its second axis (0 where there is none)."""
 NO_CENTRE = (np.nan, np.nan, np.nan)
@@ -272,9 +301,10 @@ class Rows:
         return tail
 
     def moves(
-        self, origin: list[float], files: tuple[str, ...], frames: tuple[Frame, ...]
-    ) -> Moves:
+        self, origin: list[float], files: tuple[str, ...], frames: tuple[Frame, ...],
+        cutter_radii: tuple[CutterRadius, ...] = (),
+    ) -> Moves:  # fmt: skip
         """Rows written so far, as :class:`Moves`."""
         columns: dict[str, Any] = {name: a[: self.count] for name, a in self.arrays.items()}
         start = np.array(origin, dtype=np.float64)
-        return Moves(origin=start, files=files, frames=frames, **columns)
+        return Moves(origin=start, files=files, frames=frames, cutter_radii=cutter_radii, **columns)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.modal import CANCELLED, DIALECTS, State
-from pipeline.gcode.moves import INCH, NO_CENTRE, Frame, Kind, PathMode, Rows
+from pipeline.gcode.moves import INCH, NO_CENTRE, CutterRadius, Frame, Kind, PathMode, Rows
 from pipeline.gcode.offsets import Offsets, Transform
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.statements import WordItem
@@ -246,6 +246,7 @@ class Run:
         self.references = dict(setup.references)
         self.cycle = Cycle()
         self.contour: Contour | None = None
+        self.cutter_radii: list[CutterRadius] = []
         self.compensated_position: list[float] | None = None
         self.polar_angle: float | None = None
         self.modal_call: Jump | None = None

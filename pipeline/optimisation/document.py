@@ -7,30 +7,33 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.machine.control.path import Motion, where
+from pipeline.machine.control.path import where
 from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
-from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.part_sheet import (
     feed_changes,
     longest_binding,
     path_trace,
     program_lines,
-    row_bindings,
     setup_sheet,
     tool_uses,
 )
-from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows
+from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.proof.prove import with_proof_comment
+from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
 from pipeline.optimisation.reliability.judged import used_models
+from pipeline.optimisation.text.feed_words import FeedWords
+from pipeline.optimisation.text.modal_words import reads_feed
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import NotKnown
 from pipeline.schema.store import write_bytes
-from pipeline.twin.cut_document import assessed, not_known, notes
+from pipeline.twin.cut_document import assessed, not_known, notes, warnings_of
 from pipeline.twin.cut_tables import figure, summary
+from pipeline.twin.setup_warnings import setup_warnings
 
 DIGITS = 4
 """Digits of a metric."""
@@ -59,7 +62,11 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     job, basis = result.job, result.job.basis
     before, after = _sides(result)
     totals = _totals(before, result), _totals(after, result)
+    reasons = RowReasons(result)
+    words = FeedWords(reasons.program, result.moves)
+    warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut)
     return OptimisedPart(
+        warnings=tuple(one for one in warnings if one.grave or one in odd),
         verdicts=used_models(job.models.verdicts, job.settings.certainty),
         program=job.program.name.rpartition("/")[2],
         machine=machine,
@@ -77,8 +84,8 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         gain=_gain(*totals),
         methods=tuple(_method(one) for one in result.methods),
         front=_front(result),
-        groups=_groups(result, before, after),
-        binding=_binding(result, after),
+        groups=_groups(result, before, after, reasons, words),
+        binding=_binding(result, after, reasons),
         held=result.problem.editable.held,
         words=_words(result),
         proof=_proof(result),
@@ -89,11 +96,12 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
         notes=(*_chatters(result), *notes(after.of, basis)),
-        tools=tool_uses(result, before, after),
-        changes=feed_changes(result, before, after),
-        lines=program_lines(result, before, after),
+        tools=tool_uses(result, before, after, reasons),
+        changes=feed_changes(result, before, after, reasons, words),
+        lines=program_lines(result, before, after, words),
         path=path_trace(before.cut, job.cut.stock),
-        setup=setup_sheet(result, after.of, basis),
+        setup=setup_sheet(result, after.of, warnings),
+        unit=words.program_unit(reads_feed(result.moves)),
     )
 
 
@@ -218,40 +226,49 @@ def _extra(before: float | None, after: float | None) -> float | None:
     return None if before is None or after is None else figure(after - before)
 
 
-def _groups(result: Result, before: Side, after: Side) -> tuple[stored.BlockGroup, ...]:
+def _groups(
+    result: Result, before: Side, after: Side, reasons: RowReasons, words: FeedWords
+) -> tuple[stored.BlockGroup, ...]:
     """Each run of blocks of one F and one S, in the order of the program."""
-    moves, binds = result.moves, row_bindings(result)
-    per_turn = result.before.plan.path.motion == Motion.PER_TURN
+    moves, cuts = result.moves, result.problem.cuts
+    feeds = words.written(before.feed), words.written(after.feed)
+    free = cuts & ~reasons.kept
     return tuple(
         stored.BlockGroup(
             first_line=int(moves.line[rows].min()),
             last_line=int(moves.line[rows].max()),
             tool=int(moves.tool[rows[0]]),
-            feed_before=_mean(before.feed, before.time, rows),
-            feed_after=_mean(after.feed, after.time, rows),
-            feed_unit="mm/rev" if per_turn[rows[0]] else "mm/min",
+            feed_before=_mean(feeds[0], before.time, rows),
+            feed_after=_mean(feeds[1], after.time, rows),
+            feed_unit=words.unit(rows[0]),
             speed_before=_mean(before.speed, before.time, rows),
             speed_after=_mean(after.speed, after.time, rows),
             time_before_s=figure(float(before.time[rows].sum())),
             time_after_s=figure(float(after.time[rows].sum())),
             cost_before=figure(float(before.cost[rows].sum())),
             cost_after=figure(float(after.cost[rows].sum())),
-            peak_load_before_N=figure(float(before.peak[rows].max())),
-            peak_load_after_N=figure(float(after.peak[rows].max())),
-            binds=longest_binding(binds, after.time, rows[result.problem.cuts[rows]]),
+            peak_load_before_N=_load(before.peak[rows]),
+            peak_load_after_N=_load(after.peak[rows]),
+            binds=longest_binding(reasons.binds, after.time, rows[free[rows]]),
+            kept=reasons.why_both(rows[cuts[rows]]),
         )
-        for rows in _runs(result)
+        for rows in _runs(result, words)
     )
 
 
-def _runs(result: Result) -> list[Rows]:
+def _load(peaks: Floats) -> float | None:
+    """Greatest load of rows [N]; that of teeth in balance is what rounding leaves."""
+    greatest = float(peaks.max())
+    return figure(greatest if greatest > NOTHING else 0.0)
+
+
+def _runs(result: Result, words: FeedWords) -> list[Rows]:
     """Rows of each group; a row that neither cuts nor has an F to change is in none."""
     groups, moves = result.answer.decision.groups, result.moves
     rows = np.flatnonzero((groups.feed >= 0) | result.problem.cuts)
     if not len(rows):
         return []
-    per_turn = result.before.plan.path.motion == Motion.PER_TURN
-    keys = np.stack([groups.feed, groups.speed, moves.tool, moves.file, per_turn])[:, rows]
+    keys = np.stack([groups.feed, groups.speed, moves.tool, moves.file, words.code])[:, rows]
     edges = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1
     return np.split(rows, edges)
 
@@ -264,14 +281,18 @@ def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:
     return figure(float(values[rows] @ weights / weights.sum()))
 
 
-def _binding(result: Result, after: Side) -> tuple[stored.Binding, ...]:
-    """Limits that bind, with the blocks that cut and their time; the longest first."""
-    binds, cuts = row_bindings(result), result.problem.cuts
+def _binding(result: Result, after: Side, reasons: RowReasons) -> tuple[stored.Binding, ...]:
+    """What binds or is kept, with the blocks that cut and their time; the longest first."""
+    binds, cuts = reasons.binds, result.problem.cuts
     rows = []
     for k in np.unique(binds[cuts]).tolist():
-        mine = cuts & (binds == k)
-        limit, seconds = CONSTRAINTS[k] if k >= 0 else None, float(after.time[mine].sum())
-        rows.append(stored.Binding(limit=limit, blocks=int(mine.sum()), time_s=figure(seconds)))
+        mine, limit = np.flatnonzero(cuts & (binds == k)), BINDS[k] if k >= 0 else None
+        alike = reasons.kept_by_reason(mine) if limit == KEPT else [(None, mine)]
+        for why, some in alike:
+            rows.append(stored.Binding(
+                limit=limit, blocks=len(some), time_s=figure(float(after.time[some].sum())),
+                kept=why or None,
+            ))  # fmt: skip
     return tuple(sorted(rows, key=lambda row: -(row.time_s or 0.0)))
 
 

@@ -15,14 +15,15 @@ from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
 from pipeline.cutting.tool_range import tool_range
-from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
-from pipeline.optimisation.problem.arrays import CONSTRAINTS, Rows, feeds_per_minute
-from pipeline.optimisation.problem.feasible import binding_constraints
+from pipeline.optimisation.problem.arrays import Rows, feeds_per_minute
+from pipeline.optimisation.reasons import BINDS, RowReasons
+from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.part_sheet import (
     FeedChange,
+    FeedRise,
     PathTrace,
     ProgramLine,
     SetupSheet,
@@ -30,8 +31,9 @@ from pipeline.schema.part_sheet import (
     ToolUse,
     WorkOffset,
 )
+from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_document import AssessedCut, CutBasis, warnings_of
+from pipeline.twin.cut_document import AssessedCut
 from pipeline.twin.cut_tables import by_tool, figure, tool_totals
 from pipeline.twin.cutting_path import offset_of, work_frame
 
@@ -46,6 +48,8 @@ FINE = 2e-3
 """Distance of two points, as a share of the path's extent, within which they are drawn as one."""
 
 
+LEAST_RISE = 5e-3
+"""Rise of a feed per tooth that is more than the rounding of words [1]."""
 _WORD = re.compile(r"\s*[FS]\s*[-+0-9.]+")
 
 
@@ -67,19 +71,13 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
         yield number, known, "", problem.cuts & (moves.tool == number)
 
 
-def row_bindings(result: "Result") -> Rows:
-    """Which of ``CONSTRAINTS`` each row of the answer is at, -1 where none; shape (M,)."""
-    decision = result.answer.decision
-    return binding_constraints(result.problem, decision.row_feeds, decision.row_speeds)
-
-
 def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
-    """Constraint that binds for the longest; None where nothing does for longer.
+    """What of ``BINDS`` binds for the longest; None where nothing does for longer.
 
     Parameters
     ----------
     binds : ndarray of intp, shape (M,)
-        Of :func:`row_bindings`.
+        Of :class:`~pipeline.optimisation.reasons.RowReasons`.
     seconds : ndarray, shape (M,)
         Time of each row [s].
     rows : ndarray of intp
@@ -87,18 +85,21 @@ def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
     """
     if not len(rows):
         return None
-    times = np.bincount(binds[rows] + 1, seconds[rows], minlength=len(CONSTRAINTS) + 1)
+    times = np.bincount(binds[rows] + 1, seconds[rows], minlength=len(BINDS) + 1)
     worst = int(np.argmax(times)) - 1
-    return CONSTRAINTS[worst] if worst >= 0 else None
+    return BINDS[worst] if worst >= 0 else None
 
 
-def tool_uses(result: "Result", before: Side, after: Side) -> tuple[ToolUse, ...]:
+def tool_uses(
+    result: "Result", before: Side, after: Side, reasons: RowReasons
+) -> tuple[ToolUse, ...]:
     """Each tool that cuts in each of its operations, in the order of the program."""
-    binds, uses = row_bindings(result), []
+    f_z, uses = _commanded(result, before, after), []
     found = [one for one in tool_ranges(result) if one[3].any()]
     for tool, known, why, mine in sorted(found, key=lambda one: int(np.argmax(one[3]))):
         rows, now = np.flatnonzero(mine), np.zeros(len(after.cut.tool), dtype=np.bool_)
         now[result.answer.rows[rows]] = True
+        kept = reasons.why_both(rows)
         uses.append(ToolUse(
             tool=tool, name=result.job.cut.tools[tool].name,
             operation=_operation(result, int(rows[0])),
@@ -106,10 +107,27 @@ def tool_uses(result: "Result", before: Side, after: Side) -> tuple[ToolUse, ...
             after=tool_totals(after.of.found, tool, now),
             feed_per_tooth_range_mm=known.feed_per_tooth_mm,
             cutting_speed_range_m_min=known.cutting_speed_m_min,
-            range_source=known.source, kept=_kept(result, rows, why),
-            binds=longest_binding(binds, after.time, rows),
+            range_source=known.source, kept=kept and (why or kept),
+            binds=longest_binding(reasons.binds, after.time, rows[~reasons.kept[rows]]),
+            no_faster=None if kept else reasons.why_no_faster(rows),
+            rise=_rise(result.moves.line, *f_z, rows),
         ))  # fmt: skip
     return tuple(uses)
+
+
+def _rise(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows) -> FeedRise | None:
+    """Where among rows the feed per tooth rose most; None where it rose by no more than rounding.
+
+    Of rows that rose alike it is the one that ends highest.
+    """
+    ratio = np.divide(after[rows], before[rows], out=np.ones(len(rows)), where=before[rows] > 0)
+    worst = rows[np.lexsort((after[rows], np.round(ratio, 3)))[-1]]
+    if not after[worst] > (1 + LEAST_RISE) * before[worst]:
+        return None
+    return FeedRise(
+        line=int(lines[worst]), before_mm=figure(float(before[worst])) or 0.0,
+        after_mm=figure(float(after[worst])) or 0.0,
+    )  # fmt: skip
 
 
 def _operation(result: "Result", row: int) -> str:
@@ -119,28 +137,19 @@ def _operation(result: "Result", row: int) -> str:
     return OPERATIONS[code].replace("_", " ") if code >= 0 else ""
 
 
-def _kept(result: "Result", rows: Rows, why: str) -> str | None:
-    """Why no F and no S of the rows may change; None where one of them may."""
-    editable, moves = result.problem.editable, result.moves
-    if (editable.block[rows] >= 0).any() or editable.speed[rows].any():
-        return None
-    lines = {f"{moves.files[moves.file[row]]}:{moves.line[row]}" for row in rows.tolist()}
-    reasons = [held.reason for held in editable.held if held.first in lines]
-    return why or "; ".join(reasons) or "none of its F and S words may be changed"
-
-
-def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChange, ...]:
+def feed_changes(
+    result: "Result", before: Side, after: Side, reasons: RowReasons, words: FeedWords
+) -> tuple[FeedChange, ...]:
     """Runs of moves at feed whose F or S changed, in the order of the program."""
-    moves, cut = result.moves, result.before
-    binds, f_z = row_bindings(result), _commanded(result, before, after)
-    per_turn = cut.plan.path.motion == Motion.PER_TURN
+    moves, f_z = result.moves, _commanded(result, before, after)
+    feeds = words.written(before.feed), words.written(after.feed)
     practice = result.problem.practice
     operation = np.zeros(len(moves)) if practice is None else practice.operation
     rows = np.flatnonzero(np.isin(moves.kind, CUTTING) & (moves.length > 0))
     if not len(rows):
         return ()
     keys = np.stack([
-        before.feed, after.feed, before.speed, after.speed, moves.tool, moves.file, per_turn,
+        before.feed, after.feed, before.speed, after.speed, moves.tool, moves.file, words.code,
         operation,
     ])[:, rows]  # fmt: skip
     runs = np.split(rows, np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1)
@@ -153,12 +162,12 @@ def feed_changes(result: "Result", before: Side, after: Side) -> tuple[FeedChang
         changes.append(FeedChange(
             first_line=int(moves.line[run].min()), last_line=int(moves.line[run].max()),
             tool=int(moves.tool[row]), operation=_operation(result, int(row)),
-            feed_unit="mm/rev" if per_turn[row] else "mm/min",
-            feed_before=float(before.feed[row]), feed_after=float(after.feed[row]),
+            feed_unit=words.unit(row),
+            feed_before=float(feeds[0][row]), feed_after=float(feeds[1][row]),
             speed_before=float(before.speed[row]), speed_after=float(after.speed[row]),
             feed_per_tooth_before_mm=figure(float(f_z[0][cutting[0]])) if len(cutting) else None,
             feed_per_tooth_after_mm=figure(float(f_z[1][cutting[0]])) if len(cutting) else None,
-            binds=longest_binding(binds, after.time, cutting),
+            binds=longest_binding(reasons.binds, after.time, cutting),
         ))  # fmt: skip
     return tuple(changes)
 
@@ -178,12 +187,14 @@ def _commanded(result: "Result", before: Side, after: Side) -> tuple[Floats, Flo
     return found[0], found[1]
 
 
-def program_lines(result: "Result", before: Side, after: Side) -> tuple[ProgramLine, ...]:
+def program_lines(
+    result: "Result", before: Side, after: Side, words: FeedWords
+) -> tuple[ProgramLine, ...]:
     """Lines whose words changed, with ``CONTEXT`` lines on either side, in order."""
     pairs = list(_matched(_lines(result.job.program.data), _lines(result.answer.text)))
     differ = np.array([then != now for then, now in pairs], dtype=np.bool_)
     around = np.convolve(differ, np.ones(2 * CONTEXT + 1), mode="same")[: len(pairs)] > 0
-    feeds, speeds = _by_line(result, before, after)
+    feeds, speeds = _by_line(result, before, after, words)
     lines = []
     for index in np.flatnonzero(around).tolist():
         then, now = pairs[index]
@@ -214,12 +225,12 @@ Pairs = dict[int, tuple[float | None, float | None]]
 """Value before and after, by line."""
 
 
-def _by_line(result: "Result", before: Side, after: Side) -> tuple[Pairs, Pairs]:
+def _by_line(result: "Result", before: Side, after: Side, words: FeedWords) -> tuple[Pairs, Pairs]:
     """F of the moves at feed of each line, and S of all, of the row that changed the most."""
     moves, own = result.moves, result.moves.file == 0
     fed = own & np.isin(moves.kind, CUTTING) & (moves.length > 0)
     return (
-        _greatest(moves.line, before.feed, after.feed, fed),
+        _greatest(moves.line, words.written(before.feed), words.written(after.feed), fed),
         _greatest(moves.line, before.speed, after.speed, own & (after.speed > 0)),
     )
 
@@ -301,8 +312,10 @@ def _blank(stock: Stock, found: HeightMap) -> tuple[Corner, Corner]:
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
-def setup_sheet(result: "Result", after: AssessedCut, basis: CutBasis) -> SetupSheet:
-    """Tools, offsets and warnings of the optimised program."""
+def setup_sheet(
+    result: "Result", after: AssessedCut, warnings: tuple[CutWarning, ...]
+) -> SetupSheet:
+    """Tools and offsets of the optimised program, with its warnings."""
     cut, job = result.answer.cut, result.job
     moves, totals = cut.plan.path.moves, {one.tool: one for one in by_tool(after.found)}
     tools = []
@@ -320,7 +333,7 @@ def setup_sheet(result: "Result", after: AssessedCut, basis: CutBasis) -> SetupS
         ))  # fmt: skip
     return SetupSheet(
         tools=tuple(tools), offsets=tuple(_offsets(result)), blank_offset=cut.path.frame.name,
-        warnings=warnings_of(after, basis),
+        warnings=warnings,
     )  # fmt: skip
 
 

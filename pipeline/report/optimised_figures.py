@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from markupsafe import Markup
@@ -12,7 +13,7 @@ from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
 from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
 from pipeline.report.cut.tables import sentence
-from pipeline.report.optimised_tables import limit_name
+from pipeline.report.optimised_tables import KEPT, by_line, limit_name
 from pipeline.schema.part import (
     BlockGroup,
     FrontMember,
@@ -21,6 +22,7 @@ from pipeline.schema.part import (
     OptimisedPart,
     Totals,
 )
+from pipeline.schema.part_sheet import FeedUnit
 
 TOP, HEIGHT, GAP = 42, 130, 34  # px: head, panel, between
 MOST = 450  # columns; the highest load of each is drawn
@@ -33,7 +35,7 @@ LANE, BAR = 31, 10  # px: of what binds: a lane with its name, the bar in it
 UNITS = 1000  # across a viewport
 STEPS = 700  # places along a panel, at most
 PAIRS = 60  # pairs of columns, at most
-FEED_UNITS = ("mm/min", "mm/rev")
+FEED_UNITS = get_args(FeedUnit)
 WORDS_LEGEND = [
     ("l-before", "as programmed", "line"),
     ("l-after", "optimised", "line"),
@@ -157,6 +159,7 @@ def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
 
     None where neither F nor S is known of any group.
     """
+    groups = by_line(groups)
     units = [unit for unit in FEED_UNITS if any(row.feed_unit == unit for row in groups)]
     feeds = [_pair(f"F, {unit}", groups, "feed_{}", unit) for unit in units]
     parts, bottom = _panels([*feeds, _pair("S, rev/min", groups, "speed_{}")], 1.1, _levels)
@@ -217,12 +220,15 @@ def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
 
 def _lanes(groups: Sequence[BlockGroup], top: float) -> tuple[list[Markup], float]:
     """One lane for each limit, marked where it binds; the most frequent first."""
-    binds = [limit_name(row.binds) if row.binds else "" for row in groups]
+    binds = [
+        KEPT if row.kept else f"{limit_name(row.binds)} binds" if row.binds else ""
+        for row in groups
+    ]
     names = sorted({word for word in binds if word}, key=lambda word: (-binds.count(word), word))
     parts: list[Markup] = []
     for name in names:
         here = np.array([word == name for word in binds])
-        parts.append(svg.text(0, top + 12, f"{sentence(name)} binds", "head"))
+        parts.append(svg.text(0, top + 12, sentence(name), "head"))
         parts.append(svg.band(top + 18, BAR, UNITS, [_marks(here)]))
         top += LANE
     return parts, top
@@ -254,6 +260,7 @@ def pairs_figure(
     groups: Sequence[BlockGroup], heads: list[tuple[str, str]], label: str
 ) -> Markup | None:
     """Panels of columns, before beside after; ``heads`` are (head, key with {})."""
+    groups = by_line(groups)
     pairs = [_pair(head, groups, key, of=_sums) for head, key in heads]
     parts, bottom = _panels(pairs, 1.08, _pairs)
     if not parts:

@@ -25,7 +25,8 @@ from pipeline.report.optimised_figures import (
     words_figure,
 )
 from pipeline.report.optimised_path import SCRIPT, path_section
-from pipeline.report.optimised_program import changes_section, setup_section
+from pipeline.report.optimised_program import changes_section
+from pipeline.report.optimised_setup import setup_section, warnings_section
 from pipeline.report.optimised_verdict import aim, key_figures, verdict
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
@@ -46,7 +47,7 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
     status, word, sentences = verdict(part)
     path = path_section(part, sources)
     sections = [
-        verdicts_section(part.verdicts),
+        warnings_section(part.warnings), verdicts_section(part.verdicts),
         changes_section(part, sources), path, _load_section(part, sources),
         _words_section(part, sources), _time_section(part, sources),
         _certainty_section(part, sources), _methods_section(part, sources),
@@ -56,7 +57,7 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
         program=part.program,
         machine=part.machine,
         about=f"For {aim(part)}: {part.stock} in {part.material} on {part.machine}, tools of "
-        f"{part.tool_table}",
+        f"{part.tool_table}{_written_in(part)}",
         origin="simulated" if part.origin == "simulated" else "recorded",
         status=status,
         word=word,
@@ -65,6 +66,13 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
         sections=[section for section in sections if section is not None],
         script=None if path is None else SCRIPT,
     )
+
+
+def _written_in(part: OptimisedPart) -> str:
+    """What is said of the unit of a program in inches."""
+    if part.unit == "mm":
+        return ""
+    return ". F is in inch, as the program writes it (G20); all else is in mm"
 
 
 def _load_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -117,7 +125,7 @@ def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None
         return None
     picture = words_figure(part.groups, f"F and S of the blocks of {part.program}")
     caption = (
-        "F and S of each group of blocks, in the order of the program, and the limit that holds "
+        "F and S of each group of blocks, in the order of their lines, and the limit that holds "
         "it back; groups are drawn equally wide."
     )
     return Section(

@@ -1,12 +1,13 @@
 """Tables of an optimised program: before and after, methods, limits, blocks, front, proof."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
-from pipeline.report.cut.tables import NONE, sentence, share
+from pipeline.report.cut.tables import NONE, sentence, share, spans_of
 from pipeline.schema.limits import Limit, limit_words
 from pipeline.schema.part import (
     Binding,
@@ -18,6 +19,7 @@ from pipeline.schema.part import (
     Side,
     UncertainQuantity,
 )
+from pipeline.schema.part_sheet import FeedChange
 
 Row = tuple[str, str | None, str, str | None, int]
 ROWS: tuple[Row, ...] = (
@@ -30,8 +32,17 @@ ROWS: tuple[Row, ...] = (
 )
 """Name, unit (the currency where None), key, key of the change, digits."""
 LONGEST = 40  # letters of a word
-NAMES = {"as programmed": "chip as it was programmed"}
+NAMES = {
+    "as programmed": "no more feed per tooth than programmed",
+    "change from the program": "greatest change from the program",
+    "feed per tooth": "range of the feed per tooth",
+    "cutting speed": "range of the cutting speed",
+}
 """Limits whose own name says too little beside the others."""
+KEPT = "kept as programmed"
+MOST_SPANS = 6  # stretches of lines that a row names
+LEAST = 5e-3  # share: a smaller change is rounding
+NO_FORCE = 1e-3  # newton: what is less is rounding
 
 
 def limit_name(name: str | None) -> str:
@@ -42,6 +53,75 @@ def limit_name(name: str | None) -> str:
 def figure(value: float | None, digits: int = 3) -> str:
     """A number as it stands in a table; a dash where there is none."""
     return NONE if value is None else number(value, digits)
+
+
+def force(value: float | None) -> str:
+    """A load as it stands in a table: that of teeth in balance is what rounding leaves."""
+    return figure(0.0 if value is not None and abs(value) < NO_FORCE else value)
+
+
+def tool_name(number: int, name: str) -> Cell:
+    """A tool as people name it."""
+    return plain_words(f"T{number} {name}".strip())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Increase:
+    """Changes that are alike, and what of F, S and feed per tooth rose most, by which factor."""
+
+    lines: str
+    one: FeedChange
+    what: str
+    factor: float
+
+
+def increases(changes: Sequence[FeedChange]) -> list[Increase]:
+    """What got faster or thicker, the largest factor first; changes that are alike are one.
+
+    Of a move in air F alone counts.
+    """
+    alike: dict[tuple[object, ...], list[FeedChange]] = {}
+    for one in changes:
+        key = (
+            one.tool, one.operation, one.feed_before, one.feed_after, one.speed_before,
+            one.speed_after, one.binds,
+        )  # fmt: skip
+        alike.setdefault(key, []).append(one)
+    found = []
+    for same in alike.values():
+        one = max(same, key=lambda change: max(_factors(change).values()))
+        what, factor = max(_factors(one).items(), key=lambda pair: pair[1])
+        if factor > 1 + LEAST:
+            found.append(Increase(lines=_spans(same), one=one, what=what, factor=factor))
+    return sorted(found, key=lambda row: (-row.factor, row.one.first_line))
+
+
+def _spans(changes: Sequence[FeedChange]) -> str:
+    lines = (line for one in changes for line in range(one.first_line, one.last_line + 1))
+    spans = spans_of(lines)
+    more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
+    return ", ".join(spans[:MOST_SPANS]) + more
+
+
+def _factors(one: FeedChange) -> dict[str, float]:
+    """Factor of each quantity of a change, those that a chip is made by first."""
+    feed = ratio(one.feed_before, one.feed_after)
+    if one.feed_per_tooth_after_mm is None:
+        return {"F": feed}
+    thicker = ratio(one.feed_per_tooth_before_mm, one.feed_per_tooth_after_mm)
+    return {"fz": thicker, "F": feed, "S": ratio(one.speed_before, one.speed_after)}
+
+
+def ratio(before: float | None, after: float | None) -> float:
+    """1 where one of them is not known or nothing."""
+    return after / before if before and after else 1.0
+
+
+def held_by(row: BlockGroup | Binding) -> str:
+    """What holds blocks in words: the limit, or why they are kept; empty where nothing does."""
+    if row.kept:
+        return f"{KEPT}: {row.kept}"
+    return limit_name(row.limit if isinstance(row, Binding) else row.binds)
 
 
 def change(value: float | None) -> str:
@@ -175,7 +255,7 @@ def binding_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
         return share(row.time_s / total if row.time_s is not None and total else None)
 
     return tabulated("What holds the program back", part.binding, (
-        Column("What binds", lambda row: sentence(limit_name(row.limit))),
+        Column("What binds", lambda row: sentence(held_by(row))),
         Column("blocks", lambda row: figure(row.blocks), ""),
         Column("their time", lambda row: figure(row.time_s), "s"),
         Column("of all", of_all, ""),
@@ -187,24 +267,30 @@ def binding_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 def groups_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Every group of blocks before and after, folded."""
     currency = part.currency or ""
-    return tabulated(f"F and S of {counted(len(part.groups), 'group')} of blocks", part.groups, (
+    rows, main = by_line(part.groups), f"{'in' if part.unit == 'inch' else 'mm'}/min"
+    return tabulated(f"F and S of {counted(len(rows), 'group')} of blocks", rows, (
         Column("Lines", _lines),
         Column("tool", lambda row: f"T{row.tool}"),
-        Column("what binds", lambda row: limit_name(row.binds) if row.binds else NONE),
-        Column("before", lambda row: _feed(row, row.feed_before), "", "F"),
-        Column("after", lambda row: _feed(row, row.feed_after), "", "F"),
+        Column("what binds", lambda row: held_by(row) if row.binds or row.kept else NONE),
+        Column("before", lambda row: _feed(row, row.feed_before, main), main, "F"),
+        Column("after", lambda row: _feed(row, row.feed_after, main), main, "F"),
         Column("before", lambda row: figure(_whole(row.speed_before)), "rev/min", "S"),
         Column("after", lambda row: figure(_whole(row.speed_after)), "rev/min", "S"),
         Column("before", lambda row: figure(row.time_before_s), "s", "Time"),
         Column("after", lambda row: figure(row.time_after_s), "s", "Time"),
         Column("before", lambda row: figure(row.cost_before), currency, "Cost"),
         Column("after", lambda row: figure(row.cost_after), currency, "Cost"),
-        Column("before", lambda row: figure(row.peak_load_before_N), "N", "Peak load"),
-        Column("after", lambda row: figure(row.peak_load_after_N), "N", "Peak load"),
+        Column("before", lambda row: force(row.peak_load_before_N), "N", "Peak load"),
+        Column("after", lambda row: force(row.peak_load_after_N), "N", "Peak load"),
     ), sources, most=MOST_ROWS, folded=True,
-        note="F is in mm/min, or in mm/rev where that stands behind it; where a group had several "
-        "F or S, their mean over its time.",
+        note="F is as the program writes it, with its unit where that is another than in the head; "
+        "where a group had several F or S, their mean over its time.",
     )  # fmt: skip
+
+
+def by_line(groups: Sequence[BlockGroup]) -> list[BlockGroup]:
+    """Groups of blocks in the order of their lines, which subprograms leave."""
+    return sorted(groups, key=lambda row: (row.first_line, row.last_line))
 
 
 def _lines(row: BlockGroup) -> str:
@@ -212,8 +298,8 @@ def _lines(row: BlockGroup) -> str:
     return str(first) if first == last else f"{first}–{last}"
 
 
-def _feed(row: BlockGroup, feed: float | None) -> str:
-    return figure(feed, 4) + (" mm/rev" if row.feed_unit == "mm/rev" else "")
+def _feed(row: BlockGroup, feed: float | None, main: str) -> str:
+    return figure(feed, 4) + ("" if row.feed_unit == main else f" {row.feed_unit}")
 
 
 def _whole(value: float | None) -> int | None:

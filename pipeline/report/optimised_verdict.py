@@ -1,12 +1,17 @@
 """Verdict and key figures of an optimised program, in the words of who cuts the part."""
 
-from pipeline.charts.numbers import NARROW, as_stated, counted, duration, number
-from pipeline.report.cut.tables import share
-from pipeline.report.optimised_tables import change, limit_name
+from collections.abc import Sequence
+
+from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
+from pipeline.report.cut.tables import sentence, share, spans_of
+from pipeline.report.optimised_tables import change, increases, limit_name
 from pipeline.report.standalone_page import doubts
 from pipeline.schema.part import OptimisedPart
 
 LEAST = 0.05  # percent: what is less is no gain
+MOST_SAID = 3  # warnings in the verdict, and stretches of lines of each
+IN_WORDS = {"lead": "lead-ins and lead-outs", "ramping": "ramps", "plunging": "plunges"}
+"""Operations whose own name is no word of a sentence."""
 AIMS = {
     "time": ("least time", "time_percent", "faster"),
     "cost": ("least cost", "cost_percent", "cheaper"),
@@ -26,8 +31,8 @@ def aim(part: OptimisedPart) -> str:
 def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
     """Status, word, and the sentences that a reader needs before anything else."""
     doubtful = doubts(part.verdicts)
-    sentences = [*doubtful, *_gain(part), *_safe(part), *_certain(part), *_binds(part),
-            *_words(part), *_not_known(part)]  # fmt: skip
+    sentences = [*_grave(part), *doubtful, *_first_look(part), *_gain(part), *_safe(part),
+            *_certain(part), *_binds(part), *_words(part), *_not_known(part)]  # fmt: skip
     if not part.proof.same:
         first = part.proof.first or ""
         where = f" First difference: {first}." if first else ""
@@ -35,14 +40,47 @@ def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
         return "failed", "not proved", [said, *sentences]
     if (part.after.beyond or 0) > 0:
         return "failed", "beyond its limits", sentences
+    if any(one.grave for one in part.warnings):
+        return "failed", "look at the warnings", sentences
     if part.interrupted:
         stopped = "It was interrupted: this is the best that was found until then."
         return "attention", "interrupted", [stopped, *sentences]
+    looked_at = "attention" if doubtful or part.warnings else "passed"
     if word := _word(part):
-        return "attention" if doubtful else "passed", word, sentences
+        return looked_at, word, sentences
     if (part.before.beyond or 0) > 0:
-        return "attention" if doubtful else "passed", "inside its limits", sentences
+        return looked_at, "inside its limits", sentences
     return "unknown", "nothing gained", sentences
+
+
+def _grave(part: OptimisedPart) -> list[str]:
+    """Warnings to be seen to before the program is run, without their remedies."""
+    found = []
+    for one in part.warnings[:MOST_SAID]:
+        spans = spans_of(one.lines)
+        where = f" ({_lines(spans[:MOST_SAID])}{', …' * (len(spans) > MOST_SAID)})"
+        found.append(f"{sentence(one.what)}{where if spans else ''}.")
+    return found
+
+
+def _lines(spans: Sequence[str]) -> str:
+    """Stretches of lines in words."""
+    one = len(spans) == 1 and "–" not in spans[0]
+    return f"line{'' if one else 's'} {', '.join(spans)}"
+
+
+def _first_look(part: OptimisedPart) -> list[str]:
+    """Where the cut got heavier most; that none got heavier, where F or S changed."""
+    cuts = [one for one in part.changes if one.feed_per_tooth_after_mm is not None]
+    found = increases(cuts)
+    if not found:
+        return ["No cut has more F, S or feed per tooth than before."] if part.words.total else []
+    first = found[0]
+    whose = ", ".join(filter(None, (f"T{first.one.tool}", first.one.operation)))
+    return [
+        f"Watch {_lines(first.lines.split(', '))} first ({whose}): {first.what} rises most there, "
+        f"×{NARROW}{first.factor:.2f}."
+    ]
 
 
 def _word(part: OptimisedPart) -> str:
@@ -112,11 +150,18 @@ def _binds(part: OptimisedPart) -> list[str]:
     if not rows:
         return []
     first = max(rows, key=lambda row: row.time_s or 0.0)
-    where = f", in {counted(first.blocks, 'block')}"
+    where = f"in {counted(first.blocks, 'block')}"
+    if first.kept:
+        return [f"The longest part of it stays as programmed, {where}: {first.kept}."]
+    if first.limit == "as programmed":
+        names = dict.fromkeys(use.operation for use in part.tools if use.binds == first.limit)
+        said = [IN_WORDS.get(name, name) for name in names if name]
+        which = f" in {joined(said)}" if said else " than programmed"
+        return [f"What holds it back longest: no more feed per tooth{which}, {where}."]
     name = limit_name(first.limit)
     if name == "load limit" and part.certainty is not None:
         name += ", as surely as asked"
-    return [f"What holds it back longest is the {name}{where}."]
+    return [f"What holds it back longest is the {name}, {where}."]
 
 
 def _words(part: OptimisedPart) -> list[str]:

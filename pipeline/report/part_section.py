@@ -9,7 +9,7 @@ from pipeline.charts.tables import Cell, Column, Head, Table, cells, numbers, so
 from pipeline.report import optimised_tables as tables
 from pipeline.report.cut.tables import NONE, share
 from pipeline.report.optimised_figures import load_figures
-from pipeline.report.optimised_program import feeds_table, increases_table
+from pipeline.report.optimised_program import feeds_table, increases_table, ranges_table
 from pipeline.report.optimised_verdict import aim, verdict
 from pipeline.report.part_programs import PartProgram, PartPrograms
 from pipeline.schema.part import OptimisedPart
@@ -52,6 +52,7 @@ def _program(
         cut_table(parts, shelf, one),
         increases_table(part, files),
         feeds_table(part, files),
+        ranges_table(part, files),
         tables.binding_table(part, files),
         tables.methods_table(part, files),
         tables.uncertain_table(part, files),

@@ -1,7 +1,7 @@
 """An optimised part program as it is stored, and its trial cuts on the simulated shop floor.
 
 ``kerf optimise`` and the stage ``optimise`` write :class:`OptimisedPart`, pages read it.  Times are
-in [s], lengths in [mm], loads in [N], shares in [1]; F in [mm/min] or [mm/rev], S in [rev/min].
+in [s], lengths in [mm], loads in [N], shares in [1]; F as the program writes it, S in [rev/min].
 A value that is not known is None.
 """
 
@@ -12,8 +12,15 @@ from typing import Any, Literal
 
 from pipeline.schema.drive import AxisInCut
 from pipeline.schema.limits import CutLimit
-from pipeline.schema.part_sheet import FeedChange, PathTrace, ProgramLine, SetupSheet, ToolUse
-from pipeline.schema.program_cut import NotKnown
+from pipeline.schema.part_sheet import (
+    FeedChange,
+    FeedUnit,
+    PathTrace,
+    ProgramLine,
+    SetupSheet,
+    ToolUse,
+)
+from pipeline.schema.program_cut import CutWarning, NotKnown
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured, unstructured
 from pipeline.schema.verdict import UsedModel
@@ -187,7 +194,7 @@ class BlockGroup:
     tool : int
         Number.
     feed_before, feed_after : float or None
-        F, its mean over time [mm/min], or [mm/rev] by ``feed_unit``.
+        F, its mean over time, in ``feed_unit``.
     speed_before, speed_after : float or None
         S, its mean over time [rev/min].
     time_before_s, time_after_s, cost_before, cost_after : float or None
@@ -196,6 +203,8 @@ class BlockGroup:
         [N].
     binds : str or None
         Limit that binds for the longest; None where none does.
+    kept : str or None
+        Why F and S of all of them stay as programmed; None where one may change.
     """
 
     first_line: int
@@ -203,7 +212,7 @@ class BlockGroup:
     tool: int
     feed_before: float | None
     feed_after: float | None
-    feed_unit: Literal["mm/min", "mm/rev"]
+    feed_unit: FeedUnit
     speed_before: float | None
     speed_after: float | None
     time_before_s: float | None
@@ -213,15 +222,20 @@ class BlockGroup:
     peak_load_before_N: float | None
     peak_load_after_N: float | None
     binds: str | None
+    kept: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Binding:
-    """Blocks that one limit holds back, and their time [s]; ``limit`` None: no limit does."""
+    """Blocks that one limit holds back, and their time [s]; ``limit`` None: no limit does.
+
+    ``kept`` says why, where the blocks are kept as programmed.
+    """
 
     limit: str | None
     blocks: int
     time_s: float | None
+    kept: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,6 +356,9 @@ class OptimisedPart:
 
     Parameters
     ----------
+    warnings : tuple of CutWarning
+        To look at before anything else: what is grave, and tools and registers that do not fit the
+        program; all others are in ``setup``.
     verdicts : tuple of UsedModel
         On the sub-models that its figures rest on; what failed or was not judged first.
     program, machine : str
@@ -398,8 +415,11 @@ class OptimisedPart:
         Of the tool's tip at feed.
     setup : SetupSheet
         Of the machine for this part.
+    unit : str
+        Of length, in which the program writes its feeds.
     """
 
+    warnings: tuple[CutWarning, ...] = ()
     verdicts: tuple[UsedModel, ...] = ()
     program: str
     machine: str
@@ -432,6 +452,7 @@ class OptimisedPart:
     lines: tuple[ProgramLine, ...]
     path: PathTrace | None
     setup: SetupSheet
+    unit: Literal["mm", "inch"] = "mm"
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""

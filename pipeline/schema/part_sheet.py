@@ -1,6 +1,7 @@
 """What an optimised part program shows a person at the machine: tools, changes, path, set-up.
 
-F in [mm/min] or [mm/rev], S in [rev/min], lengths in [mm]; None is what is not known.
+F is in the unit in which the program writes it, S in [rev/min], lengths in [mm]; None is what is
+not known.
 """
 
 from dataclasses import dataclass
@@ -10,6 +11,17 @@ from pipeline.schema.program_cut import CutWarning, ToolTotals
 
 Feed = float | None
 """F in the unit of its row, or a feed per tooth [mm]; None where there is none."""
+FeedUnit = Literal["mm/min", "mm/rev", "in/min", "in/rev", "1/min"]
+"""Unit of F as the program writes it: G21 or G20 with G94, G95 or G93."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedRise:
+    """Line in which the feed per tooth of a tool rose most, as commanded before and after [mm]."""
+
+    line: int
+    before_mm: float
+    after_mm: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +46,10 @@ class ToolUse:
         Why F and S of this tool stay as programmed; None where they may change.
     binds : str or None
         Limit that holds its blocks back for the longest; None where none does.
+    no_faster : str or None
+        Why its S is nowhere above that programmed; None where it is somewhere, or all is kept.
+    rise : FeedRise or None
+        Where its feed per tooth rose most; None where it did not.
     """
 
     tool: int
@@ -46,6 +62,8 @@ class ToolUse:
     range_source: str
     kept: str | None = None
     binds: str | None = None
+    no_faster: str | None = None
+    rise: FeedRise | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +94,7 @@ class FeedChange:
     last_line: int
     tool: int
     operation: str = ""
-    feed_unit: Literal["mm/min", "mm/rev"] = "mm/min"
+    feed_unit: FeedUnit = "mm/min"
     feed_before: float
     feed_after: float
     speed_before: float
@@ -97,7 +115,7 @@ class ProgramLine:
     before, after : str or None
         Its text; ``before`` None where the line was added, ``after`` None where it is the same.
     feed_before, feed_after : float or None
-        F in force in its moves at feed; None without any.
+        F in force in its moves at feed, as the program writes it; None without any.
     speed_before, speed_after : float or None
         S in force in its moves; None without any.
     """

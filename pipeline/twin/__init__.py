@@ -21,6 +21,7 @@ __all__ = [
     "drive_population",
     "program_axes",
     "residual",
+    "setup_warnings",
     "simulation",
     "spindle",
 ]

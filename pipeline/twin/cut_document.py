@@ -32,6 +32,7 @@ from pipeline.twin.cut_cost import cost_of, electricity, tool_life
 from pipeline.twin.cut_limits import cut_limits, cut_warnings
 from pipeline.twin.cut_stability import Stability, stability, stability_lobes
 from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
+from pipeline.twin.setup_warnings import setup_warnings
 
 WORST = 15
 """Number of blocks in the table of those nearest to their limit."""
@@ -180,13 +181,14 @@ def _worst(rows: Sequence[CutBlock]) -> tuple[WorstBlock, ...]:
 
 
 def warnings_of(of: AssessedCut, basis: CutBasis) -> tuple[CutWarning, ...]:
-    """What to look at before the part is cut."""
+    """What to look at before the part is cut, what is grave first."""
     found = of.found
     warnings = cut_warnings(
         found.cut, found.blocks, found.limits, basis.limit_load,
         dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
     )  # fmt: skip
-    return (*warnings, *_worn(by_tool(found)))
+    every = (*setup_warnings(found.cut), *warnings, *_worn(by_tool(found)))
+    return tuple(sorted(every, key=lambda one: not one.grave))
 
 
 def _worn(tools: Sequence[ToolTotals]) -> list[CutWarning]:

@@ -136,7 +136,11 @@ def warned(folder: Path, *changes: tuple[str, str]) -> list[str]:
     lines = done.stdout.splitlines()
     assert "not judged: T2 has no range in the tool table" in lines
     assert "not judged: T3 is not in the tool table" in lines
-    return [line.removeprefix("warning: ") for line in lines if line.startswith("warning")]
+    return [
+        line.removeprefix("warning: ")
+        for line in lines
+        if line.startswith("warning") and "became" not in line
+    ]
 
 
 def test_feeds_and_speeds_that_leave_the_range_of_the_tool_are_warned_of(folder: Path) -> None:
@@ -157,7 +161,11 @@ def test_what_was_outside_before_is_not_warned_of_again(folder: Path) -> None:
         folder, CUTTING.replace("Y5", "Y5 F130").encode(), "--tool-table",
         str(folder / "tools.yaml"),
     )  # fmt: skip
-    warnings = [line for line in done.stdout.splitlines() if line.startswith("warning")]
+    warnings = [
+        line
+        for line in done.stdout.splitlines()
+        if line.startswith("warning") and "became" not in line
+    ]
     assert len(warnings) == 1 and "line 4, T1: F130" in warnings[0]
 
 
@@ -234,7 +242,11 @@ def warned_in_steel(folder: Path, *changes: tuple[str, str]) -> list[str]:
         "not judged: T6 has no range in the tool table, and the catalogue has no row for a "
         f"high-speed steel end mill of 40 mm in {where}, roughing: the catalogue has 6.35 to 32 mm",
     ]
-    return [line.removeprefix("warning: ") for line in lines if line.startswith("warning")]
+    return [
+        line.removeprefix("warning: ")
+        for line in lines
+        if line.startswith("warning") and "became" not in line
+    ]
 
 
 @pytest.mark.parametrize(
@@ -305,3 +317,39 @@ def test_a_material_without_a_table_or_a_file_is_refused(folder: Path) -> None:
     (folder / "tools.yaml").write_text(TOOLS)
     done = check(folder, AFTER, "--tool-table", str(folder / "tools.yaml"), "--material", "cheese")
     assert done.exit_code == 2 and "conf/material/cheese.yaml does not exist" in done.stderr
+
+
+FAST = "T1 M6\nS3000 M3\nG1 X15 F120\nX20 F100\nG95 X30 F0.05\nM30\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("S3000", "S3200"), []),
+        (("S3000", "S13000"), ["line 3, T1 and 2 more lines: S13000 is above 12000 rev/min",
+                               "line 3, T1 and 2 more lines: S3000 became S13000, ×4.33"]),
+        (("F120", "F181"), ["line 3, T1: F120 became F181, ×1.51"]),
+        (("F100", "F49"), ["line 4, T1: F100 became F49, ×0.49"]),
+        (("F120", "F16000"), ["line 3, T1: F16000 mm/min is 16000 mm/min, above 15000",
+                              "line 3, T1: F120 became F16000, ×133"]),
+        (("F0.05", "F5.5"), ["line 5, T1: F5.5 mm/rev is 16500 mm/min, above 15000",
+                             "line 5, T1: F0.05 became F5.5, ×110"]),
+    ],
+)  # fmt: skip
+def test_what_the_machine_does_not_have_and_what_changed_much(
+    folder: Path, change: tuple[str, str], said: list[str]
+) -> None:
+    (folder / "before.nc").write_text(FAST)
+    done = check(folder, FAST.replace(*change).encode(), "--machine", "mill01")
+    assert done.exit_code == 0
+    lines = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    assert len(lines) == len(said)
+    for line, begin in zip(lines, said, strict=True):
+        assert line.startswith(f"warning: {begin}")
+
+
+def test_feeds_in_inches_are_said_in_inches(folder: Path) -> None:
+    before = b"G20\nT1 M6\nS3000 M3\nG1 X1. F10.\nM30\n"
+    (folder / "before.nc").write_bytes(before)
+    done = check(folder, before.replace(b"F10.", b"F20."), "--machine", "mill01")
+    assert "line 4, T1: F10 became F20, ×2, outside of ×0.5 to ×1.5" in done.stdout

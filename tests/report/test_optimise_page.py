@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from optimise_documents import HASHES, group, optimised, part
+from optimise_documents import HASHES, change, group, optimised, part
 
 from pipeline.report.optimised_page import write_optimised_page
 from pipeline.report.optimised_path import SCRIPT
@@ -122,6 +122,38 @@ def test_increases_come_first_the_largest_first_and_no_decrease_among_them(tmp_p
     table = text[text.index("Largest increases") :]
     assert table.index("× 2.50") < table.index("× 1.50") < table.index("× 1.10")
     assert "200 → 500" in table and "0.0400 → 0.100" in table
+
+
+def test_in_air_f_alone_counts_as_an_increase():
+    air = change(2) | {"feed_per_tooth_before_mm": None, "feed_per_tooth_after_mm": None}
+    slower = air | {"feed_before": 3000.0, "feed_after": 2660.0, "speed_after": 3750.0}
+    faster = change(3) | {"feed_before": 200.0, "feed_after": 200.0, "speed_after": 3000.0,
+                          "feed_per_tooth_after_mm": 0.0333}  # fmt: skip
+    found = increases(part(optimised() | {"changes": [slower, air, faster]}).changes)
+    assert [(row.what, round(row.factor, 3)) for row in found] == [("F", 1.5), ("S", 1.2)]
+
+
+def test_long_sources_are_numbered_and_listed_once(tmp_path):
+    document, long = optimised(), "A maker’s catalogue with a very long name, page 17"
+    for use in document["tools"]:
+        use["range_source"] = long
+    text = said(tmp_path, document)
+    assert text.count(long) == 1 and text.count("[1]") == 3
+
+
+def test_a_word_that_changes_nothing_says_so():
+    document = optimised()
+    document["lines"][0] |= {"feed_before": 100.0}
+    assert listing(part(document), []).lines[0].notes[0].startswith("as before")
+
+
+def test_grave_warnings_make_the_verdict(tmp_path):
+    warning = {"what": "rapids go through the material", "do": "Retract further.", "lines": [7, 8],
+               "blocks": 2, "grave": True}  # fmt: skip
+    text = said(tmp_path, optimised() | {"warnings": [warning]})
+    assert "look at the warnings" in text and "36 % cheaper" not in text
+    first = text.index("Rapids go through the material (lines 7–8).")
+    assert first < text.index("The part takes")
 
 
 def test_a_feed_per_tooth_outside_of_its_range_is_marked_and_one_inside_is_not():

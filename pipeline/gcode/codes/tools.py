@@ -2,7 +2,7 @@
 
 from pipeline.gcode.compensation import close_contour
 from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
-from pipeline.gcode.moves import Kind
+from pipeline.gcode.moves import CutterRadius, Kind
 from pipeline.gcode.run import Block, Contour, Jump, Register, Run, Snapshot
 from pipeline.gcode.statements import WordItem
 
@@ -102,10 +102,18 @@ def _radius(run: Run, block: Block, code: int, item: WordItem) -> float:
         return block.need("D", g_code(code), item) * run.state.unit / 2
     number = block.take("D")
     if run.state.dialect == LINUXCNC:
-        tool = run.state.tool if number is None else block.whole("D", number, 0, LARGEST)
-        return run.listed_tool(tool, block, item).radius
-    entry = run.registers.get(run.radius_number, Register())
-    return entry.radius + entry.radius_wear
+        register = run.state.tool if number is None else block.whole("D", number, 0, LARGEST)
+        entry = run.listed_tool(register, block, item)
+        radius = entry.radius
+    else:
+        register = run.radius_number
+        entry = run.registers.get(register, Register())
+        radius = entry.radius + entry.radius_wear
+    run.cutter_radii.append(CutterRadius(
+        word=g_code(code), line=block.line, file=run.state.file, tool=run.state.tool,
+        register=register, radius=radius,
+    ))  # fmt: skip
+    return radius
 
 
 FOOT = 0.3048
