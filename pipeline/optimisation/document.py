@@ -95,7 +95,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         verified=_verified(result),
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
-        notes=(*_chatters(result), *notes(after.of, basis)),
+        notes=(*_chatters(result), *_given_way(result), *notes(after.of, basis)),
         tools=tool_uses(result, before, after, reasons),
         changes=feed_changes(result, before, after, reasons, words),
         lines=program_lines(result, before, after, words),
@@ -120,6 +120,22 @@ def _chatters(result: Result) -> Iterator[str]:
             f"{100 * least[worst]:+.0f} % of its depth from the stability boundary as programmed, "
             f"and no S that it may have keeps {100 * limit:.0f} %: listen for chatter, or measure "
             "the dynamics of the tip"
+        )
+
+
+def _given_way(result: Result) -> Iterator[str]:
+    """A sentence where the least F of the limits gives way to the greatest change."""
+    problem, given = result.problem, result.problem.limits.feed_mm_min
+    if problem.practice is None or given is None:
+        return
+    most = problem.practice.feed_high
+    rows = np.flatnonzero(problem.cuts & (problem.editable.block >= 0) & (most < given[0]))
+    if len(rows):
+        row = int(rows[np.argmin(most[rows])])
+        yield (
+            f"{where(result.moves, row)}: F stays below the {given[0]:g} mm/min that "
+            f"limits.feed_mm_min asks for, at {most[row]:.4g} at most, as in {len(rows) - 1} other "
+            "moves: it may not change by more than practice.change allows; widen one of the two"
         )
 
 
