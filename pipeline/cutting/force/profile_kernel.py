@@ -115,7 +115,8 @@ def _piece(  # type: ignore[no-untyped-def]
 ):
     """Fill the piece of an element between two heights in the material; 1 if it cuts, or 0.
 
-    Of a flat it is what lies between the radii ``inner`` and ``outer``.  ``whole`` says that the heights fill a bin, whose ``middle`` is then their own.
+    Of a flat it is what lies between the radii ``inner`` and ``outer``.  ``whole`` says that the
+    heights fill a bin, whose ``middle`` is then their own.
     """
     if one[PART] == FACE and begin == end:
         if low > begin + FLOOR or high <= begin:

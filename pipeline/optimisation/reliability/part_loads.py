@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement.engagement import engaged_arc
+from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
