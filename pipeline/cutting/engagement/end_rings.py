@@ -2,8 +2,8 @@
 
 The flat part of an end, of a flat end all of it, is known at each angle by two radii between which
 it lies on material.  A ring has the area of the columns that it presses on, so that torque and
-removal rate are those of what is removed, and their mean reach from the axis, so that thrust is that
-of the edge in the material.
+removal rate are those of what is removed, and their mean distance from the axis, so that thrust is
+that of the edge in the material.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class EndRings:
         if self.inner.shape != self.outer.shape or len(self.inner) != len(self.station):
             raise ValueError(
                 f"end rings: {len(self.station)} stations have inner radii of shape "
-                f"{self.inner.shape} and outer ones of {self.outer.shape}: give each one row of both"
+                f"{self.inner.shape}, outer ones of {self.outer.shape}: give each one row of both"
             )
         if (np.diff(self.station) <= 0).any():
             raise ValueError("end rings: the stations must rise")

@@ -164,8 +164,8 @@ class Engagement:
 
     The angles are counted from the direction of feed; a plunge has none and takes +x.  In a plunge
     the sides of a tool cut nothing, only its end is given: a flat end, which has no height, as
-    thick as the map resolves, and where it goes down into a hole the ring of it that cuts.  Material that a flat end presses down in a ramp is in ``volume``
-    alone.
+    thick as the map resolves, and where it goes down over a hole the ring of it that cuts.
+    Material that a flat end presses down in a ramp is in ``volume`` alone.
 
     Engagement over less than a cell across the feed is right on the average of a stretch of several
     cells; a block shorter than that may by chance have no station.

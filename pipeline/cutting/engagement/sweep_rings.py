@@ -2,7 +2,8 @@
 
 A column belongs to the angle that it lies at, but few lie in the 5 degrees of an angle where the
 ring is thin.  So angles are taken together over an arc that is as long all around: the least that
-holds ``COLUMNS`` columns with material about one of them, or half of them where there are fewer.
+holds ``COLUMNS`` columns with material about one of them, or three quarters of all where there are
+fewer.
 A ring thinner than a cell is then shared evenly by teeth that follow one another, while a sickle at
 one side stays there.  The area of the whole ring stays that of its columns, and with it torque and
 removal rate.
@@ -31,8 +32,13 @@ def write_ring(grid, profiles, tool, station, steps, out, n):  # type: ignore[no
         lowest = max(lowest, station.lower[a])
     for a in range(station.lower.shape[0]):
         out.inner[n, a], out.outer[n, a] = station.inner[a], station.outer[a]
-        if profiles.many[tool] == 0:
-            there = out.outer[n, a] > out.inner[n, a]
+        there = out.outer[n, a] > out.inner[n, a]
+        if profiles.many[tool] > 0:
+            # what lies on the flat lies on the tip
+            if there and station.lower[a] < profiles.thick[tool, 0]:
+                station.depth[a] += station.lower[a]
+                station.lower[a] = 0.0
+        else:
             station.lower[a] = lowest if there else 0.0
             station.depth[a] = grid.cell if there else 0.0
 
@@ -50,7 +56,7 @@ def fill_ring(pressed, flat, cell, steps, inner, outer):  # type: ignore[no-unty
         met += pressed[1, a]
     if met == under:
         return False
-    half = _half_arc(pressed[1], min(COLUMNS * steps, 0.5 * met))
+    half = _half_arc(pressed[1], min(COLUMNS * steps, 0.75 * met))
     # share of the flat's area at each angle, and the middle of it in cells
     total = 0.0
     for a in range(bins):

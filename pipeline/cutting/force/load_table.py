@@ -334,8 +334,8 @@ def _station_values(
     angles = tool.flutes * ceil(ANGLES / tool.flutes)
     out = np.empty((len(lower), nodes + 1, COLUMNS))
     station_loads(
-        lower, upper, ring, inner, outer, slope, shape, np.concatenate([law.cutting, law.edge]), power, feeds,
-        tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,
+        lower, upper, ring, inner, outer, slope, shape, np.concatenate([law.cutting, law.edge]),
+        power, feeds, tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,
         np.empty((many.sum(), 7)), np.empty((many.sum(), 2, 5)), np.empty(3), bin_middles(bins),
         piece_buffer(many.sum(), shape, float(upper.max()), bins),
         np.empty((nodes + 2, FINEST * angles, 4)), out,
