@@ -347,6 +347,7 @@ def _loads(cut: Cut, station: int, f_z: float, angles: Floats) -> Floats:
         cut.force_laws[index], cut.tools[index], f_z=f_z, lower=engagement.lower[station],
         upper=engagement.upper[station], angles=angles,
         slope=float(np.clip(engagement.slope[station], -1.0, 1.0)),
+        ring=engagement.rings.of(station),
     )  # fmt: skip
     load: Floats = np.hypot(forces[:, 0], forces[:, 1])
     return load

@@ -35,7 +35,8 @@ class StationArcs:
 def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs:
     """Arcs of the stations of an engagement.
 
-    A plunge cuts all around: 0 to 2 pi, as wide as the tool.
+    A plunge cuts all around: 0 to 2 pi, as wide as the tool, and in a hole around the tool's axis
+    as wide as what it takes off a side of the hole.
     """
     inside = engagement.upper > engagement.lower
     ahead = inside & (np.sin(engagement.angles) > 0)
@@ -44,10 +45,13 @@ def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs
     whole = plunge & (inside.mean(axis=1) > 0.5)
     radius = np.array([tool.radius for tool in tools])[engagement.tool]
     width = np.cos(entry) - np.cos(leave)
+    radial = radius * np.where(whole, 2.0, np.nan_to_num(width))
+    bored = engagement.rings.station[engagement.rings.around_the_axis]
+    radial[bored] = engagement.rings.width[engagement.rings.around_the_axis]
     return StationArcs(
         entry=np.where(whole, 0.0, np.nan_to_num(entry)),
         exit=np.where(whole, 2 * np.pi, np.nan_to_num(leave)),
-        radial=radius * np.where(whole, 2.0, np.nan_to_num(width)),
+        radial=radial,
         thickness=_thickness(engagement, tools, ahead, plunge),
     )
 

@@ -8,6 +8,10 @@ Arcs, helices and spirals become chords.  A chord over the angle d of p(phi) lea
 d^2 max|p''| / 8, and with a radius r that goes linearly with phi |p''| <= sqrt(r^2 + 4 r'^2).
 Where each axis goes as fast as it can, a rapid is a dog-leg: all axes at their speeds until one
 after the other arrives; their acceleration is left out.
+
+The tool's envelope holds while it turns.  Where a boring cycle (G76, G87) has stopped the spindle
+at its angle, the one edge leaves the wall by the cycle's shift, and the rapids of the cycle until
+the spindle turns again are not on the path: that they clear the wall is the program's to see to.
 """
 
 from collections.abc import Mapping, Sequence
@@ -222,7 +226,7 @@ def cutting_path(
     cutting &= ~left_out
     _check_tools(moves, cutting, tools)
     known = np.isin(moves.tool, list(tools))
-    rows = np.flatnonzero(moving & ~left_out & known)
+    rows = np.flatnonzero(moving & ~left_out & known & ~_oriented(moves))
     if not len(rows):
         raise ValueError(nothing_cut_message(moves, reasons))
     first = int(np.argmax(cutting)) if cutting.any() else int(rows[0])
@@ -275,6 +279,20 @@ def _not_computed(
             first = where(moves, int(np.argmax(rows)))
             reasons.append(LeftOutMoves(reason=reason, rows=int(rows.sum()), first=first))
     return left_out, reasons
+
+
+def _oriented(moves: Moves) -> Bools:
+    """Rapids of a block that stops the spindle before them and turns it after them; shape (M,).
+
+    No block of a program does so but one that runs a boring cycle.
+    """
+    turns = np.flatnonzero(moves.kind == Kind.SPINDLE)
+    oriented = np.zeros(len(moves), dtype=bool)
+    for stop, start in zip(turns[:-1].tolist(), turns[1:].tolist(), strict=True):
+        block = slice(stop, start + 1)
+        one = np.ptp(moves.line[block]) == 0 and np.ptp(moves.file[block]) == 0
+        oriented[block] = one and moves.direction[stop] == 0 and moves.direction[start] != 0
+    return oriented & (moves.kind == Kind.RAPID)
 
 
 def _check_tools(moves: Moves, cutting: Bools, tools: Sequence[int]) -> None:

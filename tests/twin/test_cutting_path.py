@@ -208,3 +208,14 @@ def test_what_cannot_be_cut_is_one_sentence(text, said):
 def test_an_offset_that_is_nowhere_is_refused():
     with pytest.raises(ValueError, match=r"'G59' is neither in the set-up nor in the program"):
         path(HEAD + "G1 Z-2 F100\nM30", offset="G59")
+
+
+def test_the_rapids_of_an_oriented_boring_bar_are_not_on_the_path():
+    """G76 leaves the wall with its one edge, not with the envelope of a turning tool."""
+    cycle = "G98 G76 Z-9 R2 Q0.3 F80"
+    found = path(HEAD + f"{cycle}\nX30\nG80\nM5\nG0 Z50\nM3\nM30")
+    assert fed(found) == [[0, 0, -9], [30, 0, -9]]
+    ends = (found.pieces.end[~found.pieces.feed] * 1e3).round(9)
+    assert set(ends[:, 0]) == {0.0, 30.0} and (ends[:, 2] > 0).all()
+    # a rapid with a spindle that M5 has stopped is one that the program is to answer for
+    assert ends[-1, 2] == 50.0

@@ -8,11 +8,12 @@ clockwise; for M4 left and right change places.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.engagement.end_rings import EndRings, whole_ends
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.sweep_workspace import (
     STEPS,
@@ -163,8 +164,8 @@ class Engagement:
 
     The angles are counted from the direction of feed; a plunge has none and takes +x.  In a plunge
     the sides of a tool cut nothing, only its end is given: a flat end, which has no height, as
-    thick as the map resolves.  Material that a flat end presses down in a ramp is in ``volume``
-    alone.
+    thick as the map resolves, and where it goes down over a hole the ring of it that cuts.
+    Material that a flat end presses down in a ramp is in ``volume`` alone.
 
     Engagement over less than a cell across the feed is right on the average of a stretch of several
     cells; a block shorter than that may by chance have no station.
@@ -190,6 +191,8 @@ class Engagement:
         Blocks of the program, B; those without a station cut air.
     resolution : float
         Of the height map [m].
+    rings : EndRings
+        Of the stations whose end goes down over less than its whole flat.
     """
 
     piece: Indices
@@ -204,6 +207,7 @@ class Engagement:
     feed: Bools
     blocks: int
     resolution: float
+    rings: EndRings = field(default_factory=whole_ends)
 
     def __len__(self) -> int:
         return len(self.piece)
@@ -294,6 +298,9 @@ def engage(
         feed=path.feed[piece],
         blocks=int(path.block[-1]) + 1 if len(path) else 0,
         resolution=stock.cell,
+        rings=EndRings(
+            station=np.flatnonzero(columns.ring), inner=columns.inner, outer=columns.outer
+        ),
     )
     return engagement, left
 
@@ -316,7 +323,9 @@ def _sweep(
         many = sweep_path(
             start, end, tool, direction, profiles, grid, counts, station, out, state, bins,
         )  # fmt: skip
-        parts.append([column[:many].copy() for column in out])
+        ringed = out.ring[:many]
+        rings = [radii[:many][ringed] for radii in (out.inner, out.outer)]
+        parts.append([*(column[:many].copy() for column in out[:-2]), *rings])
         if state[PIECE] == len(path):
             break
     whole = [np.concatenate(columns) for columns in zip(*parts, strict=True)]

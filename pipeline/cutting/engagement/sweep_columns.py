@@ -282,6 +282,11 @@ def _press(grid, profiles, tool, segment, counts, bins, along, left, cut):  # ty
         angle = 2.0 * pi - angle
     place = min(int(angle * bins / (2.0 * pi)), bins - 1)
     counts.swept[0, slice_, place] += 1.0
+    if segment.length == 0.0 and r < profiles.flat[tool]:
+        counts.pressed[0, place] += 1.0
+        if cut > SKIN:
+            counts.pressed[1, place] += 1.0
+            counts.pressed[2, place] += grid.cell / r
     if cut > SKIN:
         # a flat end has no height: as thick as the map resolves
         counts.met[0, slice_, place] += profiles.thick[tool, slice_] if many > 0 else grid.cell

@@ -9,6 +9,7 @@ fade over a path length of two cells as long as the path goes on smoothly.
 from math import ceil, exp, floor, sqrt
 
 from pipeline.cutting.engagement.sweep_columns import SKIN, sweep
+from pipeline.cutting.engagement.sweep_rings import write_ring
 from pipeline.cutting.engagement.sweep_workspace import STEPS, LinearSegment
 from pipeline.kernels import compiled
 
@@ -177,7 +178,7 @@ def take_step(grid, profiles, tool, counts, step, plunge, along, length, z, stat
             return n
         scalars[AIR_STEPS] += 1.0
         if scalars[AIR_STEPS] > _GAP or not _thin(station, profiles.radius[tool], grid.cell):
-            return close(profiles, tool, station, out, n)
+            return close(grid, profiles, tool, station, out, n)
         scalars[AIR] += length
         scalars[AIR_HEIGHT] += z
         _add(station.air, counts.swept[step], many)
@@ -185,7 +186,7 @@ def take_step(grid, profiles, tool, counts, step, plunge, along, length, z, stat
     if counts.deepest[step] > 0.0:
         peak = counts.deepest[step]
     if scalars[STEPS_IN] > 0.0 and not _same(station, peak, profiles.radius[tool], grid.cell):
-        n = close(profiles, tool, station, out, n)
+        n = close(grid, profiles, tool, station, out, n)
     # a step in the material is added
     if scalars[STEPS_IN] == 0.0:
         scalars[ALONG], scalars[SHALLOWEST] = along, peak
@@ -201,22 +202,26 @@ def take_step(grid, profiles, tool, counts, step, plunge, along, length, z, stat
         scalars[AIR:] = 0.0
     _add(station.swept, counts.swept[step], many)
     _add(station.met, counts.met[step], many)
+    if plunge:
+        _add(station.pressed, counts.pressed, 3)
     _whole(grid, profiles, tool, plunge, station)
     return n
 
 
 @compiled
-def close(profiles, tool, station, out, n):  # type: ignore[no-untyped-def]
+def close(grid, profiles, tool, station, out, n):  # type: ignore[no-untyped-def]
     """Write the open station, when there is one; returns the number of stations."""
     scalars, many = station.scalars, profiles.many[tool] + 1
     if scalars[STEPS_IN] == 0.0:
         return n
     out.along[n], out.length[n], out.volume[n] = scalars[ALONG], scalars[LENGTH], scalars[VOLUME]
+    write_ring(grid, profiles, tool, station, scalars[STEPS_IN], out, n)
     for a in range(out.lower.shape[1]):
         out.lower[n, a] = station.lower[a]
         out.upper[n, a] = station.lower[a] + station.depth[a]
     scalars[:] = 0.0
     station.swept[:many], station.met[:many], station.air[:many] = 0.0, 0.0, 0.0
+    station.pressed[:] = 0.0
     return n + 1
 
 
@@ -232,8 +237,8 @@ def _whole(grid, profiles, tool, plunge, station):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _add(counts, more, slices):  # type: ignore[no-untyped-def]
-    for k in range(slices):
+def _add(counts, more, rows):  # type: ignore[no-untyped-def]
+    for k in range(rows):
         for a in range(counts.shape[1]):
             counts[k, a] += more[k, a]
 
@@ -339,6 +344,8 @@ def _sweep_piece(  # type: ignore[no-untyped-def]
             max(length, CELLS * grid.cell) if at_once == 1 else length, many, spindle, joined,
         )  # fmt: skip
         _clear(counts, many, profiles.many[tool] + 1)
+        if plunge:
+            counts.pressed[:] = 0.0
         sweep(grid, profiles, tool, segment, counts, bins)
         _settle(grid, profiles, tool, segment, at_once == 1, counts, station, state)
         for step in range(begin, begin + many):
@@ -348,7 +355,7 @@ def _sweep_piece(  # type: ignore[no-untyped-def]
             )  # fmt: skip
         begin, joined = begin + many, True
     state[DONE] = 0
-    return close(profiles, tool, station, out, n)
+    return close(grid, profiles, tool, station, out, n)
 
 
 @compiled

@@ -88,7 +88,9 @@ class SweepCounts(NamedTuple):
     ``swept`` and ``met`` (STEPS, SLICES + 1, F): columns swept, and material in them within the
     slice [m]; ``volume`` (STEPS,) [m^3]; ``deepest`` (STEPS,): greatest depth of a column [m].
     ``cosines`` (F / 2 + 1,): of the limits of the angles, from 1 to below -1; ``starts``: the first
-    angle in each of equal parts of them.
+    angle in each of equal parts of them.  ``pressed`` (3, F): columns under the flat of an
+    end that goes straight down, those of them with material, and of these the sum of a cell over
+    the distance from the axis.
     """
 
     swept: Floats
@@ -97,6 +99,7 @@ class SweepCounts(NamedTuple):
     deepest: Floats
     cosines: Floats
     starts: Ints
+    pressed: Floats
 
 
 class StationAccumulator(NamedTuple):
@@ -107,7 +110,8 @@ class StationAccumulator(NamedTuple):
     ``depth`` and ``lower`` (F,): height engaged at each angle so far, and where it begins [m];
     ``step_depth`` and ``step_lower``: the same of one step; ``mean`` (SLICES + 1, F): to work in;
     ``cosines`` (F / 2 + 1,): of the limits of the front angles; ``scalars``: see ``SCALARS`` in
-    :mod:`pipeline.cutting.engagement.sweep_stations`.
+    :mod:`pipeline.cutting.engagement.sweep_stations`.  ``pressed`` (3, F) as in
+    :class:`SweepCounts`; ``inner`` and ``outer`` (F,): ring of the end [m].
     """
 
     swept: Floats
@@ -122,10 +126,16 @@ class StationAccumulator(NamedTuple):
     mean: Floats
     cosines: Floats
     scalars: Floats
+    pressed: Floats
+    inner: Floats
+    outer: Floats
 
 
 class StationColumns(NamedTuple):
-    """Columns of :class:`pipeline.cutting.engagement.engagement.Engagement`, to be filled."""
+    """Columns of :class:`pipeline.cutting.engagement.engagement.Engagement`, to be filled.
+
+    ``inner`` and ``outer`` hold where ``ring`` does.
+    """
 
     piece: NDArray[np.int32]
     along: Floats
@@ -133,6 +143,9 @@ class StationColumns(NamedTuple):
     volume: Floats
     lower: NDArray[np.float32]
     upper: NDArray[np.float32]
+    ring: NDArray[np.bool_]
+    inner: NDArray[np.float32]
+    outer: NDArray[np.float32]
 
 
 def tool_profiles(tools: Sequence[Tool]) -> ToolProfiles:
@@ -151,8 +164,9 @@ def sweep_counts(bins: int) -> SweepCounts:
     cosines[-1] = -2.0
     starts = np.searchsorted(-cosines[1:-1], -parts, side="left")
     return SweepCounts(
-        np.zeros(shape), np.zeros(shape), np.zeros(STEPS), np.zeros(STEPS), cosines, starts
-    )
+        np.zeros(shape), np.zeros(shape), np.zeros(STEPS), np.zeros(STEPS), cosines, starts,
+        np.zeros((3, bins)),
+    )  # fmt: skip
 
 
 def station_accumulator(bins: int, scalars: int) -> StationAccumulator:
@@ -160,7 +174,8 @@ def station_accumulator(bins: int, scalars: int) -> StationAccumulator:
     counts = [np.zeros((SLICES + 1, bins)) for _ in range(5)]
     angles = [np.zeros(bins) for _ in range(4)]
     mean, cosines = np.zeros((SLICES + 1, bins)), np.cos(np.arange(bins // 2 + 1) * (2 * pi / bins))
-    return StationAccumulator._make([*counts, *angles, mean, cosines, np.zeros(scalars)])
+    ring = np.zeros((3, bins)), np.zeros(bins), np.zeros(bins)
+    return StationAccumulator._make([*counts, *angles, mean, cosines, np.zeros(scalars), *ring])
 
 
 def station_buffer(many: int, bins: int) -> StationColumns:
@@ -168,6 +183,8 @@ def station_buffer(many: int, bins: int) -> StationColumns:
     return StationColumns(
         np.empty(many, np.int32), np.empty(many), np.empty(many), np.empty(many),
         np.empty((many, bins), np.float32), np.empty((many, bins), np.float32),
+        np.empty(many, np.bool_), np.empty((many, bins), np.float32),
+        np.empty((many, bins), np.float32),
     )  # fmt: skip
 
 

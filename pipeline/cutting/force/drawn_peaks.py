@@ -12,6 +12,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.engagement.end_rings import whole_ring
 from pipeline.cutting.force.edge import LIP, bin_middles, edge_shape, motion, piece_buffer
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Bools, Floats
@@ -43,7 +44,10 @@ class EdgeTurn:
     first: NDArray[np.intp]
 
 
-def edge_turn(tool: Tool, lower: ArrayLike, upper: ArrayLike, *, slope: float = 0.0) -> EdgeTurn:
+def edge_turn(
+    tool: Tool, lower: ArrayLike, upper: ArrayLike, *, slope: float = 0.0,
+    ring: tuple[Floats, Floats] | None = None,
+) -> EdgeTurn:  # fmt: skip
     """The pieces of an engagement.
 
     Parameters
@@ -54,6 +58,8 @@ def edge_turn(tool: Tool, lower: ArrayLike, upper: ArrayLike, *, slope: float = 
         Part in the material, as :func:`pipeline.cutting.force.waveform.profile_basis` takes it [m].
     slope : float
         dz / ds of the motion, from -1 (plunge) to 1.
+    ring : tuple of ndarray, optional
+        Inner and outer radii as :func:`pipeline.cutting.force.waveform.profile_basis` takes them.
     """
     from pipeline.cutting.force.edge import divide
     from pipeline.cutting.force.profile_kernel import pieces_of_turn
@@ -71,8 +77,8 @@ def edge_turn(tool: Tool, lower: ArrayLike, upper: ArrayLike, *, slope: float = 
     n = divide(shape, *depth, many, elements, pairs)
     size = len(piece_buffer(many.sum(), shape, depth[1], bins))
     pieces = np.empty((angles * size, 9))
-    pieces_of_turn(low, high, shape, elements[:n], motion(1.0, slope), bin_middles(bins), angles,
-                   pieces, first)  # fmt: skip
+    pieces_of_turn(low, high, *(ring or whole_ring(bins)), shape, elements[:n],
+                   motion(1.0, slope), bin_middles(bins), angles, pieces, first)  # fmt: skip
     return EdgeTurn(tool=tool, pieces=pieces[: first[-1]].copy(), first=first)
 
 

@@ -26,6 +26,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cutting.engagement.end_rings import whole_ring
 from pipeline.cutting.engagement.engagement import Engagement
 from pipeline.cutting.force.edge import (
     LIP,
@@ -214,7 +215,8 @@ def load_table(
     The bottom of a flat end cuts where the motion goes down, as edges from the axis to the rim; a
     drill cuts with its lips.  In full material both take a mean torque of N K_tc f_z D^2 / 8 and a
     thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end, and edge terms for each
-    length of lip; the chisel edge of a drill is not modelled.
+    length of lip; the chisel edge of a drill is not modelled.  In a hole of diameter d the flat of
+    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.
 
     Parameters
     ----------
@@ -303,11 +305,12 @@ def _tools(engagement: Engagement) -> Integers:
 def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.int32]]:
     """Stations that differ, which of them each station is, and their tools."""
     bins = engagement.upper.shape[1]
-    key = np.zeros((len(engagement), 2 * bins + 2), dtype=np.float32)
+    key = np.zeros((len(engagement), 2 * bins + 3), dtype=np.float32)
     there = engagement.upper > engagement.lower
     key[:, :bins] = np.where(there, engagement.lower, 0)
     key[:, bins : 2 * bins] = np.where(there, engagement.upper, 0)
-    key[:, -2], key[:, -1] = engagement.slope, engagement.tool
+    key[:, -3], key[:, -2] = engagement.rings.rows(len(engagement)), engagement.slope
+    key[:, -1] = engagement.tool
     key += np.float32(0.0)  # -0 is 0
     rows = key.view(np.dtype((np.void, key.dtype.itemsize * key.shape[1]))).ravel()
     _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
@@ -323,6 +326,7 @@ def _station_values(
     lower, upper, slope = (
         column[rows] for column in (engagement.lower, engagement.upper, engagement.slope)
     )
+    ring, inner, outer = _rings(engagement, rows)
     power = 1.0 - law.m_c
     feeds = f_z_max * np.linspace(0.0, 1.0, nodes) ** (2 / power)
     many = np.array([LIP, CORNER, 1])
@@ -330,13 +334,23 @@ def _station_values(
     angles = tool.flutes * ceil(ANGLES / tool.flutes)
     out = np.empty((len(lower), nodes + 1, COLUMNS))
     station_loads(
-        lower, upper, slope, shape, np.concatenate([law.cutting, law.edge]), power, feeds,
-        tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,
+        lower, upper, ring, inner, outer, slope, shape, np.concatenate([law.cutting, law.edge]),
+        power, feeds, tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,
         np.empty((many.sum(), 7)), np.empty((many.sum(), 2, 5)), np.empty(3), bin_middles(bins),
         piece_buffer(many.sum(), shape, float(upper.max()), bins),
         np.empty((nodes + 2, FINEST * angles, 4)), out,
     )  # fmt: skip
     return out
+
+
+def _rings(engagement: Engagement, rows: Integers) -> tuple[Integers, Floats, Floats]:
+    """Row of each of some stations in inner and outer radii, of which the first is a whole end."""
+    rings, bins = engagement.rings, engagement.upper.shape[1]
+    inner, outer = (
+        np.concatenate([whole[None], radii.reshape(len(rings.station), bins)])
+        for whole, radii in zip(whole_ring(bins), (rings.inner, rings.outer), strict=True)
+    )
+    return rings.rows(len(engagement))[rows], inner, outer
 
 
 def _loads(f_z: Floats, values: Floats, scale: Floats, exponent: Floats) -> BlockLoads:

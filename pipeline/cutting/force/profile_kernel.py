@@ -44,10 +44,10 @@ WIDTH, CHIP, SINE, COSINE, SIN_KAPPA, COS_KAPPA, ARM, COS_LAG, SIN_LAG = range(9
 
 @compiled
 def profile_forces(  # type: ignore[no-untyped-def]
-    angles, lower, upper, shape, elements, motion, runout, exponent, differences, middles, pieces,
-    out,
+    angles, lower, upper, inner, outer, shape, elements, motion, runout, exponent, differences,
+    middles, pieces, out,
 ):  # fmt: skip
-    """Fill ``out`` of shape (T, 4, 6); ``lower`` and ``upper`` have shape (F,).
+    """Fill ``out`` of shape (T, 4, 6); ``lower``, ``upper``, ``inner``, ``outer`` have shape (F,).
 
     Else as :func:`edge_pieces` and :func:`pipeline.cutting.force.waveform_kernel.window_forces`.
     """
@@ -55,7 +55,8 @@ def profile_forces(  # type: ignore[no-untyped-def]
     for t in range(angles.shape[0]):
         for j in range(teeth):
             tip = angles[t] - TURN * j / teeth
-            n = edge_pieces(tip, lower, upper, shape, elements, motion, middles, pieces)
+            n = edge_pieces(tip, lower, upper, inner, outer, shape, elements, motion, middles,
+                            pieces)  # fmt: skip
             for i in range(n):
                 one = pieces[i]
                 h = piece_chip(one, motion[0], runout, differences[j])
@@ -74,9 +75,12 @@ def piece_chip(one, f_z, runout, differences):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def edge_pieces(tip, lower, upper, shape, elements, motion, middles, pieces):  # type: ignore[no-untyped-def]
+def edge_pieces(  # type: ignore[no-untyped-def]
+    tip, lower, upper, inner, outer, shape, elements, motion, middles, pieces
+):
     """Fill ``pieces`` of shape (n, 9) with those of an edge at an angle that cut; their number.
 
+    ``inner`` and ``outer`` (F,) are radii of the part of a flat that has material below;
     ``middles`` of shape (F, 2) holds sine and cosine of the middles of the bins; else as
     :func:`pipeline.cutting.force.waveform_kernel.window_forces`.
     """
@@ -87,8 +91,8 @@ def edge_pieces(tip, lower, upper, shape, elements, motion, middles, pieces):  #
         if one[LAG_FROM] == one[LAG_TO]:
             k = floor((tip - one[LAG_FROM]) * per_bin) % bins
             if upper[k] > lower[k]:
-                n += _piece(tip, one, one[Z_FROM], one[Z_TO], lower[k], upper[k], shape, motion,
-                            middles[k], False, pieces[n])  # fmt: skip
+                n += _piece(tip, one, one[Z_FROM], one[Z_TO], lower[k], upper[k], inner[k],
+                            outer[k], shape, motion, middles[k], False, pieces[n])  # fmt: skip
             continue
         begin = tip - max(one[LAG_FROM], one[LAG_TO])
         end = tip - min(one[LAG_FROM], one[LAG_TO])
@@ -100,21 +104,27 @@ def edge_pieces(tip, lower, upper, shape, elements, motion, middles, pieces):  #
             whole = one[PART] == SIDE and low >= begin and high <= end
             z = (tip - max(low, begin)) / shape[LAG] + shape[FACE_HEIGHT]
             z_end = (tip - min(high, end)) / shape[LAG] + shape[FACE_HEIGHT]
-            n += _piece(tip, one, min(z, z_end), max(z, z_end), lower[k], upper[k], shape, motion,
-                        middles[k], whole, pieces[n])  # fmt: skip
+            n += _piece(tip, one, min(z, z_end), max(z, z_end), lower[k], upper[k], inner[k],
+                        outer[k], shape, motion, middles[k], whole, pieces[n])  # fmt: skip
     return n
 
 
 @compiled
-def _piece(tip, one, begin, end, low, high, shape, motion, middle, whole, out):  # type: ignore[no-untyped-def]
+def _piece(  # type: ignore[no-untyped-def]
+    tip, one, begin, end, low, high, inner, outer, shape, motion, middle, whole, out
+):
     """Fill the piece of an element between two heights in the material; 1 if it cuts, or 0.
 
-    ``whole`` says that the heights fill a bin, whose ``middle`` is then their own.
+    Of a flat it is what lies between the radii ``inner`` and ``outer``.  ``whole`` says that the
+    heights fill a bin, whose ``middle`` is then their own.
     """
     if one[PART] == FACE and begin == end:
         if low > begin + FLOOR or high <= begin:
             return 0
-        p, out[WIDTH] = 0.5 * (one[FROM] + one[TO]), one[TO] - one[FROM]
+        begin, end = max(one[FROM], inner), min(one[TO], outer)
+        if not end > begin:
+            return 0
+        p, out[WIDTH] = 0.5 * (begin + end), end - begin
     else:
         whole &= begin >= low and end <= high
         begin, end = max(begin, low), min(end, high)
@@ -142,14 +152,15 @@ COLUMNS = FORCE + 6
 
 @compiled
 def station_loads(  # type: ignore[no-untyped-def]
-    lower, upper, slope, shape, law, exponent, feeds, runout, differences, many, elements, pairs,
-    motion, middles, pieces, forces, out,
+    lower, upper, ring, inner, outer, slope, shape, law, exponent, feeds, runout, differences, many,
+    elements, pairs, motion, middles, pieces, forces, out,
 ):  # fmt: skip
     """Fill ``out`` of shape (S, K + 1, COLUMNS), the loads of S stations at K feeds and beyond.
 
     Feeds are those where u is 0, 1, 4, 9, ... of its unit; 0 stands for a feed just above it.  The
     last row goes on from the one before as fast as loads can rise with u.  ``lower`` and ``upper``
-    have shape (S, F), ``slope`` (S,), ``law`` (6,), ``feeds`` (K,) [m]; ``forces`` of shape
+    have shape (S, F), ``ring`` (S,) is the row of each in ``inner`` and ``outer`` (E, F), ``slope``
+    has (S,), ``law`` (6,), ``feeds`` (K,) [m]; ``forces`` of shape
     (K + 2, A, 4) is for the angles of the tip, A a multiple of FINEST times the teeth; ``many``,
     ``elements`` and ``pairs`` as :func:`pipeline.cutting.force.edge.divide`, ``motion`` of
     (3,), ``middles`` and ``pieces`` as :func:`edge_pieces`.
@@ -178,7 +189,8 @@ def station_loads(  # type: ignore[no-untyped-def]
             forces[last + 1 :, :pitch] = 0.0
         for a in range(angles):
             tip = 2 * pi * (a + 0.5) / angles
-            m = edge_pieces(tip, low, high, shape, elements[:n], motion, middles, pieces)
+            m = edge_pieces(tip, low, high, inner[ring[station]], outer[ring[station]], shape,
+                            elements[:n], motion, middles, pieces)  # fmt: skip
             _without_runout(pieces[:m], law, exponent, cut[a % pitch], edge[a % pitch])
             if runout > 0.0:
                 _with_runout(pieces[:m], law, exponent, feeds, runout, differences, a,
@@ -308,7 +320,9 @@ def look_up(f_z, values, scale, exponent, out):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def pieces_of_turn(lower, upper, shape, elements, motion, middles, angles, pieces, first):  # type: ignore[no-untyped-def]
+def pieces_of_turn(  # type: ignore[no-untyped-def]
+    lower, upper, inner, outer, shape, elements, motion, middles, angles, pieces, first
+):
     """Fill ``pieces`` with those at each of A angles of a tip, ``first`` of shape (A + 1,).
 
     ``pieces`` is large enough for A times the pieces of :func:`edge_pieces`; else as there.
@@ -317,8 +331,8 @@ def pieces_of_turn(lower, upper, shape, elements, motion, middles, angles, piece
     n = 0
     for a in range(angles):
         first[a] = n
-        n += edge_pieces(2 * pi * (a + 0.5) / angles, lower, upper, shape, elements, motion,
-                         middles, pieces[n : n + size])  # fmt: skip
+        n += edge_pieces(2 * pi * (a + 0.5) / angles, lower, upper, inner, outer, shape, elements,
+                         motion, middles, pieces[n : n + size])  # fmt: skip
     first[angles] = n
 
 

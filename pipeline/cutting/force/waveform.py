@@ -28,6 +28,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.cutting.engagement.end_rings import whole_ring
 from pipeline.cutting.force.edge import (
     bin_middles,
     edge_elements,
@@ -116,6 +117,7 @@ def torque_basis(
 def profile_basis(
     tool: Tool, *, f_z: float, lower: ArrayLike, upper: ArrayLike, angles: ArrayLike,
     m_c: float = 0.0, slope: float = 0.0, slices: int = 2 * SLICES,
+    ring: tuple[Floats, Floats] | None = None,
 ) -> Floats:  # fmt: skip
     """Forces and torque for each coefficient at one station of an engagement.
 
@@ -136,6 +138,9 @@ def profile_basis(
         dz / ds of the motion, from -1 (plunge) to 1.
     slices : int
         Into which the edge's corner and side are divided each, besides by bins.
+    ring : tuple of ndarray, optional
+        Inner and outer radii of the part of a flat end that has material below at each angle, two
+        of shape (F,) [m]; all of it by default.
 
     Returns
     -------
@@ -165,8 +170,9 @@ def profile_basis(
         depth = (max(float(low[there].min()), 0.0), float(high[there].max()))
         elements, _ = edge_elements(tool, depth, slope=slope, slices=slices)
         shape = edge_shape(tool)
-        profile_forces(theta, low, high, shape, elements, motion(f_z, slope), tool.runout,
-                       1.0 - m_c, radius_differences(tool), bin_middles(len(low)),
+        profile_forces(theta, low, high, *(ring or whole_ring(len(low))), shape, elements,
+                       motion(f_z, slope), tool.runout, 1.0 - m_c, radius_differences(tool),
+                       bin_middles(len(low)),
                        piece_buffer(len(elements), shape, depth[1], len(low)), out)  # fmt: skip
     return out
 
@@ -188,7 +194,7 @@ def waveform(
 
 def profile_waveform(
     law: ForceLaw, tool: Tool, *, f_z: float, lower: ArrayLike, upper: ArrayLike, angles: ArrayLike,
-    slope: float = 0.0, slices: int = 2 * SLICES,
+    slope: float = 0.0, slices: int = 2 * SLICES, ring: tuple[Floats, Floats] | None = None,
 ) -> Floats:  # fmt: skip
     """F_x, F_y, F_z [N] and torque [N m] at one station; shape (T, 4).
 
@@ -196,7 +202,7 @@ def profile_waveform(
     """
     each = profile_basis(
         tool, f_z=f_z, lower=lower, upper=upper, angles=angles, m_c=law.m_c, slope=slope,
-        slices=slices,
+        slices=slices, ring=ring,
     )  # fmt: skip
     return cast(Floats, each @ np.concatenate([law.cutting, law.edge]))
 

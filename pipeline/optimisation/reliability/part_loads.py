@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement.engagement import engaged_arc
+from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
@@ -183,7 +183,7 @@ def _greatest_of(kind: NDArray[np.int64], load: Floats) -> Rows:
 
 
 def _kinds(cut: Cut, stations: Rows) -> NDArray[np.int64]:
-    """Features that stations of one class share; shape (N, 7)."""
+    """Features that stations of one class share; shape (N, 8)."""
     engagement = cut.engagement
     lower, upper = engagement.lower[stations], engagement.upper[stations]
     height = np.where(upper > lower, upper - lower, 0.0).astype(np.float64)
@@ -199,8 +199,16 @@ def _kinds(cut: Cut, stations: Rows) -> NDArray[np.int64]:
         engagement.slope[stations] / ALIKE_SLOPE,
         np.sign(engagement.slope[stations]),  # a flat end cuts on its way down only
         np.log(many) / np.log(ALIKE_DEPTH),
+        _ring_widths(engagement)[stations],
     )
     return np.round(np.stack(columns, axis=1)).astype(np.int64)
+
+
+def _ring_widths(engagement: Engagement) -> Floats:
+    """Width of each station's ring, in steps of ``ALIKE_DEPTH``; 0 where its end is whole."""
+    widths, rings = np.zeros(len(engagement)), engagement.rings
+    widths[rings.station] = np.log(np.maximum(rings.width, 1e-9)) / np.log(ALIKE_DEPTH)
+    return widths
 
 
 class ToolDraws(NamedTuple):
@@ -328,7 +336,8 @@ def _fill(
     nominal = np.concatenate([law.cutting, law.edge])[np.newaxis]
     offset = tool.runout * np.array([[np.cos(tool.runout_angle), np.sin(tool.runout_angle)]])
 
-    turn = edge_turn(tool, lower, upper, slope=slope)
+    ring = engagement.rings.of(station)
+    turn = edge_turn(tool, lower, upper, slope=slope, ring=ring)
     expected[:] = drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
     out[:] = drawn_peaks(turn, drawn.coefficients, drawn.offsets, f_z, m_c=law.m_c)
     reach = float(np.abs(drawn.depth).max(initial=0.0))
@@ -336,7 +345,7 @@ def _fill(
         return
     depths = np.linspace(-reach, reach, DEPTHS)
     turns = (
-        edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope)
+        edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope, ring=ring)
         for depth in depths.tolist()
     )
     shifted = np.stack([drawn_peaks(t, nominal, offset, f_z, m_c=law.m_c)[:, 0] for t in turns])
@@ -348,7 +357,7 @@ def deeper(lower: Floats, upper: Floats, depth: float, slope: float = 0.0) -> tu
     """Heights in the material of a tool that stands deeper by ``depth`` [m]; no arc changes.
 
     What lies on the tool's tip stays there, for the material below is as much as before; on its way
-    down a tool's end stays in the material at any depth.
+    down a tool's end stays in the material at any depth, and over a hole its ring stays as wide.
     """
     there = upper > lower
     least = SKIN if slope < 0 else 0.0
