@@ -100,6 +100,7 @@ class _Course:
         self.practice, self.editable = self._practice()
         self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
+        self.editable = self._passes_joined()
         check_axes_known(job.models.drives, job.limits)
         self.feed_cap = np.full(len(self.moves), np.inf)
 
@@ -144,8 +145,16 @@ class _Course:
         editable = editable_blocks(
             self.program, self.moves, practice.kept_feed, practice.kept_speed
         )
-        editable = speeds_between_cuts(editable, self.moves.kind)
-        return practice, one_feed_each_pass(editable, practice.passes)
+        return practice, speeds_between_cuts(editable, self.moves.kind)
+
+    def _passes_joined(self) -> Editable:
+        """What may change, with one F for each pass but where the load asks for less."""
+        if self.practice is None:
+            return self.editable
+        passes = self.practice.passes
+        if self.f_z is not None:
+            passes = np.where(self.f_z < self.before.commanded_feed_per_tooth(), -1, passes)
+        return one_feed_each_pass(self.editable, passes)
 
     def _settled(
         self, problem: Problem, solve: Callable[[Problem], tuple[Decision, Front | None]]

@@ -88,7 +88,7 @@ class Grouping(Ranged, section="grouping"):
     """
 
     least_block_s: Annotated[float, Range(least=0.0, most=3600.0, unit="s")] = 0.05
-    least_gain: Share = 5e-4
+    least_gain: Share = 1e-4
     least_speed_gain: Share = 5e-3
     speeds: Literal["blocks", "own"] = "blocks"
     split: bool = False

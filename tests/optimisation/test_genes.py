@@ -24,7 +24,7 @@ LIMITS = {"paper": PAPER, "free": FREE}
 @cache
 def shares_of(limits: str, seed: int) -> tuple[Problem, Decision, BoundedGenes]:
     problem = zigzag_problem(seed, LIMITS[limits])
-    start = blockwise_optimum(problem, "cost", Grouping(least_gain=1e-4, least_speed_gain=1e-4))
+    start = blockwise_optimum(problem, "cost", Grouping(least_speed_gain=1e-4))
     return problem, start, BoundedGenes.of(problem, start)
 
 

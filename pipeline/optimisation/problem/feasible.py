@@ -193,7 +193,7 @@ def problem_of(
     """
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
-    bounds = bounds_of(cut, blocks, limits, f_z_load, practice)
+    bounds = bounds_of(cut, blocks, limits, editable, f_z_load, practice)
     ranges = ranges_of(cut, limits, editable, basis.drive, practice, bounds.high)
     life = tool_life(cut, blocks, arcs, basis.material)
     problem = Problem(
@@ -220,7 +220,9 @@ def with_load(problem: Problem, f_z_load: Floats) -> Problem:
 
     Stability lobes are not computed again.
     """
-    bounds = bounds_of(problem.cut, problem.blocks, problem.limits, f_z_load, problem.practice)
+    bounds = bounds_of(
+        problem.cut, problem.blocks, problem.limits, problem.editable, f_z_load, problem.practice
+    )  # fmt: skip
     other = replace(problem, bounds=bounds, demand=problem.demand.with_bounds(bounds))
     _check(other, load_limited=True)
     return other

@@ -26,6 +26,7 @@ from pipeline.optimisation.problem.arrays import (
     Editable,
     Practice,
     Ranges,
+    Rows,
     feeds_per_minute,
 )
 from pipeline.schema.arrays import Bools, Floats
@@ -45,8 +46,8 @@ LEAST_FEED = 0.1
 
 
 def bounds_of(
-    cut: Cut, blocks: CutBlocks, limits: CutLimit, f_z_load: Floats | None = None,
-    practice: Practice | None = None,
+    cut: Cut, blocks: CutBlocks, limits: CutLimit, editable: Editable,
+    f_z_load: Floats | None = None, practice: Practice | None = None,
 ) -> Bounds:  # fmt: skip
     """Bounds of each row of a cut.
 
@@ -58,6 +59,8 @@ def bounds_of(
         Its K blocks.
     limits : CutLimit
         Of the part.
+    editable : Editable
+        Rows that share an F: the least of a range gives way to what any of them may take.
     f_z_load : ndarray, shape (M,), optional
         Feed for each tooth that the load limit allows [m]; by default that of the load table.
     practice : Practice, optional
@@ -95,10 +98,21 @@ def bounds_of(
             practice.f_z_high,
             practice.f_z_change,
         )
-        gives_way = np.minimum(practice.f_z_low, SOFT * most.min(axis=0))
+        allowed = least_of_blocks(editable.block, np.where(cuts, most.min(axis=0), np.inf))
+        gives_way = np.minimum(practice.f_z_low, SOFT * allowed)
         least = np.maximum(least, np.where(cuts, gives_way, 0.0))
     most[:, ~cuts] = np.inf
     return Bounds(most=most, least=least, torque=torque)
+
+
+def least_of_blocks(block: Rows, values: Floats) -> Floats:
+    """Least value of the rows that share an F, in each of them; shape (M,)."""
+    rows = np.flatnonzero(block >= 0)
+    least = np.full(int(block.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(least, block[rows], values[rows])
+    out = values.copy()
+    out[rows] = least[block[rows]]
+    return out
 
 
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
@@ -286,7 +300,8 @@ def ranges_of(
         if f_z_high is not None:
             teeth = np.array([tool.flutes for tool in cut.tools] or [0])[cut.tool]
             allowed = np.minimum(f_z_high, 1.0) * teeth * cut.plan.spindle_speed / MM
-            least = np.where(cuts, np.minimum(least, GIVES_WAY * allowed), least)
+            allowed = least_of_blocks(editable.block, np.where(cuts, allowed, np.inf))
+            least = np.minimum(least, GIVES_WAY * allowed)
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
         surface_low = np.maximum(surface_low, practice.surface_low)
