@@ -196,7 +196,7 @@ def test_rapids_alone_go_through_the_material(project: Path) -> None:
     (project / "part.nc").write_text(text)
     done = kerf(project, "simulate", "part.nc", *CUT, "--json", "c.json", "--page", "p.html")
     assert done.exit_code == 0, done.output
-    assert "warning: rapids go through the material, 1 block, line 8. Retract" in done.stdout
+    assert "WARNING: rapids go through the material, 1 block, line 8. Retract" in done.stdout
     (project / "part.nc").write_text(text.replace("G0 Z-2.", "G0 Z2."))
     assert "no move cuts" in refused(project, "simulate", "part.nc", *CUT)
 

@@ -178,10 +178,11 @@ def test_what_did_not_pass_stands_at_the_top_of_page_json_and_lines(
     )
     part = replace(
         optimise_documents.part(optimise_documents.optimised()),
-        verdicts=used_models(verdicts, SETTINGS),
-    )
+        verdicts=used_models(verdicts, SETTINGS), warnings=(),
+    )  # fmt: skip
     values = json.loads(json.dumps(part_values(part)))
-    assert next(iter(values)) == "verdicts" and values["verdicts"][0]["submodel"] == name
+    assert list(values)[:2] == ["warnings", "verdicts"]
+    assert values["verdicts"][0]["submodel"] == name
     assert part_of(values) == part
     lines = list(optimise_lines(part))
     assert lines[1].startswith(f"WARNING: {name} {status}: ")
@@ -193,6 +194,7 @@ def test_what_did_not_pass_stands_at_the_top_of_page_json_and_lines(
 
 def test_a_part_all_of_whose_models_passed_has_no_doubt() -> None:
     part = optimise_documents.part(optimise_documents.optimised())
+    part = replace(part, warnings=(), setup=replace(part.setup, warnings=()))
     verdicts = used_models({one: verdict(one, "passed", 1.0) for one in FIGURES}, SETTINGS)
     page = optimised_page(replace(part, verdicts=verdicts), [])
     assert page.status == optimised_page(part, []).status == "passed"
