@@ -116,10 +116,10 @@ def _chatters(result: Result) -> Iterator[str]:
         rows = np.flatnonzero((least < limit) & (problem.cut.tool == number))
         worst = int(rows[np.argmin(least[rows])])
         yield (
-            f"{where(result.moves, worst)}: T{problem.cut.numbers[number]} is cut "
-            f"{100 * least[worst]:+.0f} % of its depth from the stability boundary as programmed, "
-            f"and no S that it may have keeps {100 * limit:.0f} %: listen for chatter, or measure "
-            "the dynamics of the tip"
+            f"{where(result.moves, worst)}: as programmed, chatter is predicted for "
+            f"T{problem.cut.numbers[number]} from {100 * (1 + least[worst]):.0f} % of its depth "
+            f"on, and no S that it may have keeps the margin of {100 * limit:.0f} %: listen, "
+            "or measure the dynamics of the tip"
         )
 
 

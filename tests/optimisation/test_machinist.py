@@ -182,7 +182,9 @@ def test_what_chatters_as_programmed_may_stay() -> None:
     """
     read = optimised(SLOTS)
     document, rows = read.document, read.rows
-    assert any("from the stability boundary as programmed" in note for note in document["notes"])
+    assert any(
+        "as programmed, chatter is predicted for T1 from" in note for note in document["notes"]
+    )
     after, before = document["after"], document["before"]
     assert after["time_s"] < before["time_s"]
     drilled = rows.in_cut & (rows.tool == 2)
