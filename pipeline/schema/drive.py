@@ -203,6 +203,9 @@ class DriveAxis:
         None where no mass is determined or the sampling is too slow.
     presliding_stiffness : float or None
         Of friction before it slides [N/m]; None where the records do not determine it.
+    presliding_time_s : float or None
+        In which friction lets go of a standing axis, to 1/e [s]; None where the records do not
+        determine it: it holds.
     """
 
     command_unit: str
@@ -218,6 +221,7 @@ class DriveAxis:
     servo_fit: FitFacts | None = None
     recursive_mass: RecursiveMass | None = None
     presliding_stiffness: float | None = None
+    presliding_time_s: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

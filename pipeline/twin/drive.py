@@ -379,6 +379,8 @@ class IdentifiedDrive:
     presliding_stiffness : float or None
         Of its friction before it slides [N/m]; None where the records do not determine it, and
         friction that sticks holds exactly.
+    presliding_time : float or None
+        In which friction lets go of a standing axis, to 1/e [s]; None where it holds.
     """
 
     feed_drive: FeedDriveParameters
@@ -389,6 +391,7 @@ class IdentifiedDrive:
     bandwidth_Hz: float | None = None
     delay: float = 0.0
     presliding_stiffness: float | None = None
+    presliding_time: float | None = None
 
 
 def read_drives(path: Path) -> dict[str, IdentifiedDrive]:
@@ -428,4 +431,5 @@ def identified_drive(axis: DriveAxis) -> IdentifiedDrive:
         servo=servo, command_unit=axis.command_unit, force_unit=axis.force_unit,
         servo_reason=axis.servo_reason, bandwidth_Hz=axis.fit.bandwidth_Hz,
         delay=axis.fit.delay_s or 0.0, presliding_stiffness=axis.presliding_stiffness,
+        presliding_time=axis.presliding_time_s,
     )  # fmt: skip

@@ -143,7 +143,9 @@ def followed(
 
         push = np.zeros(len(fine)) if load is None else load
         position, command = np.empty(len(fine)), np.empty(len(fine))
-        presliding_trace(fine, push, row, drive.presliding_stiffness, period, position, command)
+        loss = 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
+        spring = (drive.presliding_stiffness, loss)
+        presliding_trace(fine, push, row, spring, period, position, command)
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
     return AxisFollowing(

@@ -8,7 +8,10 @@ damping term).  Sliding, the friction is that of :mod:`pipeline.machine.axis.fri
 It matters where an axis stands under a load: friction that sticks exactly holds the load for ever,
 while a spring gives way by some micrometres, so that the integral of the velocity loop takes the
 load over; and small oscillations about a standstill, as of passing teeth, wear the spring's force
-off.  Servo and mass are those of :mod:`pipeline.twin.drive`.
+off.  So does what shakes an axis that is held in position and nothing else (noise of its encoders,
+the torque's ripple, machines beside it): slowly, within seconds, as the deflection's own loss z' =
+v - sigma |v| z / g(v) - z / T; the command of a standing axis falls with it.  Servo and mass are
+those of :mod:`pipeline.twin.drive`.
 """
 
 from math import exp, expm1
@@ -30,7 +33,7 @@ _LAG_V, _LAG_REF = int(DriveColumn.VELOCITY_LAG), int(DriveColumn.POSITION_LAG)
 
 
 @compiled
-def presliding_trace(reference, load, row, stiffness, period, position, command):  # type: ignore[no-untyped-def]
+def presliding_trace(reference, load, row, spring, period, position, command):  # type: ignore[no-untyped-def]
     """Fill position [m] and command [A] of an axis at T samples of its servo, from rest.
 
     Parameters
@@ -39,8 +42,9 @@ def presliding_trace(reference, load, row, stiffness, period, position, command)
         Commanded position [m], force against positive motion [N].
     row : (21,) array
         :class:`pipeline.machine.axis.feed_drive.DriveColumn`.
-    stiffness : float
-        sigma, of friction before it slides [N/m].
+    spring : tuple of two floats
+        sigma, the stiffness of friction before it slides [N/m], and the rate at which the
+        deflection of an axis that stands is lost [1/s].
     period : float
         From sample to sample [s].
     position, command : (T,) arrays
@@ -48,6 +52,7 @@ def presliding_trace(reference, load, row, stiffness, period, position, command)
     """
     share_v = -expm1(-period / row[_LAG_V]) if row[_LAG_V] > 0.0 else 1.0
     share_ref = -expm1(-period / row[_LAG_REF]) if row[_LAG_REF] > 0.0 else 1.0
+    stiffness, loss = spring
     mass, constant, offset = row[_MASS], row[_FORCE], row[_OFFSET]
     x, v, z, seen, v_ref = reference[0], 0.0, 0.0, 0.0, 0.0
     integral = offset / constant / row[_I] if row[_I] > 0.0 else 0.0
@@ -68,7 +73,7 @@ def presliding_trace(reference, load, row, stiffness, period, position, command)
         side = _UP if v > 0.0 else _DOWN
         level = row[side] + (row[side + 1] - row[side]) * exp(-((v / row[side + 2]) ** 2))
         level = max(level, 1e-9)
-        z = (z + period * v) * level / (level + period * stiffness * abs(v))
+        z = (z + period * v) * level / (level + period * (stiffness * abs(v) + loss * level))
         force = constant * drawn - offset - load[k] - stiffness * z
         v_next = (v + period / mass * force) / (1.0 + period / mass * row[side + 3])
         x += 0.5 * period * (v + v_next)

@@ -1,4 +1,4 @@
-"""Records of a servo tuning tool: strokes, circles, a program, load and speed steps, and truth.
+"""Records of a servo tuning tool: strokes, standstills, circles, a program, steps, and truth.
 
 Files have a head, names, units, rows, and faults, in the format of two makers: ``plain`` (point,
 comma, seconds, ``X_PosAct``) and ``bracketed`` (milliseconds, ``APOS(X)``, decimal comma when the
@@ -43,10 +43,14 @@ CIRCLES = {20.0: (20.0, 60.0), 80.0: (50.0, 150.0)}
 """Feeds [mm/s] of the circles by their diameter [mm]."""
 REVOLUTIONS = 1.25
 """Length of each circular motion, in revolutions."""
+STOPS = (31.0, 53.0, -31.0, -53.0)
+"""Strokes before the standstills [mm]."""
+HOLD = 5.0
+"""Length of a standstill [s]."""
 LOADED = "XZ"
 """Axes that are pushed against."""
 CREEP = 15.0
-"""Feed while an axis is pushed [mm/s]."""
+"""Feed while an axis is pushed, and before a standstill [mm/s]."""
 PUSH = (250.0, 1100.0)
 """Least and greatest force of a push [N]."""
 SETTLED = 0.03
@@ -146,6 +150,7 @@ class Session:
 def _sessions(parameters: ShopParameters) -> Iterator[Session]:
     for letter in parameters.drives.axes:
         yield _reciprocation(letter, parameters)
+        yield _standstill(letter, parameters)
     bounds, frequency = parameters.control.path_bounds, _frequency(parameters)
     for diameter, feeds in CIRCLES.items():
         x, y = commands.circles(diameter, feeds, REVOLUTIONS, bounds, frequency)
@@ -168,6 +173,13 @@ def _reciprocation(letter: str, parameters: ShopParameters) -> Session:
     moves = commands.reciprocation(speeds, limits.rapid / 60, limits.bounds, lead)
     command = commands.travel(moves, limits.bounds, _frequency(parameters))
     return Session(name=f"reciprocation-{letter}", commands={letter: command})
+
+
+def _standstill(letter: str, parameters: ShopParameters) -> Session:
+    bounds = getattr(parameters.control, letter.lower()).bounds
+    moves = [Move(length=length, speed=CREEP, pause=HOLD) for length in STOPS]
+    command = commands.travel(moves, bounds, _frequency(parameters))
+    return Session(name=f"standstill-{letter}", commands={letter: command})
 
 
 def _program(parameters: ShopParameters) -> Session:

@@ -27,7 +27,7 @@ from pipeline.submodels.drive.motor import MotorFit, identify_motor
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
-from pipeline.submodels.drive.servo.presliding import PreslidingFit, identify_presliding
+from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, identify_presliding
 from pipeline.twin.drive import identified_drive
 
 if TYPE_CHECKING:
@@ -180,9 +180,8 @@ def stored_axis(
         fit=replace(_facts(fit), delay_s=_known(fit.delay)),
         servo_fit=None if servo is None else _facts(servo),
         recursive_mass=None if mass is None else _recursive_mass(mass),
-        presliding_stiffness=(
-            _significant(spring.stiffness) if spring is not None and spring.determined else None
-        ),
+        presliding_stiffness=_determined(None if spring is None else spring.stiffness),
+        presliding_time_s=_determined(None if spring is None else spring.time),
     )  # fmt: skip
     drive = identified_drive(axis)
     shown = [one for one in recordings if one.trained and letter in one.axes]
@@ -209,8 +208,7 @@ def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parame
         fits.append(found.servos[letter])
     known = {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
     if letter in found.presliding:
-        unit = found.feed_drives[letter].force_unit
-        known["presliding_stiffness"] = found.presliding[letter].parameter(unit)
+        known |= found.presliding[letter].parameters(found.feed_drives[letter].force_unit)
     return known
 
 
@@ -296,6 +294,10 @@ def _recursive_mass(mass: "MassTrace") -> RecursiveMass:
 def _significant(value: float) -> float:
     """To five significant digits."""
     return float(f"{value:.5g}")
+
+
+def _determined(found: Estimate | None) -> float | None:
+    return None if found is None or not found.determined else _significant(found.value)
 
 
 def _known(value: float) -> float | None:

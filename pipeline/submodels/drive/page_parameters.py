@@ -52,6 +52,7 @@ MEANINGS = {
     "velocity_feedforward": "share of the commanded speed that is fed forward",
     "acceleration_feedforward": "command for the commanded acceleration",
     "presliding_stiffness": "stiffness of friction before it slides",
+    "presliding_time": "time in which friction lets go of a standing axis",
     "position_lag": "time by which the position loop acts late",
     "velocity_lag": "time by which the velocity loop acts late",
     "backlash": "play between the screw and the carriage",
