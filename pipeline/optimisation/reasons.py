@@ -151,7 +151,8 @@ class RowReasons:
             return "cutting speed or life of the edge is at its limit"
         if (ranges.speed_high[free] * AT <= self.spindle_speed[free]).any():
             return "S is at the spindle’s top speed, or at the end of its range"
-        return "a higher one gains nothing"
+        least = 100 * self.result.job.settings.grouping.least_speed_gain
+        return f"no higher one saves {least:g} % of the part"
 
     def _own(self, rows: Rows) -> Floats:
         own: Floats = self.own_speed[rows] * ROUNDED

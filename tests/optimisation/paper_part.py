@@ -6,7 +6,7 @@ machine is one of the shop floor, which knows more of cutting than the twin (siz
 wear, runout, sharpness, axes that lag); what the twin knows of it comes from its dynamometer alone.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,9 @@ from pipeline.parameters import structure
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.limits import CutLimit
-from pipeline.schema.model import Model
 from pipeline.schema.part import Objective
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import Verdict
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.parameters import (
     ChannelMode,
@@ -49,10 +50,15 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
-from pipeline.submodels.cases import Roles, role_of
-from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
-from pipeline.submodels.cutting.recordings import read_recordings
-from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
+from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.cutting.settings import (
+    CuttingFitSettings,
+    CuttingLimits,
+    CuttingRecords,
+    CuttingSetup,
+)
+from pipeline.submodels.cutting.submodel import SUBMODEL, Judging
+from pipeline.submodels.judge import judge
 from pipeline.twin.cut import CutJob
 from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
 from pipeline.twin.cut_document import CutBasis
@@ -159,11 +165,19 @@ TRIAL = TrialJob(
 )  # fmt: skip
 
 
-def paper_knowledge(folder: Path) -> CuttingModel:
+@dataclass(frozen=True)
+class Knowledge:
+    """What the twin knows of the machine's cut, and the verdict on it."""
+
+    model: CuttingModel
+    verdict: Verdict
+
+
+def paper_knowledge(folder: Path) -> Knowledge:
     """The machine's cut, from its dynamometer's recordings written to ``folder``.
 
-    Runout belongs to a mounting and wear to an edge: those of the recordings are not those of the
-    parts to come.
+    It is judged on those that its fit did not see: another depth, another speed.  Runout belongs to
+    a mounting and wear to an edge: those of the recordings are not those of the parts to come.
     """
     raw, signals = folder / "raw", folder / "signals"
     write_dynamometer(raw, MACHINE)
@@ -181,31 +195,41 @@ def paper_knowledge(folder: Path) -> CuttingModel:
                   "dynamometer/slot-n5000f600ap1.csv", "dynamometer/down-n5000*"),
     )  # fmt: skip
     settings = CuttingFitSettings(compare=False)
-    recordings = read_recordings(
-        signals, records, known, settings, lambda name: role_of([name], roles)
-    )
-    with threadpool_limits(1):  # small matrices: threads cost more than they save
-        found = identify_cutting_force(recordings, known, settings)
-    head = Model(
-        submodel="cutting", machine=identity.name, origin=identity.origin, parameters={},
-        trained_on=(),
+    judging = Judging(
+        identity=identity, roles=roles, cutting=known, cutting_records=records,
+        cutting_fit=settings, cutting_limits=CuttingLimits(),
     )  # fmt: skip
-    return cutting_model(head, found, known, settings, None)
+    read = Records(raw=raw, signals=signals)
+    cases = SUBMODEL.cases(read, judging)
+    with threadpool_limits(1):  # small matrices: threads cost more than they save
+        model = SUBMODEL.fit(cases, judging, folder)
+        write_json(model, folder / "model.json")
+        found = judge(
+            model, SUBMODEL.load(folder, judging), cases, SUBMODEL.targets(judging, model),
+            sets=None, files=read.files,
+        )  # fmt: skip
+    return Knowledge(model, found.verdict)
 
 
 def paper_job(
-    objective: Objective, knowledge: CuttingModel | None = None,
+    objective: Objective, knowledge: Knowledge | None = None,
     settings: OptimisationSettings | None = None,
 ) -> Job:  # fmt: skip
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
     table = _table()
     material = _conf("material/A6061.yaml", Material)
     coefficients = tool_coefficients(
-        table.tools, MATERIAL, material, identified_coefficients(knowledge)
+        table.tools,
+        MATERIAL,
+        material,
+        identified_coefficients(None if knowledge is None else knowledge.model),
     )
     return Job(
         program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP,
-        models=MachineModels(control=CONTROL, cutting=knowledge),
+        models=MachineModels(
+            control=CONTROL, cutting=None if knowledge is None else knowledge.model,
+            verdicts={} if knowledge is None else {"cutting": knowledge.verdict},
+        ),
         cut=CutJob(
             stock=stock_of(STOCK), tools=table.tools,
             force_laws={number: one.law for number, one in coefficients.items()}, resolution=0.1e-3,

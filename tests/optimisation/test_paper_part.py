@@ -61,7 +61,7 @@ def test_its_machine_takes_as_long_and_loads_the_tool_below_the_limit(cut, parts
 @pytest.mark.proof
 def test_what_is_identified_of_its_machine_holds_the_truth(tmp_path):
     """Every interval that is told; the law's load in a slot is the shop's truth to 5 %."""
-    model = paper_knowledge(tmp_path / "known")
+    model = paper_knowledge(tmp_path / "known").model
     recorded = write_dynamometer(tmp_path / "again", MACHINE)
     true = dynamometer_truth(MACHINE.cutting, recorded)["parameters"]
     told = {k: v for k, v in model.coefficients.items() if k in true and v.determined}

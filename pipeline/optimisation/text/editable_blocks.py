@@ -191,6 +191,7 @@ def _speed_places(
     starts = (moves.kind == Kind.SPINDLE) & (moves.direction != 0)
     may &= speed.sets | line_runs.any(starts | (moves.length > 0))[speed.run]
     may &= ~moves.constant_surface_speed[speed.row] & (speed.own == np.rint(speed.own))
+    may = _certain_after(speed, may)
     everywhere = np.ones(len(moves), dtype=np.bool_)
     reasons: list[tuple[str, Bools]] = [
         (SELF, everywhere & words.reads_itself),
@@ -213,6 +214,15 @@ def _speed_places(
         )
     )
     return may, reasons
+
+
+def _certain_after(speed: ModalWords, may: Bools) -> Bools:
+    """``may`` without lines with ``/`` before one that takes no word: it would not know its S."""
+    certain, ends = may.copy(), speed.sets & ~speed.optional
+    for k in range(len(may) - 2, -1, -1):
+        if speed.optional[k] and not (certain[k + 1] or ends[k + 1]):
+            certain[k] = False
+    return certain
 
 
 def _until_a_start(keeps: Bools, may: Bools) -> Bools:
