@@ -38,6 +38,17 @@ def of_size(tool: Tool, diameter: float) -> Tool:
     return replace(tool, diameter_mm=diameter)
 
 
+def inside(
+    result: CuttingRange, feed: tuple[float, float], speed: tuple[float, float]
+) -> bool:  # fmt: skip
+    """Whether both ranges are known and lie within others [mm], [m/min]."""
+    f_z, v_c = result.feed_per_tooth_mm, result.cutting_speed_m_min
+    return (
+        f_z is not None and v_c is not None
+        and feed[0] <= f_z[0] < f_z[1] <= feed[1] and speed[0] <= v_c[0] < v_c[1] <= speed[1]
+    )  # fmt: skip
+
+
 def found(tool: Tool, material: str, operation: Operation) -> CuttingRange:
     result = CATALOGUE.lookup(tool, MATERIALS[material], operation)
     assert result is not None, CATALOGUE.why_not(tool, MATERIALS[material], operation)
@@ -131,9 +142,7 @@ def test_ranges_are_those_of_the_tables(
 ) -> None:  # fmt: skip
     """Inside of a band that other tables than the row's own support where the comment says so."""
     result = found(tool, material, operation)
-    assert result.feed_per_tooth_mm is not None and result.cutting_speed_m_min is not None
-    assert feed[0] <= result.feed_per_tooth_mm[0] < result.feed_per_tooth_mm[1] <= feed[1]
-    assert speed[0] <= result.cutting_speed_m_min[0] < result.cutting_speed_m_min[1] <= speed[1]
+    assert inside(result, feed, speed)
     assert result.source
 
 
@@ -164,10 +173,7 @@ def test_ranges_of_harder_materials_and_of_tools_for_holes(
     """Inside of a band that other tables than the row's own support where the comment says so."""
     of_group = replace(C45, iso=group[0], group=int(group[1:]))
     result = CATALOGUE.lookup(tool, of_group, operation)
-    assert result is not None
-    assert result.feed_per_tooth_mm is not None and result.cutting_speed_m_min is not None
-    assert feed[0] <= result.feed_per_tooth_mm[0] < result.feed_per_tooth_mm[1] <= feed[1]
-    assert speed[0] <= result.cutting_speed_m_min[0] < result.cutting_speed_m_min[1] <= speed[1]
+    assert result is not None and inside(result, feed, speed)
 
 
 @pytest.mark.parametrize("material", sorted(MATERIALS))
