@@ -126,13 +126,17 @@ def ran(project: Path, words: tuple[str, ...], most: int | None = None) -> tuple
 
 
 def contents(project: Path, command: Written) -> dict[str, bytes | None]:
-    """Bytes of the outputs; None where there is no file."""
+    """Bytes of the outputs; None where there is no file.
+
+    What a run that was killed has begun beside them is none.
+    """
+    begun = unfinished(project)
     found: dict[str, bytes | None] = {}
     for name in command.outputs:
         path = project / name
         if path.is_dir():
             found |= {str(p.relative_to(project)): p.read_bytes()
-                      for p in path.rglob("*") if p.is_file()}  # fmt: skip
+                      for p in path.rglob("*") if p.is_file() and p not in begun}  # fmt: skip
         else:
             found[name] = path.read_bytes() if path.exists() else None
     return found
