@@ -96,7 +96,8 @@ def range_lines(
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))
     (_, old), (program, new) = (moves_of(path, setup) for path in (before, after))
-    known = set(in_force(old, np.arange(len(old))))
+    lines = len(old) == len(new)
+    known = set(in_force(old, np.arange(len(old)), lines=lines))
     known_speeds = {speed_of(key) for key in known}
     told = told_operations(program, new, tools).code
     written = FeedWords(program, new).written(new.feed)
@@ -104,7 +105,7 @@ def range_lines(
     rows = _cuts(new)
     said: set[str] = set()
     silent: set[tuple[int, str]] = set()
-    for row, key in zip(rows.tolist(), in_force(new, rows), strict=True):
+    for row, key in zip(rows.tolist(), in_force(new, rows, lines=lines), strict=True):
         number = int(new.tool[row])
         limits = limits_of(number, OPERATIONS[told[row]])
         if limits.why_not:
@@ -169,9 +170,13 @@ def _cuts(moves: Moves) -> Rows:
     return np.flatnonzero(plain & ~runs.taps[runs.of] & (moves.tool >= 0))
 
 
-def in_force(moves: Moves, rows: Rows) -> Iterator[tuple[float, ...]]:
-    """File, line, tool, F and S of rows."""
-    columns = (moves.file, moves.line, moves.tool, moves.feed, moves.speed)
+def in_force(moves: Moves, rows: Rows, *, lines: bool = True) -> Iterator[tuple[float, ...]]:
+    """File, line, tool, F and S of rows; without ``lines`` all stand in line 0.
+
+    Where points are put in, the lines of two programs are not each other's.
+    """
+    line = moves.line if lines else np.zeros_like(moves.line)
+    columns = (moves.file, line, moves.tool, moves.feed, moves.speed)
     return zip(*(column[rows].tolist() for column in columns), strict=True)
 
 

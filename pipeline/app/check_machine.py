@@ -112,13 +112,16 @@ def _far(old: Moves, new: Moves, rows: tuple[Bools, Bools], words: FeedWords) ->
 
 
 def _changed(old: Moves, new: Moves, rows: Bools, *, speed: bool = False) -> Bools:
-    """Which of some rows have an F, or an S, that no row of their line had before; shape (M,)."""
-    out = np.zeros(len(new), dtype=np.bool_)
-    known = set(in_force(old, np.arange(len(old))))
+    """Which of some rows have an F, or an S, that no row of their line had before, or
+    no row of their tool where points are put in; shape (M,).
+    """
+    out, lines = np.zeros(len(new), dtype=np.bool_), len(old) == len(new)
+    known = set(in_force(old, np.arange(len(old)), lines=lines))
     if speed:
         known = {speed_of(key) for key in known}
     chosen = np.flatnonzero(rows)
-    out[chosen] = [(speed_of(key) if speed else key) not in known for key in in_force(new, chosen)]
+    keys = in_force(new, chosen, lines=lines)
+    out[chosen] = [(speed_of(key) if speed else key) not in known for key in keys]
     return out
 
 

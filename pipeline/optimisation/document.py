@@ -29,7 +29,7 @@ from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, Totals, write_part
-from pipeline.schema.program_cut import NotKnown
+from pipeline.schema.program_cut import CutWarning, NotKnown
 from pipeline.schema.store import write_bytes
 from pipeline.twin.cut_document import assessed, not_known, notes, warnings_of
 from pipeline.twin.cut_tables import figure, summary
@@ -66,7 +66,10 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     words = FeedWords(reasons.program, result.moves)
     warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut)
     return OptimisedPart(
-        warnings=tuple(one for one in warnings if one.grave or one in odd),
+        warnings=(
+            *_chatters(result),
+            *(one for one in warnings if one.grave or one in odd),
+        ),
         verdicts=used_models(job.models.verdicts, job.settings.certainty),
         program=job.program.name.rpartition("/")[2],
         machine=machine,
@@ -95,7 +98,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         verified=_verified(result),
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
-        notes=(*_chatters(result), *_given_way(result), *notes(after.of, basis)),
+        notes=(*_given_way(result), *notes(after.of, basis)),
         tools=tool_uses(result, before, after, reasons),
         changes=feed_changes(result, before, after, reasons, words),
         lines=program_lines(result, before, after, words),
@@ -105,8 +108,8 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     )
 
 
-def _chatters(result: Result) -> Iterator[str]:
-    """One sentence for each tool that is predicted to chatter as programmed, at any S it may have.
+def _chatters(result: Result) -> Iterator[CutWarning]:
+    """One for each tool that misses the margin of stability as programmed, at any S it may have.
 
     Its F and S come no nearer to chatter than they were.
     """
@@ -115,11 +118,18 @@ def _chatters(result: Result) -> Iterator[str]:
     for number in np.unique(problem.cut.tool[least < limit]).tolist():
         rows = np.flatnonzero((least < limit) & (problem.cut.tool == number))
         worst = int(rows[np.argmin(least[rows])])
-        yield (
-            f"{where(result.moves, worst)}: as programmed, chatter is predicted for "
-            f"T{problem.cut.numbers[number]} from {100 * (1 + least[worst]):.0f} % of its depth "
-            f"on, and no S that it may have keeps the margin of {100 * limit:.0f} %: listen, "
-            "or measure the dynamics of the tip"
+        margin = 100 * float(least[worst])
+        near = (
+            f"chatter is predicted from {100 + margin:.0f} % of its depth on" if margin < 0
+            else f"its depth is {margin:.0f} % below that of chatter"
+        )  # fmt: skip
+        yield CutWarning(
+            what=f"T{problem.cut.numbers[number]} as programmed: {near}, "
+            f"{where(result.moves, worst)}, and no S that it may have keeps the margin of "
+            f"{100 * limit:.0f} %",
+            do="Listen, or measure the dynamics of the tip.",
+            lines=tuple(dict.fromkeys(result.moves.line[np.sort(rows)].tolist())),
+            blocks=len(rows),
         )
 
 

@@ -343,7 +343,10 @@ class _Course:
         return [self._written(problem, one) for one in (*found[:1], direct, *found[1:])]
 
     def _written(self, problem: Problem, method: Method) -> Method:
-        """A method with the objectives of its F and S rounded as words are."""
+        """A method with the objectives of its F and S rounded as words are.
+
+        What it keeps is not asked again: F is rounded down, S by less than a word shows.
+        """
         if method.decision is None:
             return method
         decision = written_feeds(problem, method.decision)

@@ -152,7 +152,7 @@ class RowReasons:
         if (ranges.speed_high[free] * AT <= self.spindle_speed[free]).any():
             return "S is at the spindle’s top speed, or at the end of its range"
         least = 100 * self.result.job.settings.grouping.least_speed_gain
-        return f"no higher one saves {least:g} % of the part"
+        return f"no higher one that keeps its limits saves {least:g} % of the part"
 
     def _own(self, rows: Rows) -> Floats:
         own: Floats = self.own_speed[rows] * ROUNDED

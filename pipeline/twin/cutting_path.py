@@ -9,8 +9,8 @@ d^2 max|p''| / 8, and with a radius r that goes linearly with phi |p''| <= sqrt(
 Where each axis goes as fast as it can, a rapid is a dog-leg: all axes at their speeds until one
 after the other arrives; their acceleration is left out.
 
-The tool's envelope holds while it turns.  Where a boring cycle (G76, G87) has stopped the spindle
-at its angle, the one edge leaves the wall by the cycle's shift, and the rapids of the cycle until
+The tool's envelope holds while it turns.  Where a boring cycle (G76, G86, G87) has stopped
+the spindle, after G76 and G87 with its one edge off the wall by the cycle's shift, its rapids until
 the spindle turns again are not on the path: that they clear the wall is the program's to see to.
 """
 

@@ -28,8 +28,8 @@ def _without_radius(cut: Cut) -> Iterator[CutWarning]:
         yield CutWarning(
             what=f"{words} of T{number} takes D{register}, which is 0 or not given: the path is "
             f"followed as if the tool had no radius, and the tool table says {size} mm",
-            do=f"Give setup.tools.{register} of the machine’s file diameter: {size}; leave it "
-            "where the program holds the path of the tool’s centre.",
+            do=f"Enter {size} mm as the diameter of D{register} in the machine’s file (setup); "
+            "leave it where the program holds the path of the tool’s centre.",
             lines=tuple(dict.fromkeys(one.line for one in found)),
         )
 

@@ -182,9 +182,8 @@ def test_what_chatters_as_programmed_may_stay() -> None:
     """
     read = optimised(SLOTS)
     document, rows = read.document, read.rows
-    assert any(
-        "as programmed, chatter is predicted for T1 from" in note for note in document["notes"]
-    )
+    first = document["warnings"][0]["what"]
+    assert first.startswith("T1 as programmed: chatter is predicted from")
     after, before = document["after"], document["before"]
     assert after["time_s"] < before["time_s"]
     drilled = rows.in_cut & (rows.tool == 2)

@@ -9,8 +9,9 @@ The limit of a class at a speed is that of semi-discretisation
 (:mod:`pipeline.cutting.stability.semi_discretisation`), which sees flip lobes, and is computed when
 it is first asked for and then kept, so that a program, its optimisation and the program that comes
 out of it compute it once.  It is looked for up to four times the depth of the class: no margin is
-above :data:`MOST`, and a class that does not reach half the least depth of the zero-order solution
-is not looked at.  Of a measured frequency response the modes are fitted first
+above :data:`MOST`, and a class that does not reach the share
+:data:`~pipeline.cutting.stability.semi_discretisation.BELOW` of the depth that harmonics of the cut
+bound is not looked at.  Of a measured frequency response the modes are fitted first
 (:mod:`pipeline.cutting.stability.modal_fit`).  One case is left to the zero-order solution: speeds
 so low that hundreds of waves lie within a cut; there its least depth of all speeds counts.
 

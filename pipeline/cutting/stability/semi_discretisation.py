@@ -284,7 +284,7 @@ def least_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
 
 
 def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
-    """Depth at which no speed chatters [m]: 1 / (2 max |eig(A_r G)|) over harmonics r of A.
+    """Depth below which hardly any speed chatters [m]: 1 / (2 max |eig(A_r G)|), harmonics r of A.
 
     The regeneration is twice the displacement at most.  The mean of A (r = 0) alone does not bound
     the depth: where it changes its sign, harmonics drive two modes, or one mode at two frequencies.

@@ -8,10 +8,10 @@ damping term).  Sliding, the friction is that of :mod:`pipeline.machine.axis.fri
 It matters where an axis stands under a load: friction that sticks exactly holds the load for ever,
 while a spring gives way by some micrometres, so that the integral of the velocity loop takes the
 load over; and small oscillations about a standstill, as of passing teeth, wear the spring's force
-off.  So does what shakes an axis that is held in position and nothing else (noise of its encoders,
+off. So does what shakes an axis that is held in position and nothing else (noise of its encoders,
 the torque's ripple, machines beside it): slowly, within seconds, as the deflection's own loss z' =
-v - sigma |v| z / g(v) - z / T; the command of a standing axis falls with it.  Servo and mass are
-those of :mod:`pipeline.twin.drive`.
+v - sigma |v| z / g(v) - z / T; the command of a standing axis falls with it. A feed feels it below
+g / (sigma T) alone, some um/s. Servo and mass are those of :mod:`pipeline.twin.drive`.
 """
 
 from math import exp, expm1

@@ -115,25 +115,32 @@ def identify_presliding(
         return None
     stiffnesses = np.geomspace(level / DEFLECTIONS[0], level / DEFLECTIONS[1], TRIED)
     row = drive_row(servo, screw)
-    times, loss, found = np.geomspace(*TIMES, TRIED), 0.0, None
+    times, loss = np.geomspace(*TIMES, TRIED), 0.0
+    found: list[PreslidingFit] = []
     # in turn, each with what is known of the other: their curves lie nearly across each other
-    for _ in range(ROUNDS):
+    while len(found) < ROUNDS:
         springs = [(one, loss) for one in stiffnesses.tolist()]
         stiffness = _nearest(shown, axis, row, springs, stiffnesses, widest)
         if stiffness is None:
             return None
         springs = [(stiffness.value, 1.0 / one) for one in times.tolist()]
         time = _nearest(shown, axis, row, springs, times, widest)
-        before, found = found, PreslidingFit(stiffness=stiffness, time=time)
-        if time is None or not time.determined or _same(before, found):
+        found.append(PreslidingFit(stiffness=stiffness, time=time))
+        if time is None or not time.determined:
             break
+        if len(found) > 1 and _same(found[-2], found[-1]):
+            return found[-1]
         loss = 1.0 / time.value
-    return found
+    # without a time that holds the stiffness is that of friction that holds
+    time = found[-1].time
+    return PreslidingFit(
+        stiffness=found[0].stiffness, time=None if time is None else time._replace(determined=False)
+    )
 
 
-def _same(before: PreslidingFit | None, found: PreslidingFit) -> bool:
+def _same(before: PreslidingFit, found: PreslidingFit) -> bool:
     """Whether a round has moved neither value by more than 1 %."""
-    if before is None or before.time is None or found.time is None:
+    if before.time is None or found.time is None:
         return False
     pairs = ((before.stiffness, found.stiffness), (before.time, found.time))
     return all(abs(one.value - two.value) <= 0.01 * two.value for one, two in pairs)
