@@ -248,7 +248,7 @@ def typical_and_worst(verdict: Verdict) -> tuple[Score, ...]:
     first = [s for s in decided if (s.quantity, s.regime) == target]
     ranked = sorted(first, key=lambda s: s.rmse or 0.0)
     chosen = [ranked[len(ranked) // 2], ranked[-1]]
-    return tuple(dict.fromkeys(chosen[:1] if chosen[0] is chosen[1] else chosen))
+    return tuple(chosen[:1] if chosen[0] is chosen[1] else chosen)
 
 
 def cases_figures(
