@@ -162,6 +162,10 @@ def whole(name: str, data: bytes | None, old: bytes | None, new: bytes | None) -
         return False
     if name.endswith(".parquet"):
         return data[:4] == data[-4:] == b"PAR1"
+    if name == "o.json":  # a search that is ended early writes the best that it has
+        return set(json.loads(data)) == set(json.loads(new))
+    if name in ("o.nc", "o.html"):
+        return data.endswith(new[-8:])
     if name.endswith("manifest.json"):  # written as the files are read
         return set(json.loads(data)) == set(json.loads(new))
     if name.endswith("champions.json"):  # holds the time of the promotion
@@ -221,7 +225,6 @@ def test_a_signal_at_any_moment(
     """Half of the moments anywhere in the run, half right after the first file is begun."""
     command, rng = COMMANDS[name], random.Random(name)
     other = Path(shutil.copytree(template, tmp_path / "other", symlinks=True))
-    finished(other, command)
     begin = time.monotonic()
     new, length = finished(other, command), time.monotonic() - begin
     statuses, writing = [], 0

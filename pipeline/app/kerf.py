@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from pipeline.schema.files import exit_status
 from pipeline.schema.limits import limit_words
 
 app = typer.Typer(
@@ -61,7 +62,7 @@ def one_sentence() -> Iterator[None]:
         yield
     except (ValueError, OSError) as error:
         typer.echo(f"kerf: {error}", err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(exit_status(2)) from error
 
 
 @contextmanager

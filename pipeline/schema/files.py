@@ -4,6 +4,7 @@ A full disk, a signal or a second run at the same time leaves the old file or th
 part of either.
 """
 
+import atexit
 import os
 import signal
 from collections.abc import Iterator
@@ -22,6 +23,10 @@ LONGEST = 200
 _numbers = count()
 _held: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_held", default=None)
 """Files of :func:`together` that wait beside their places."""
+_begun: set[Path] = set()
+"""Files of this run that are not in their places yet."""
+_ended: list[int] = []
+"""Signal that ends this run."""
 
 
 class NotWrittenError(OSError):
@@ -57,18 +62,22 @@ def replacing(path: Path, *, follow: bool = True) -> Iterator[Path]:
             yield path
             return
         part = beside(target)
+        _begun.add(part)
+        waiting = _held.get()
+        moved = False
         try:
             yield part
             _finish(part, target)
-            waiting = _held.get()
             if waiting is None:
                 part.replace(target)
             else:
                 waiting.append((part, target))
-                part = target
+            moved = True
         finally:
-            if part != target:
+            if not moved:
                 part.unlink(missing_ok=True)
+            if waiting is None or not moved:
+                _begun.discard(part)
     except OSError as error:
         if isinstance(error, NotWrittenError) or not _is_of(error, target, part):
             raise
@@ -91,11 +100,13 @@ def together() -> Iterator[None]:
                 part.replace(target)
             except OSError as error:
                 raise NotWrittenError(_sentence(target, error)) from error
+            _begun.discard(part)
             del waiting[0]
     finally:
         _held.reset(token)
         for part, _ in waiting:
             part.unlink(missing_ok=True)
+            _begun.discard(part)
 
 
 def written(path: Path) -> Path:
@@ -114,16 +125,29 @@ def beside(path: Path) -> Path:
 def end_on_signals() -> None:
     """End on SIGTERM and SIGHUP as on an error, with exit status 128 + number.
 
-    Files that are not whole are removed on the way out.  A signal that is ignored stays so.
+    Files that are not whole are removed on the way out, at the latest when Python ends: a signal
+    may come between two steps of a ``with``.  A signal that is ignored stays so.
     """
+    atexit.register(_remove_begun)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, _end)
 
 
+def exit_status(otherwise: int) -> int:
+    """128 + number of the signal that ended the run, whatever a library made of it on its way."""
+    return 128 + _ended[0] if _ended else otherwise
+
+
 def _end(number: int, frame: FrameType | None) -> None:
     signal.signal(number, signal.SIG_IGN)  # a second one finds the way out under way
+    _ended.append(number)
     raise SystemExit(128 + number)
+
+
+def _remove_begun() -> None:
+    for part in list(_begun):
+        part.unlink(missing_ok=True)
 
 
 def _finish(part: Path, target: Path) -> None:

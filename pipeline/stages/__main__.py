@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.parameters import read_params, section_path, structure
-from pipeline.schema.files import end_on_signals
+from pipeline.schema.files import end_on_signals, exit_status
 from pipeline.submodels.contract import sections, submodel, submodels
 
 # One thread for linear algebra: the same sums in the same order everywhere, and for matrices as
@@ -125,7 +125,7 @@ def main() -> None:
         run(*sys.argv[1:])
     except (ValueError, OSError) as error:
         sys.stderr.write(f"{sys.argv[1]}: {error}\n")
-        sys.exit(2)
+        sys.exit(exit_status(2))
 
 
 if __name__ == "__main__":
