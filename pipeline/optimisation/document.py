@@ -124,7 +124,7 @@ def _chatters(result: Result) -> Iterator[CutWarning]:
             else f"its depth is {margin:.0f} % below that of chatter"
         )  # fmt: skip
         yield CutWarning(
-            what=f"T{problem.cut.numbers[number]} as programmed: {near}, "
+            what=f"T{problem.cut.numbers[number]} as programmed: {near}, worst in "
             f"{where(result.moves, worst)}, and no S that it may have keeps the margin of "
             f"{100 * limit:.0f} %",
             do="Listen, or measure the dynamics of the tip.",
