@@ -29,8 +29,6 @@ OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 SLOTTING_IMMERSION = 0.4
 """Radial depth over diameter from which on a cut has the values of a slot [1], as the tables of
 Tungaloy's solid end mills have it."""
-FINISHING_IMMERSION = 0.1
-"""Greatest radial depth over diameter of the finishing values of the same tables [1]."""
 
 ToolType = Literal[
     "end_mill", "ball_end_mill", "face_mill", "drill", "spot_drill", "centre_drill", "reamer",

@@ -14,12 +14,10 @@ from pipeline.gcode.moves import Kind, Moves
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_blocks import STEEP, CutBlocks
 
 CODE = {name: code for code, name in enumerate(OPERATIONS)}
 """Operation -> its number in arrays of rows; -1 is none."""
-STEEP = float(np.sqrt(0.5))
-"""|dz / ds| from which a motion in the material is a plunge."""
 DESCENDS = float(np.sin(np.radians(0.25)))
 """|dz / ds| from which one that goes down is a ramp."""
 THIN, THIN_SHARE = 0.5e-3, 0.1

@@ -2,9 +2,10 @@
 Italian and Spanish.
 
 All that a text names is collected, and what allows least counts: FINISH FACE MILL is finishing.
-What is named first after LEAVE, NEAR, BEFORE, AFTER or WITHOUT in the same clause is not counted,
-what follows FOR only where nothing else is named: ROUGH, LEAVE 0.25 FOR FINISH is roughing.  A
-TAP DRILL is a drill, and BORE and COUNTERBORE are holes beside ROUGH, POCKET or CONTOUR.
+What directly follows LEAVE, NEAR, BEFORE, AFTER or WITHOUT is not counted, what directly follows
+FOR, or the others and a size, only where nothing else is named: ROUGH, LEAVE 0.25 FOR FINISH is
+roughing.  What stands farther from them counts: AFTER FLIP FINISH is finishing.  A TAP DRILL is a
+drill, and BORE and COUNTERBORE are holes beside ROUGH, POCKET or CONTOUR.
 """
 
 import re
@@ -20,7 +21,8 @@ READ_OTHERWISE: tuple[tuple[Operation | None, str], ...] = (
     (None, r"<(FINISH|SCHLICHT)[ -]?(ALLOWANCE|SIZE|STOCK|(AUF|UEBER)?MASS|ZUGABE)"
            r"|<(SLOT|POCKET|CONTOUR|PROFILE)[ -](WALL|FLOOR|SIDE|BOTTOM)"),
     ("drilling", r"<TAP(PING)?[ -]?(HOLE[ -]?)?DRILL|<PILOT|<CORE[ -]?(HOLE|DRILL)"
-                 r"|(GEWINDE[ -]?)?KERN(LOCH|BOHR)"),
+                 r"|(GEWINDE[ -]?)?KERN(LOCH|BOHR)"
+                 r"|[#\d][\d.,/]* ?(MM )?DRILL \(?(M\d[\d.,X]*|[#\d][\d/]*-\d+)( UN[CF])? TAP>"),
     ("roughing", r"<SLOT[ -]?DRILL"),
     ("finishing", r"<SEMI([ -]?FINISH)?|VOR-?SCHLICHT"),
 )  # fmt: skip
@@ -32,8 +34,8 @@ WORDS: tuple[tuple[Operation, str], ...] = (
     ("tapping", r"<TAP(S|PING)?>|<THREAD[ -]?FORM|GEWINDE|<TARAUD|<MASCHI(O|ATURA)|<ROSCA|<MACHO"),
     ("reaming", r"<REAM(?!ED)|REIBAHL|<(AUS|AUF|VOR|NACH|FERTIG)?REIBEN|<ALES(AGE|OIR|ATORE|ATURA)"
                 r"|<ESCARIA"),
-    ("boring", r"<(BACK|FINE)?[ -]?BOR(E>|ING)|AUSDREH|(AUS|AUF|FEIN)BOHR|SPINDELN>|BOHRSTANGE"
-               r"|BOHRKOPF|<MANDRINA|<BARENA"),
+    ("boring", r"<(BACK|FINE)?[ -]?BOR(E>|ING)|AUSDREH|(AUS|AUF|FEIN|FERTIG)BOHR|SPINDELN>"
+               r"|BOHRSTANGE|BOHRKOPF|<MANDRINA|<BARENA"),
     ("engraving", r"<ENGRAV|GRAVIER|<GRAVUR|BESCHRIFT|<LETTERING|<TEXT>|<MARKING|<GRABA(R|DO)>"),
     ("chamfering", r"<CHAMFER(?!ED)|<CHAMF?>|<DEBURR|<BEVEL|<EDGE[ -]?BREAK|<CORNER[ -]?ROUND"
                    r"|<BREAK([ -](ALL|THE|SHARP|OUTER))*[ -](EDGE|CORNER)|<(AN)?FASEN?>|<FASENFR"
@@ -44,8 +46,8 @@ WORDS: tuple[tuple[Operation, str], ...] = (
     ("counterboring", r"COUNTER[ -]?BOR(E|ING)|<C[ '/.-]?BOR(E|ING)|<SPOT[ -]?FAC"
                       r"|<BACK[ -]?(SPOT|FAC)|<(AN|FLACH|PLAN|ZAPFEN|STIRN|RUECK(WAERTS)?)[ -]?SENK"
                       r"|<LAMAGE"),
-    ("centre_drilling", r"<SPOT|<CENT(ER|RE)[ -]?DRILL|<CENT(ER|R)ING>|<C[/-]?DRILL|ZENTRIER"
-                        r"|ANBOHR|<NC[ -]?BOHR|<POINTAGE|<CENTRAGE|<CENTRATURA|<CENTRINO"),
+    ("centre_drilling", r"<SPOT|<(CENT(ER|RE)|CN?TR)[ .-]*DRILL|<CENT(ER|R)ING>|<[CS][/-]?DRILL"
+                        r"|ZENTRIER|ANBOHR|<NC[ -]?BOHR|<POINTAGE|<CENTRAGE|<CENTRATURA|<CENTRINO"),
     ("deep_drilling", r"<DEEP[ -]?(HOLE|DRILL)|<GUN[ -]?DRILL|<PECK|TIEFBOHR|TIEFLOCH|EINLIPPEN"),
     ("finishing", r"<FINISH(?!ED)|<FIN>|<FINE>|<SPRING[ -]?(PASS|CUT)|<SMOOTH|<SKIM|<CLEAN[ -]?UP"
                   r"|<(FINAL|LAST)[ -](PASS|CUT)|SCHLICHT|<FERTIG(?!TEIL|MASS|KONTUR)|<FEIN"
@@ -69,6 +71,9 @@ ASIDE = (
 )
 FOR = r"<(FOR|FUER|ZUM|ZUR|POUR|PER|PARA)>"
 CLAUSE = r"[;:|]|,(?!\d)| - "
+ARTICLE = r"THE|AN?|DE[MNRS]|DAS|DIE|L[EA]S?|IL|LO|EL|LOS"
+SIZE = r"[#G+]?\.?\d[\d.,/]*( ?(MM|IN|INCH|\"))?|\d+H\d+|M(?!0|[12](?!\d))\d[\d.,X]*"
+"""A number, a fit or a thread; M0, M1 and M2 are stops of the program."""
 
 _ENTRIES = (*READ_OTHERWISE, *WORDS)
 _ROUGH = len(_ENTRIES) - 2
@@ -85,6 +90,8 @@ def _pattern() -> re.Pattern[str]:
 
 
 _PATTERN = _pattern()
+_ARTICLES = re.compile(rf"[ -]*(({ARTICLE})[ -]+)*")
+_SIZES = re.compile(rf"[ -]*(({ARTICLE}|{SIZE})[ -]+)*")
 _NUMBER = re.compile(
     r"\b(?:T|TOOL|WKZ|WERKZEUG)\s*(?:NO\.?|NR\.?|[#=])?\s*0*(\d+)\b", re.IGNORECASE
 )
@@ -123,18 +130,23 @@ def _named(text: str) -> set[int]:
     plain = unicodedata.normalize("NFD", plain).encode("ascii", "ignore").decode()
     named: dict[str, set[int]] = {"": set(), "for": set(), "aside": set()}
     holes: set[int] = set()
-    passing = ""
+    passing, behind = "", 0
     for found in _PATTERN.finditer(plain):
         kind = str(found.lastgroup).rstrip("_")
+        if not _SIZES.fullmatch(plain, behind, found.start()):
+            passing = ""
         if kind == "clause":
             passing = ""
         elif kind in ("aside", "for"):
             passing = "aside" if "aside" in (passing, kind) else "for"
+            behind = found.end()
         else:
             entry = int(kind[1:])
+            if passing == "aside" and not _ARTICLES.fullmatch(plain, behind, found.start()):
+                passing = "for"
             if _ENTRIES[entry][0] is None:
-                continue
-            if found[0].endswith("BORE") and not passing:
+                pass
+            elif found[0].endswith("BORE") and not passing:
                 holes.add(entry)
             else:
                 named[passing].add(entry)

@@ -5,7 +5,6 @@ They are told from the kind of the move and its canned cycle, from comments and 
 width, what cuts nothing.  In doubt the operation is the one whose rule allows less.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -16,6 +15,7 @@ from pipeline.cutting.catalogue import Operation
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
+from pipeline.optimisation.comments_in_force import CommentsInForce, comments_in_force
 from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
 from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
 from pipeline.optimisation.problem.arrays import Rows
@@ -51,8 +51,6 @@ MAY_BE: dict[Operation, tuple[Operation, ...]] = {
 """Operations that a row may be of that is told as one without its cut; others are what is told."""
 ROUGH_SHARE = 0.5
 """Share of the length of what one tool roughs at one F up to which cuts may be thin [1]."""
-_SUBPROGRAM = re.compile(rb"\s*(N\d+\s*)?[O:]\d+\s*(\(|;|$)", re.IGNORECASE)
-_CALL = re.compile(rb"^[^(;]*((?<![A-Z])(M1?98|G6[56])(?!\d)|CALL)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,12 +61,15 @@ class Operations:
     ----------
     code : ndarray of int8, shape (M,)
         Place in :data:`OPERATIONS`; -1 for rows that do not move at feed.
-    tag : tuple of str
-        Words of the comments above each line of the program, L + 1 of them, line 0 unused.
+    comments : CommentsInForce
+        Comments in force in each row.
+    tool_texts : dict of int to str
+        Name of each tool and what the program's comments say of it, by its number.
     """
 
     code: NDArray[np.int8] = field(repr=False)
-    tag: tuple[str, ...] = field(repr=False)
+    comments: CommentsInForce = field(repr=False)
+    tool_texts: dict[int, str] = field(repr=False)
 
     def of(self, *names: Operation) -> Bools:
         """Rows with one of some operations; shape (M,)."""
@@ -131,14 +132,15 @@ def _told(
     """Operations with what cycles, comments and tools say of them; ``code`` is filled in."""
     fed = _fed(moves)
     comments, by_tool = comments_of(program)
-    said, texts = _in_force(program, comments, moves)
+    in_force = comments_in_force(program, comments, moves)
+    said, texts = in_force.naming()
     used = {
-        number: (known.get(number), by_tool.get(number, ""))
+        number: _about(known.get(number), by_tool.get(number, ""))
         for number in np.unique(moves.tool).tolist()
     }
     rough = np.zeros(len(moves), dtype=np.bool_)
     for number, about in used.items():
-        says = np.array([says_roughing(f"{text}; {_about(*about)}") for text in texts])
+        says = np.array([says_roughing(f"{text}; {about}") for text in texts])
         rough |= (moves.tool == number) & says[said]
     _fill_rough(code, moves, slender & rough, rough)
     spotting = code == CODE["centre_drilling"]
@@ -147,10 +149,10 @@ def _told(
     for number, tag in enumerate(map(named_operation, texts)):
         _fill_tag(code, fed & (said == number), tag)
     for number, about in used.items():
-        _fill_tag(code, fed & (moves.tool == number), _of_tool(*about))
+        _fill_tag(code, fed & (moves.tool == number), _of_tool(known.get(number), about))
     code[fed & (moves.kind == Kind.PROBE)] = CODE["probing"]
     code[fed & (moves.kind == Kind.THREAD)] = CODE["tapping"]
-    return Operations(code=code, tag=comments)
+    return Operations(code=code, comments=in_force, tool_texts=used)
 
 
 def _fill_rough(code: NDArray[np.int8], moves: Moves, slender: Bools, rough: Bools) -> None:
@@ -191,73 +193,14 @@ def _given_way(tag: Operation) -> list[int]:
     return [code for name, code in CODE.items() if name not in kept]
 
 
-def _in_force(
-    program: Program, comments: tuple[str, ...], moves: Moves
-) -> tuple[NDArray[np.intp], tuple[str, ...]]:
-    """Which comment is in force in each row (M,), and those that there are, the first one empty.
-
-    A subprogram is under its own comment and those of the lines that may have called it: of the
-    calls between the rows of the main program before and after it.
-    """
-    heads, first_sub, calls = _heads(program, comments, moves)
-    main = (moves.file == 0) & (moves.line < first_sub)
-    rows = np.flatnonzero(main)
-    texts, said = {"": 0}, np.zeros(len(moves), dtype=np.intp)
-    last, caller = 1, ""
-    for row, (line, here, own) in enumerate(
-        zip(moves.line.tolist(), main.tolist(), (moves.file == 0).tolist(), strict=True)
-    ):
-        text = heads[line] if own else ""
-        if here:
-            last = line
-        else:
-            if row == 0 or main[row - 1]:
-                after = np.searchsorted(rows, row)
-                end = int(moves.line[rows[after]]) if after < len(rows) else first_sub
-                between = [call for call in calls if last <= call < end] or [last]
-                caller = "; ".join(dict.fromkeys(heads[call] for call in between))
-            text = f"{caller}; {text}"
-        said[row] = texts.setdefault(text, len(texts))
-    return said, tuple(texts)
-
-
-def _heads(
-    program: Program, comments: tuple[str, ...], moves: Moves
-) -> tuple[list[str], int, list[int]]:
-    """Comment above each line (L + 1), the line where subprograms begin, lines that call them.
-
-    A comment holds up to the next that names an operation, up to the tool change after the moves
-    or calls that it stands above, and up to the end of its program.
-    """
-    own = moves.file == 0
-    changes = set(moves.line[own & (moves.kind == Kind.TOOL_CHANGE)].tolist())
-    feeds = set(moves.line[own & reads_feed(moves)].tolist())
-    lines = program.data.splitlines()
-    calls = [k for k, line in enumerate(lines, 1) if _CALL.search(line)]
-    feeds.update(calls)
-    begins = int(moves.line[own][0]) if own.any() else 0
-    subs = {k for k, line in enumerate(lines, 1) if k > begins and _SUBPROGRAM.match(line)}
-    above, used, heads = "", False, [""]
-    for line in range(1, len(comments)):
-        if line in subs or (line in changes and used):
-            above = ""
-        if named_operation(comments[line]) is not None:
-            above, used = comments[line], False
-        elif line in changes:
-            used = False
-        used = used or line in feeds
-        heads.append(above)
-    return heads, min(subs, default=len(comments)), calls
-
-
 def _about(tool: Tool | None, comment: str) -> str:
     """Name of a tool, and what the program's head says of it."""
     return f"{'' if tool is None else tool.name}; {comment}"
 
 
-def _of_tool(tool: Tool | None, comment: str) -> Operation | None:
-    """Operation that a tool is for, by its role, its name and what the program's head says."""
-    named = named_operation(_about(tool, comment))
+def _of_tool(tool: Tool | None, about: str) -> Operation | None:
+    """Operation that a tool is for, by its role and what :func:`_about` it is said."""
+    named = named_operation(about)
     if tool is None or not tool.role or (tool.role == "face_mill" and named == "finishing"):
         return named
     return OF_ROLE[tool.role]

@@ -20,7 +20,6 @@ from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operation_cuts import LEAD, length_in_air
-from pipeline.optimisation.operation_words import named_operation
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import OperationRange, Practice, feeds_per_minute
 from pipeline.optimisation.text.words import FeedText, ProgramWords
@@ -308,27 +307,17 @@ class _Rows:
         return self._tagged(text)
 
     def _tagged(self, text: str) -> Bools:
-        """Rows below a comment with a word, up to the next comment that names an operation."""
-        moves, word = self.moves, text.casefold()
-        lines = np.zeros(len(self.program) + 1, dtype=np.bool_)
-        inside = False
-        changes = set(moves.line[np.diff(moves.tool, prepend=-2) != 0].tolist())
-        above = False
-        for line, comment in enumerate(self.found.tag):
-            if word in comment.casefold():
-                inside = above = True
-            elif named_operation(comment) is not None or (line in changes and not above):
-                inside = False
-            if inside and line in changes:
-                above = False
-            lines[line] = inside
-        named = zip(self.cut.numbers, self.cut.tools, strict=True)
-        tools = [number for number, tool in named if word in tool.name.casefold()]
-        rows = ((moves.file == 0) & lines[moves.line]) | np.isin(moves.tool, tools)
+        """Rows with a word in a comment in force, or in what names or describes the tool."""
+        tools = [
+            number for number, about in self.found.tool_texts.items()
+            if text.casefold() in about.casefold()
+        ]  # fmt: skip
+        rows = self.found.comments.below(text) | np.isin(self.moves.tool, tools)
         if not rows.any():
             raise ValueError(
-                f"practice.keep names {text!r}, which no comment and no tool's name has: name a "
-                "tool as T5, lines as 120-180, or a word that is there"
+                f"practice.keep names {text!r}, which stands in no comment that holds for a move "
+                "and in no name of a tool in use: name a tool as T5, lines as 120-180, or a word "
+                "that stands there"
             )
         return rows
 

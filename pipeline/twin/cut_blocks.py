@@ -11,6 +11,9 @@ from pipeline.gcode.moves import METRE_PER_SECOND
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.twin.cut import Cut
 
+STEEP = float(np.sqrt(0.5))
+"""|dz / ds| from which a motion is a plunge [1]: the tool cuts with its end."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StationArcs:
@@ -41,7 +44,7 @@ def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs
     inside = engagement.upper > engagement.lower
     ahead = inside & (np.sin(engagement.angles) > 0)
     entry, leave = engaged_arc(np.where(ahead, engagement.upper - engagement.lower, 0.0))
-    plunge = np.abs(engagement.slope) > np.sqrt(0.5)
+    plunge = np.abs(engagement.slope) > STEEP
     whole = plunge & (inside.mean(axis=1) > 0.5)
     radius = np.array([tool.radius for tool in tools])[engagement.tool]
     width = np.cos(entry) - np.cos(leave)

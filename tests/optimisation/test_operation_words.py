@@ -18,7 +18,7 @@ MEANT = {
     "centre_drilling": (
         "10MM NC-ANBOHRER 90", "ANBOHREN D5", "SPOT", "SPOT DRILL 90DEG", "1/2 SPOTDRILL",
         "CENTER DRILL #3", "CENTRE-DRILL", "ZENTRIERBOHRER A2.5", "SPOT_DRILL_10", "C/DRILL",
-        "SPOT FOR M8 TAP",
+        "SPOT FOR M8 TAP", "#3 CTR DRILL", "CNTR DRILL", "S/DRILL",
     ),
     "countersinking": (
         "16MM COUNTERSINK 90", "CSK 90", "KEGELSENKER 20MM", "SENKEN M8", "C'SINK", "VERSENKEN",
@@ -39,21 +39,29 @@ MEANT = {
         "10MM SCHLICHTFRAESER 4Z", "ROUGH AND FINISH WALLS", "AFTER ROUGHING FINISH FLOOR",
         "NACH DEM BOHREN SCHLICHTEN", "SLOT FINISH", "ENDMILL FOR FINISHING", "FERTIGFRAESEN",
         "PROFILE OUTSIDE FINISH, ARC IN AND OUT", "FINISH_WALLS",
+        "NACH UMSPANNEN SCHLICHTEN", "CLEAR NEAR CLAMP FINISH", "LEAVE 0.2 ON WALL FINISH FLOOR",
+        "AFTER M01 FINISH POCKET", "ZUM SCHLUSS SCHLICHTEN TASCHE", "LEAVE 0.2 FINISH FLOOR",
+        "LEAVE FINISH STOCK 0.2 FINISH WALL",
     ),
     "drilling": (
         "6.8 TAP DRILL", "6.8MM TAP DRILL CARBIDE", "DRILL FOR REAMER", "DRILL FOR M8 TAP",
         "KERNLOCH M8", "KERNLOCHBOHRER 6,8", "CORE HOLE G1/4", "PILOT HOLE", "BOHRER 8.5",
         "LETTER F DRILL .257", "BOHREN VOR DEM REIBEN", "F\xdcR REIBAHLE BOHREN",
         "DRILL 8.5 BEFORE TAPPING", "GEWINDEKERNLOCH BOHREN",
+        "6.8 DRILL M8 TAP", "6.8MM DRILL M8X1.25 TAP", "#7 DRILL (1/4-20 TAP)",
+        "DRILL BEFORE M8 TAP", "DRILL FOR A 1/4-20 TAP",
     ),
     "deep_drilling": ("DEEP HOLE DRILL", "TIEFLOCHBOHRER", "GUNDRILL", "PECK DRILL"),
     "tapping": (
         "M8 HSS-E TAP", "TAP M8", "M8 FORM TAP", "GEWINDEFORMER M6", "GEWINDEBOHRER M10",
-        "DRILL AND TAP M6", "TAPPING AFTER DRILLING",
+        "DRILL AND TAP M6", "TAPPING AFTER DRILLING", "M8 TAP", "6.8 DRILL, M8 TAP",
     ),
     "thread_milling": ("THREAD MILL", "12MM THREAD-MILL", "GEWINDEFRAESER M20"),
-    "reaming": ("10H7 REAMER", "REAM", "REIBAHLE 10H7", "REIBEN", "DRILL AND REAM"),
-    "boring": ("ROUGH BORING", "40H7 FINE BORING HEAD", "AUSDREHEN", "AUSSPINDELN", "BORE 40H7"),
+    "reaming": ("10H7 REAMER", "REAM", "REIBAHLE 10H7", "REIBEN", "DRILL AND REAM",
+                "NACH HAERTEN REIBEN", "OHNE KUEHLUNG REIBEN", "AFTER FLIP REAM 10H7",
+                "AFTER FLIP FOR REAM"),
+    "boring": ("ROUGH BORING", "40H7 FINE BORING HEAD", "AUSDREHEN", "AUSSPINDELN", "BORE 40H7",
+               "FERTIGBOHREN 40H7"),
     "probing": ("PROBE G54", "MESSTASTER", "PROBING CYCLE", "ANTASTEN"),
     "face_milling": ("50MM FACE MILL R390", "FACING", "PLANFRAESEN", "MESSERKOPF 63"),
     "roughing": (
@@ -61,6 +69,7 @@ MEANT = {
         "HELICAL ROUGH OF THE BORES D38", "SCHRUPPEN NUT", "SLOT 12 WIDE", "SLOT DRILL 10",
         "SCHRUPPEN, SCHLICHTAUFMASS 0.3", "ADAPTIVE ROUGHING OPTILOAD .055", "TASCHE 20X30",
         "POCKET BEFORE REAMING", "SCHRUPPEN AUFMASS 0,3 SCHLICHTEN", "MILL POCKET COUNTERBORE",
+        "ROUGH, LEAVE .010 STOCK FOR FINISH", "ROUGH AFTER THE 1. FINISH",
     ),
     None: (
         "16MM ENDMILL 4Z", "20MM SCHAFTFRAESER 4Z", "TOP OF THE FINISHED PART", "BOHRUNG 8",
@@ -76,6 +85,11 @@ MEANT = {
 def test_a_text_names_what_a_machinist_reads(text: str, operation: str | None) -> None:
     assert named_operation(text) == operation
     assert named_operation(text.lower()) == operation
+
+
+def test_a_rule_of_dashes_is_read_at_once() -> None:
+    """What lies between a word and an operation has one reading."""
+    assert named_operation("AFTER " + "-" * 5000 + "1-2," * 5000 + " FINISH") == "finishing"
 
 
 def test_words_that_allow_less_stand_first() -> None:

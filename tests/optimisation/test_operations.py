@@ -18,7 +18,9 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
 from pipeline.optimisation.operations import operations, told_operations
+from pipeline.optimisation.practice import practice_of
 from pipeline.parameters import structure
+from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_blocks import cut_blocks
@@ -267,6 +269,100 @@ def test_a_subprogram_is_under_the_comment_where_it_is_called(
     moves = interpret(program, Setup())
     found = listed(moves, told_operations(program, moves, {1: FLAT}).code)
     assert [name for _, _, name in found] == names
+
+
+DEFINED = """(PLATE)
+{title}
+o<wall> sub
+{said}
+G91 G1 X10 F300
+G90
+o<WALL> endsub
+T1 M6
+(FINISH WALLS)
+G1 X1 F300
+o<wall> call
+(ROUGH POCKET)
+G1 X2
+o<wall> call
+G1 X3
+M2
+"""
+
+
+@pytest.mark.parametrize(("title", "said", "names"), [
+    ("", "", ["finishing", "finishing", "roughing", "roughing", "roughing"]),
+    ("", "(ENGRAVE)", ["finishing", "engraving", "roughing", "engraving", "roughing"]),
+    ("(REAMED WALL, FINE)", "", ["finishing", "finishing", "roughing", "finishing", "roughing"]),
+    ("G4 P1 (REAM)", "", ["finishing", "finishing", "roughing", "roughing", "roughing"]),
+])  # fmt: skip
+def test_a_subprogram_of_linuxcnc_is_under_its_callers_comment(
+    title: str, said: str, names: list[str]
+) -> None:
+    """It stands above the main program; a comment right above it is its title."""
+    program = parse_program(DEFINED.format(title=title, said=said).encode(), "P.ngc")
+    moves = interpret(program, Setup(dialect="linuxcnc", tools={1: Register(diameter=10.0)}))
+    found = listed(moves, told_operations(program, moves, {1: FLAT}).code)
+    assert [line for line, _, _ in found] == [10, 5, 13, 5, 15]
+    assert [name for _, _, name in found] == names
+
+
+def test_a_comment_of_the_main_program_holds_beyond_a_subprogram_in_its_midst() -> None:
+    text = "T1 M6\n(FINISH)\no100 sub\n(ENGRAVE)\no0100 endsub\nG1 X1 F300\nM2\n"
+    program = parse_program(text.encode(), "P.ngc")
+    moves = interpret(program, Setup(dialect="linuxcnc", tools={1: Register(diameter=10.0)}))
+    found = told_operations(program, moves, {1: FLAT})
+    assert listed(moves, found.code) == [(6, 1, "finishing")]
+    assert not found.comments.below("engrave").any()
+
+
+KEPT = """(T1 D10 {tool})
+T1 M6
+G0 X-10 Y20 S6000 M3
+({first})
+G1 Z-2 F300
+X5
+({second})
+M98 P200
+X25
+T2 M6
+X30
+M30
+O200
+X20
+M99
+"""
+
+
+@pytest.mark.parametrize(("said", "lines"), [
+    (("FINISH", "", ""), [3, 5, 6, 14, 9]),  # of a tool
+    (("", "", "FINISH WALL"), [14, 9]),  # of the subprogram below it
+    (("", "FINISH WALL", "POCKET"), [5, 6]),  # up to the next operation
+    (("", "FINISH WALL", "NEAR CLAMP"), [5, 6, 14, 9]),
+    (("", "NOT TO FINISHED SIZE", "ROUGH"), [5, 6]),  # names no operation
+])  # fmt: skip
+def test_a_word_keeps_the_rows_that_its_comment_holds_for(
+    said: tuple[str, str, str], lines: list[int]
+) -> None:
+    text = KEPT.format(**dict(zip(("tool", "first", "second"), said, strict=True)))
+    tools = {1: FLAT, 2: FLAT}
+    plan = planned_program(follow(text, tools={k: Register(diameter=10.0) for k in tools}), CONTROL)
+    cut = cut_program(plan, CutJob(stock=BLOCK, tools=tools, force_laws=dict.fromkeys(tools, LAW),
+                                   resolution=1e-3))  # fmt: skip
+    moves = plan.path.moves
+
+    def kept(word: str) -> np.ndarray:
+        limits = CutLimit(practice=MachiningPractice(keep=(word,)))
+        practice = practice_of(
+            parse_program(text.encode(), "P.nc"), moves, cut, limits=limits,
+            catalogue=read_catalogue(), material=read_material("steel_medium_carbon"),
+        )  # fmt: skip
+        return dict(practice.kept_feed)[f"keep {word}"]
+
+    rows = moves.line[kept("finish") & (moves.length > 0)]
+    assert list(dict.fromkeys(rows.tolist())) == lines
+    with pytest.raises(ValueError, match="'REAM', which stands in no comment that holds"):
+        kept("REAM")
 
 
 @pytest.mark.parametrize(("role", "name", "operation"), [

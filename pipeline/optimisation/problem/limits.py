@@ -32,11 +32,9 @@ from pipeline.optimisation.problem.arrays import (
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut_blocks import STEEP, CutBlocks
 
 MM, UM = 1e-3, 1e-6
-STEEP = float(np.sqrt(0.5))
-"""|dz / ds| from which a motion is a plunge."""
 SOFT = 0.85
 """Of the greatest feed for each tooth, up to which the least one of a range gives way to it [1]."""
 GIVES_WAY = 0.5

@@ -29,6 +29,7 @@ from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncer
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.twin.cut import Cut
+from pipeline.twin.cut_blocks import STEEP
 
 ALIKE_RAD = np.pi / 36
 """Angle by which engaged arcs of one class may differ at their ends [rad]."""
@@ -55,8 +56,6 @@ FLOOR = 1e-4
 """Height up to which material counts as lying on the tool's tip [m]."""
 SKIN = 1e-6
 """Height that is left in the material [m]."""
-STEEP = np.sqrt(0.5)
-"""Slope from which on a tool cuts with its end: a plunge is as deep as it goes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
