@@ -278,3 +278,27 @@ def test_two_runs_at_once_leave_whole_files(
     assert not unfinished(project)
     for path in project.rglob("*.parquet"):
         pq.read_metadata(path)
+
+
+CALLBACK = """
+import os, signal, sys, time, weakref
+from pipeline.app.kerf import end_again
+from pipeline.schema.files import end_on_signals
+end_on_signals()
+sys.unraisablehook = end_again
+class Thing: pass
+thing = Thing()
+ref = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+del thing
+time.sleep(20)
+sys.exit(0)
+"""
+
+
+def test_a_signal_in_a_callback_ends_the_run_a_moment_later() -> None:
+    """Python ignores what is raised there, and would go on to the end."""
+    done = subprocess.run(
+        [sys.executable, "-c", CALLBACK], capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (143, "")

@@ -1,5 +1,6 @@
 """The command kerf: its options, one sentence for bad input, a bar while it waits."""
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -53,6 +54,16 @@ Responses = Annotated[
 Model = Annotated[
     str, typer.Option(help="Whose sub-models: champion, or latest, which is the exception.")
 ]
+
+
+def end_again(unraisable: "sys.UnraisableHookArgs") -> None:
+    """End a moment later where a signal came in a callback, in which Python ends nothing."""
+    status = exit_status(0)
+    if status and unraisable.exc_type is SystemExit:
+        signal.signal(signal.SIGALRM, lambda number, frame: sys.exit(status))
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 @contextmanager
