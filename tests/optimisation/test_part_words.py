@@ -78,7 +78,7 @@ def test_warnings_stand_first(project: Path, document: dict) -> None:
     assert printed[1].startswith("  warning: ") and printed[2].startswith("  warning: ")
     text = words(project / "o.html")
     assert text.index("cuts nothing") < text.index("Largest increases")
-    assert "setup.tools.2 of the machine’s file diameter: 8" in text
+    assert "Enter 8 mm as the diameter of D2 in the machine’s file" in text
 
 
 def test_simulate_warns_of_the_same(project: Path, document: dict) -> None:

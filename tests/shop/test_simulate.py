@@ -46,7 +46,7 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
     """Once more, without the servo tool, which none of the other records knows of."""
     whole = digests(week.folder)
     others = {n: h for n, h in whole.items() if not n.startswith(("servo/", "motor/"))}
-    assert digests(plain_week.folder) == others and len(whole) == len(others) + 10
+    assert digests(plain_week.folder) == others and len(whole) == len(others) + 13
     assert plain_week.truth["drives"] == {}
     different = {k for k in week.truth if plain_week.truth[k] != week.truth[k]}
     assert different == {"drives", "parameters"}
