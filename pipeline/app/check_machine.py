@@ -112,8 +112,9 @@ def _far(old: Moves, new: Moves, rows: tuple[Bools, Bools], words: FeedWords) ->
 
 
 def _changed(old: Moves, new: Moves, rows: Bools, *, speed: bool = False) -> Bools:
-    """Which of some rows have an F, or an S, that no row of their line had before, or
-    no row of their tool where points are put in; shape (M,).
+    """Which of some rows have an F, or an S, that no row of their line had before; shape (M,).
+
+    Where points are put in, that no row of their tool had.
     """
     out, lines = np.zeros(len(new), dtype=np.bool_), len(old) == len(new)
     known = set(in_force(old, np.arange(len(old)), lines=lines))

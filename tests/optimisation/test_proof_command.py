@@ -169,6 +169,19 @@ def test_what_was_outside_before_is_not_warned_of_again(folder: Path) -> None:
     assert len(warnings) == 1 and "line 4, T1: F130" in warnings[0]
 
 
+def test_points_put_in_shift_no_warning(folder: Path) -> None:
+    """F360 is outside before and after, a line further down: the new F370 alone is said."""
+    (folder / "tools.yaml").write_text(TOOLS)
+    before = "G0 X0 Y0 Z0\nT1 M6\nS3000 M3\nG1 X10 F360\nX20\nM30\n"
+    (folder / "before.nc").write_text(before)
+    words = ("--splits", "--tool-table", str(folder / "tools.yaml"))
+    split = before.replace("G1 X10 F360", "G1 X4.5 F370\nG1 X10 F360")
+    done = check(folder, split.encode(), *words)
+    assert "1 points put in" in done.stdout
+    warnings = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    assert len(warnings) == 1 and "line 4, T1: F370" in warnings[0]
+
+
 def test_a_speed_that_leaves_the_range_of_the_tool(folder: Path) -> None:
     before = b"T1 M6\nS3000 M3\nG1 X10 F120\nM30\n"
     (folder / "tools.yaml").write_text(TOOLS)
