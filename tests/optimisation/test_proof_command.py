@@ -170,9 +170,9 @@ def test_what_was_outside_before_is_not_warned_of_again(folder: Path) -> None:
 
 
 def test_points_put_in_shift_no_warning(folder: Path) -> None:
-    """F360 is outside before and after, a line further down: the new F370 alone is said."""
+    """F360 and F380 are outside before and, a line lower, after: the new F370 alone is said."""
     (folder / "tools.yaml").write_text(TOOLS)
-    before = "G0 X0 Y0 Z0\nT1 M6\nS3000 M3\nG1 X10 F360\nX20\nM30\n"
+    before = "G0 X0 Y0 Z0\nT1 M6\nS3000 M3\nG1 X10 F360\nX20 F380\nM30\n"
     (folder / "before.nc").write_text(before)
     words = ("--splits", "--tool-table", str(folder / "tools.yaml"))
     split = before.replace("G1 X10 F360", "G1 X4.5 F370\nG1 X10 F360")
