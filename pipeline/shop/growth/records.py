@@ -14,16 +14,9 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.shop.files import torn, write_text
-from pipeline.shop.growth.network import (
-    HEAD_CELLS,
-    KEPT,
-    Network,
-    at_rest,
-    cell_at,
-    heated,
-    network,
-    speed_growth,
-)
+from pipeline.shop.growth.expansion import speed_growth, thermal_growth
+from pipeline.shop.growth.heat import KEPT, at_rest, heated
+from pipeline.shop.growth.network import HEAD_CELLS, Network, cell_at, network
 from pipeline.shop.growth.parameters import SENSORS, Growth, TestStand
 from pipeline.shop.growth.profiles import Profile, profiles
 from pipeline.shop.motion import lagged
@@ -101,34 +94,30 @@ def measured(net: Network, profile: Profile, parameters: ShopParameters) -> Meas
         for p in places(growth)
     ]  # fmt: skip
     read.append(lagged(air[at], share, first))
-    expanded = hot.temperatures * net.weights + 0.0
-    parts = {
-        name: (expanded[:, columns].sum(axis=1)[rows]) * 1e6
-        for name, columns in _parts(net).items()
-    }
+    parts = _part_growth(net, hot.temperatures[rows], growth)
     parts["speed"] = speed_growth(speed, growth) * 1e6
     total = np.sum(list(parts.values()), axis=0)
     return Measured(
-        time=(rows - begin) * float(KEPT), speed=speed, growth=total - total[0],
-        temperatures=np.column_stack(read)[rows],
+        time=np.asarray((rows - begin) * KEPT, dtype=np.float64), speed=speed,
+        growth=total - total[0], temperatures=np.column_stack(read)[rows],
         parts={name: round(float(v[-1] - v[0]), 3) for name, v in parts.items()},
     )  # fmt: skip
 
 
-def _parts(net: Network) -> dict[str, list[int]]:
-    """Nodes by part of the machine, for those that make the nose move."""
-    parts: dict[str, list[int]] = {}
-    for k, name in enumerate(net.names):
-        if name in net.strain:
-            stem = name.split("_")[0]
-            part = "rings" if stem in ("front", "middle") else stem
-            parts.setdefault(part, []).append(k)
+def _part_growth(net: Network, temperatures: Floats, growth: Growth) -> dict[str, Floats]:
+    """Growth of the nose [um] that each part makes at ``temperatures`` (R, N), by its name."""
+    parts: dict[str, Floats] = {}
+    for name, per_kelvin in thermal_growth(growth).items():
+        stem = name.split("_")[0]
+        part = "rings" if stem in ("front", "middle") else stem
+        more = temperatures[:, net.names.index(name)] * per_kelvin * 1e6
+        parts[part] = parts[part] + more if part in parts else more
     return parts
 
 
 @dataclass(kw_only=True)
 class _Logger:
-    """Logger over all records: offsets of its ten channels [K], the drift so far, the last value."""
+    """Logger over all records: offsets of its channels [K], the drift so far, the last value."""
 
     parameters: ShopParameters
     offsets: Floats
@@ -218,7 +207,9 @@ def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     return {
         "definition": DEFINITION,
         "nodes": len(net.names),
-        "strain_um_per_K": {name: value * 1e6 for name, value in net.strain.items()},
+        "strain_um_per_K": {
+            name: round(value * 1e6, 6) for name, value in thermal_growth(growth).items()
+        },
         "sensors": [
             {"column": f"T{k}", "place": p.words, "node": p.node, "offset_K": round(float(o), 4)}
             for k, (p, o) in enumerate(zip(places(growth), logger.offsets, strict=False), 1)
