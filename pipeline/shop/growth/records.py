@@ -17,7 +17,7 @@ from pipeline.shop.files import torn, write_text
 from pipeline.shop.growth.expansion import speed_growth, thermal_growth
 from pipeline.shop.growth.heat import KEPT, at_rest, heated
 from pipeline.shop.growth.network import HEAD_CELLS, Network, cell_at, network
-from pipeline.shop.growth.parameters import SENSORS, Growth, TestStand
+from pipeline.shop.growth.parameters import SENSORS, Growth, Instruments
 from pipeline.shop.growth.profiles import Profile, profiles
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ShopParameters
@@ -86,11 +86,11 @@ def measured(net: Network, profile: Profile, parameters: ShopParameters) -> Meas
     rows = np.arange(begin, len(hot.temperatures), INTERVAL // KEPT)
     seconds = np.minimum(rows * KEPT, course.speed.size - 1)
     speed, air = course.speed[seconds], course.air
-    share = min(KEPT / max(growth.stand.lag, KEPT), 1.0)
+    share = min(KEPT / max(growth.instruments.lag, KEPT), 1.0)
     at = np.minimum(np.arange(len(hot.temperatures)) * KEPT, air.size - 1)
     read = [
-        lagged((1 - growth.stand.stem) * hot.temperatures[:, net.names.index(p.node)]
-               + growth.stand.stem * air[at], share, first)
+        lagged((1 - growth.instruments.stem) * hot.temperatures[:, net.names.index(p.node)]
+               + growth.instruments.stem * air[at], share, first)
         for p in places(growth)
     ]  # fmt: skip
     read.append(lagged(air[at], share, first))
@@ -127,7 +127,7 @@ class _Logger:
 
 def _read(logger: _Logger, profile: Profile, true: Measured) -> tuple[Floats, dict[str, Any]]:
     """Table (R, 13) of one record as it is written, NaN for no value; its faults."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     random = logger.parameters.generator(f"growth logger {profile.number}")
     values = true.temperatures + logger.offsets
     values += random.normal(0, stand.noise, values.shape)
@@ -148,7 +148,7 @@ def _drifted(
     logger: _Logger, profile: Profile, time: Floats, values: Floats, faults: dict[str, Any]
 ) -> None:
     """Add the drift to its sensor; it goes on while records run."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     if profile.number < stand.drift_from:
         return
     begin = stand.drift_after * 3600 if profile.number == stand.drift_from else 0.0
@@ -162,7 +162,7 @@ def _died(
     logger: _Logger, profile: Profile, time: Floats, values: Floats, faults: dict[str, Any]
 ) -> None:
     """Replace the readings of the dead sensor."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     if profile.number < stand.dead_from:
         return
     begin = stand.dead_after * 3600 if profile.number == stand.dead_from else 0.0
@@ -175,7 +175,7 @@ def _died(
 
 
 def _blanked(
-    table: Floats, stand: TestStand, random: np.random.Generator
+    table: Floats, stand: Instruments, random: np.random.Generator
 ) -> list[dict[str, object]]:
     """Take single values out of ``table``, of any column but the time; which ones."""
     cells = []
@@ -199,11 +199,11 @@ def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     if not growth.recorded:
         return {}
     net = network(parameters)
-    random, tolerance = parameters.generator("growth sensors"), growth.stand.tolerance
+    random, tolerance = parameters.generator("growth sensors"), growth.instruments.tolerance
     limit = tolerance * (0.15 + 0.002 * 30.0)
     logger = _Logger(parameters=parameters, offsets=random.uniform(-limit, limit, SENSORS + 1))
     files = [_recorded(folder, net, profile, logger) for profile in profiles(parameters)]
-    stand = growth.stand
+    stand = growth.instruments
     return {
         "definition": DEFINITION,
         "nodes": len(net.names),
@@ -225,7 +225,7 @@ def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
 
 def _recorded(folder: Path, net: Network, profile: Profile, logger: _Logger) -> dict[str, Any]:
     """Run and write one record; the truth about it."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     true = measured(net, profile, logger.parameters)
     table, faults = _read(logger, profile, true)
     file, breaks = f"growth/{profile.name}.csv", profile.number == stand.torn
@@ -242,7 +242,7 @@ def _recorded(folder: Path, net: Network, profile: Profile, logger: _Logger) -> 
 
 def _text(table: Floats, profile: Profile, parameters: ShopParameters) -> str:
     """One file: a block about the logger, names, units, rows."""
-    stand = parameters.growth.stand
+    stand = parameters.growth.instruments
     comma, western = stand.decimal == ",", stand.encoding == "cp1252"
     separator = ";" if comma else ","
     degrees, length = ("\N{DEGREE SIGN}C", "\N{MICRO SIGN}m") if western else ("degC", "um")
@@ -259,7 +259,7 @@ def _text(table: Floats, profile: Profile, parameters: ShopParameters) -> str:
     return "\n".join([*head, *rows]) + "\n"
 
 
-def _cells(row: Sequence[float], decimals: Sequence[int], stand: TestStand) -> list[str]:
+def _cells(row: Sequence[float], decimals: Sequence[int], stand: Instruments) -> list[str]:
     words = [
         stand.blank if np.isnan(value) else f"{value:.{places}f}"
         for value, places in zip(row, decimals, strict=True)
