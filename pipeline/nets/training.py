@@ -3,8 +3,8 @@
 ``genetic``: adaptive genetic search over the bands with ridge least squares for the consequents
 inside (FFNN2015), a generation at once.  ``projection``: the same least squares, and Adam on the
 bands; at the least-squares consequents the gradient of the projected error is that with these held
-(variable projection, Golub and Pereyra 1973).  ``gradient``: Adam on everything, from evenly spread
-bands.  ``back_propagation``: plain gradient descent, sample by sample.
+(variable projection, Golub and Pereyra 1973).  ``gradient``: Adam on everything, from evenly
+spread bands and their least squares.  ``back_propagation``: plain gradient descent, sample by sample.
 
 Whole groups are kept for early stopping, and the state with the least error on them is the result.
 """
@@ -243,26 +243,67 @@ def _gradient(
     built: Network, training: Samples, settings: TrainingSettings, progress: Progress,
     generator: torch.Generator,
 ) -> None:  # fmt: skip
-    """Adam on all parameters in batches; consequents start from least squares, which is a pass."""
+    """Adam on all parameters in batches, its rate falling along a cosine to the last pass."""
     x, c, y = training
-    first = 1
+    whitened = None
     if isinstance(built, FilteredNetwork):
-        built.solve_consequents(x, c, y, settings.ridge)
-        progress.stopped(1)
-        first = 2
-    optimizer = torch.optim.Adam(built.parameters(), lr=settings.learning_rate)
+        whitened = Whitened(built, training, settings.ridge)
+        progress.stopped(1)  # its least squares are a pass
+    parameters = whitened.parameters if whitened else list(built.parameters())
+    output = whitened or built
+    optimizer = torch.optim.Adam(parameters, lr=settings.learning_rate)
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=settings.passes)
-    for done in range(first, settings.passes + 1):
+    for done in range(2 if whitened else 1, settings.passes + 1):
         for rows in torch.randperm(len(y), generator=generator).split(settings.batch):
             optimizer.zero_grad()
-            loss = torch.mean((built(x[rows], c[rows]) - y[rows]) ** 2)
-            loss.backward()
+            torch.mean((output(x[rows], c[rows]) - y[rows]) ** 2).backward()
             optimizer.step()
-            if isinstance(built, FilteredNetwork):
-                built.keep_bounds()
+            if whitened:
+                whitened.settle()
         rate.step()
         if progress.stopped(done):
             return
+
+
+class Whitened:
+    """A filtered network with consequents b = b0 + L^-T z, where L L' = A'A / T + ridge 1.
+
+    Rules that hardly differ make the columns of the design A nearly the same, and gradient descent
+    on b crawl; in z they are orthogonal where it starts.
+
+    Parameters
+    ----------
+    built : FilteredNetwork
+        At the bands that training starts from.
+    training : tuple of Tensor
+        Scaled x, c and y, of whose least squares b0 is the solution.
+    ridge : float
+        Of these.
+    """
+
+    def __init__(self, built: FilteredNetwork, training: Samples, ridge: float) -> None:
+        self.built = built
+        x, c, y = training
+        with torch.no_grad():
+            gram, moment = built.normal_equations(built.bands, x, c, y)
+            one = torch.eye(len(gram), dtype=gram.dtype)
+            factor = torch.linalg.cholesky(gram + ridge * one)
+            self.map = torch.linalg.solve_triangular(factor.mT, one, upper=True)
+            self.start = ridge_solution(gram, moment, ridge)
+        self.z = torch.zeros_like(self.start).requires_grad_()
+        self.parameters = [built.places, self.z]
+        self.settle()
+
+    def __call__(self, x: Tensor, c: Tensor) -> Tensor:
+        """Scaled output, shape (T,)."""
+        return self.built.design(x, c) @ (self.start + self.map @ self.z)
+
+    @torch.no_grad()
+    def settle(self) -> None:
+        """Keep the bounds of the bands, and give the network its consequents."""
+        self.built.keep_bounds()
+        b = self.start + self.map @ self.z
+        self.built.consequents.copy_(b.view_as(self.built.consequents))
 
 
 def _descent(
