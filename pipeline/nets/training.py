@@ -2,9 +2,10 @@
 
 ``genetic``: adaptive genetic search over the bands with ridge least squares for the consequents
 inside (FFNN2015), a generation at once.  ``projection``: the same least squares, and Adam on the
-bands; at the least-squares consequents the gradient of the projected error is that with these held
-(variable projection, Golub and Pereyra 1973).  ``gradient``: Adam on everything, from evenly
-spread bands and their least squares.  ``back_propagation``: plain gradient descent, sample by sample.
+bands; at the least-squares consequents the gradient of the projected error is that with these
+held (variable projection, Golub and Pereyra 1973).  ``gradient``: Adam on everything, from evenly
+spread bands and their least squares.  ``back_propagation``: plain gradient descent, sample by
+sample.
 
 Whole groups are kept for early stopping, and the state with the least error on them is the result.
 """
@@ -22,6 +23,7 @@ from pipeline.nets.ffnn import (
     BackPropagationNetwork,
     FilteredNetwork,
     Network,
+    Whitened,
     network,
     ridge_solution,
 )
@@ -247,7 +249,7 @@ def _gradient(
     x, c, y = training
     whitened = None
     if isinstance(built, FilteredNetwork):
-        whitened = Whitened(built, training, settings.ridge)
+        whitened = Whitened(built, *training, settings.ridge)
         progress.stopped(1)  # its least squares are a pass
     parameters = whitened.parameters if whitened else list(built.parameters())
     output = whitened or built
@@ -263,47 +265,6 @@ def _gradient(
         rate.step()
         if progress.stopped(done):
             return
-
-
-class Whitened:
-    """A filtered network with consequents b = b0 + L^-T z, where L L' = A'A / T + ridge 1.
-
-    Rules that hardly differ make the columns of the design A nearly the same, and gradient descent
-    on b crawl; in z they are orthogonal where it starts.
-
-    Parameters
-    ----------
-    built : FilteredNetwork
-        At the bands that training starts from.
-    training : tuple of Tensor
-        Scaled x, c and y, of whose least squares b0 is the solution.
-    ridge : float
-        Of these.
-    """
-
-    def __init__(self, built: FilteredNetwork, training: Samples, ridge: float) -> None:
-        self.built = built
-        x, c, y = training
-        with torch.no_grad():
-            gram, moment = built.normal_equations(built.bands, x, c, y)
-            one = torch.eye(len(gram), dtype=gram.dtype)
-            factor = torch.linalg.cholesky(gram + ridge * one)
-            self.map = torch.linalg.solve_triangular(factor.mT, one, upper=True)
-            self.start = ridge_solution(gram, moment, ridge)
-        self.z = torch.zeros_like(self.start).requires_grad_()
-        self.parameters = [built.places, self.z]
-        self.settle()
-
-    def __call__(self, x: Tensor, c: Tensor) -> Tensor:
-        """Scaled output, shape (T,)."""
-        return self.built.design(x, c) @ (self.start + self.map @ self.z)
-
-    @torch.no_grad()
-    def settle(self) -> None:
-        """Keep the bounds of the bands, and give the network its consequents."""
-        self.built.keep_bounds()
-        b = self.start + self.map @ self.z
-        self.built.consequents.copy_(b.view_as(self.built.consequents))
 
 
 def _descent(
