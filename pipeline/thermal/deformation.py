@@ -1,7 +1,8 @@
 """Spindle growth from spindle speed and ambient: two nodes of heat, and what they expand.
 
 The nodes are the spindle with its bearings and the structure that carries it, as the network of
-:mod:`pipeline.thermal.network`: bearing friction n^(5/3) and windage n^2 heat the spindle, which
+:mod:`pipeline.thermal.network`: the bearings' viscous friction n^(5/3), their friction under
+preload (its torque does not depend on the speed: power ~ n) and windage n^2 heat the spindle, which
 passes heat on to the structure; both lose heat to the ambient.  The growth that a probe at the nose
 measures is
 
@@ -32,6 +33,9 @@ from pipeline.thermal.network import (
 )
 
 _Rate = Annotated[float, Range(above=0.0, unit="1/s")]
+
+HEATING = ("bearing_friction", "windage", "load_speed")
+"""Sources of the network of heat; under preload the bearings' load is constant."""
 
 START_RIDGE = 0.01
 """Weight of the sensors' mean against a sensor where the start of the nodes is estimated [1].
@@ -106,6 +110,8 @@ class DeformationNetwork(Ranged, section="deformation"):
         Heating of the spindle by its bearings, k / C [K/s/(rad/s)^(5/3)].
     windage : float
         Heating of the spindle by windage, k / C [K/s/(rad/s)^2].
+    preload_friction : float
+        Heating of the spindle by its bearings under preload, k / C [K/s/(rad/s)].
     cooling_rate : float
         1 / (R C) of the spindle to the ambient [1/s].
     coupling_rate : float
@@ -129,6 +135,7 @@ class DeformationNetwork(Ranged, section="deformation"):
 
     bearing_friction: NotNegative
     windage: NotNegative
+    preload_friction: NotNegative
     cooling_rate: _Rate
     coupling_rate: _Rate
     capacity_ratio: Annotated[float, Range(above=0.0)]
@@ -142,7 +149,11 @@ class DeformationNetwork(Ranged, section="deformation"):
     def thermal(self) -> SpindleThermalParameters:
         """The network of heat alone."""
         return SpindleThermalParameters(
-            heating={"bearing_friction": self.bearing_friction, "windage": self.windage},
+            heating={
+                "bearing_friction": self.bearing_friction,
+                "windage": self.windage,
+                "load_speed": self.preload_friction,
+            },
             cooling_rate=self.cooling_rate,
             coupling_rate=self.coupling_rate,
             capacity_ratio=self.capacity_ratio,
@@ -245,24 +256,25 @@ def simulate(
     """
     start = np.asarray(start_C, float)
     return temperatures(
-        heat_sources(speed_rad_s, 0.0, 0.0), start[..., 0], parameters.thermal, step,
+        heat_sources(speed_rad_s, 1.0, 0.0), start[..., 0], parameters.thermal, step,
         ambient=ambient_C, body_start=start[..., 1],
     )  # fmt: skip
 
 
 def unit_responses(record: GrowthRecord, thermal: SpindleThermalParameters, speed: float) -> Floats:
-    """Node temperatures, shape (2, 5, T), that each cause alone would give.
+    """Node temperatures, shape (2, 6, T), that each cause alone would give.
 
-    The causes: bearing friction of 1 K/s at ``speed`` [rad/s], windage likewise, the ambient of the
-    record, and a start of 1 degC of spindle and of structure.  Temperatures are sums of these.
+    The causes: bearing friction of 1 K/s at ``speed`` [rad/s], windage and preload likewise, the
+    ambient of the record, and a start of 1 degC of spindle and of structure.  Temperatures are sums
+    of these.
     """
     names, many = list(SOURCES), len(record.time_s)
-    heat = np.zeros((5, many, len(names)))
-    each = heat_sources(record.speed_rad_s / speed, 0.0, 0.0)
-    for cause, name in enumerate(("bearing_friction", "windage")):
+    heat = np.zeros((6, many, len(names)))
+    each = heat_sources(record.speed_rad_s / speed, 1.0, 0.0)
+    for cause, name in enumerate(HEATING):
         heat[cause, :, names.index(name)] = each[:, names.index(name)]
-    ambient = np.zeros((5, many))
-    ambient[2] = record.ambient_C
+    ambient = np.zeros((6, many))
+    ambient[3] = record.ambient_C
     return temperatures(
-        heat, np.eye(5)[3], thermal, record.step, ambient=ambient, body_start=np.eye(5)[4]
+        heat, np.eye(6)[4], thermal, record.step, ambient=ambient, body_start=np.eye(6)[5]
     )

@@ -19,11 +19,11 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
-from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord, unit_responses
+from pipeline.thermal.deformation import HEATING, DeformationNetwork, GrowthRecord, unit_responses
 
-_LOGARITHMIC = slice(2, 6)
+_LOGARITHMIC = slice(3, 7)
 """Places of the rates and of the ratio of capacities, as in :class:`DeformationNetwork`."""
-_SHARED = 9
+_SHARED = 10
 """Parameters before the shares of the sensors."""
 _NAMES = tuple(f.name for f in fields(DeformationNetwork))[:_SHARED]
 _SLOPE = 1e-5
@@ -183,9 +183,9 @@ class _Task:
                 "that turns"
             )
         self.scale = np.ones(_SHARED + self.sensors)
-        self.scale[:2] = self.speed ** np.array([-5 / 3, -2.0])
-        self.scale[6:8] = _MICROMETRE
-        self.scale[8] = _MICROMETRE / self.speed**2
+        self.scale[:3] = self.speed ** np.array([-5 / 3, -2.0, -1.0])
+        self.scale[7:9] = _MICROMETRE
+        self.scale[9] = _MICROMETRE / self.speed**2
         self.spindle_sensor = self._spindle_sensor()
         self.free = self._free()
 
@@ -219,10 +219,10 @@ class _Task:
     def bounds(self) -> tuple[Floats, Floats]:
         low = np.full(_SHARED + self.sensors, -np.inf)
         high = -low
-        low[:2] = 0.0
+        low[:3] = 0.0
         low[_LOGARITHMIC], high[_LOGARITHMIC] = np.log(1e-6), np.log(0.1)
-        low[4], high[4] = np.log(0.01), 0.0
-        low[6:8], high[6:8] = (0.0, -10.0), 10.0
+        low[5], high[5] = np.log(0.01), 0.0
+        low[7:9], high[7:9] = (0.0, -10.0), 10.0
         low[_SHARED:], high[_SHARED:] = 0.0, 1.0
         return low, high
 
@@ -230,7 +230,9 @@ class _Task:
         """Where to start: half of the spindle's heat goes to the ambient, half to the structure."""
         heat = max(self.rise, 1.0) / fast / 2
         rates = np.log([0.5 / fast, 0.5 / fast, 0.5 * fast / slow, 0.5 / slow])
-        x = np.array([heat, 0.1 * heat, *rates, 1.0, 1.0, 0.0, *np.full(self.sensors, 0.5)])
+        x = np.array(
+            [heat, 0.1 * heat, 0.1 * heat, *rates, 1.0, 1.0, 0.0, *np.full(self.sensors, 0.5)]
+        )
         if self.spindle_sensor is not None:
             x[_SHARED + self.spindle_sensor] = 1.0
         return x
@@ -267,9 +269,7 @@ class _Task:
         ])  # fmt: skip
 
     def _responses(self, x: Floats) -> list[Floats]:
-        thermal = replace(
-            self.network(x).thermal, heating={"bearing_friction": 1.0, "windage": 1.0}
-        )
+        thermal = replace(self.network(x).thermal, heating=dict.fromkeys(HEATING, 1.0))
         return [unit_responses(record, thermal, self.speed) for record in self.records]
 
     def _observed(self, record: GrowthRecord, x: Floats, nodes: Floats, offset: Floats) -> Floats:
@@ -280,7 +280,7 @@ class _Task:
         s, shares = self.settings, x[_SHARED:, None]
         rise = nodes - nodes[..., :1]
         rows = np.empty((*nodes.shape[1:-1], 1 + self.sensors, nodes.shape[-1]))
-        rows[..., 0, :] = x[6] * rise[0] + x[7] * rise[1]
+        rows[..., 0, :] = x[7] * rise[0] + x[8] * rise[1]
         rows[..., 1:, :] = shares * nodes[0][..., None, :] + (1 - shares) * nodes[1][..., None, :]
         rows += offset
         rows[..., 0, :] *= _MICROMETRE / s.growth_error_m
@@ -299,10 +299,10 @@ class _Task:
         zero = np.zeros((1 + self.sensors, 1))
         square = (record.speed_rad_s / self.speed) ** 2
         fixed = -np.vstack([record.growth_m / _MICROMETRE, record.temperatures_C.T])
-        fixed[0] += x[8] * (square - square[0])
-        causes = np.array([x[0], x[1], 1.0])
-        rest = self._observed(record, x, np.tensordot(responses[:, :3], causes, (1, 0)), fixed)
-        by_start = self._observed(record, x, responses[:, 3:], zero)
+        fixed[0] += x[9] * (square - square[0])
+        causes = np.array([*x[:3], 1.0])
+        rest = self._observed(record, x, np.tensordot(responses[:, :4], causes, (1, 0)), fixed)
+        by_start = self._observed(record, x, responses[:, 4:], zero)
         error = self._start_error(record)
         by_start = np.hstack([by_start, np.eye(2) / error])
         rest = np.concatenate([rest, -self._shown(record, x) / error])
@@ -321,9 +321,9 @@ class _Task:
         self, record: GrowthRecord, x: Floats, responses: Floats, by_rate: list[Floats]
     ) -> Floats:
         _, by_start, start = self._record(record, x, responses)
-        causes = np.array([x[0], x[1], 1.0, *start])
+        causes = np.array([*x[:3], 1.0, *start])
         zero = np.zeros((1 + self.sensors, 1))
-        moved = np.stack([responses[:, 0], responses[:, 1], *(
+        moved = np.stack([*np.moveaxis(responses[:, :3], 1, 0), *(
             np.tensordot(one, causes, (1, 0)) for one in by_rate
         )], axis=1)  # fmt: skip
         nodes = np.tensordot(responses, causes, (1, 0))

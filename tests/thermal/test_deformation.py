@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 TRUTH = DeformationNetwork(
     bearing_friction=2.5e-7,
     windage=2e-9,
+    preload_friction=5e-6,
     cooling_rate=5e-4,
     coupling_rate=8e-4,
     capacity_ratio=0.2,
@@ -57,7 +58,7 @@ def test_the_growth_solves_its_equations() -> None:
     p = TRUTH
 
     def rate(_: float, T: Array, n: float) -> list[float]:
-        heat = p.bearing_friction * n ** (5 / 3) + p.windage * n**2
+        heat = p.bearing_friction * n ** (5 / 3) + p.windage * n**2 + p.preload_friction * n
         return [
             heat - p.cooling_rate * (T[0] - 21.0) - p.coupling_rate * (T[0] - T[1]),
             p.capacity_ratio * p.coupling_rate * (T[0] - T[1])
@@ -119,16 +120,16 @@ def fitted() -> GrowthFit:
 
 def test_the_fit_recovers_what_made_the_records(fitted: GrowthFit) -> None:
     truth = np.array([
-        *(getattr(TRUTH, name) for name in fitted.names[:9]), *TRUTH.sensor_shares
+        *(getattr(TRUTH, name) for name in fitted.names[:10]), *TRUTH.sensor_shares
     ])  # fmt: skip
     assert fitted.converged
     error = np.abs(fitted.values - truth)
     # 95 % intervals: one of twelve may lie outside, and none far
     assert (error <= fitted.half_width_95 + 1e-12).sum() >= len(truth) - 2
     assert (error <= 2.5 * fitted.half_width_95 + 1e-12).all()
-    rates = slice(2, 6)
+    rates = slice(3, 7)
     np.testing.assert_allclose(fitted.values[rates], truth[rates], rtol=0.1)
-    np.testing.assert_allclose(fitted.values[6:8], truth[6:8], rtol=0.05)
+    np.testing.assert_allclose(fitted.values[7:9], truth[7:9], rtol=0.05)
     assert fitted.growth_rms_m == pytest.approx(0.2e-6, rel=0.1)
     np.testing.assert_allclose(fitted.starts_C[2] - fitted.starts_C[0], [12, 6], atol=3.0)
 
@@ -152,11 +153,11 @@ def test_the_jacobian_is_that_of_the_residuals_and_says_what_is_not_determined()
     assert found.growth_rms_m < 1e-6
     lost = [replace(one, temperatures_C=one.temperatures_C * [1.0, np.nan, 1.0]) for one in some]
     found = fit(lost, GrowthFitSettings(evaluations=30, trials=5))
-    assert not found.determined[10] and np.isinf(found.half_width_95[10])
+    assert not found.determined[11] and np.isinf(found.half_width_95[11])
     assert found.jacobian.shape == (len(found.residuals), len(found.names))
     assert set(found.blocks) == {0, 1, 2}
     # at an optimum the residuals are orthogonal to what a free parameter changes
-    column = found.jacobian[:, 8]
+    column = found.jacobian[:, 9]
     size = np.linalg.norm(column) * np.linalg.norm(found.residuals)
     assert abs(column @ found.residuals) < 1e-2 * size
 
