@@ -5,14 +5,16 @@ left out say that it helps, a random forest on its residual.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.interval import AdaptiveSettings, Bands
 from pipeline.schema.model import Correlation, Model
+from pipeline.schema.ranges import NotNegative, Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.signals.columns import column
 from pipeline.signals.windows import StateSegment, state_segments
@@ -33,12 +35,16 @@ class SpindleRecords:
         Whether the spindle also works as a C axis, its state in ``spindle_position_control``.
     ambient : bool
         Whether ``ambient_temperature`` is recorded; otherwise one constant is identified.
+    coolant : bool
+        Whether ``coolant_temperature`` is recorded and the network may lose heat to it; days left
+        out decide whether it does.
     extra : tuple of str
         Further columns of the state table that a forest may look at.
     """
 
     position_control: bool = False
     ambient: bool = False
+    coolant: bool = False
     extra: tuple[str, ...] = ()
 
     @property
@@ -54,7 +60,15 @@ class SpindleRecords:
             names.append("spindle_position_control")
         if self.ambient:
             names.append("ambient_temperature")
+        if self.coolant:
+            names.append("coolant_temperature")
         return names
+
+    @property
+    def inputs(self) -> list[str]:
+        """Columns of a stretch that have to be known: heat sources and measured surrounds."""
+        surrounds = [name for name in self.signals if name.endswith("_temperature")]
+        return [*SOURCES, *surrounds]
 
 
 def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
@@ -98,11 +112,10 @@ def spindle_stretches(
     shortest_s: float,
 ) -> Iterator[StateSegment]:
     """The stretches of one day's state table, ready for the network."""
-    inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     yield from state_segments(
         with_heat(state, records),
         day,
-        inputs=inputs,
+        inputs=records.inputs,
         target=TARGET,
         step=step,
         bridge_s=bridge_s,
@@ -129,12 +142,11 @@ def stretch_of(
     if not np.isfinite(start_temperature):
         raise ValueError(f"start temperature {start_temperature} degC is no number: measure it")
     given = state.assign(**{TARGET: float(start_temperature)})
-    inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     found = list(
         state_segments(
             with_heat(given, records),
             str(state.index[0].date()),
-            inputs=inputs,
+            inputs=records.inputs,
             target=TARGET,
             step=step,
             bridge_s=np.inf,
@@ -165,6 +177,11 @@ def ambient_of(frame: pd.DataFrame, records: SpindleRecords) -> Floats | None:
     return frame["ambient_temperature"].to_numpy(float) if records.ambient else None
 
 
+def coolant_of(frame: pd.DataFrame, records: SpindleRecords) -> Floats | None:
+    """Coolant's temperature of a stretch's frame [degC], shape (T,), None when it is no sink."""
+    return frame["coolant_temperature"].to_numpy(float) if records.coolant else None
+
+
 def free_run(
     stretch: StateSegment, records: SpindleRecords, parameters: SpindleThermalParameters
 ) -> Floats:
@@ -176,6 +193,7 @@ def free_run(
         parameters,
         stretch.step,
         ambient=ambient_of(frame, records),
+        coolant=coolant_of(frame, records),
     )
 
 
@@ -199,6 +217,7 @@ def from_measured(
         parameters,
         stretch.step,
         ambient=ambient_of(frame, records),
+        coolant=coolant_of(frame, records),
         body_start=None if body is None else body[start],
     )[0]
 
@@ -216,7 +235,8 @@ class SpindleFitFacts:
     rmse_K : float
         Over the training days, each a free run [K].
     rmse_days_left_out_K : mapping of str to float
-        RMSE in windows of days left out [K], by number of nodes; empty when there was no choice.
+        RMSE in windows of days left out [K], by number of nodes, ``"2 with coolant"`` where that
+        sink was tried; empty when there was no choice.
     condition : float or None
         Condition number of the scaled Jacobian [1].
     correlation : Correlation
@@ -239,14 +259,45 @@ class SpindleFitFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpindleIntervals(Ranged, section="intervals"):
+    """90 % prediction intervals of a spindle's temperature, and the regimes that they are by.
+
+    Parameters
+    ----------
+    trend_s, steady_K_h : float
+        Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
+        ``steady_K_h`` [K/h]; anything slower is steady.
+    windows_horizons_s, free_run_horizons_s : tuple of float
+        Times since the last measured temperature that part the regimes [s].
+    windows, free_run : mapping of str to Band
+        Half widths [K] by regime, of windows that start from a measured temperature and of days
+        that run free.
+    follow : AdaptiveSettings
+        How the width in windows follows earlier errors of the day.
+    """
+
+    trend_s: Positive = 600.0
+    steady_K_h: NotNegative = 1.0
+    windows_horizons_s: tuple[Positive, ...] = ()
+    free_run_horizons_s: tuple[Positive, ...] = ()
+    windows: Bands = field(default_factory=dict)
+    free_run: Bands = field(default_factory=dict)
+    follow: AdaptiveSettings = field(default_factory=AdaptiveSettings)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SpindleModelFile(Model):
-    """The content of a spindle's ``model.json``; the forest's trees stand beside it."""
+    """The content of a spindle's ``model.json``; the forest's trees stand beside it.
+
+    ``intervals`` is None where a single training day leaves none to calibrate them on.
+    """
 
     network: SpindleThermalParameters
     records: SpindleRecords
     fit: SpindleFitFacts
     training_days: tuple[str, ...]
     forest: Forest
+    intervals: SpindleIntervals | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
