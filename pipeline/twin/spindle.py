@@ -312,7 +312,11 @@ class SpindleModel:
     def free_run(self, stretch: StateSegment) -> tuple[Floats, Floats]:
         """Temperature of network alone and of the whole model, each (T,), from the first sample."""
         physics = free_run(stretch, self.records, self.network)[0]
-        return physics, self._corrected(stretch, self._inputs(stretch), physics, 0)
+        if self.forest is None:
+            return physics, physics
+        at = np.arange(len(physics), dtype=float) * stretch.step
+        first = float(stretch.frame[TARGET].iloc[0])
+        return physics, physics + self.forest.correction(self._inputs(stretch), physics, first, at)
 
     def windows(self, stretch: StateSegment, window_s: float) -> tuple[Floats, Floats, Floats]:
         """Network alone, whole model, and persistence, each (T,), window by window.
@@ -324,32 +328,27 @@ class SpindleModel:
         length = max(round(window_s / stretch.step), 1)
         nodes = free_run(stretch, self.records, self.network)
         body = nodes[1] if len(nodes) == 2 else None
-        inputs = self._inputs(stretch)
-        physics, model, persistence = (np.full(len(measured), np.nan) for _ in range(3))
+        physics, persistence, at = (np.full(len(measured), np.nan) for _ in range(3))
         for start in window_starts(measured, length):
             window = slice(start, start + length)
             physics[window] = from_measured(
                 stretch, start, length, self.records, self.network, body
             )
-            model[window] = self._corrected(stretch, inputs, physics[window], start)
             persistence[window] = measured[start]
+            at[window] = np.arange(len(at[window])) * stretch.step
+        known = np.isfinite(at)
+        model = physics.copy()
+        if self.forest is not None and known.any():  # one call: a forest takes long to start
+            inputs = self._inputs(stretch)[known]
+            model[known] += self.forest.correction(
+                inputs, physics[known], persistence[known], at[known]
+            )
         return physics, model, persistence
 
     def _inputs(self, stretch: StateSegment) -> pd.DataFrame:
         """What the forest looks at over a stretch; no columns when there is no forest."""
         names = [*self.forest.sources, *self.forest.extra] if self.forest else []
         return smoothed_inputs(stretch.frame, stretch.step, names)
-
-    def _corrected(
-        self, stretch: StateSegment, inputs: pd.DataFrame, physics: Floats, start: int
-    ) -> Floats:
-        if self.forest is None:
-            return physics
-        rows = inputs.iloc[start : start + len(physics)]
-        first = float(stretch.frame[TARGET].iloc[start])
-        at = np.arange(len(physics), dtype=float) * stretch.step
-        correction: Floats = self.forest.correction(rows, physics, first, at)
-        return physics + correction
 
     def predict(self, state: pd.DataFrame, start_temperature: float) -> pd.DataFrame:
         """Temperatures from a state table and one measured temperature at its beginning.

@@ -186,11 +186,11 @@ def after_starts(frame: pd.DataFrame, step: float, rest_s: float) -> Bools:
     A start is the first step that turns the spindle, or holds it in position, on a day or after
     ``rest_s`` without either.
     """
-    heated = _heated(frame)
+    warmed = heated(frame)
     at = np.arange(len(frame))
-    last = np.maximum.accumulate(np.where(heated, at, -1))
+    last = np.maximum.accumulate(np.where(warmed, at, -1))
     before = np.concatenate([[-1], last[:-1]])
-    starts = heated & ((before < 0) | ((at - before) * step > rest_s))
+    starts = warmed & ((before < 0) | ((at - before) * step > rest_s))
     latest = np.maximum.accumulate(np.where(starts, at, -1))
     found: Bools = (latest >= 0) & ((at - latest) * step < START_S)
     return found
@@ -199,12 +199,12 @@ def after_starts(frame: pd.DataFrame, step: float, rest_s: float) -> Bools:
 def cooling(frame: pd.DataFrame, step: float, pause_s: float) -> Bools:
     """Whether the spindle turned or was held earlier this day and has stood ``pause_s``, (T,)."""
     at = np.arange(len(frame))
-    last = np.maximum.accumulate(np.where(_heated(frame), at, -1))
+    last = np.maximum.accumulate(np.where(heated(frame), at, -1))
     found: Bools = (last >= 0) & ((at - last) * step > pause_s)
     return found
 
 
-def _heated(frame: pd.DataFrame) -> Bools:
+def heated(frame: pd.DataFrame) -> Bools:
     """Whether the spindle turns or is held in position, (T,)."""
     found: Bools = (frame[["bearing_friction", "position_hold"]] > 0).any(axis=1).to_numpy()
     return found
@@ -235,21 +235,19 @@ def predicted_day(
     state = case.load()
     whole = list(stretches(model, state, case.name, np.inf))
     known = sum((len(s.frame) - s.bridged) * s.step for s in whole)
-    if not whole or known < limits.working_day_s:
+    day = other = None
+    if known >= limits.working_day_s:
+        how = intervals or SpindleIntervals()
+        day, other = (
+            None if one is None else runs_of(
+                one, state, case.name, window_s=limits.window_s, bridge_s=limits.bridge_s,
+                intervals=how,
+            )
+            for one in (model, tried)
+        )  # fmt: skip
+    if day is None:
         note = f"no working day: {known:.0f} s with speed, load and temperature"
         return Prediction(frame=pd.DataFrame(), note=note)
-    how = intervals or NO_INTERVALS
-
-    def run(one: SpindleModel) -> DayRuns:
-        found = runs_of(
-            one, state, case.name, window_s=limits.window_s, bridge_s=limits.bridge_s,
-            intervals=how,
-        )  # fmt: skip
-        assert found is not None
-        return found
-
-    day = run(model)
-    other = None if tried is None else run(tried)
     windows = _rows(day.windows, WINDOWS, None if other is None else other.windows)
     free_run = _rows(day.free_run, FREE_RUN, None if other is None else other.free_run)
     if intervals is not None:
@@ -278,10 +276,6 @@ def predicted_day(
         "compared running free": Fact(value=round(int(free_run["scored"].sum()) * step), unit="s"),
     }
     return Prediction(frame=pd.concat([windows, free_run, *apart], ignore_index=True), facts=facts)
-
-
-NO_INTERVALS = SpindleIntervals()
-"""Regimes by which no interval is made."""
 
 
 def _rows(run: Run, regime: str, tried: Run | None) -> pd.DataFrame:
