@@ -144,6 +144,10 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         f"{' %' if name.endswith('percent') else f' {unit_words(s.unit)}'}"
         for name, limit in s.limits.items()
     )
+    if s.coverage_limits is not None:
+        least, most = (f"{100 * end:g}" for end in s.coverage_limits)
+        limits = f"inside 90 % interval {least} to {most} %"
+    judged = bool(s.limits or s.coverage_limits)
     beside = [s.baselines.get(name) for name in others]
     errors = [w for b in beside for w in ((_error(b.mae), _error(b.rmse)) if b else ("–", "–"))]
     status = {"passed": "passed", "failed": "failed"}.get(s.status, "unknown")
@@ -159,9 +163,7 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         *([_error(None if s.coverage_90 is None else 100 * s.coverage_90)] if covered else []),
         *errors,
         limits or "–",
-        Cell(text=s.status if s.limits and s.status != "not judged" else "–", status=status)
-        if s.limits
-        else "–",
+        Cell(text=s.status if s.status != "not judged" else "–", status=status) if judged else "–",
     )
 
 

@@ -61,6 +61,8 @@ class Score(Figures):
         The same errors of each baseline on the same samples.
     limits : mapping of str to float
         Greatest value of an error (by its name above), empty where nothing is required.
+    coverage_limits : (float, float) or None
+        Least and greatest ``coverage_90`` [1], of a score over all groups; None where none is set.
     status : Status
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
@@ -76,6 +78,7 @@ class Score(Figures):
     coverage_90: float | None = None
     baselines: Mapping[str, Figures] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
+    coverage_limits: tuple[float, float] | None = None
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
 

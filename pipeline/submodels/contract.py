@@ -53,13 +53,16 @@ class Target:
         Of the prediction, such as a horizon; empty where there is one only.
     limits : mapping of str to float
         Greatest value of an error, by its name in :class:`~pipeline.schema.verdict.Figures`.
-        A target without limits is shown and decides nothing.
+        A target without limits and coverage is shown and decides nothing.
     baselines : tuple of str
         Predictions that are made beside the model's, simpler or in hindsight.
     must_beat : tuple of str
         Those whose MAE and RMSE may not both be lower than the model's over all groups.
     each_group : bool
         Whether the RMSE has to be below theirs in every group.
+    coverage : (float, float) or None
+        Least and greatest share of samples inside the 90 % interval over all groups that decide
+        [1]; None where no interval is asked for.
     """
 
     quantity: str
@@ -69,6 +72,14 @@ class Target:
     baselines: tuple[str, ...] = ()
     must_beat: tuple[str, ...] = ()
     each_group: bool = False
+    coverage: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.coverage is not None and not 0 <= self.coverage[0] <= self.coverage[1] <= 1:
+            raise ValueError(
+                f"coverage of {self.quantity} is {self.coverage}: give least and greatest share of "
+                "samples, from 0 to 1"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -94,7 +94,7 @@ def judge(
     frame = _table(predicted, outside)
     deciding = _deciding(looked_at)
     scores = [score for target in targets for score in _scores(frame, target, deciding)]
-    decisive = [s for s in scores if s.role == deciding and s.group != ALL and s.limits]
+    decisive = [s for s in scores if s.role == deciding and (s.limits or s.coverage_limits)]
     broken = [
         *set_reasons(model, sets, files),
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
@@ -258,7 +258,10 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
         parts = [*of_role.groupby("group", sort=False), (ALL, of_role)]
         for group, part in parts:
             score = _score(part, target, str(group), role)
-            found.append(_held_against(score, target) if role == deciding else score)
+            if role == deciding:
+                of_all = group == ALL and target.coverage is not None
+                score = _covered(score, target) if of_all else _held_against(score, target)
+            found.append(score)
     return found
 
 
@@ -314,6 +317,25 @@ def _held_against(score: Score, target: Target) -> Score:
                     f"{name}, {other.rmse:.4g} {score.unit}"
                 )
     return replace(score, status="failed" if reasons else "passed", reasons=tuple(reasons))
+
+
+def _covered(score: Score, target: Target) -> Score:
+    """A score over all groups with its status: whether the 90 % interval holds what it should."""
+    least, most = target.coverage or (0.0, 1.0)
+    share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
+    limits = f"{100 * least:g} to {100 * most:g} %"
+    reasons = []
+    if share is None:
+        reasons.append(
+            f"{target.quantity}{regime} has no 90 % interval, limits of the share inside {limits}"
+        )
+    elif not least <= share <= most:
+        reasons.append(
+            f"{target.quantity}{regime}: {100 * share:.4g} % of the samples lie inside the 90 % "
+            f"interval, limits {limits}"
+        )
+    status: Status = "failed" if reasons else "passed"
+    return replace(score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons))
 
 
 def _beaten(scores: Sequence[Score], target: Target, deciding: Role) -> list[str]:
@@ -516,6 +538,7 @@ def metrics(judged: Verdict) -> dict[str, Any]:
             "mae": score.mae,
             "rmse": score.rmse,
             "relative_percent": score.relative_percent,
+            "coverage_90": score.coverage_90,
             "worst_rmse": max((s.rmse for s in worst if s.rmse is not None), default=None),
             "skill_mae": {s.baseline: s.mae for s in judged.skills
                           if (s.quantity, s.regime) == (score.quantity, score.regime)},

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.charts.default_section import scores_table
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.predictions import read_predictions, write_predictions
@@ -268,3 +269,61 @@ def test_roles_stand_in_one_place() -> None:
     assert role_of(["agent.txt"], roles, sets, "2026-01-20") == "golden"
     assert role_of(["servo/b.csv"], roles, sets) == "golden"
     assert role_of(["servo/c.csv"], roles, sets) == "sealed"
+
+
+COVERED = replace(TARGET, coverage=(0.88, 0.92))
+
+
+def with_share_inside(share: float):
+    """A predictor whose interval holds this share of each recording's samples."""
+
+    def predict(one: Case) -> Prediction:
+        frame = predictor(one).frame
+        outside = np.arange(len(frame)) >= round(share * len(frame))
+        high = frame["measured"] + np.where(outside, -0.1, 0.5)
+        return Prediction(frame=frame.assign(high=high))
+
+    return predict
+
+
+@pytest.mark.parametrize("share", [0.6, 1.0])
+def test_an_interval_that_holds_too_little_or_too_much_fails(share: float) -> None:
+    found = judged("x", [TRAIN, A, B], target=COVERED, predict=with_share_inside(share)).verdict
+    assert found.status == "failed"
+    assert found.reasons == (
+        f"force: {100 * share:g} % of the samples lie inside the 90 % interval, limits 88 to 92 %",
+    )
+    assert found.missed == found.reasons
+    assert metrics(found)["force"]["coverage_90"] == share
+
+
+def test_an_interval_that_holds_what_it_should_passes_and_is_shown_with_its_limits() -> None:
+    found = judged("x", [TRAIN, A, B], target=COVERED, predict=with_share_inside(0.9)).verdict
+    assert found.status == "passed"
+    (total,) = found.of("force", group="all", role="held_out")
+    assert (total.status, total.coverage_limits) == ("passed", (0.88, 0.92))
+    assert all(s.coverage_limits is None for s in found.scores if s is not total)
+    table = scores_table(found, [])
+    assert table is not None
+    rows = [[str(cell.text) for cell in row] for row in table.rows]
+    assert ["inside 90 % interval 88 to 92 %", "passed"] in [row[-2:] for row in rows]
+
+
+def test_coverage_alone_decides_where_no_error_is_limited() -> None:
+    only = replace(COVERED, limits={}, must_beat=())
+    assert judged("x", [TRAIN, A], target=only, predict=with_share_inside(0.9)).verdict.status == (
+        "passed"
+    )
+
+
+def test_a_prediction_without_the_interval_that_is_asked_for_fails() -> None:
+    def bare(one: Case) -> Prediction:
+        return Prediction(frame=predictor(one).frame.drop(columns=["low", "high"]))
+
+    found = judged("x", [TRAIN, A], target=COVERED, predict=bare).verdict
+    assert found.reasons == ("force has no 90 % interval, limits of the share inside 88 to 92 %",)
+
+
+def test_shares_that_are_none_are_refused() -> None:
+    with pytest.raises(ValueError, match="coverage of force"):
+        replace(TARGET, coverage=(0.9, 88.0))

@@ -1,0 +1,327 @@
+"""Calibrated 90 % prediction intervals: split conformal by regime, and its tracking over time.
+
+The half width of an interval is a quantile of the absolute residuals of groups (days, recordings)
+that the predicting model was not fitted on.  Cross-conformal: each training group is predicted by a
+model of the others, so that no group is spent on calibration alone (Vovk 2015).
+
+Samples of a group hang together, and a new group is what the interval has to hold for, so groups
+count as whole.  Below :data:`MANY_GROUPS` of them, K say, the half width is conservative: of the
+groups' own 90 % quantiles it is the ceil(0.9 (K + 1))-th smallest, the greatest where there are
+fewer than nine.  By exchangeability it then holds 90 % of a new group's samples with a probability
+of 0.9, with fewer than nine groups of K / (K + 1), 80 % with four (Dunn, Wasserman and Ramdas
+2023).  From :data:`MANY_GROUPS` on it is one quantile of all residuals, each group of the same
+weight, at a level corrected for the number of independent groups that their scatter shows
+(hierarchical conformal prediction, Lee, Barber and Willett 2023): 90 % in the mean, not more.
+
+Adaptive over time: a factor on the half width rises when a measured value that has become known lay
+outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes and Tibshirani 2023;
+Gibbs and Candes 2021), so that the share inside comes back to 90 % when conditions drift.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.interval import AdaptiveSettings as AdaptiveSettings
+from pipeline.schema.interval import Band as Band
+from pipeline.schema.interval import Bands as Bands
+
+LEVEL = 0.9
+"""Share of samples that an interval shall hold [1]."""
+MANY_GROUPS = 20
+"""Groups from which on their scatter is known: two of them pass a 90 % limit on average."""
+ALL_REGIMES = ""
+"""Name of the band over all regimes, for samples of a regime that was not seen in training."""
+
+Labels = np.ndarray[Any, np.dtype[np.str_]]
+"""A word for each sample."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Residuals:
+    """Errors of predictions of groups that the predicting model did not see.
+
+    Parameters
+    ----------
+    error : ndarray, shape (N,)
+        Measured minus predicted, in the unit of the quantity; what is not finite does not count.
+    regime, group : ndarray of str, shape (N,)
+        Of each sample.
+    t : ndarray, shape (N,)
+        Time of the sample within its group, not falling [s].
+    """
+
+    error: Floats
+    regime: Labels
+    group: Labels
+    t: Floats
+
+    def __post_init__(self) -> None:
+        lengths = [len(values) for values in (self.error, self.regime, self.group, self.t)]
+        if len(set(lengths)) > 1:
+            raise ValueError(
+                f"residuals have {lengths} errors, regimes, groups and times: give as many of each"
+            )
+
+    def where(self, chosen: Bools) -> "Residuals":
+        """The residuals of some samples."""
+        return Residuals(
+            error=self.error[chosen], regime=self.regime[chosen], group=self.group[chosen],
+            t=self.t[chosen],
+        )  # fmt: skip
+
+    @staticmethod
+    def joined(parts: Iterable["Residuals"]) -> "Residuals":
+        """The residuals of several parts, one after the other."""
+        found = list(parts)
+        if not found:
+            none, words = np.empty(0), np.empty(0, dtype=str)
+            return Residuals(error=none, regime=words, group=words, t=none)
+        return Residuals(
+            error=np.concatenate([p.error for p in found]),
+            regime=np.concatenate([p.regime for p in found]),
+            group=np.concatenate([p.group for p in found]),
+            t=np.concatenate([p.t for p in found]),
+        )
+
+
+def splits(groups: Sequence[str], folds: int) -> Iterator[tuple[list[str], list[str]]]:
+    """Pairs of groups to fit on and groups left out; each group is left out once.
+
+    Parameters
+    ----------
+    groups : sequence of str
+        In the order in which neighbours shall be left out together.
+    folds : int
+        Number of pairs, at most one a group.
+
+    Examples
+    --------
+    >>> list(splits(["a", "b", "c"], 2))
+    [(['c'], ['a', 'b']), (['a', 'b'], ['c'])]
+    """
+    if len(groups) < 2:
+        return
+    for part in np.array_split(np.arange(len(groups)), min(folds, len(groups))):
+        left = {int(i) for i in part}
+        yield (
+            [name for i, name in enumerate(groups) if i not in left],
+            [name for i, name in enumerate(groups) if i in left],
+        )
+
+
+def residuals_left_out(
+    groups: Sequence[str],
+    folds: int,
+    residuals_of: Callable[[list[str], list[str]], Residuals],
+) -> Residuals:
+    """Residuals of each group under a model that did not see it (cross-conformal).
+
+    Parameters
+    ----------
+    groups : sequence of str
+        Training groups.
+    folds : int
+        Models to fit, at most one a group; two at least are made of two groups.
+    residuals_of : callable
+        Fits on the groups of its first argument and returns the residuals of those of its second.
+    """
+    return Residuals.joined(residuals_of(fitted, left) for fitted, left in splits(groups, folds))
+
+
+def bands(residuals: Residuals) -> dict[str, Band]:
+    """Calibrated half widths by regime, and over all regimes under :data:`ALL_REGIMES`.
+
+    A regime that has residuals of fewer groups than half of all, or of one, has no band of its own
+    unless it is the only one: the band over all regimes serves it.
+
+    Raises
+    ------
+    ValueError
+        When no residual is known.
+    """
+    known = residuals.where(np.isfinite(residuals.error))
+    if not len(known.error):
+        raise ValueError(
+            "no residual of a group left out is known: an interval needs two training groups at "
+            "least, record another"
+        )
+    found = {ALL_REGIMES: _band(known)}
+    fewest = max(2, found[ALL_REGIMES].groups / 2)
+    for regime in np.unique(known.regime).tolist():
+        own = _band(known.where(known.regime == regime))
+        if regime != ALL_REGIMES and own.groups >= fewest:
+            found[regime] = own
+    return found
+
+
+def _band(residuals: Residuals) -> Band:
+    names, group = np.unique(residuals.group, return_inverse=True)
+    half = _half_width(np.abs(residuals.error), group, len(names))
+    return Band(lower=half, upper=half, n=len(residuals.error), groups=len(names))
+
+
+def _half_width(size: Floats, group: np.ndarray, count: int) -> float:
+    """Half width that holds 90 % of a new group, from absolute residuals of ``count`` groups."""
+    if count < MANY_GROUPS:
+        own = np.sort([float(np.quantile(size[group == k], LEVEL)) for k in range(count)])
+        return float(own[min(int(np.ceil(LEVEL * (count + 1) - 1e-9)), count) - 1])
+    weight = 1.0 / (count * np.bincount(group, minlength=count)[group])
+    order = np.argsort(size, kind="stable")
+    below = np.cumsum(weight[order])
+
+    def quantile(level: float) -> float:
+        at = int(np.searchsorted(below, level - 1e-12))
+        return float(size[order[min(at, len(size) - 1)]])
+
+    # Kish's design effect: independent groups of the same scatter, p (1 - p) / var(mean share out)
+    outside = count * np.bincount(group, weights=(size > quantile(LEVEL)) * weight, minlength=count)
+    variance = float(outside.var(ddof=1)) / count
+    independent = LEVEL * (1 - LEVEL) / variance if variance > 0 else float(len(size))
+    effective = float(np.clip(independent, count, len(size)))
+    return quantile(min(1.0, LEVEL * (effective + 1) / effective))
+
+
+def half_widths(regime: Labels, bands: Bands) -> tuple[Floats, Floats]:
+    """Lower and upper half width of each sample, each (N,), by its regime."""
+    names, place = np.unique(regime, return_inverse=True)
+    chosen = [bands.get(name, bands[ALL_REGIMES]) for name in names.tolist()]
+    lower = np.array([band.lower for band in chosen], dtype=float)
+    upper = np.array([band.upper for band in chosen], dtype=float)
+    return lower[place], upper[place]
+
+
+def interval(predicted: Floats, regime: Labels, bands: Bands) -> tuple[Floats, Floats]:
+    """Low and high of the 90 % interval around predictions, each (N,).
+
+    Parameters
+    ----------
+    predicted : ndarray, shape (N,)
+        In the unit of the bands.
+    regime : ndarray of str, shape (N,)
+        Of each sample; what it depends on has to be known when the prediction is made.
+    bands : mapping of str to Band
+        From :func:`bands`.
+    """
+    lower, upper = half_widths(regime, bands)
+    return predicted - lower, predicted + upper
+
+
+def adaptive(
+    t: Floats,
+    measured: Floats,
+    predicted: Floats,
+    regime: Labels,
+    bands: Bands,
+    settings: AdaptiveSettings,
+) -> tuple[Floats, Floats]:
+    """Low and high of a 90 % interval that follows the errors of one group, each (N,).
+
+    The half width at t is that of :func:`interval` times a factor of its regime.  The factor starts
+    at 1; each measured value that was known by t, that is of an earlier sample at least ``delay_s``
+    old, has raised it by 0.9 ``step`` when it lay outside the interval of its own time and lowered
+    it by 0.1 ``step`` when it lay inside.  Nothing of t itself or later is looked at.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Not falling [s].
+    measured, predicted : ndarray, shape (N,)
+        In the unit of the bands; NaN where nothing was measured, which changes no factor.
+    regime : ndarray of str, shape (N,)
+        Of each sample.
+    bands : mapping of str to Band
+        From :func:`bands`.
+    settings : AdaptiveSettings
+        Step and delay.
+
+    Raises
+    ------
+    ValueError
+        When the times fall.
+    """
+    if (np.diff(t) < 0).any():
+        at = int(np.argmax(np.diff(t) < 0)) + 1
+        raise ValueError(f"time falls to {t[at]:g} s at sample {at}: put the samples in order")
+    lower, upper = half_widths(regime, bands)
+    factor = _factors(
+        t.tolist(), _size(measured - predicted, lower, upper).tolist(),
+        np.unique(regime, return_inverse=True)[1].tolist(), settings,
+    )  # fmt: skip
+    return predicted - factor * lower, predicted + factor * upper
+
+
+def _size(error: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Residual over the half width on its side [1]; infinite outside a width of 0."""
+    width = np.where(error < 0, lower, upper)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(error == 0, 0.0, np.abs(error) / width)
+
+
+def _factors(
+    t: list[float], size: list[float], regime: list[int], settings: AdaptiveSettings
+) -> Floats:
+    """Factor on the half width at each sample, from what was known by then, shape (N,)."""
+    by_regime = [1.0] * (max(regime, default=0) + 1)
+    up, down = LEVEL * settings.step, (1 - LEVEL) * settings.step
+    found = [1.0] * len(t)
+    known = 0
+    for now, time in enumerate(t):
+        while known < now and t[known] + settings.delay_s <= time:
+            own, one = regime[known], size[known]
+            if one > found[known]:
+                by_regime[own] += up
+            elif one <= found[known]:  # neither holds for NaN
+                by_regime[own] = max(by_regime[own] - down, 0.0)
+            known += 1
+        found[now] = by_regime[regime[now]]
+    return np.array(found)
+
+
+def chosen_step(
+    residuals: Residuals, bands: Bands, steps: Sequence[float], delay_s: float
+) -> float:
+    """The step with the least mean interval score over training groups left out.
+
+    The interval score is the width, and 2 / 0.1 times the distance of what lies outside (Gneiting
+    and Raftery 2007): it is least, in the mean, for the interval that holds 90 %.  Each group
+    weighs the same.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        Of training groups only.
+    bands : mapping of str to Band
+        From :func:`bands`.
+    steps : sequence of float
+        To choose from; 0 is an interval that does not adapt.
+    delay_s : float
+        A measured value is known this long after its time [s].
+
+    Raises
+    ------
+    ValueError
+        When there is no step to choose from.
+    """
+    if not steps:
+        raise ValueError("there is no step to choose from: name one at least, 0 for none")
+    scores = [
+        float(np.mean([
+            _interval_score(residuals.where(residuals.group == name), bands, step, delay_s)
+            for name in np.unique(residuals.group)
+        ]))
+        for step in steps
+    ]  # fmt: skip
+    return float(steps[int(np.argmin(scores))])
+
+
+def _interval_score(own: Residuals, bands: Bands, step: float, delay_s: float) -> float:
+    low, high = adaptive(
+        own.t, own.error, np.zeros(len(own.error)), own.regime, bands,
+        AdaptiveSettings(step=step, delay_s=delay_s),
+    )  # fmt: skip
+    missed = np.maximum(low - own.error, 0.0) + np.maximum(own.error - high, 0.0)
+    return float(np.nanmean(high - low + 2 / (1 - LEVEL) * missed))

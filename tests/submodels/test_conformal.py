@@ -1,0 +1,188 @@
+"""Calibrated intervals: coverage of groups not seen, drift, causality, few groups."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.schema.store import read_json, write_json
+from pipeline.submodels.conformal import (
+    ALL_REGIMES,
+    AdaptiveSettings,
+    Band,
+    Residuals,
+    adaptive,
+    bands,
+    chosen_step,
+    interval,
+    residuals_left_out,
+    splits,
+)
+
+
+def days(generator: np.random.Generator, count: int, *, between: float, samples: int = 200):
+    """Residuals of groups with an offset of their own and noise of standard deviation 1."""
+    error = between * generator.normal(size=(count, 1)) + generator.normal(size=(count, samples))
+    return Residuals(
+        error=error.ravel(),
+        regime=np.full(error.size, ""),
+        group=np.repeat([f"day {i}" for i in range(count)], samples),
+        t=np.tile(np.arange(float(samples)), count),
+    )
+
+
+def inside(error, low, high) -> float:
+    return float(np.mean((low <= error) & (error <= high)))
+
+
+@pytest.mark.parametrize("count", [12, 30])
+@pytest.mark.parametrize("between", [0.0, 0.5, 2.0])
+def test_exchangeable_groups_are_covered(count: int, between: float) -> None:
+    generator = np.random.default_rng(1)
+    shares = []
+    for _ in range(200):
+        found = days(generator, count + 1, between=between)
+        new = found.group == f"day {count}"
+        band = bands(found.where(~new))[""]
+        shares.append(inside(found.error[new], -band.lower, band.upper))
+    # 200 new groups: the mean share of a group with an offset is known to about 0.02
+    least = 0.9 - 3 * np.std(shares) / np.sqrt(len(shares)) - 0.003
+    assert least <= np.mean(shares)
+    if count >= 20:  # sharp where there are enough groups
+        assert np.mean(shares) < 0.95
+
+
+@pytest.mark.parametrize("between", [0.0, 0.5, 2.0, 20.0])
+def test_few_groups_get_the_widest_of_their_own_and_hold_their_share(between: float) -> None:
+    generator = np.random.default_rng(2)
+    shares = []
+    for _ in range(300):
+        found = days(generator, 5, between=between)
+        new = found.group == "day 4"
+        old = found.where(~new)
+        band = bands(old)[""]
+        own = [np.quantile(np.abs(old.error[old.group == f"day {k}"]), 0.9) for k in range(4)]
+        assert band.upper == pytest.approx(max(own)) and band.groups == 4
+        shares.append(inside(found.error[new], -band.lower, band.upper))
+    # four of five, K / (K + 1), within the noise of 300 new groups that are in or out
+    assert np.mean(shares) >= 0.8 - 3 * 0.4 / np.sqrt(300)
+
+
+def test_a_long_group_weighs_as_much_as_a_short_one() -> None:
+    """Nine calm groups of one sample each, one rough group of a thousand."""
+    error = np.concatenate([np.arange(1.0, 30.0), np.full(1000, 100.0)])
+    group = np.concatenate([[f"{i}" for i in range(29)], np.full(1000, "long")])
+    found = Residuals(error=error, regime=np.full(len(error), ""), group=group, t=0 * error)
+    assert bands(found)[""].upper <= 29.0
+
+
+def test_a_band_a_regime_and_that_over_all_for_what_was_hardly_seen() -> None:
+    regime = np.array(["warming", "cooling"] * 10 + ["rare"])
+    group = np.array([str(i // 2) for i in range(20)] + ["0"])
+    error = np.array([2.0, -1.0] * 10 + [9.0])
+    found = bands(Residuals(error=error, regime=regime, group=group, t=np.zeros(21)))
+    assert set(found) == {ALL_REGIMES, "warming", "cooling"}
+    assert found["warming"] == Band(lower=2.0, upper=2.0, n=10, groups=10)
+    low, high = interval(np.zeros(3), np.array(["cooling", "warming", "never seen"]), found)
+    np.testing.assert_allclose(high, [1.0, 2.0, found[ALL_REGIMES].upper])
+    np.testing.assert_allclose(low, -high)
+
+
+def test_without_a_residual_the_message_says_what_to_record() -> None:
+    with pytest.raises(ValueError, match="two training groups at least, record another"):
+        bands(Residuals.joined([]))
+
+
+def test_each_group_is_predicted_by_a_model_that_did_not_see_it() -> None:
+    names = [f"g{i}" for i in range(7)]
+
+    def residuals_of(fitted: list[str], left: list[str]) -> Residuals:
+        assert not set(fitted) & set(left) and sorted(fitted + left) == names
+        error = np.full(len(left), float(len(fitted)))
+        words = np.array(left)
+        return Residuals(error=error, regime=np.full(len(left), ""), group=words, t=0 * error)
+
+    found = residuals_left_out(names, 3, residuals_of)
+    assert found.group.tolist() == names
+    assert list(splits(["alone"], 3)) == []
+
+
+def drifting(samples: int = 20_000):
+    """Errors whose spread grows threefold, and the bands of what they were before."""
+    generator = np.random.default_rng(3)
+    spread = np.linspace(1.0, 3.0, samples)
+    return np.arange(float(samples)), spread * generator.normal(size=samples), {
+        ALL_REGIMES: Band(lower=1.645, upper=1.645, n=1000, groups=30)
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("delay", [0.0, 300.0])
+def test_adaptive_holds_90_percent_under_drift_where_split_does_not(delay: float) -> None:
+    t, error, band = drifting()
+    regime, still = np.full(len(t), ""), np.zeros(len(t))
+    assert inside(error, *interval(still, regime, band)) < 0.75
+    chosen = AdaptiveSettings(step=0.02, delay_s=delay)
+    # the factor ends within 3 of where it began, so the share is 0.9 within 3 / (step N)
+    found = inside(error, *adaptive(t, error, still, regime, band, chosen))
+    assert found == pytest.approx(0.9, abs=3 / (0.02 * len(t)) + delay / len(t))
+
+
+def test_a_step_of_0_is_the_split_interval() -> None:
+    t, error, band = drifting(500)
+    regime, still = np.full(len(t), ""), np.zeros(len(t))
+    found = adaptive(t, error, still, regime, band, AdaptiveSettings(step=0.0))
+    np.testing.assert_array_equal(found, interval(still, regime, band))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 199), st.floats(0.0, 50.0))
+def test_what_is_not_known_yet_changes_nothing(at: int, delay: float) -> None:
+    generator = np.random.default_rng(4)
+    t, error = np.arange(200.0), 3 * generator.normal(size=200)
+    regime = np.where(np.arange(200) % 3 == 0, "a", "b")
+    band = {ALL_REGIMES: Band(lower=1.0, upper=2.0, n=9, groups=9)}
+    chosen = AdaptiveSettings(step=0.1, delay_s=delay)
+    before = adaptive(t, error, np.zeros(200), regime, band, chosen)
+    other = np.where(t >= at, 100.0, error)
+    after = adaptive(t, other, np.zeros(200), regime, band, chosen)
+    same = t < at + max(delay, 1.0)  # what is measured at a time is known one sample later at best
+    np.testing.assert_array_equal(before[0][same], after[0][same])
+    np.testing.assert_array_equal(before[1][same], after[1][same])
+    later = t >= at + delay + 3
+    if later.any():
+        assert not np.array_equal(before[1][later], after[1][later])
+
+
+def test_a_regime_follows_its_own_errors_only_and_nan_changes_nothing() -> None:
+    t = np.arange(100.0)
+    regime = np.where(t % 2 == 0, "rough", "calm")
+    error = np.where(t % 2 == 0, 5.0, np.nan)
+    band = {ALL_REGIMES: Band(lower=1.0, upper=1.0, n=9, groups=9)}
+    _, high = adaptive(t, error, np.zeros(100), regime, band, AdaptiveSettings(step=0.1))
+    assert (high[1::2] == 1.0).all()
+    assert high[98] == pytest.approx(min(1 + 0.09 * 49, 5.0), abs=0.2)
+
+
+def test_the_step_is_chosen_by_what_the_training_groups_show() -> None:
+    t, error, band = drifting(4000)
+    words = np.full(len(t), "")
+    drift = Residuals(error=error, regime=words, group=words, t=t)
+    assert chosen_step(drift, band, (0.0, 0.02), 0.0) == 0.02
+    calm = Residuals(error=np.sin(t) * 1.9, regime=words, group=words, t=t)
+    wide = {ALL_REGIMES: Band(lower=1.9, upper=1.9, n=1000, groups=30)}
+    assert chosen_step(calm, wide, (0.0, 1.0), 0.0) == 0.0
+
+
+def test_times_that_fall_are_refused() -> None:
+    band = {ALL_REGIMES: Band(lower=1.0, upper=1.0, n=9, groups=9)}
+    with pytest.raises(ValueError, match="falls to 1 s at sample 2"):
+        adaptive(
+            np.array([0.0, 2.0, 1.0]), np.zeros(3), np.zeros(3), np.full(3, ""), band,
+            AdaptiveSettings(),
+        )  # fmt: skip
+
+
+def test_a_band_is_stored_and_read(tmp_path) -> None:
+    stored = {"warming": Band(lower=1.0, upper=1.5, n=20, groups=4)}
+    write_json(stored, tmp_path / "bands.json")
+    assert read_json(tmp_path / "bands.json", dict[str, Band]) == stored
