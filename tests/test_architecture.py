@@ -24,10 +24,11 @@ ARROWS: dict[str, set[str]] = {
     "signals": set(),
     "thermal": set(),
     "machine": {"gcode.moves"},
+    "nets": {"search"},
     "shop": {"gcode"},
     "twin": {"signals", "thermal", "cutting", "gcode", "machine"},
     "submodels": {
-        "twin", "signals", "thermal", "machine", "cutting", "gcode", "search", "charts",
+        "twin", "signals", "thermal", "machine", "cutting", "gcode", "nets", "search", "charts",
         "parameters",
     },
     "optimisation": {"twin", "gcode", "machine", "cutting", "search"},

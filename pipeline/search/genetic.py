@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.ranges import Count, NotNegative, Range, Ranged, Share
+from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged, Share
 from pipeline.search import operators
 from pipeline.search.box import Box, first_population
 from pipeline.search.operators import Indices
@@ -43,6 +43,9 @@ class GeneticSettings(Ranged, section="genetic"):
     fitness : str
         Measure of stochastic universal selection and of the adaptive rates: ``rank``,
         ``exponential`` (FFNN2015) or ``window``, how much better than the worst.
+    breadth : float
+        c of ``exponential``, exp(-(f - f_min) / (c sigma)): the smaller, the more the best alone
+        are chosen [1].
     crossover : str
         ``sbx`` (simulated binary) or ``blend``.
     crossover_eta : float
@@ -87,6 +90,7 @@ class GeneticSettings(Ranged, section="genetic"):
     selection: str = "stochastic_universal"
     tournament: Count = 2
     fitness: str = "exponential"
+    breadth: Positive = 1.0
     crossover: str = "sbx"
     crossover_eta: Annotated[float, Range(least=0.0, most=1000.0)] = 5.0
     alpha: Annotated[float, Range(least=0.0, most=10.0)] = 0.5
@@ -266,7 +270,7 @@ def _selected(
     costs: Floats, pairs: int, rate: float, settings: GeneticSettings, rng: np.random.Generator
 ) -> tuple[Indices, float | Floats, float | Floats]:
     """Places of the parents, (2 pairs,), and the rates at which pairs cross and genes mutate."""
-    fitness = _fitness(costs, settings.fitness)
+    fitness = _fitness(costs, settings)
     if settings.selection == "stochastic_universal":
         parents = operators.stochastic_universal(fitness, 2 * pairs, rng)
     else:
@@ -289,7 +293,9 @@ def _no_copies(mutated: Bools, children: Floats, parents: Floats, rng: np.random
     mutated[copies, genes.astype(np.intp)] = True
 
 
-def _fitness(costs: Floats, form: str) -> Floats:
-    if form == "rank":
+def _fitness(costs: Floats, settings: GeneticSettings) -> Floats:
+    if settings.fitness == "rank":
         return operators.ranked(len(costs))
-    return operators.exponential(costs) if form == "exponential" else operators.windowed(costs)
+    if settings.fitness == "window":
+        return operators.windowed(costs)
+    return operators.exponential(costs, settings.breadth)

@@ -33,6 +33,7 @@ def some_settings() -> st.SearchStrategy[GeneticSettings]:
         tournament=st.integers(1, 4),
         elite=st.integers(0, 1),
         generation_gap=st.floats(0.01, 1),
+        breadth=st.floats(1e-6, 1e6),
         adaptive=st.booleans(),
         crossover_rate=st.floats(0, 1),
         gene_rate=st.floats(0, 1),
@@ -73,6 +74,17 @@ def test_the_same_seed_gives_the_same_bytes(selection: str, adaptive: bool) -> N
     assert one.history.tobytes() == two.history.tobytes()
     other = minimise(rastrigin, LOW, HIGH, replace(some, seed=4))
     assert other.population.tobytes() != one.population.tobytes()
+
+
+def test_a_narrow_breadth_breeds_from_the_best_and_a_wide_one_from_all() -> None:
+    """exp(-(f - f_min) / (c sigma)): copies of the parents show who was chosen."""
+    unit = np.linspace(0.0, 1.0, 20)[:, None]
+    parents = []
+    for breadth in (1e-3, 1e3):
+        some = replace(SMALL, elite=0, crossover_rate=0.0, mutation_rate=0.0, breadth=breadth)
+        parents.append(np.unique(offspring(unit, unit[:, 0], some, np.random.default_rng(0))))
+    assert parents[0].tolist() == [0.0]
+    np.testing.assert_array_equal(parents[1], unit[:, 0])
 
 
 def test_the_elite_stays_though_all_else_is_replaced() -> None:
@@ -224,7 +236,7 @@ def test_the_callback_sees_each_generation_and_may_end_it() -> None:
         ("population", 1), ("population", 10.5), ("generations", 0), ("tournament", 0),
         ("crossover_eta", -1.0), ("crossover_eta", np.nan), ("alpha", -0.1),
         ("crossover_rate", 1.2), ("mutation_rate", -0.1), ("elite", 64), ("generation_gap", 0.0),
-        ("generation_gap", 1.5), ("stall", 0), ("stall_gain", -1.0), ("seed", -1),
+        ("generation_gap", 1.5), ("breadth", 0.0), ("stall", 0), ("stall_gain", -1.0), ("seed", -1),
         ("limit", np.nan), ("selection", "roulette"), ("survival", "all"),
     ],
 )  # fmt: skip

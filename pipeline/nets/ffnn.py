@@ -1,0 +1,273 @@
+"""Fuzzy-filtered networks and the sigmoid network that they are held against.
+
+All three take scaled temperatures x, shape (T, N), in the order of the sensors, and scaled consequent
+inputs c, shape (T, K), and give the scaled output, shape (T,), in float64
+(:mod:`pipeline.nets.trained` scales).
+
+The improved fuzzy-filtered network (FFNN2015) has five layers: temperatures; pass-bands over the
+channel index; shares of the bands; rules that are linear in the consequent inputs, weighted by the
+shares; their sum.  In the paper c are the temperatures of the three fuzzy c-means centres, K = 3;
+lags, rates or a speed may stand beside them.  The classic one (after Sun and Jang 1993) has bells for
+bands and sigmoids for shares.  Given the bands, both are linear in the consequents, which ridge least
+squares finds.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from pipeline.nets.settings import (
+    BackPropagationSettings,
+    ClassicFuzzySettings,
+    FuzzyFilteredSettings,
+    NetworkSettings,
+)
+
+FLOOR = 0.05
+"""Least temperature above the zero of the shares, as a part of their offset [1]."""
+NARROWEST = 0.3
+"""Least width of a band [channels]: one between two channels still sees both."""
+ROWS = 4096
+"""Samples whose design is held at once while normal equations are summed."""
+
+
+class FilteredNetwork(nn.Module, ABC):
+    """Bands over the channels, and rules that are linear in the consequent inputs.
+
+    Parameters
+    ----------
+    bands : int
+        J.
+    sensors, inputs : int
+        N and K.
+    bounds : sequence of pairs of float
+        Least and greatest value of each of the F parameters of a band.
+    start : Tensor, shape (J, F)
+        Bands that training starts from.
+    """
+
+    channels: Tensor
+    low: Tensor
+    high: Tensor
+
+    def __init__(
+        self, bands: int, sensors: int, inputs: int, bounds: Sequence[tuple[float, float]],
+        start: Tensor,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        channels = torch.arange(sensors, dtype=torch.float64)
+        low, high = torch.tensor(bounds, dtype=torch.float64).T
+        self.register_buffer("channels", channels, persistent=False)
+        self.register_buffer("low", low.expand(bands, -1).clone(), persistent=False)
+        self.register_buffer("high", high.expand(bands, -1).clone(), persistent=False)
+        self.bands = nn.Parameter(start.clone())
+        self.consequents = nn.Parameter(torch.zeros(bands, inputs + 1, dtype=torch.float64))
+
+    @abstractmethod
+    def strengths(self, bands: Tensor, x: Tensor) -> Tensor:
+        """Weights w of the rules, shape (..., T, J), with bands of shape (..., J, F)."""
+
+    @abstractmethod
+    def memberships(self, bands: Tensor) -> Tensor:
+        """Membership of each channel in each band, shape (..., J, N)."""
+
+    def filtered(self, bands: Tensor, t: Tensor) -> Tensor:
+        """Layer 2: O_j = sum_i mu_j(i) t_i / sum_i mu_j(i), shape (..., T, J)."""
+        mu = self.memberships(bands)
+        return t @ (mu / mu.sum(-1, keepdim=True)).transpose(-1, -2)
+
+    def forward(self, x: Tensor, c: Tensor) -> Tensor:
+        """Layers 4 and 5: sum_j w_j (p_j . c + s_j), shape (T,)."""
+        p, s = self.consequents[:, :-1], self.consequents[:, -1]
+        return (self.strengths(self.bands, x) * nn.functional.linear(c, p, s)).sum(-1)
+
+    def design(self, x: Tensor, c: Tensor) -> Tensor:
+        """Matrix whose product with the consequents is the output, shape (T, J (K + 1))."""
+        return self.designs(self.bands, x, c)
+
+    def designs(self, bands: Tensor, x: Tensor, c: Tensor) -> Tensor:
+        """As :meth:`design`, shape (..., T, J (K + 1)), for bands of shape (..., J, F)."""
+        w = self.strengths(bands, x)
+        rules = torch.cat([c, torch.ones_like(c[:, :1])], dim=1)
+        return (w[..., :, None] * rules[:, None, :]).flatten(-2)
+
+    def normal_equations(
+        self, bands: Tensor, x: Tensor, c: Tensor, y: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """A'A / T, shape (..., M, M), and A'y / T, shape (..., M), with M = J (K + 1)."""
+        gram: Tensor | float = 0.0
+        moment: Tensor | float = 0.0
+        for k in range(0, len(y), ROWS):
+            a = self.designs(bands, x[k : k + ROWS], c[k : k + ROWS])
+            gram = gram + a.mT @ a
+            moment = moment + (a.mT @ y[k : k + ROWS, None])[..., 0]
+        return torch.as_tensor(gram) / len(y), torch.as_tensor(moment) / len(y)
+
+    @torch.no_grad()
+    def solve_consequents(self, x: Tensor, c: Tensor, y: Tensor, ridge: float) -> Tensor:
+        """Set the consequents to those of ridge least squares; shape (J, K + 1).
+
+        Parameters
+        ----------
+        x, c, y : Tensor, shapes (T, N), (T, K), (T,)
+            Samples.
+        ridge : float
+            Least is mean((A b - y)^2) + ridge b'b.
+        """
+        found = ridge_solution(*self.normal_equations(self.bands, x, c, y), ridge)
+        self.consequents.copy_(found.view_as(self.consequents))
+        return self.consequents.detach().clone()
+
+    @torch.no_grad()
+    def keep_bounds(self) -> None:
+        """Bring the bands back into their bounds."""
+        self.bands.copy_(torch.minimum(torch.maximum(self.bands, self.low), self.high))
+
+
+def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
+    """Solution b of (G + ridge 1) b = m, shape (..., M), G of shape (..., M, M).
+
+    The ridge bounds the condition, so that normal equations lose no more than the ridge hides.
+    """
+    diagonal = ridge * torch.eye(gram.shape[-1], dtype=gram.dtype)
+    factor = torch.linalg.cholesky(gram + diagonal)
+    return torch.cholesky_solve(moment[..., None], factor)[..., 0]
+
+
+class FuzzyFilteredNetwork(FilteredNetwork):
+    """The improved network: Gaussian bands (centre, width [channels]), shares O_j / sum_k O_k.
+
+    Shares need temperatures of one sign, or their sum could vanish.  So the bands take the scaled
+    rise, 0 to 1 over what was learnt, plus an offset; what lies so far below everything learnt that
+    less than a twentieth of the offset is left counts as that twentieth.
+
+    Parameters
+    ----------
+    settings : FuzzyFilteredSettings
+        Bands and offset.
+    sensors, inputs : int
+        N, at least 3, and K.
+    """
+
+    def __init__(self, settings: FuzzyFilteredSettings, sensors: int, inputs: int) -> None:
+        bounds = ((0.0, sensors - 1.0), (NARROWEST, float(sensors)))
+        start = torch.stack(_spread(settings.bands, sensors), dim=1)
+        super().__init__(settings.bands, sensors, inputs, bounds, start)
+        self.offset = settings.offset
+
+    def memberships(self, bands: Tensor) -> Tensor:
+        """Gaussians exp(-((i - centre) / width)^2 / 2), shape (..., J, N)."""
+        centre, width = bands[..., :1], bands[..., 1:2]
+        return torch.exp(-0.5 * ((self.channels - centre) / width) ** 2)
+
+    def strengths(self, bands: Tensor, x: Tensor) -> Tensor:
+        """Layer 3: shares of the bands, shape (..., T, J); they are positive and their sum is 1."""
+        o = self.filtered(bands, torch.clamp(x + self.offset, min=FLOOR * self.offset))
+        return o / o.sum(-1, keepdim=True)
+
+
+class ClassicFuzzyNetwork(FilteredNetwork):
+    """The classic network: bells (centre, half-width, slope), sigmoids (steepness, threshold).
+
+    Parameters
+    ----------
+    settings : ClassicFuzzySettings
+        Bands.
+    sensors, inputs : int
+        N, at least 3, and K.
+    """
+
+    def __init__(self, settings: ClassicFuzzySettings, sensors: int, inputs: int) -> None:
+        bounds = ((0.0, sensors - 1.0), (NARROWEST, float(sensors)), (1.0, 6.0), (0.1, 20.0), (0, 1))
+        centre, width = _spread(settings.bands, sensors)
+        one = torch.ones_like(centre)
+        start = torch.stack([centre, width, 2.0 * one, 4.0 * one, 0.5 * one], dim=1)
+        super().__init__(settings.bands, sensors, inputs, bounds, start)
+
+    def memberships(self, bands: Tensor) -> Tensor:
+        """Bells 1 / (1 + |(i - centre) / half-width|^(2 slope)), shape (..., J, N)."""
+        centre, width, slope = bands[..., :1], bands[..., 1:2], bands[..., 2:3]
+        square = ((self.channels - centre) / width) ** 2
+        tiny = 1e-12  # the power's derivative by the slope has a logarithm
+        return 1.0 / (1.0 + (square + tiny) ** slope)
+
+    def strengths(self, bands: Tensor, x: Tensor) -> Tensor:
+        """Sigmoids of the filtered temperatures, shape (..., T, J)."""
+        steepness, threshold = bands[..., None, :, 3], bands[..., None, :, 4]
+        return torch.sigmoid(steepness * (self.filtered(bands, x) - threshold))
+
+
+class BackPropagationNetwork(nn.Module):
+    """One sigmoid layer of H nodes and a linear output: 9-7-1 and 9-16-1 in the comparison.
+
+    Parameters
+    ----------
+    settings : BackPropagationSettings
+        Nodes H, and whether the consequent inputs enter.
+    sensors, inputs : int
+        N and K.
+    generator : Generator
+        Of the initial weights, uniform within 1 / sqrt(inputs of the node).
+    """
+
+    def __init__(
+        self, settings: BackPropagationSettings, sensors: int, inputs: int,
+        generator: torch.Generator,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.consequent_inputs = settings.consequent_inputs
+        wide = sensors + (inputs if settings.consequent_inputs else 0)
+        self.hidden = nn.Linear(wide, settings.hidden, dtype=torch.float64)
+        self.output = nn.Linear(settings.hidden, 1, dtype=torch.float64)
+        with torch.no_grad():
+            for layer in (self.hidden, self.output):
+                reach = layer.in_features**-0.5
+                for weights in (layer.weight, layer.bias):
+                    weights.uniform_(-reach, reach, generator=generator)
+
+    def inputs(self, x: Tensor, c: Tensor) -> Tensor:
+        """What enters the first layer, shape (T, N) or (T, N + K)."""
+        return torch.cat([x, c], dim=1) if self.consequent_inputs else x
+
+    def forward(self, x: Tensor, c: Tensor) -> Tensor:
+        """Scaled output, shape (T,)."""
+        hidden = torch.sigmoid(self.hidden(self.inputs(x, c)))
+        output: Tensor = self.output(hidden)
+        return output[:, 0]
+
+
+Network = FilteredNetwork | BackPropagationNetwork
+
+
+def network(
+    settings: NetworkSettings, sensors: int, inputs: int, generator: torch.Generator
+) -> Network:
+    """The network of a kind's settings for N sensors and K consequent inputs, not yet trained.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than three sensors, no input, or the settings are of no network.
+    """
+    if sensors < 3 or inputs < 1:
+        raise ValueError(
+            f"a network on {sensors} sensors and {inputs} consequent inputs cannot be built: "
+            "give at least 3 sensors and 1 input"
+        )
+    if isinstance(settings, FuzzyFilteredSettings):
+        return FuzzyFilteredNetwork(settings, sensors, inputs)
+    if isinstance(settings, ClassicFuzzySettings):
+        return ClassicFuzzyNetwork(settings, sensors, inputs)
+    if isinstance(settings, BackPropagationSettings):
+        return BackPropagationNetwork(settings, sensors, inputs, generator)
+    raise ValueError(f"{type(settings).__name__} is no network's settings: give one of nets.settings")
+
+
+def _spread(bands: int, sensors: int) -> tuple[Tensor, Tensor]:
+    """Centres and widths of bands that cover the channels evenly, both of shape (J,)."""
+    spacing = sensors / bands
+    centre = (torch.arange(bands, dtype=torch.float64) + 0.5) * spacing - 0.5
+    width = torch.full_like(centre, max(0.5 * spacing, NARROWEST))
+    return centre.clamp(0.0, sensors - 1.0), width
