@@ -1,0 +1,134 @@
+"""Inputs of the methods: rises since the start, groups of sensors, lags, speed and ambient.
+
+Growth is zero at the start of a recording, and so is every input: rises of temperature since the
+start, their answers through first-order lags, the rise of the squared speed.  A machine that starts
+warm relaxes by itself; what the start knows of it are the groups' temperatures above the air, and
+each enters as a relaxation (1 - exp(-t / lag)) of every lag.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.deformation.records import State
+from pipeline.submodels.deformation.sensors import Checked, low_passed
+from pipeline.thermal.clusters import sensor_groups
+
+GROUPS = 3
+"""Groups of sensors [1]: front, middle and rear of the spindle."""
+REFERENCE_SPEED = 1000.0
+"""Unit of the speed in its square [rev/min]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """What the methods predict from: T samples of S sensors in C groups.
+
+    Parameters
+    ----------
+    state : State
+        Complete.
+    rises : ndarray, shape (T, S)
+        Temperature of each sensor above its first [K].
+    groups : ndarray, shape (T, C)
+        Temperature of each group above its first [K].
+    linear : ndarray, shape (T, K)
+        Groups, their lags, speed, ambient and relaxation from the start.
+    each_sensor : ndarray, shape (T, M)
+        The same with every sensor in the place of the groups.
+    """
+
+    state: State
+    rises: Floats
+    groups: Floats
+    linear: Floats
+    each_sensor: Floats
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    @property
+    def time(self) -> Floats:
+        """Since the start [s]; shape (T,)."""
+        return self.state.time
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputMaker:
+    """Makes the inputs of every recording alike; stored with the model.
+
+    Parameters
+    ----------
+    weights : tuple of tuple of float, C by S
+        Of each sensor in the temperature of a group [1].
+    lags_s : tuple of float
+        Time constants [s].
+    """
+
+    weights: tuple[tuple[float, ...], ...]
+    lags_s: tuple[float, ...]
+
+    @cached_property
+    def _weights(self) -> Floats:
+        return np.array(self.weights)
+
+    def of(self, state: State) -> Inputs:
+        """Inputs of a complete state."""
+        rises = state.temperatures - state.temperatures[:1]
+        groups = rises @ self._weights.T
+        start = self._weights @ state.temperatures[0]
+        air = np.isfinite(state.ambient).all()
+        # without the air's temperature the coldest group stands for it
+        above = start - (state.ambient[0] if air else start.min())
+        speed = (state.speed / REFERENCE_SPEED) ** 2
+        shared = [(speed - speed[0])[:, None]]
+        if air:
+            drift = (state.ambient - state.ambient[0])[:, None]
+            shared += [drift, *self._lagged(drift, state.period)]
+        for lag in self.lags_s:
+            shared.append((1 - np.exp(-state.time / lag))[:, None] * above)
+        return Inputs(
+            state=state, rises=rises, groups=groups,
+            linear=np.hstack([groups, *self._lagged(groups, state.period), *shared]),
+            each_sensor=np.hstack([rises, *self._lagged(rises, state.period), *shared]),
+        )  # fmt: skip
+
+    def _lagged(self, values: Floats, period: float) -> list[Floats]:
+        return [low_passed(values, period, lag) for lag in self.lags_s]
+
+    def of_checked(self, checked: Checked) -> list[tuple[int, Inputs]]:
+        """First sample and inputs of each state of a recording, in the order of time."""
+        return [
+            (first, self.of(state))
+            for first, state in zip(checked.since, checked.states, strict=True)
+        ]
+
+
+def input_maker(states: Sequence[State], lags_s: Sequence[float]) -> InputMaker:
+    """Groups by fuzzy c-means over the training recordings, and the lags.
+
+    Parameters
+    ----------
+    states : sequence of State
+        Complete ones.
+    lags_s : sequence of float
+        Time constants [s].
+    """
+    found = sensor_groups(
+        np.vstack([one.temperatures - one.temperatures[:1] for one in states]), GROUPS
+    )
+    weights = tuple(tuple(float(f"{w:.6g}") for w in row) for row in found.weights)
+    return InputMaker(weights=weights, lags_s=tuple(lags_s))
+
+
+def rates(inputs: Inputs, smooth_s: float) -> Floats:
+    """Rate of the mean group temperature from its past alone [K/h]; shape (T,).
+
+    The difference to its answer through a first-order lag, over the lag's time constant.
+    """
+    mean = inputs.groups.mean(axis=1, keepdims=True)
+    behind = mean - low_passed(mean, inputs.state.period, smooth_s)
+    return behind[:, 0] / smooth_s * 3600

@@ -1,0 +1,299 @@
+"""Methods that predict growth, side by side: each is fitted, predicts, is stored and restored alike.
+
+Baselines of FFNN2015 (BP 9-7-1 and 9-16-1, the classic fuzzy-filtered network), its improved network
+trained in three ways, and beside them persistence, ridge regressions, a physical model and its
+hybrid.  Networks have the inputs of the ridge regression; the paper's own inputs (temperatures of
+sensors and groups, without lags or speed) are kept as variants.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pipeline.nets.settings import (
+    BackPropagationSettings,
+    ClassicFuzzySettings,
+    FuzzyFilteredSettings,
+    NetworkSettings,
+    TrainingSettings,
+)
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.deformation.features import Inputs
+
+PENALTIES = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+"""Ridge penalties to choose from, as shares of the mean square of a scaled input [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Example:
+    """One training recording: its name, inputs and measured growth [um], NaN where unknown."""
+
+    name: str
+    inputs: Inputs
+    growth: Floats
+
+
+class Fitted(ABC):
+    """A fitted method."""
+
+    @abstractmethod
+    def predict(self, inputs: Inputs) -> Floats:
+        """Growth of each sample [um], shape (T,)."""
+
+    @abstractmethod
+    def document(self) -> dict[str, Any]:
+        """All of it in plain lists, numbers and words."""
+
+
+class Method(ABC):
+    """A way to predict growth.
+
+    Attributes
+    ----------
+    label : str
+        For a person.
+    seeded : bool
+        Whether its fit depends on a seed.
+    """
+
+    label: str
+    seeded: bool
+
+    @abstractmethod
+    def fit(
+        self, examples: Sequence[Example], training: TrainingSettings, seed: int
+    ) -> Fitted:  # fmt: skip
+        """The method fitted on training recordings."""
+
+    @abstractmethod
+    def restore(self, document: Mapping[str, Any]) -> Fitted:
+        """The fitted method of a document."""
+
+
+@dataclass(frozen=True)
+class _Still(Fitted):
+    def predict(self, inputs: Inputs) -> Floats:
+        return np.zeros(len(inputs))
+
+    def document(self) -> dict[str, Any]:
+        return {}
+
+
+@dataclass(frozen=True)
+class Persistence(Method):
+    """Growth stays what it was at the start: zero."""
+
+    label: str = "persistence"
+    seeded: ClassVar[bool] = False
+
+    def fit(self, examples: Sequence[Example], training: TrainingSettings, seed: int) -> Fitted:
+        """Nothing is fitted."""
+        return _Still()
+
+    def restore(self, document: Mapping[str, Any]) -> Fitted:
+        """Nothing is restored."""
+        return _Still()
+
+
+@dataclass(frozen=True, eq=False)
+class Ridge(Fitted):
+    """Linear in one of the inputs, without a constant: growth is zero at the start."""
+
+    inputs: str
+    weights: Floats
+    penalty: float
+
+    def predict(self, inputs: Inputs) -> Floats:
+        """Growth of each sample [um], shape (T,)."""
+        result: Floats = getattr(inputs, self.inputs) @ self.weights
+        return result
+
+    def document(self) -> dict[str, Any]:
+        """Weights [um per unit of the input] and the penalty."""
+        return {"weights": self.weights.tolist(), "penalty": self.penalty}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linear(Method):
+    """Ridge regression whose penalty has the least error on recordings left out in turn.
+
+    Parameters
+    ----------
+    label : str
+        For a person.
+    inputs : str
+        Field of :class:`~pipeline.submodels.deformation.features.Inputs`.
+    """
+
+    label: str
+    inputs: str
+    seeded: ClassVar[bool] = False
+
+    def fit(self, examples: Sequence[Example], training: TrainingSettings, seed: int) -> Ridge:
+        """Weights at the best penalty."""
+        x = [getattr(one.inputs, self.inputs) for one in examples]
+        return ridge(x, [one.growth for one in examples], self.inputs)
+
+    def restore(self, document: Mapping[str, Any]) -> Ridge:
+        """The regression of a document."""
+        return Ridge(self.inputs, np.array(document["weights"]), document["penalty"])
+
+
+def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
+    """Ridge regression over recordings, its penalty chosen by leaving each out in turn.
+
+    Parameters
+    ----------
+    x, y : sequence of ndarray, shapes (T, K) and (T,)
+        Inputs and growth [um] of each recording; samples without growth do not count.
+    name : str
+        Of the inputs.
+    """
+    known = [np.isfinite(one) for one in y]
+    x = [one[rows] for one, rows in zip(x, known, strict=True)]
+    y = [one[rows] for one, rows in zip(y, known, strict=True)]
+    scale = np.sqrt(np.mean([np.mean(one**2, axis=0) for one in x], axis=0))
+    scale = np.where(scale > 1e-9, scale, 1.0)
+    x = [one / scale for one in x]
+    grams = [one.T @ one for one in x]
+    moments = [one.T @ other for one, other in zip(x, y, strict=True)]
+    gram, moment, samples = sum(grams), sum(moments), sum(map(len, y))
+    unit = np.eye(len(scale)) * samples
+
+    def left_out(penalty: float) -> float:
+        """Sum of squared errors of recordings, each by a fit of the others [um^2]."""
+        total = 0.0
+        for xs, ys, g, m in zip(x, y, grams, moments, strict=True):
+            weights = np.linalg.solve(gram - g + penalty * unit, moment - m)
+            total += float(np.sum((xs @ weights - ys) ** 2))
+        return total
+
+    penalty = min(PENALTIES, key=left_out) if len(x) > 1 else PENALTIES[-2]
+    weights = np.linalg.solve(gram + penalty * unit, moment) / scale
+    return Ridge(name, weights, penalty)
+
+
+@dataclass(frozen=True, eq=False)
+class _Network(Fitted):
+    trained: Any
+    inputs: str
+
+    def predict(self, inputs: Inputs) -> Floats:
+        found: Floats = self.trained.predict(inputs.rises, getattr(inputs, self.inputs))
+        return found
+
+    def document(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.trained.document()
+        return {**found, "history": found["history"][-1:]}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Network(Method):
+    """A network of :mod:`pipeline.nets` and the way in which it is trained.
+
+    Parameters
+    ----------
+    label : str
+        For a person.
+    kind : NetworkSettings
+        Which network.
+    method : str
+        How it is trained.
+    inputs : str
+        Field of the inputs that its rules are linear in.
+    """
+
+    label: str
+    kind: NetworkSettings
+    method: str
+    inputs: str = "linear"
+    seeded: ClassVar[bool] = True
+
+    def fit(self, examples: Sequence[Example], training: TrainingSettings, seed: int) -> Fitted:
+        """The network trained on the known samples, whole recordings kept for early stopping."""
+        from pipeline.nets.training import train
+
+        known = [np.isfinite(one.growth) for one in examples]
+
+        def stacked(name: str) -> Floats:
+            parts = [getattr(e.inputs, name)[k] for e, k in zip(examples, known, strict=True)]
+            return np.vstack(parts)
+
+        growth = np.concatenate([e.growth[k] for e, k in zip(examples, known, strict=True)])
+        names = np.repeat([e.name for e in examples], [int(k.sum()) for k in known])
+        found = train(
+            self.kind, self.method, stacked("rises"), stacked(self.inputs), growth, names,
+            settings=replace(training, seed=seed),
+        )  # fmt: skip
+        return _Network(found, self.inputs)
+
+    def restore(self, document: Mapping[str, Any]) -> Fitted:
+        """The network of a document."""
+        from pipeline.nets.trained import restore
+
+        return _Network(restore(document), self.inputs)
+
+
+def _sigmoid(label: str, hidden: int, *, paper: bool = False) -> Network:
+    kind = BackPropagationSettings(hidden=hidden, consequent_inputs=not paper)
+    return Network(
+        label=label, kind=kind, method="back_propagation", inputs="groups" if paper else "linear"
+    )
+
+
+METHODS: Mapping[str, Method] = {
+    "persistence": Persistence(),
+    "linear_static": Linear(label="linear regression, temperatures only", inputs="rises"),
+    "linear": Linear(label="linear regression, groups with lags", inputs="linear"),
+    "linear_sensors": Linear(label="linear regression, every sensor with lags",
+                             inputs="each_sensor"),
+    "bp_7_paper": _sigmoid("BP 9-7-1, the paper's inputs", 7, paper=True),
+    "bp_7": _sigmoid("BP 9-7-1", 7),
+    "bp_16": _sigmoid("BP 9-16-1", 16),
+    "ffnn_classic": Network(label="classic FFNN", kind=ClassicFuzzySettings(),
+                            method="projection"),
+    "ffnn_paper": Network(label="improved FFNN, genetic, the paper's inputs",
+                          kind=FuzzyFilteredSettings(), method="genetic", inputs="groups"),
+    "ffnn_genetic": Network(label="improved FFNN, genetic", kind=FuzzyFilteredSettings(),
+                            method="genetic"),
+    "ffnn_adam": Network(label="improved FFNN, Adam", kind=FuzzyFilteredSettings(),
+                         method="gradient"),
+    "ffnn_projection": Network(label="improved FFNN, least squares and Adam",
+                               kind=FuzzyFilteredSettings(), method="projection"),
+}  # fmt: skip
+"""Every method by its name in files."""
+SIMPLE = ("persistence", "linear")
+"""Methods that the one which serves has to beat, unless it is one of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """One method as it is served: the mean of its fits, one a seed."""
+
+    name: str
+    members: tuple[Fitted, ...] = field(default_factory=tuple)
+
+    def each(self, inputs: Inputs) -> Floats:
+        """Growth by each member [um]; shape (seeds, T)."""
+        return np.array([one.predict(inputs) for one in self.members])
+
+    def predict(self, inputs: Inputs) -> Floats:
+        """Mean growth over the members [um]; shape (T,)."""
+        mean: Floats = self.each(inputs).mean(axis=0)
+        return mean
+
+
+def restored(name: str, documents: Sequence[Mapping[str, Any]]) -> Ensemble:
+    """The ensemble of stored documents.
+
+    Raises
+    ------
+    ValueError
+        When there is no method of that name.
+    """
+    if name not in METHODS:
+        raise ValueError(f"there is no method {name!r}; there are {', '.join(METHODS)}")
+    return Ensemble(name, tuple(METHODS[name].restore(one) for one in documents))

@@ -1,0 +1,395 @@
+"""Temperature sensors held against each other: which is dead or drifts, and what replaces it.
+
+The expected temperature of a sensor is its linear regression on the present and low-passed
+temperatures of the others.  All of these regressions, for any sensors that are left, follow from
+one mean and one covariance of the training recordings (the conditional expectation of a Gaussian
+vector).  A sensor that departs from its expectation by more than it ever did in training recordings
+that were left out of the regression is named and replaced by its expectation.  A sample is only ever
+held against samples at or before its time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+from pipeline.submodels.deformation.records import Profile, State
+
+DEAD, DRIFTING = "dead", "drifting"
+"""Kinds of faults: no temperature at all, or one that departs slowly from those of the others."""
+ROUNDS = 3
+"""Times the regressions are found anew without the sensors that were faulty [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorSettings(Ranged, section="deformation_fit.sensors"):
+    """How sensors are checked.
+
+    Parameters
+    ----------
+    range_degC : (float, float)
+        Temperatures that a working sensor can show; an open or shorted line lies outside.
+    dead_s : float
+        A sensor without a value for so long is dead [s].
+    smooth_s : float
+        Time constant of the mean over which a departure counts [s].
+    lags_s : tuple of float
+        Time constants of the low-passed temperatures in the regressions [s].
+    times : float
+        A sensor is faulty when its departure is so many times the median, over the training
+        recordings, of the largest departure in each [1].
+    least_K : float
+        A smaller departure is never a fault [K].
+    """
+
+    range_degC: tuple[float, float] = (-30.0, 150.0)
+    dead_s: NotNegative = 300.0
+    smooth_s: Positive = 600.0
+    lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 3600.0)
+    times: Annotated[float, Range(above=1.0)] = 4.0
+    least_K: Positive = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A faulty sensor in one recording.
+
+    Parameters
+    ----------
+    sensor : str
+        Its name.
+    kind : str
+        ``"dead"`` or ``"drifting"``.
+    since_s : float
+        When it was noticed, since the start of the recording [s].
+    departure_K : float or None
+        Largest departure from what the other sensors say [K]; None where it gives no value.
+    """
+
+    sensor: str
+    kind: str
+    since_s: float
+    departure_K: float | None
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong with it, for a person, without a full stop."""
+        off = "" if self.departure_K is None else f", off by up to {self.departure_K:.1f} K"
+        return f"sensor {self.sensor} is {self.kind} from minute {self.since_s / 60:.0f}{off}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked:
+    """A state whose faulty sensors are replaced.
+
+    Parameters
+    ----------
+    states : tuple of State
+        One for each set of faulty sensors in the order of time: every state is complete and holds
+        the whole recording as it appears once the faults of that set are known.
+    since : tuple of int
+        First sample of each state [1].
+    faults : tuple of Fault
+        In the order in which they were noticed.
+    """
+
+    states: tuple[State, ...]
+    since: tuple[int, ...]
+    faults: tuple[Fault, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorModel:
+    """Mean and covariance of temperatures, and how far each sensor departs from the others.
+
+    C channels: S sensors and the ambient temperature where it is recorded; L lags.
+
+    Parameters
+    ----------
+    sensors : tuple of str
+        From front to rear.
+    channels : int
+        C [1].
+    period_s : float
+        Of the samples [s].
+    mean : tuple of float, length C (1 + L)
+        Of the present temperatures, then of those low-passed by each lag [degC].
+    covariance : tuple of tuple of float, C (1 + L) by C (1 + L)
+        [K^2].
+    tolerance_K : tuple of float, length S
+        Departure from which a sensor is faulty [K].
+    settings : SensorSettings
+        Of the check.
+    """
+
+    sensors: tuple[str, ...]
+    channels: int
+    period_s: float
+    mean: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    tolerance_K: tuple[float, ...]
+    settings: SensorSettings = field(default_factory=SensorSettings)
+
+    @cached_property
+    def _arrays(self) -> tuple[Floats, Floats]:
+        return np.array(self.mean), np.array(self.covariance)
+
+    def expected(self, vector: Floats, sensor: int, gone: frozenset[int]) -> Floats:
+        """Temperature of one sensor as the others say [degC].
+
+        Parameters
+        ----------
+        vector : ndarray, shape (T, C (1 + L))
+            Of :func:`lagged`.
+        sensor : int
+            Which.
+        gone : frozenset of int
+            Sensors that are not read either.
+
+        Returns
+        -------
+        ndarray, shape (T,)
+        """
+        mean, covariance = self._arrays
+        used = [
+            k for k in range(len(mean))
+            if k % self.channels != sensor and k % self.channels not in gone
+        ]  # fmt: skip
+        among = covariance[np.ix_(used, used)]
+        # a thousandth of a kelvin of independent noise: sensors may be copies of each other
+        among = among + 1e-6 * np.eye(len(used))
+        weights = np.linalg.solve(among, covariance[used, sensor])
+        result: Floats = mean[sensor] + (vector[:, used] - mean[used]) @ weights
+        return result
+
+    def replaced(self, state: State, gone: frozenset[int], holes: Bools) -> State:
+        """The state with the sensors ``gone``, and single samples that are ``holes``, replaced."""
+        if not gone and not holes.any():
+            return state
+        temperatures = _bridged(state.temperatures, holes)
+        one = replace(state, temperatures=temperatures)
+        vector = lagged(one, self.settings.lags_s)
+        result = temperatures.copy()
+        for sensor in sorted(gone):
+            result[:, sensor] = self.expected(vector, sensor, gone)
+        return replace(state, temperatures=result)
+
+    def departures(self, vector: Floats, gone: frozenset[int]) -> Floats:
+        """Smoothed departure of each sensor from the others [K]; zero for those ``gone``.
+
+        Returns
+        -------
+        ndarray, shape (T, S)
+        """
+        found = np.zeros((len(vector), len(self.sensors)))
+        for sensor in range(len(self.sensors)):
+            if sensor not in gone:
+                found[:, sensor] = vector[:, sensor] - self.expected(vector, sensor, gone)
+        return low_passed(found, self.period_s, self.settings.smooth_s)
+
+    def check(self, state: State) -> Checked:
+        """Find the faulty sensors of a recording in the order of time, and replace them.
+
+        At the first sample at which a sensor departs too far, that sensor is faulty without which
+        the others agree best.  Where they do not agree without any single one, the temperatures are
+        unlike those of the training recordings, and no sensor is blamed.
+        """
+        settings = self.settings
+        holes = ~np.isfinite(state.temperatures)
+        low, high = settings.range_degC
+        holes |= (state.temperatures < low) | (state.temperatures > high)
+        dead = _dead_since(holes, max(1, round(settings.dead_s / self.period_s)))
+        gone: dict[int, int] = {}
+        faults: list[Fault] = []
+        start = 0
+        while True:
+            now = frozenset(gone)
+            filled_in = _bridged(state.temperatures, holes)
+            vector = lagged(replace(state, temperatures=filled_in), settings.lags_s)
+            blamed = self._next(vector, now, start, dead)
+            if blamed is None or len(self.sensors) - len(gone) <= 2:
+                break
+            sensor, since = blamed
+            gone[sensor] = start = since
+            faults.append(self._fault(state, vector, sensor, frozenset(gone), since, holes))
+        states, firsts = [], []
+        moments = sorted({0, *gone.values()})
+        for first in moments:
+            then = frozenset(s for s, since in gone.items() if since <= first)
+            firsts.append(first)
+            states.append(self.replaced(state, then, holes))
+        return Checked(states=tuple(states), since=tuple(firsts), faults=tuple(faults))
+
+    def _next(
+        self, vector: Floats, gone: frozenset[int], start: int, dead: Mapping[int, int]
+    ) -> tuple[int, int] | None:
+        """The next sensor to be blamed, and from which sample on; None where there is none."""
+        silent = {s: max(since, start) for s, since in dead.items() if s not in gone}
+        tolerance = np.array(self.tolerance_K)
+        ratios = np.abs(self.departures(vector, gone)) / tolerance
+        over = np.flatnonzero((ratios[start:] > 1).any(axis=1)) + start
+        first = int(over[0]) if len(over) else len(vector)
+        if silent and min(silent.values()) <= first:
+            sensor = min(silent, key=lambda s: (silent[s], s))
+            return sensor, silent[sensor]
+        for at in over:
+            suspects = np.flatnonzero(ratios[at] > 0.5)
+            best, least = -1, 1.0
+            for sensor in suspects:
+                rest = self.departures(vector[: at + 1], gone | {int(sensor)})[-1]
+                worst = float(np.abs(rest / tolerance).max())
+                if worst < least:
+                    best, least = int(sensor), worst
+            if best >= 0:
+                return best, int(at)
+        return None
+
+    def _fault(
+        self, state: State, vector: Floats, sensor: int, gone: frozenset[int], since: int,
+        holes: Bools,
+    ) -> Fault:  # fmt: skip
+        """What the record says of a blamed sensor."""
+        values = state.temperatures[:, sensor]
+        off = np.abs(values - self.expected(vector, sensor, gone))[since:]
+        off = off[~holes[since:, sensor]]
+        before = values[max(0, since - max(2, round(self.settings.dead_s / self.period_s))) :]
+        before = before[: max(2, round(self.settings.dead_s / self.period_s)) + 1]
+        held = len(before) > 1 and np.ptp(before) == 0
+        steps = np.abs(np.diff(values[: since + 1]))
+        jumped = bool(len(steps) and np.nanmax(steps[-10:]) > 2 * self.tolerance_K[sensor])
+        silent = bool(holes[since:, sensor].mean() > 0.5)
+        return Fault(
+            sensor=self.sensors[sensor],
+            kind=DEAD if silent or held or jumped else DRIFTING,
+            since_s=since * self.period_s,
+            departure_K=round(float(off.max()), 2) if len(off) and not silent else None,
+        )
+
+
+def lagged(state: State, lags_s: Sequence[float]) -> Floats:
+    """Channels of a state, then each of them low-passed; shape (T, C (1 + L))."""
+    channels = state.channels
+    return np.column_stack((channels, *(low_passed(channels, state.period, s) for s in lags_s)))
+
+
+def low_passed(values: Floats, period: float, time_constant: float) -> Floats:
+    """Answer of a first-order lag that starts at rest at the first value; shape as ``values``.
+
+    Examples
+    --------
+    >>> low_passed(np.array([[0.0], [1.0], [1.0]]), 60.0, 60.0).round(3).ravel()
+    array([0.   , 0.632, 0.865])
+    """
+    from scipy.signal import lfilter
+
+    if not len(values):
+        return values
+    keep = float(np.exp(-period / time_constant))
+    start = keep * values[:1]
+    result: Floats = lfilter([1 - keep], [1, -keep], values, axis=0, zi=start)[0]
+    return result
+
+
+def _bridged(temperatures: Floats, holes: Bools) -> Floats:
+    """Temperatures with each hole held at the sensor's last value, at the others' mean before."""
+    result = np.where(holes, np.nan, temperatures)
+    some = np.isfinite(result).any(axis=1)
+    first = result[np.argmax(some)]
+    start = float(np.mean(first[np.isfinite(first)])) if some.any() else 0.0
+    for sensor in np.flatnonzero(holes.any(axis=0)):
+        known = ~holes[:, sensor]
+        last = np.maximum.accumulate(np.where(known, np.arange(len(result)), -1))
+        result[:, sensor] = np.where(last >= 0, result[np.maximum(last, 0), sensor], start)
+    return result
+
+
+def _dead_since(holes: Bools, samples: int) -> dict[int, int]:
+    """First sample at which a sensor has given no value for ``samples``; those that never do."""
+    found = {}
+    for sensor in np.flatnonzero(holes.any(axis=0)):
+        run = 0
+        for at, hole in enumerate(holes[:, sensor]):
+            run = run + 1 if hole else 0
+            if run >= samples or (hole and at == run - 1 == 0):
+                found[int(sensor)] = at
+                break
+    return found
+
+
+def fit_sensors(
+    profiles: Sequence[Profile], sensors: Sequence[str], settings: SensorSettings
+) -> SensorModel:
+    """Regressions of the sensors on each other, from training recordings that may hold faults.
+
+    The tolerance of a sensor rests on recordings left out of the regressions in turn; sensors that
+    exceed it are replaced in their recording, and all is found anew.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Of training.
+    sensors : sequence of str
+        Names from front to rear.
+    settings : SensorSettings
+        Of the check.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two recordings.
+    """
+    if len(profiles) < 2:
+        raise ValueError("sensors are held against each other over recordings: record two or more")
+    states = [one.state for one in profiles]
+    cleaned = [_without_holes(state, settings) for state in states]
+    model = _fitted(cleaned, sensors, settings)
+    for _ in range(ROUNDS):
+        checked = [model.check(state) for state in states]
+        if not any(one.faults for one in checked):
+            break
+        # a recording whose sensor turned out faulty teaches nothing of that sensor
+        cleaned = [
+            _without_holes(one.states[-1], settings) if one.faults else old
+            for one, old in zip(checked, cleaned, strict=True)
+        ]
+        model = _fitted(cleaned, sensors, settings)
+    return model
+
+
+def _without_holes(state: State, settings: SensorSettings) -> State:
+    low, high = settings.range_degC
+    holes = ~np.isfinite(state.temperatures)
+    holes |= (state.temperatures < low) | (state.temperatures > high)
+    return replace(state, temperatures=_bridged(state.temperatures, holes))
+
+
+def _fitted(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> SensorModel:
+    """Model of complete states; the tolerance from recordings left out in turn."""
+    vectors = [lagged(state, settings.lags_s) for state in states]
+    blank = SensorModel(
+        sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
+        mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
+    )  # fmt: skip
+    largest = []
+    for out, vector in enumerate(vectors):
+        others = _with_moments(blank, [one for k, one in enumerate(vectors) if k != out])
+        largest.append(np.abs(others.departures(vector, frozenset())).max(axis=0))
+    tolerance = np.maximum(settings.times * np.median(largest, axis=0), settings.least_K)
+    return replace(
+        _with_moments(blank, vectors), tolerance_K=tuple(np.round(tolerance, 4).tolist())
+    )
+
+
+def _with_moments(model: SensorModel, vectors: Sequence[Floats]) -> SensorModel:
+    """The model with mean and covariance of the rows of all recordings, each counting alike."""
+    mean = np.mean([one.mean(axis=0) for one in vectors], axis=0)
+    covariance = np.mean([(one - mean).T @ (one - mean) / len(one) for one in vectors], axis=0)
+    return replace(
+        model, mean=tuple(mean.tolist()), covariance=tuple(map(tuple, covariance.tolist()))
+    )
