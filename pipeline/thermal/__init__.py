@@ -1,8 +1,9 @@
-"""Heat of a machine tool: thermal networks of one or two nodes.
+"""Heat of a machine tool and what it deforms: thermal networks, sensor groups, spindle growth.
 
-``network`` gives the spindle's temperature from its speed and load.  Temperatures in degC, rates in
-1/s, spindle speed in rad/s; only quotients k / C and 1 / (R C) are parameters, since temperatures
-determine no more.  Source: Harris, Kotzalas, Essential Concepts of Bearing Technology, 5th ed.
+``network`` gives the spindle's temperature from its speed and load, ``clusters`` groups of sensors
+that warm alike by fuzzy c-means.  Temperatures in degC, rates in 1/s, spindle speed in rad/s, growth
+in m; only quotients k / C and 1 / (R C) are parameters, since temperatures determine no more.
+Source: Harris, Kotzalas, Essential Concepts of Bearing Technology, 5th ed.
 """
 
-__all__ = ["network"]
+__all__ = ["clusters", "network"]
