@@ -30,6 +30,7 @@ import numpy as np
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.shop.cutting.parameters import Cutting
 from pipeline.shop.drives.parameters import Drives
+from pipeline.shop.growth.parameters import Growth
 
 Bounds = tuple[float, float]
 """Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
@@ -371,6 +372,7 @@ class ShopParameters(Ranged, section="ShopParameters"):
     control: ControlParameters = field(default_factory=ControlParameters)
     drives: Drives = field(default_factory=Drives)
     cutting: Cutting = field(default_factory=Cutting)
+    growth: Growth = field(default_factory=Growth)
 
     def __post_init__(self) -> None:
         super().__post_init__()

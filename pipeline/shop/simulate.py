@@ -12,6 +12,7 @@ from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.records import write_drives
 from pipeline.shop.files import write_text
+from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
 from pipeline.shop.records import sensors
 from pipeline.shop.records.agent_log import Log, write_day
@@ -31,8 +32,8 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
         ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
         ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``dynamometer/<test>.csv``,
-        ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``parts/<name>.nc``.  Made if it is
-        missing; files of the same names are replaced.
+        ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``growth/<profile>.csv``,
+        ``parts/<name>.nc``.  Made if it is missing; files of the same names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``: parameters, working days, cycles, and every
         fault with its exact time.
@@ -75,6 +76,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         "control": write_control(out, parameters),
         "drives": write_drives(out, parameters),
         "cutting": write_cutting(out, parameters),
+        "growth": write_growth(out, parameters),
         "thermocouples": sensors.write_thermocouples(
             out / "thermocouples", np.concatenate(tips), parameters
         ),
