@@ -14,8 +14,8 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.deformation.records import State
-from pipeline.submodels.deformation.sensors import Checked, low_passed
 from pipeline.thermal.clusters import sensor_groups
+from pipeline.thermal.lagged import lag
 
 GROUPS = 3
 """Groups of sensors [1]: front, middle and rear of the spindle."""
@@ -87,24 +87,16 @@ class InputMaker:
         shared = [(speed - speed[0])[:, None]]
         if air:
             drift = (state.ambient - state.ambient[0])[:, None]
-            shared += [drift, *self._lagged(drift, state.period)]
-        for lag in self.lags_s:
-            shared.append((1 - np.exp(-state.time / lag))[:, None] * above)
+            shared += [drift, *self._lagged(state.time, drift)]
+        shared += [(1 - np.exp(-state.time / one))[:, None] * above for one in self.lags_s]
         return Inputs(
             state=state, rises=rises, groups=groups,
-            linear=np.hstack([groups, *self._lagged(groups, state.period), *shared]),
-            each_sensor=np.hstack([rises, *self._lagged(rises, state.period), *shared]),
+            linear=np.hstack([groups, *self._lagged(state.time, groups), *shared]),
+            each_sensor=np.hstack([rises, *self._lagged(state.time, rises), *shared]),
         )  # fmt: skip
 
-    def _lagged(self, values: Floats, period: float) -> list[Floats]:
-        return [low_passed(values, period, lag) for lag in self.lags_s]
-
-    def of_checked(self, checked: Checked) -> list[tuple[int, Inputs]]:
-        """First sample and inputs of each state of a recording, in the order of time."""
-        return [
-            (first, self.of(state))
-            for first, state in zip(checked.since, checked.states, strict=True)
-        ]
+    def _lagged(self, time: Floats, values: Floats) -> list[Floats]:
+        return [lag(time, values, constant) for constant in self.lags_s]
 
 
 def input_maker(states: Sequence[State], lags_s: Sequence[float]) -> InputMaker:
@@ -130,5 +122,5 @@ def rates(inputs: Inputs, smooth_s: float) -> Floats:
     The difference to its answer through a first-order lag, over the lag's time constant.
     """
     mean = inputs.groups.mean(axis=1, keepdims=True)
-    behind = mean - low_passed(mean, inputs.state.period, smooth_s)
+    behind = mean - lag(inputs.time, mean, smooth_s)
     return behind[:, 0] / smooth_s * 3600

@@ -18,6 +18,7 @@ import numpy as np
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.submodels.deformation.records import Profile, State
+from pipeline.thermal.lagged import lag
 
 DEAD, DRIFTING = "dead", "drifting"
 """Kinds of faults: no temperature at all, or one that departs slowly from those of the others."""
@@ -189,7 +190,7 @@ class SensorModel:
         for sensor in range(len(self.sensors)):
             if sensor not in gone:
                 found[:, sensor] = vector[:, sensor] - self.expected(vector, sensor, gone)
-        return low_passed(found, self.period_s, self.settings.smooth_s)
+        return lag(self.period_s * np.arange(len(vector)), found, self.settings.smooth_s)
 
     def check(self, state: State) -> Checked:
         """Find the faulty sensors of a recording in the order of time, and replace them.
@@ -273,25 +274,7 @@ class SensorModel:
 def lagged(state: State, lags_s: Sequence[float]) -> Floats:
     """Channels of a state, then each of them low-passed; shape (T, C (1 + L))."""
     channels = state.channels
-    return np.column_stack((channels, *(low_passed(channels, state.period, s) for s in lags_s)))
-
-
-def low_passed(values: Floats, period: float, time_constant: float) -> Floats:
-    """Answer of a first-order lag that starts at rest at the first value; shape as ``values``.
-
-    Examples
-    --------
-    >>> low_passed(np.array([[0.0], [1.0], [1.0]]), 60.0, 60.0).round(3).ravel()
-    array([0.   , 0.632, 0.865])
-    """
-    from scipy.signal import lfilter
-
-    if not len(values):
-        return values
-    keep = float(np.exp(-period / time_constant))
-    start = keep * values[:1]
-    result: Floats = lfilter([1 - keep], [1, -keep], values, axis=0, zi=start)[0]
-    return result
+    return np.column_stack((channels, *(lag(state.time, channels, s) for s in lags_s)))
 
 
 def _bridged(temperatures: Floats, holes: Bools) -> Floats:

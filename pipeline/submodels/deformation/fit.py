@@ -1,0 +1,275 @@
+"""Fit of spindle growth: sensors, inputs, every method with recordings left out, and the winner."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.nets.settings import TrainingSettings
+from pipeline.parallel import mapped
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
+from pipeline.submodels.deformation.comparison import method_score
+from pipeline.submodels.deformation.features import InputMaker, input_maker
+from pipeline.submodels.deformation.methods import METHODS, Ensemble, Example, restored, ridge
+from pipeline.submodels.deformation.model import (
+    DeformationFitSettings,
+    Learnt,
+    MethodScore,
+    TrainingFault,
+    Treatment,
+    kept,
+    regimes_of,
+)
+from pipeline.submodels.deformation.records import AMBIENT, SPEED, Profile, State
+from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
+
+FEWEST_PROFILES = 4
+"""Training recordings below which nothing can be left out and compared [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GrowthFit:
+    """What the training recordings say.
+
+    Parameters
+    ----------
+    sensors, inputs
+        Check of the sensors, and maker of the inputs.
+    champion : str
+        Method with the least RMSE on recordings left out.
+    ensembles : mapping of str to Ensemble
+        Every method, fitted on all training recordings.
+    compared : mapping of str to MethodScore
+        On recordings left out.
+    treatment : Treatment
+        Of faulty sensors.
+    faults : tuple of TrainingFault
+        Found in the training recordings.
+    learnt : mapping of str to Learnt
+        Range of each input.
+    bands : mapping of str to Band
+        Intervals by regime.
+    adaptive_step : float
+        Of the interval that follows the probe.
+    """
+
+    sensors: SensorModel
+    inputs: InputMaker
+    champion: str
+    ensembles: Mapping[str, Ensemble]
+    compared: Mapping[str, MethodScore]
+    treatment: Treatment
+    faults: tuple[TrainingFault, ...]
+    learnt: Mapping[str, Learnt]
+    bands: Mapping[str, Band]
+    adaptive_step: float
+
+
+def fit_growth(
+    profiles: Sequence[Profile], sensors: Sequence[str], settings: DeformationFitSettings
+) -> GrowthFit:
+    """Fit and compare all methods on training recordings.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Of training only.
+    sensors : sequence of str
+        From front to rear.
+    settings : DeformationFitSettings
+        Of the fit.
+
+    Raises
+    ------
+    ValueError
+        With fewer than four recordings, or when a method is named that does not exist.
+    """
+    if len(profiles) < FEWEST_PROFILES:
+        raise ValueError(
+            f"{len(profiles)} training recordings of growth are of use, {FEWEST_PROFILES} are the "
+            "least: record more, or name more in roles.training"
+        )
+    names = settings.methods or tuple(METHODS)
+    if strange := [name for name in names if name not in METHODS]:
+        raise ValueError(
+            f"deformation_fit.methods names {strange[0]!r}: choose among {', '.join(METHODS)}"
+        )
+    model = fit_sensors(profiles, sensors, settings.sensors)
+    checked = [model.check(one.state) for one in profiles]
+    replaced = [one.states[-1] for one in checked]
+    maker = input_maker(replaced, settings.lags_s)
+    as_is = [
+        kept(model, profile.state, one).states[-1] if one.faults else state
+        for profile, one, state in zip(profiles, checked, replaced, strict=True)
+    ]
+    treatment = _treatment(profiles, maker, replaced, as_is)
+    states = replaced if treatment.replaced else as_is
+    examples = [
+        Example(name=one.name, inputs=maker.of(state), growth=one.growth)
+        for one, state in zip(profiles, states, strict=True)
+    ]
+    left_out = _left_out(examples, names, settings)
+    measured = np.concatenate([one.growth for one in examples])
+    compared = {
+        name: method_score(name, np.concatenate(parts, axis=1), measured)
+        for name, parts in left_out.items()
+    }
+    champion = min(compared, key=lambda name: compared[name].rmse_um)
+    residuals = _residuals(examples, left_out[champion], settings)
+    intervals = bands(residuals)
+    return GrowthFit(
+        sensors=model,
+        inputs=maker,
+        champion=champion,
+        ensembles=_fitted(examples, names, settings),
+        compared=compared,
+        treatment=treatment,
+        faults=tuple(
+            TrainingFault(case=profile.name, fault=fault)
+            for profile, one in zip(profiles, checked, strict=True)
+            for fault in one.faults
+        ),
+        learnt=_learnt(sensors, states),
+        bands=intervals,
+        adaptive_step=chosen_step(
+            residuals, intervals, settings.adaptive_steps, settings.probe_delay_s
+        ),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A method to be fitted, and recordings to predict then."""
+
+    method: str
+    seed: int
+    training: TrainingSettings
+    examples: tuple[Example, ...]
+    others: tuple[Example, ...] = ()
+
+
+def _done(task: _Task) -> tuple[dict[str, Any], list[Floats]]:
+    """Document of the fit, and growth of the other recordings."""
+    fitted = METHODS[task.method].fit(task.examples, task.training, task.seed)
+    return fitted.document(), [fitted.predict(one.inputs) for one in task.others]
+
+
+def _seeds(name: str, many: int) -> range:
+    return range(many if METHODS[name].seeded else 1)
+
+
+def _left_out(
+    examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
+) -> dict[str, list[Floats]]:
+    """Predictions of each recording by fits of the others, shape (seeds, T) each, by method."""
+    by_name = {one.name: one for one in examples}
+    pairs = list(splits(spread(list(by_name), settings.folds), settings.folds))
+    tasks = [
+        _Task(
+            method=name, seed=seed, training=settings.training,
+            examples=tuple(by_name[n] for n in fitted), others=tuple(by_name[n] for n in out),
+        )
+        for name in names
+        for fitted, out in pairs
+        for seed in _seeds(name, settings.seeds_left_out)
+    ]  # fmt: skip
+    found: dict[str, dict[str, list[Floats]]] = {name: {} for name in names}
+    for task, (_, growth) in zip(
+        tasks, mapped(_done, tasks, compute=settings.compute), strict=True
+    ):
+        for one, values in zip(task.others, growth, strict=True):
+            found[task.method].setdefault(one.name, []).append(values)
+    return {
+        name: [np.array(parts[one.name]) for one in examples] for name, parts in found.items()
+    }
+
+
+def spread(names: list[str], folds: int) -> list[str]:
+    """Names in an order whose neighbouring folds are spread over the recordings.
+
+    Recordings of a kind are often made one after another; a fold takes every so-many-th one.
+
+    Examples
+    --------
+    >>> spread(["a", "b", "c", "d"], 2)
+    ['a', 'c', 'b', 'd']
+    """
+    return [name for k in range(folds) for name in names[k::folds]]
+
+
+def _fitted(
+    examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
+) -> dict[str, Ensemble]:
+    """Every method fitted on all recordings, once a seed."""
+    tasks = [
+        _Task(method=name, seed=seed, training=settings.training, examples=tuple(examples))
+        for name in names
+        for seed in _seeds(name, settings.seeds)
+    ]
+    documents: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+    for task, (document, _) in zip(
+        tasks, mapped(_done, tasks, compute=settings.compute), strict=True
+    ):
+        documents[task.method].append(document)
+    return {name: restored(name, parts) for name, parts in documents.items()}
+
+
+def _treatment(
+    profiles: Sequence[Profile], maker: InputMaker, replaced: Sequence[State],
+    as_is: Sequence[State],
+) -> Treatment:  # fmt: skip
+    """Whether faulty sensors are replaced: as the linear regression errs less on those left out."""
+    if all(a is b for a, b in zip(replaced, as_is, strict=True)):
+        return Treatment(replaced=True, replaced_rmse_um=None, kept_rmse_um=None)
+    growth = [one.growth for one in profiles]
+    found = [_linear_left_out([maker.of(s).linear for s in states], growth)
+             for states in (replaced, as_is)]  # fmt: skip
+    return Treatment(
+        replaced=found[0] <= found[1], replaced_rmse_um=found[0], kept_rmse_um=found[1]
+    )
+
+
+def _linear_left_out(x: Sequence[Floats], growth: Sequence[Floats]) -> float:
+    """RMSE of the linear regression over recordings left out one by one [um]."""
+    errors = []
+    for out in range(len(x)):
+        rest = [k for k in range(len(x)) if k != out]
+        fitted = ridge([x[k] for k in rest], [growth[k] for k in rest], "linear")
+        errors.append(x[out] @ fitted.weights - growth[out])
+    return float(f"{float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2))):.4g}")
+
+
+def _residuals(
+    examples: Sequence[Example], predicted: Sequence[Floats], settings: DeformationFitSettings
+) -> Residuals:
+    """Errors of the method that serves on recordings left out, by regime."""
+    return Residuals.joined(
+        Residuals(
+            error=one.growth - growth.mean(axis=0),
+            regime=regimes_of(one.inputs, settings.rate_s, settings.steady_K_h),
+            group=np.full(len(one.growth), one.name),
+            t=one.inputs.time,
+        )
+        for one, growth in zip(examples, predicted, strict=True)
+    )
+
+
+def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt]:
+    """Range of each input over the training recordings."""
+
+    def over(values: Sequence[Floats], unit: str) -> Learnt:
+        every = np.concatenate([np.ravel(v) for v in values])
+        return Learnt(
+            low=float(f"{every.min():.5g}"), high=float(f"{every.max():.5g}"), unit=unit
+        )
+
+    found = {
+        name: over([s.temperatures[:, k] for s in states], "degC")
+        for k, name in enumerate(sensors)
+    }
+    found[SPEED] = over([s.speed for s in states], "rev/min")
+    if all(np.isfinite(s.ambient).all() for s in states):
+        found[AMBIENT] = over([s.ambient for s in states], "degC")
+    return found
