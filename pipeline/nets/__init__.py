@@ -1,7 +1,7 @@
 """Neural networks on rows of temperature sensors, and the training loop that they share.
 
-Temperatures come as rises above a reference [K], shape (T, N), in the order of the sensors along the
-machine; consequent inputs, shape (T, K), are whatever the deformation is taken to be linear in.  The
+Temperatures come as rises above a reference [K], shape (T, N), in the order of the sensors along
+the machine; consequent inputs, shape (T, K), are whatever the output is taken to be linear in.  The
 only room that imports torch.  ``settings`` imports none, so that a stage that trains no network
 starts without it.
 

@@ -1,15 +1,15 @@
 """Fuzzy-filtered networks and the sigmoid network that they are held against.
 
-All three take scaled temperatures x, shape (T, N), in the order of the sensors, and scaled consequent
-inputs c, shape (T, K), and give the scaled output, shape (T,), in float64
+All three take scaled temperatures x, shape (T, N), in the order of the sensors, and scaled
+consequent inputs c, shape (T, K), and give the scaled output, shape (T,), in float64
 (:mod:`pipeline.nets.trained` scales).
 
 The improved fuzzy-filtered network (FFNN2015) has five layers: temperatures; pass-bands over the
 channel index; shares of the bands; rules that are linear in the consequent inputs, weighted by the
 shares; their sum.  In the paper c are the temperatures of the three fuzzy c-means centres, K = 3;
-lags, rates or a speed may stand beside them.  The classic one (after Sun and Jang 1993) has bells for
-bands and sigmoids for shares.  Given the bands, both are linear in the consequents, which ridge least
-squares finds.
+lags, rates or a speed may stand beside them.  The classic one (after Sun and Jang 1993) has bells
+for bands and sigmoids for shares.  Given the bands, both are linear in the consequents, which ridge
+least squares finds.
 """
 
 from abc import ABC, abstractmethod
@@ -62,8 +62,23 @@ class FilteredNetwork(nn.Module, ABC):
         self.register_buffer("channels", channels, persistent=False)
         self.register_buffer("low", low.expand(bands, -1).clone(), persistent=False)
         self.register_buffer("high", high.expand(bands, -1).clone(), persistent=False)
-        self.bands = nn.Parameter(start.clone())
+        self.places = nn.Parameter(torch.empty(bands, len(bounds), dtype=torch.float64))
+        self.set_bands(start)
         self.consequents = nn.Parameter(torch.zeros(bands, inputs + 1, dtype=torch.float64))
+
+    @property
+    def bands(self) -> Tensor:
+        """Parameters of the bands, shape (J, F); ``places`` has them as shares of their bounds.
+
+        So one step width suits all of them.
+        """
+        return self.low + self.places * (self.high - self.low)
+
+    @torch.no_grad()
+    def set_bands(self, bands: Tensor) -> None:
+        """Put the bands at values of shape (J, F), brought into their bounds."""
+        self.places.copy_((bands - self.low) / (self.high - self.low))
+        self.keep_bounds()
 
     @abstractmethod
     def strengths(self, bands: Tensor, x: Tensor) -> Tensor:
@@ -123,7 +138,7 @@ class FilteredNetwork(nn.Module, ABC):
     @torch.no_grad()
     def keep_bounds(self) -> None:
         """Bring the bands back into their bounds."""
-        self.bands.copy_(torch.minimum(torch.maximum(self.bands, self.low), self.high))
+        self.places.clamp_(0.0, 1.0)
 
 
 def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
@@ -180,7 +195,8 @@ class ClassicFuzzyNetwork(FilteredNetwork):
     """
 
     def __init__(self, settings: ClassicFuzzySettings, sensors: int, inputs: int) -> None:
-        bounds = ((0.0, sensors - 1.0), (NARROWEST, float(sensors)), (1.0, 6.0), (0.1, 20.0), (0, 1))
+        along = ((0.0, sensors - 1.0), (NARROWEST, float(sensors)), (1.0, 6.0))
+        bounds = (*along, (0.1, 20.0), (0.0, 1.0))
         centre, width = _spread(settings.bands, sensors)
         one = torch.ones_like(centre)
         start = torch.stack([centre, width, 2.0 * one, 4.0 * one, 0.5 * one], dim=1)
@@ -262,7 +278,7 @@ def network(
         return ClassicFuzzyNetwork(settings, sensors, inputs)
     if isinstance(settings, BackPropagationSettings):
         return BackPropagationNetwork(settings, sensors, inputs, generator)
-    raise ValueError(f"{type(settings).__name__} is no network's settings: give one of nets.settings")
+    raise ValueError(f"{type(settings).__name__} is of no network: give one of nets.settings")
 
 
 def _spread(bands: int, sensors: int) -> tuple[Tensor, Tensor]:
