@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils import skip_init
 
 from pipeline.nets.settings import (
     BackPropagationSettings,
@@ -235,8 +236,9 @@ class BackPropagationNetwork(nn.Module):
         super().__init__()
         self.consequent_inputs = settings.consequent_inputs
         wide = sensors + (inputs if settings.consequent_inputs else 0)
-        self.hidden = nn.Linear(wide, settings.hidden, dtype=torch.float64)
-        self.output = nn.Linear(settings.hidden, 1, dtype=torch.float64)
+        # without torch's own initial weights, which would use its global random numbers
+        self.hidden = skip_init(nn.Linear, wide, settings.hidden, dtype=torch.float64)
+        self.output = skip_init(nn.Linear, settings.hidden, 1, dtype=torch.float64)
         with torch.no_grad():
             for layer in (self.hidden, self.output):
                 reach = layer.in_features**-0.5
