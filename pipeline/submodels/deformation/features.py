@@ -19,8 +19,8 @@ from pipeline.thermal.lagged import lag
 
 GROUPS = 3
 """Groups of sensors [1]: front, middle and rear of the spindle."""
-REFERENCE_SPEED = 1000.0
-"""Unit of the speed in its square [rev/min]."""
+AT_TOP_SPEED = 10.0
+"""Input of the squared speed at the highest speed learnt [1], about as large as the rises in K."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,10 +66,13 @@ class InputMaker:
         Of each sensor in the temperature of a group [1].
     lags_s : tuple of float
         Time constants [s].
+    top_speed : float
+        Highest speed learnt [rev/min]; 0 where none is recorded.
     """
 
     weights: tuple[tuple[float, ...], ...]
     lags_s: tuple[float, ...]
+    top_speed: float
 
     @cached_property
     def _weights(self) -> Floats:
@@ -83,7 +86,7 @@ class InputMaker:
         air = np.isfinite(state.ambient).all()
         # without the air's temperature the coldest group stands for it
         above = start - (state.ambient[0] if air else start.min())
-        speed = (state.speed / REFERENCE_SPEED) ** 2
+        speed = AT_TOP_SPEED * (state.speed / (self.top_speed or 1.0)) ** 2
         shared = [(speed - speed[0])[:, None]]
         if air:
             drift = (state.ambient - state.ambient[0])[:, None]
@@ -113,7 +116,8 @@ def input_maker(states: Sequence[State], lags_s: Sequence[float]) -> InputMaker:
         np.vstack([one.temperatures - one.temperatures[:1] for one in states]), GROUPS
     )
     weights = tuple(tuple(float(f"{w:.6g}") for w in row) for row in found.weights)
-    return InputMaker(weights=weights, lags_s=tuple(lags_s))
+    top = max(float(one.speed.max()) for one in states)
+    return InputMaker(weights=weights, lags_s=tuple(lags_s), top_speed=top)
 
 
 def rates(inputs: Inputs, smooth_s: float) -> Floats:

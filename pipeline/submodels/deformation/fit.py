@@ -1,7 +1,7 @@
 """Fit of spindle growth: sensors, inputs, every method with recordings left out, and the winner."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,15 +14,18 @@ from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
 from pipeline.submodels.deformation.methods import METHODS, Ensemble, Example, restored, ridge
 from pipeline.submodels.deformation.model import (
+    KEPT,
+    LEFT_OUT,
+    REPLACED,
     DeformationFitSettings,
     Learnt,
     MethodScore,
     TrainingFault,
     Treatment,
-    kept,
     regimes_of,
+    treated,
 )
-from pipeline.submodels.deformation.records import AMBIENT, SPEED, Profile, State
+from pipeline.submodels.deformation.records import AMBIENT, FEWEST_SENSORS, SPEED, Profile, State
 from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
 
 FEWEST_PROFILES = 4
@@ -98,14 +101,14 @@ def fit_growth(
         )
     model = fit_sensors(profiles, sensors, settings.sensors)
     checked = [model.check(one.state) for one in profiles]
-    replaced = [one.states[-1] for one in checked]
-    maker = input_maker(replaced, settings.lags_s)
-    as_is = [
-        kept(model, profile.state, one).states[-1] if one.faults else state
-        for profile, one, state in zip(profiles, checked, replaced, strict=True)
-    ]
-    treatment = _treatment(profiles, maker, replaced, as_is)
-    states = replaced if treatment.replaced else as_is
+    faults = tuple(
+        TrainingFault(case=profile.name, fault=fault)
+        for profile, one in zip(profiles, checked, strict=True)
+        for fault in one.faults
+    )
+    treatment = _treatment(profiles, model, faults, settings.lags_s)
+    states = [treated(model, one.state, treatment).states[-1] for one in profiles]
+    maker = input_maker(states, settings.lags_s)
     examples = [
         Example(name=one.name, inputs=maker.of(state), growth=one.growth)
         for one, state in zip(profiles, states, strict=True)
@@ -126,11 +129,7 @@ def fit_growth(
         ensembles=_fitted(examples, names, settings),
         compared=compared,
         treatment=treatment,
-        faults=tuple(
-            TrainingFault(case=profile.name, fault=fault)
-            for profile, one in zip(profiles, checked, strict=True)
-            for fault in one.faults
-        ),
+        faults=faults,
         learnt=_learnt(sensors, states),
         bands=intervals,
         adaptive_step=chosen_step(
@@ -217,18 +216,24 @@ def _fitted(
 
 
 def _treatment(
-    profiles: Sequence[Profile], maker: InputMaker, replaced: Sequence[State],
-    as_is: Sequence[State],
+    profiles: Sequence[Profile], sensors: SensorModel, faults: Sequence[TrainingFault],
+    lags_s: Sequence[float],
 ) -> Treatment:  # fmt: skip
-    """Whether faulty sensors are replaced: as the linear regression errs less on those left out."""
-    if all(a is b for a, b in zip(replaced, as_is, strict=True)):
-        return Treatment(replaced=True, replaced_rmse_um=None, kept_rmse_um=None)
-    growth = [one.growth for one in profiles]
-    found = [_linear_left_out([maker.of(s).linear for s in states], growth)
-             for states in (replaced, as_is)]  # fmt: skip
-    return Treatment(
-        replaced=found[0] <= found[1], replaced_rmse_um=found[0], kept_rmse_um=found[1]
-    )
+    """That of faulty sensors with which the linear regression errs least on recordings left out."""
+    if not faults:
+        return Treatment(chosen=REPLACED)
+    lost = tuple(name for name in sensors.sensors if name in {f.fault.sensor for f in faults})
+    choices = [Treatment(chosen=REPLACED), Treatment(chosen=KEPT)]
+    if len(sensors.sensors) - len(lost) >= FEWEST_SENSORS:
+        choices.insert(1, Treatment(chosen=LEFT_OUT, ignored=lost))
+    errors = {}
+    for choice in choices:
+        states = [treated(sensors, one.state, choice).states[-1] for one in profiles]
+        maker = input_maker(states, lags_s)
+        x = [maker.of(state).linear for state in states]
+        errors[choice.chosen] = _linear_left_out(x, [one.growth for one in profiles])
+    best = min(choices, key=lambda one: errors[one.chosen])
+    return replace(best, rmse_um=errors)
 
 
 def _linear_left_out(x: Sequence[Floats], growth: Sequence[Floats]) -> float:

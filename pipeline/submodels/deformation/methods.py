@@ -23,8 +23,8 @@ from pipeline.nets.settings import (
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.deformation.features import Inputs
 
-PENALTIES = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-"""Ridge penalties to choose from, as shares of the mean square of a scaled input [1]."""
+PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+"""Ridge penalties to choose from, as shares of the mean square of all inputs [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,13 +155,11 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
     known = [np.isfinite(one) for one in y]
     x = [one[rows] for one, rows in zip(x, known, strict=True)]
     y = [one[rows] for one, rows in zip(y, known, strict=True)]
-    scale = np.sqrt(np.mean([np.mean(one**2, axis=0) for one in x], axis=0))
-    scale = np.where(scale > 1e-9, scale, 1.0)
-    x = [one / scale for one in x]
     grams = [one.T @ one for one in x]
     moments = [one.T @ other for one, other in zip(x, y, strict=True)]
-    gram, moment, samples = sum(grams), sum(moments), sum(map(len, y))
-    unit = np.eye(len(scale)) * samples
+    gram, moment = sum(grams), sum(moments)
+    # one scale for all: an input that hardly varied has a small weight, not a wild one
+    unit = np.eye(len(gram)) * float(np.trace(gram)) / len(gram)
 
     def left_out(penalty: float) -> float:
         """Sum of squared errors of recordings, each by a fit of the others [um^2]."""
@@ -171,8 +169,8 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
             total += float(np.sum((xs @ weights - ys) ** 2))
         return total
 
-    penalty = min(PENALTIES, key=left_out) if len(x) > 1 else PENALTIES[-2]
-    weights = np.linalg.solve(gram + penalty * unit, moment) / scale
+    penalty = min(PENALTIES, key=left_out) if len(x) > 1 else PENALTIES[-3]
+    weights = np.linalg.solve(gram + penalty * unit, moment)
     return Ridge(name, weights, penalty)
 
 

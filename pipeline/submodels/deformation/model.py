@@ -124,22 +124,29 @@ class TrainingFault:
     fault: Fault
 
 
+REPLACED, LEFT_OUT, KEPT = "replaced", "left out", "kept"
+"""Treatments: a faulty sensor is replaced once it is noticed; sensors that were faulty in training
+are not read at all, others replaced; all are kept as they are."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Treatment:
-    """What happens to a faulty sensor, and why.
+    """What happens to faulty sensors, and why.
 
     Parameters
     ----------
-    replaced : bool
-        Whether it is replaced by what the others say; else it is kept as it is.
-    replaced_rmse_um, kept_rmse_um : float or None
-        Of the linear regression on training recordings left out, with each [um]; None where no
+    chosen : str
+        One of the treatments.
+    ignored : tuple of str
+        Sensors that are not read.
+    rmse_um : mapping of str to float
+        Of the linear regression on training recordings left out, by treatment [um]; empty where no
         training recording has a faulty sensor.
     """
 
-    replaced: bool
-    replaced_rmse_um: float | None
-    kept_rmse_um: float | None
+    chosen: str
+    ignored: tuple[str, ...] = ()
+    rmse_um: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,15 +227,9 @@ class GrowthModel:
         """The method that serves."""
         return self.ensembles[self.file.champion]
 
-    def checked(self, state: State, *, replaced: bool | None = None) -> Checked:
-        """The state with its faulty sensors replaced, or kept; by the model's treatment unless said.
-
-        Missing single samples are always replaced.
-        """
-        found = self.file.sensors.check(state)
-        if self.file.treatment.replaced if replaced is None else replaced:
-            return found
-        return kept(self.file.sensors, state, found)
+    def checked(self, state: State) -> Checked:
+        """The state with its faulty sensors treated as the model does."""
+        return treated(self.file.sensors, state, self.file.treatment)
 
     def pieces(self, checked: Checked) -> list[tuple[int, Inputs]]:
         """First sample and inputs of each state of a recording, in the order of time."""
@@ -256,14 +257,13 @@ class GrowthModel:
         return result
 
 
-def kept(sensors: SensorModel, state: State, found: Checked) -> Checked:
-    """The check's faults with the sensors as they are, missing samples filled."""
-    low, high = sensors.settings.range_degC
-    holes = ~np.isfinite(state.temperatures)
-    holes |= (state.temperatures < low) | (state.temperatures > high)
-    return Checked(
-        states=(sensors.replaced(state, frozenset(), holes),), since=(0,), faults=found.faults
-    )
+def treated(sensors: SensorModel, state: State, treatment: Treatment) -> Checked:
+    """A state whose faulty sensors are treated; single missing samples are always replaced."""
+    if treatment.chosen != KEPT:
+        return sensors.check(state, treatment.ignored)
+    found = sensors.check(state)
+    one = sensors.replaced(state, frozenset(), ~np.isfinite(state.temperatures))
+    return Checked(states=(one,), since=(0,), faults=found.faults)
 
 
 def load_growth_model(folder: Path) -> GrowthModel:

@@ -15,13 +15,20 @@ from typing import Annotated
 
 import numpy as np
 
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.submodels.deformation.records import Profile, State
 from pipeline.thermal.lagged import lag
 
-DEAD, DRIFTING = "dead", "drifting"
-"""Kinds of faults: no temperature at all, or one that departs slowly from those of the others."""
+DEAD, JUMPED, DRIFTING = "dead", "loose", "drifting"
+"""Kinds of faults: no temperature at all or a held one; one that jumps off; one that departs slowly
+from those of the others."""
+NOISE_K2 = 1e-6
+"""Variance [K^2] of independent noise of a thousandth of a kelvin: sensors may be copies."""
+UNSETTLED = 10.0
+"""Factor on the tolerated departure while the lags settle [1]."""
+MOVED = 4.0
+"""Movement of the others that a held value is told by, in units of the least departure [1]."""
 ROUNDS = 3
 """Times the regressions are found anew without the sensors that were faulty [1]."""
 
@@ -36,19 +43,27 @@ class SensorSettings(Ranged, section="deformation_fit.sensors"):
         Temperatures that a working sensor can show; an open or shorted line lies outside.
     dead_s : float
         A sensor without a value for so long is dead [s].
+    held_s : float
+        So is one whose value has not changed at all for so long, while those of the others have
+        moved by four times ``least_K`` in the median [s].
+    settle_s : float
+        What the lags hold at the start of a recording is not known; so long they settle [s], and
+        ten times the departure is tolerated.
     smooth_s : float
         Time constant of the mean over which a departure counts [s].
     lags_s : tuple of float
         Time constants of the low-passed temperatures in the regressions [s].
     times : float
         A sensor is faulty when its departure is so many times the median, over the training
-        recordings, of the largest departure in each [1].
+        recordings, of the largest departure in each after it has settled [1].
     least_K : float
         A smaller departure is never a fault [K].
     """
 
     range_degC: tuple[float, float] = (-30.0, 150.0)
     dead_s: NotNegative = 300.0
+    held_s: Positive = 1200.0
+    settle_s: NotNegative = 1800.0
     smooth_s: Positive = 600.0
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 3600.0)
     times: Annotated[float, Range(above=1.0)] = 4.0
@@ -64,7 +79,7 @@ class Fault:
     sensor : str
         Its name.
     kind : str
-        ``"dead"`` or ``"drifting"``.
+        ``"dead"``, ``"loose"`` or ``"drifting"``.
     since_s : float
         When it was noticed, since the start of the recording [s].
     departure_K : float or None
@@ -155,17 +170,27 @@ class SensorModel:
         -------
         ndarray, shape (T,)
         """
-        mean, covariance = self._arrays
-        used = [
-            k for k in range(len(mean))
-            if k % self.channels != sensor and k % self.channels not in gone
-        ]  # fmt: skip
-        among = covariance[np.ix_(used, used)]
-        # a thousandth of a kelvin of independent noise: sensors may be copies of each other
-        among = among + 1e-6 * np.eye(len(used))
-        weights = np.linalg.solve(among, covariance[used, sensor])
+        mean = self._arrays[0]
+        used, weights, _ = self._regression(sensor, gone)
         result: Floats = mean[sensor] + (vector[:, used] - mean[used]) @ weights
         return result
+
+    def _regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
+        """Columns that a sensor's expectation rests on, their weights, and what is left [K]."""
+        key = (sensor, gone - {sensor})
+        if key not in self._regressions:
+            covariance = self._arrays[1]
+            channel = np.arange(len(covariance)) % self.channels
+            used = np.flatnonzero((channel != sensor) & ~np.isin(channel, list(gone)))
+            among = covariance[np.ix_(used, used)] + NOISE_K2 * np.eye(len(used))
+            weights = np.linalg.solve(among, covariance[used, sensor])
+            left = covariance[sensor, sensor] - weights @ covariance[used, sensor]
+            self._regressions[key] = used, weights, float(np.sqrt(max(left, NOISE_K2)))
+        return self._regressions[key]
+
+    @cached_property
+    def _regressions(self) -> dict[tuple[int, frozenset[int]], tuple[Ints, Floats, float]]:
+        return {}
 
     def replaced(self, state: State, gone: frozenset[int], holes: Bools) -> State:
         """The state with the sensors ``gone``, and single samples that are ``holes``, replaced."""
@@ -192,19 +217,32 @@ class SensorModel:
                 found[:, sensor] = vector[:, sensor] - self.expected(vector, sensor, gone)
         return lag(self.period_s * np.arange(len(vector)), found, self.settings.smooth_s)
 
-    def check(self, state: State) -> Checked:
+    def ratios(self, vector: Floats, gone: frozenset[int]) -> Floats:
+        """Departures over what is tolerated when the sensors ``gone`` are not read [1].
+
+        With fewer sensors to rest on an expectation errs more, and so much more is tolerated.
+        """
+        more = [
+            self._regression(k, gone)[2] / self._regression(k, frozenset())[2]
+            for k in range(len(self.sensors))
+        ]
+        settling = np.arange(len(vector)) < self.settings.settle_s / self.period_s
+        tolerance = np.array(self.tolerance_K) * more
+        ratios: Floats = np.abs(self.departures(vector, gone)) / tolerance
+        return np.where(settling[:, None], ratios / UNSETTLED, ratios)
+
+    def check(self, state: State, ignored: Sequence[str] = ()) -> Checked:
         """Find the faulty sensors of a recording in the order of time, and replace them.
 
+        Sensors that are ``ignored`` are replaced from the start and never blamed.
         At the first sample at which a sensor departs too far, that sensor is faulty without which
         the others agree best.  Where they do not agree without any single one, the temperatures are
         unlike those of the training recordings, and no sensor is blamed.
         """
         settings = self.settings
-        holes = ~np.isfinite(state.temperatures)
-        low, high = settings.range_degC
-        holes |= (state.temperatures < low) | (state.temperatures > high)
+        holes = holes_of(state, settings)
         dead = _dead_since(holes, max(1, round(settings.dead_s / self.period_s)))
-        gone: dict[int, int] = {}
+        gone = {self.sensors.index(name): 0 for name in ignored}
         faults: list[Fault] = []
         start = 0
         while True:
@@ -230,8 +268,7 @@ class SensorModel:
     ) -> tuple[int, int] | None:
         """The next sensor to be blamed, and from which sample on; None where there is none."""
         silent = {s: max(since, start) for s, since in dead.items() if s not in gone}
-        tolerance = np.array(self.tolerance_K)
-        ratios = np.abs(self.departures(vector, gone)) / tolerance
+        ratios = self.ratios(vector, gone)
         over = np.flatnonzero((ratios[start:] > 1).any(axis=1)) + start
         first = int(over[0]) if len(over) else len(vector)
         if silent and min(silent.values()) <= first:
@@ -241,8 +278,7 @@ class SensorModel:
             suspects = np.flatnonzero(ratios[at] > 0.5)
             best, least = -1, 1.0
             for sensor in suspects:
-                rest = self.departures(vector[: at + 1], gone | {int(sensor)})[-1]
-                worst = float(np.abs(rest / tolerance).max())
+                worst = float(self.ratios(vector[: at + 1], gone | {int(sensor)})[-1].max())
                 if worst < least:
                     best, least = int(sensor), worst
             if best >= 0:
@@ -254,18 +290,15 @@ class SensorModel:
         holes: Bools,
     ) -> Fault:  # fmt: skip
         """What the record says of a blamed sensor."""
-        values = state.temperatures[:, sensor]
-        off = np.abs(values - self.expected(vector, sensor, gone))[since:]
-        off = off[~holes[since:, sensor]]
-        before = values[max(0, since - max(2, round(self.settings.dead_s / self.period_s))) :]
-        before = before[: max(2, round(self.settings.dead_s / self.period_s)) + 1]
-        held = len(before) > 1 and np.ptp(before) == 0
-        steps = np.abs(np.diff(values[: since + 1]))
-        jumped = bool(len(steps) and np.nanmax(steps[-10:]) > 2 * self.tolerance_K[sensor])
+        off = state.temperatures[:, sensor] - self.expected(vector, sensor, gone)
         silent = bool(holes[since:, sensor].mean() > 0.5)
+        # a jump is over within minutes, a drift takes longer than the mean over which it counts
+        before = max(0, since - max(1, round(self.settings.dead_s / self.period_s)))
+        jumped = abs(off[since] - off[before]) > self.tolerance_K[sensor]
+        off = np.abs(off[since:][~holes[since:, sensor]])
         return Fault(
             sensor=self.sensors[sensor],
-            kind=DEAD if silent or held or jumped else DRIFTING,
+            kind=DEAD if silent else JUMPED if jumped else DRIFTING,
             since_s=since * self.period_s,
             departure_K=round(float(off.max()), 2) if len(off) and not silent else None,
         )
@@ -303,6 +336,31 @@ def _dead_since(holes: Bools, samples: int) -> dict[int, int]:
     return found
 
 
+def holes_of(state: State, settings: SensorSettings) -> Bools:
+    """Samples that are no temperature: absent, out of range, or held while the others move.
+
+    Returns
+    -------
+    ndarray of bool, shape (T, S)
+    """
+    values = state.temperatures
+    low, high = settings.range_degC
+    holes = ~np.isfinite(values) | (values < low) | (values > high)
+    least = round(settings.held_s / state.period)
+    for sensor in range(values.shape[1]):
+        same = np.diff(values[:, sensor], prepend=np.nan) == 0
+        began = np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
+        long = np.flatnonzero(np.arange(len(values)) - began >= least)
+        moved = np.abs(np.where(holes, np.nan, values)[long] - values[began[long]])
+        others = np.delete(moved, sensor, axis=1)
+        some = np.isfinite(others).any(axis=1)
+        far = np.zeros(len(long), bool)
+        far[some] = np.nanmedian(others[some], axis=1) > MOVED * settings.least_K
+        for at in long[far]:  # the samples since it began are held as well: known from now on only
+            holes[at, sensor] = True
+    return holes
+
+
 def fit_sensors(
     profiles: Sequence[Profile], sensors: Sequence[str], settings: SensorSettings
 ) -> SensorModel:
@@ -323,31 +381,26 @@ def fit_sensors(
     Raises
     ------
     ValueError
-        With fewer than two recordings.
+        When fewer than two recordings have all sensors.
     """
-    if len(profiles) < 2:
-        raise ValueError("sensors are held against each other over recordings: record two or more")
     states = [one.state for one in profiles]
-    cleaned = [_without_holes(state, settings) for state in states]
-    model = _fitted(cleaned, sensors, settings)
+    holes = [holes_of(state, settings) for state in states]
+    # a sensor that is silent for long was not sound before either: its recording waits
+    whole = [
+        replace(state, temperatures=_bridged(state.temperatures, none))
+        for state, none in zip(states, holes, strict=True)
+        if not _dead_since(none, max(1, round(settings.dead_s / state.period)))
+    ]
+    if len(whole) < 2:
+        raise ValueError(
+            f"{len(whole)} training recordings have a value of every sensor, 2 are the least: "
+            "leave the dead sensor out of deformation_records.temperatures"
+        )
+    model = _fitted(whole, sensors, settings)
     for _ in range(ROUNDS):
-        checked = [model.check(state) for state in states]
-        if not any(one.faults for one in checked):
-            break
-        # a recording whose sensor turned out faulty teaches nothing of that sensor
-        cleaned = [
-            _without_holes(one.states[-1], settings) if one.faults else old
-            for one, old in zip(checked, cleaned, strict=True)
-        ]
-        model = _fitted(cleaned, sensors, settings)
+        # what a faulty sensor said teaches nothing: what the others say of it stands there
+        model = _fitted([model.check(state).states[-1] for state in states], sensors, settings)
     return model
-
-
-def _without_holes(state: State, settings: SensorSettings) -> State:
-    low, high = settings.range_degC
-    holes = ~np.isfinite(state.temperatures)
-    holes |= (state.temperatures < low) | (state.temperatures > high)
-    return replace(state, temperatures=_bridged(state.temperatures, holes))
 
 
 def _fitted(
@@ -359,11 +412,15 @@ def _fitted(
         sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
         mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
     )  # fmt: skip
+    settled = round(settings.settle_s / blank.period_s)
     largest = []
     for out, vector in enumerate(vectors):
         others = _with_moments(blank, [one for k, one in enumerate(vectors) if k != out])
-        largest.append(np.abs(others.departures(vector, frozenset())).max(axis=0))
-    tolerance = np.maximum(settings.times * np.median(largest, axis=0), settings.least_K)
+        departures = np.abs(others.departures(vector, frozenset()))
+        if len(departures) > settled:
+            largest.append(departures[settled:].max(axis=0))
+    usual = np.median(largest, axis=0) if largest else np.zeros(len(sensors))
+    tolerance = np.maximum(settings.times * usual, settings.least_K)
     return replace(
         _with_moments(blank, vectors), tolerance_K=tuple(np.round(tolerance, 4).tolist())
     )

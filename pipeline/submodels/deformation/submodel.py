@@ -20,14 +20,17 @@ from pipeline.submodels.conformal import AdaptiveSettings, adaptive, interval
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.deformation.comparison import GROWTH, columns_of, errors_of
 from pipeline.submodels.deformation.fit import fit_growth
-from pipeline.submodels.deformation.methods import METHODS, SIMPLE
+from pipeline.submodels.deformation.methods import SIMPLE
 from pipeline.submodels.deformation.model import (
+    KEPT,
     REGIMES,
     DeformationFitSettings,
     DeformationModel,
     GrowthModel,
     MethodsFile,
+    Treatment,
     load_growth_model,
+    treated,
 )
 from pipeline.submodels.deformation.records import (
     AMBIENT,
@@ -334,19 +337,20 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
 def _facts(profile: Profile, model: GrowthModel, growth: Floats) -> Mapping[str, Fact]:
     """Correlation, relative error, and each faulty sensor with the error that it would make."""
     whole = errors_of(growth, profile.growth)
+    spread = float(np.nanmax(profile.growth) - np.nanmin(profile.growth))
     facts = {
         "R": Fact(value=whole.r, unit="1"),
         "MAPE, growth below 5 um as 5 um": Fact(value=whole.mape, unit="%"),
-        "range of growth": Fact(value=float(f"{np.nanmax(profile.growth) - np.nanmin(profile.growth):.4g}"), unit="um"),
+        "range of growth": Fact(value=float(f"{spread:.4g}"), unit="um"),
     }
-    found = model.checked(profile.state, replaced=True)
+    found = model.file.sensors.check(profile.state)
     for k, fault in enumerate(found.faults):
         name = "faulty sensor" if k == 0 else f"faulty sensor {k + 1}"
         facts[name] = Fact(value=fault.sentence)
     if found.faults:
-        as_is = model.checked(profile.state, replaced=False)
-        for words, one in (("with the faulty sensor", as_is), ("with its replacement", found)):
-            errors = errors_of(model.stitched(model.pieces(one)).mean(axis=0), profile.growth)
+        as_is = treated(model.file.sensors, profile.state, Treatment(chosen=KEPT))
+        kept = errors_of(model.stitched(model.pieces(as_is)).mean(axis=0), profile.growth)
+        for words, errors in (("with the faulty sensor", kept), ("with it replaced", whole)):
             facts[f"RMSE {words}"] = Fact(value=errors.rmse, unit="um")
             facts[f"largest error {words}"] = Fact(value=errors.largest, unit="um")
     return facts
