@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.nets.settings import TrainingSettings
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
 from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
-from pipeline.submodels.deformation.methods import METHODS, Ensemble, Example, restored, ridge
+from pipeline.submodels.deformation.methods import METHODS, Budget, Ensemble, Example, restored, ridge
 from pipeline.submodels.deformation.model import (
     KEPT,
     LEFT_OUT,
@@ -144,14 +143,14 @@ class _Task:
 
     method: str
     seed: int
-    training: TrainingSettings
+    budget: Budget
     examples: tuple[Example, ...]
     others: tuple[Example, ...] = ()
 
 
 def _done(task: _Task) -> tuple[dict[str, Any], list[Floats]]:
     """Document of the fit, and growth of the other recordings."""
-    fitted = METHODS[task.method].fit(task.examples, task.training, task.seed)
+    fitted = METHODS[task.method].fit(task.examples, task.budget, task.seed)
     return fitted.document(), [fitted.predict(one.inputs) for one in task.others]
 
 
@@ -163,11 +162,12 @@ def _left_out(
     examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
 ) -> dict[str, list[Floats]]:
     """Predictions of each recording by fits of the others, shape (seeds, T) each, by method."""
+    budget = Budget(training=settings.training, every_s=settings.network_every_s)
     by_name = {one.name: one for one in examples}
     pairs = list(splits(spread(list(by_name), settings.folds), settings.folds))
     tasks = [
         _Task(
-            method=name, seed=seed, training=settings.training,
+            method=name, seed=seed, budget=budget,
             examples=tuple(by_name[n] for n in fitted), others=tuple(by_name[n] for n in out),
         )
         for name in names
@@ -202,8 +202,9 @@ def _fitted(
     examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
 ) -> dict[str, Ensemble]:
     """Every method fitted on all recordings, once a seed."""
+    budget = Budget(training=settings.training, every_s=settings.network_every_s)
     tasks = [
-        _Task(method=name, seed=seed, training=settings.training, examples=tuple(examples))
+        _Task(method=name, seed=seed, budget=budget, examples=tuple(examples))
         for name in names
         for seed in _seeds(name, settings.seeds)
     ]

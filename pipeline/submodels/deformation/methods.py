@@ -1,8 +1,8 @@
-"""Methods that predict growth, side by side: each is fitted, predicts, is stored and restored alike.
+"""Methods that predict growth, each fitted, stored and restored alike.
 
-Baselines of FFNN2015 (BP 9-7-1 and 9-16-1, the classic fuzzy-filtered network), its improved network
-trained in three ways, and beside them persistence, ridge regressions, a physical model and its
-hybrid.  Networks have the inputs of the ridge regression; the paper's own inputs (temperatures of
+Baselines of FFNN2015 (BP 9-7-1 and 9-16-1, the classic fuzzy-filtered network), its improved
+network trained in three ways, and beside them persistence, ridge regressions, a physical model and
+its hybrid.  Networks have the inputs of the ridge regression; the paper's own inputs (temperatures of
 sensors and groups, without lags or speed) are kept as variants.
 """
 
@@ -20,7 +20,7 @@ from pipeline.nets.settings import (
     NetworkSettings,
     TrainingSettings,
 )
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.deformation.features import Inputs
 
 PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -34,6 +34,22 @@ class Example:
     name: str
     inputs: Inputs
     growth: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """Budget of a network, the same for all.
+
+    Parameters
+    ----------
+    training : TrainingSettings
+        Passes and the like.
+    every_s : float
+        Time between two samples that are learnt from [s].
+    """
+
+    training: TrainingSettings
+    every_s: float
 
 
 class Fitted(ABC):
@@ -63,9 +79,7 @@ class Method(ABC):
     seeded: bool
 
     @abstractmethod
-    def fit(
-        self, examples: Sequence[Example], training: TrainingSettings, seed: int
-    ) -> Fitted:  # fmt: skip
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The method fitted on training recordings."""
 
     @abstractmethod
@@ -89,7 +103,7 @@ class Persistence(Method):
     label: str = "persistence"
     seeded: ClassVar[bool] = False
 
-    def fit(self, examples: Sequence[Example], training: TrainingSettings, seed: int) -> Fitted:
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """Nothing is fitted."""
         return _Still()
 
@@ -132,7 +146,7 @@ class Linear(Method):
     inputs: str
     seeded: ClassVar[bool] = False
 
-    def fit(self, examples: Sequence[Example], training: TrainingSettings, seed: int) -> Ridge:
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Ridge:
         """Weights at the best penalty."""
         x = [getattr(one.inputs, self.inputs) for one in examples]
         return ridge(x, [one.growth for one in examples], self.inputs)
@@ -210,11 +224,11 @@ class Network(Method):
     inputs: str = "linear"
     seeded: ClassVar[bool] = True
 
-    def fit(self, examples: Sequence[Example], training: TrainingSettings, seed: int) -> Fitted:
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The network trained on the known samples, whole recordings kept for early stopping."""
         from pipeline.nets.training import train
 
-        known = [np.isfinite(one.growth) for one in examples]
+        known = [_learnt_from(one, budget.every_s) for one in examples]
 
         def stacked(name: str) -> Floats:
             parts = [getattr(e.inputs, name)[k] for e, k in zip(examples, known, strict=True)]
@@ -224,7 +238,7 @@ class Network(Method):
         names = np.repeat([e.name for e in examples], [int(k.sum()) for k in known])
         found = train(
             self.kind, self.method, stacked("rises"), stacked(self.inputs), growth, names,
-            settings=replace(training, seed=seed),
+            settings=replace(budget.training, seed=seed),
         )  # fmt: skip
         return _Network(found, self.inputs)
 
@@ -233,6 +247,12 @@ class Network(Method):
         from pipeline.nets.trained import restore
 
         return _Network(restore(document), self.inputs)
+
+
+def _learnt_from(one: Example, every_s: float) -> Bools:
+    """Samples that a network learns from; shape (T,)."""
+    every = max(1, round(every_s / one.inputs.state.period))
+    return np.isfinite(one.growth) & (np.arange(len(one.growth)) % every == 0)
 
 
 def _sigmoid(label: str, hidden: int, *, paper: bool = False) -> Network:

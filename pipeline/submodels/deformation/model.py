@@ -46,6 +46,8 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
         That are compared; all unless named.
     training : TrainingSettings
         Budget of each network, the same for all.
+    network_every_s : float
+        Time between two samples that networks learn from [s]; neighbours say nearly the same.
     sensors : SensorSettings
         Of the check of the temperature sensors.
     rate_s : float
@@ -69,6 +71,7 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     seeds_left_out: Count = 2
     methods: tuple[str, ...] = ()
     training: TrainingSettings = field(default_factory=TrainingSettings)
+    network_every_s: Positive = 120.0
     sensors: SensorSettings = field(default_factory=SensorSettings)
     rate_s: Positive = 600.0
     steady_K_h: Positive = 2.0

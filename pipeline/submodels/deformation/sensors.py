@@ -3,9 +3,9 @@
 The expected temperature of a sensor is its linear regression on the present and low-passed
 temperatures of the others.  All of these regressions, for any sensors that are left, follow from
 one mean and one covariance of the training recordings (the conditional expectation of a Gaussian
-vector).  A sensor that departs from its expectation by more than it ever did in training recordings
-that were left out of the regression is named and replaced by its expectation.  A sample is only ever
-held against samples at or before its time.
+vector).  A sensor that departs from its expectation by far more than is usual in training
+recordings left out of the regression is named and replaced by its expectation.  A sample is only
+ever held against samples at or before its time.
 """
 
 from collections.abc import Mapping, Sequence
