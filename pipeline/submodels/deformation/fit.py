@@ -11,7 +11,14 @@ from pipeline.schema.arrays import Floats
 from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
 from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
-from pipeline.submodels.deformation.methods import METHODS, Budget, Ensemble, Example, restored, ridge
+from pipeline.submodels.deformation.methods import (
+    METHODS,
+    Budget,
+    Ensemble,
+    Example,
+    restored,
+    ridge,
+)
 from pipeline.submodels.deformation.model import (
     KEPT,
     LEFT_OUT,
@@ -24,7 +31,14 @@ from pipeline.submodels.deformation.model import (
     regimes_of,
     treated,
 )
-from pipeline.submodels.deformation.records import AMBIENT, FEWEST_SENSORS, SPEED, Profile, State
+from pipeline.submodels.deformation.records import (
+    AMBIENT,
+    FEWEST_SAMPLES,
+    FEWEST_SENSORS,
+    SPEED,
+    Profile,
+    State,
+)
 from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
 
 FEWEST_PROFILES = 4
@@ -93,11 +107,7 @@ def fit_growth(
             f"{len(profiles)} training recordings of growth are of use, {FEWEST_PROFILES} are the "
             "least: record more, or name more in roles.training"
         )
-    names = settings.methods or tuple(METHODS)
-    if strange := [name for name in names if name not in METHODS]:
-        raise ValueError(
-            f"deformation_fit.methods names {strange[0]!r}: choose among {', '.join(METHODS)}"
-        )
+    names = _methods(profiles, settings.methods)
     model = fit_sensors(profiles, sensors, settings.sensors)
     checked = [model.check(one.state) for one in profiles]
     faults = tuple(
@@ -112,7 +122,10 @@ def fit_growth(
         Example(name=one.name, inputs=maker.of(state), growth=one.growth)
         for one, state in zip(profiles, states, strict=True)
     ]
-    left_out = _left_out(examples, names, settings)
+    learnt_from = [
+        part for one in examples for part in with_later_starts(one, maker, settings.later_starts)
+    ]
+    left_out = _left_out(examples, learnt_from, names, settings)
     measured = np.concatenate([one.growth for one in examples])
     compared = {
         name: method_score(name, np.concatenate(parts, axis=1), measured)
@@ -125,7 +138,7 @@ def fit_growth(
         sensors=model,
         inputs=maker,
         champion=champion,
-        ensembles=_fitted(examples, names, settings),
+        ensembles=_fitted(learnt_from, names, settings),
         compared=compared,
         treatment=treatment,
         faults=faults,
@@ -158,17 +171,58 @@ def _seeds(name: str, many: int) -> range:
     return range(many if METHODS[name].seeded else 1)
 
 
+def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ...]:
+    """Methods that are compared.
+
+    Raises
+    ------
+    ValueError
+        When one is named that does not exist, or that needs a channel that is not recorded.
+    """
+    turning = any(one.state.speed.any() for one in profiles)
+    air = all(np.isfinite(one.state.ambient).all() for one in profiles)
+    able = [
+        name for name, method in METHODS.items()
+        if (turning or not method.needs_speed) and (air or not method.needs_ambient)
+    ]  # fmt: skip
+    if strange := [name for name in named if name not in able]:
+        raise ValueError(
+            f"deformation_fit.methods names {strange[0]!r}: with the channels recorded choose "
+            f"among {', '.join(able)}"
+        )
+    return tuple(named) or tuple(able)
+
+
+def with_later_starts(one: Example, maker: InputMaker, starts: int) -> list[Example]:
+    """A recording, and its parts as if the probe had been set to zero later, evenly spread.
+
+    A part begins with a machine in whatever state it was, so that a few recordings show many
+    warm starts.  It begins at the next sample with growth.
+    """
+    found, state = [one], one.inputs.state
+    known = np.flatnonzero(np.isfinite(one.growth))
+    for k in range(1, starts + 1):
+        later = known[known >= k * len(state) // (starts + 1)]
+        if len(later) > FEWEST_SAMPLES:
+            first = int(later[0])
+            growth = one.growth[first:] - one.growth[first]
+            found.append(Example(name=one.name, inputs=maker.of(state.since(first)), growth=growth))
+    return found
+
+
 def _left_out(
-    examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
-) -> dict[str, list[Floats]]:
+    examples: Sequence[Example], learnt_from: Sequence[Example], names: Sequence[str],
+    settings: DeformationFitSettings,
+) -> dict[str, list[Floats]]:  # fmt: skip
     """Predictions of each recording by fits of the others, shape (seeds, T) each, by method."""
-    budget = Budget(training=settings.training, every_s=settings.network_every_s)
+    budget = Budget(training=settings.training, every_s=settings.every_s)
     by_name = {one.name: one for one in examples}
     pairs = list(splits(spread(list(by_name), settings.folds), settings.folds))
     tasks = [
         _Task(
             method=name, seed=seed, budget=budget,
-            examples=tuple(by_name[n] for n in fitted), others=tuple(by_name[n] for n in out),
+            examples=tuple(one for one in learnt_from if one.name in fitted),
+            others=tuple(by_name[n] for n in out),
         )
         for name in names
         for fitted, out in pairs
@@ -180,9 +234,7 @@ def _left_out(
     ):
         for one, values in zip(task.others, growth, strict=True):
             found[task.method].setdefault(one.name, []).append(values)
-    return {
-        name: [np.array(parts[one.name]) for one in examples] for name, parts in found.items()
-    }
+    return {name: [np.array(parts[one.name]) for one in examples] for name, parts in found.items()}
 
 
 def spread(names: list[str], folds: int) -> list[str]:
@@ -202,7 +254,7 @@ def _fitted(
     examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
 ) -> dict[str, Ensemble]:
     """Every method fitted on all recordings, once a seed."""
-    budget = Budget(training=settings.training, every_s=settings.network_every_s)
+    budget = Budget(training=settings.training, every_s=settings.every_s)
     tasks = [
         _Task(method=name, seed=seed, budget=budget, examples=tuple(examples))
         for name in names
@@ -267,13 +319,10 @@ def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt
 
     def over(values: Sequence[Floats], unit: str) -> Learnt:
         every = np.concatenate([np.ravel(v) for v in values])
-        return Learnt(
-            low=float(f"{every.min():.5g}"), high=float(f"{every.max():.5g}"), unit=unit
-        )
+        return Learnt(low=float(f"{every.min():.5g}"), high=float(f"{every.max():.5g}"), unit=unit)
 
     found = {
-        name: over([s.temperatures[:, k] for s in states], "degC")
-        for k, name in enumerate(sensors)
+        name: over([s.temperatures[:, k] for s in states], "degC") for k, name in enumerate(sensors)
     }
     found[SPEED] = over([s.speed for s in states], "rev/min")
     if all(np.isfinite(s.ambient).all() for s in states):

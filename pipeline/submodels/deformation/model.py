@@ -42,12 +42,16 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
         Fits of each method that depends on a seed; what is served is their mean.
     seeds_left_out : int
         Fits of such a method on each fold.
+    later_starts : int
+        Each training recording is also learnt from with its start moved to so many later times:
+        a machine that is warm when the probe is set to zero.
     methods : tuple of str
-        That are compared; all unless named.
+        That are compared; unless named all that the recorded channels allow.
     training : TrainingSettings
         Budget of each network, the same for all.
-    network_every_s : float
-        Time between two samples that networks learn from [s]; neighbours say nearly the same.
+    every_s : float
+        Time between two samples that networks and physical models learn from [s]; neighbours say
+        nearly the same.
     sensors : SensorSettings
         Of the check of the temperature sensors.
     rate_s : float
@@ -69,9 +73,10 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     folds: Annotated[int, Range(least=2)] = 7
     seeds: Count = 5
     seeds_left_out: Count = 2
+    later_starts: Annotated[int, Range(least=0)] = 2
     methods: tuple[str, ...] = ()
     training: TrainingSettings = field(default_factory=TrainingSettings)
-    network_every_s: Positive = 120.0
+    every_s: Positive = 240.0
     sensors: SensorSettings = field(default_factory=SensorSettings)
     rate_s: Positive = 600.0
     steady_K_h: Positive = 2.0
@@ -282,5 +287,3 @@ def load_growth_model(folder: Path) -> GrowthModel:
     return GrowthModel(
         file, {name: restored(name, documents) for name, documents in methods.documents.items()}
     )
-
-

@@ -130,6 +130,13 @@ class State:
         """Since the start [s]; shape (T,)."""
         return self.period * np.arange(len(self))
 
+    def since(self, first: int) -> "State":
+        """The state from a sample on."""
+        return State(
+            period=self.period, temperatures=self.temperatures[first:], speed=self.speed[first:],
+            ambient=self.ambient[first:],
+        )  # fmt: skip
+
     @property
     def channels(self) -> Floats:
         """Sensors, then the ambient temperature where it is recorded; shape (T, S or S + 1)."""
