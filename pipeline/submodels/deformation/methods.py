@@ -189,7 +189,7 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
     y = [one[rows] for one, rows in zip(y, known, strict=True)]
     grams = [one.T @ one for one in x]
     moments = [one.T @ other for one, other in zip(x, y, strict=True)]
-    gram, moment = sum(grams), sum(moments)
+    gram, moment = np.sum(grams, axis=0), np.sum(moments, axis=0)
     # one scale for all: an input that hardly varied has a small weight, not a wild one
     unit = np.eye(len(gram)) * float(np.trace(gram)) / len(gram)
 

@@ -278,12 +278,11 @@ class SensorModel:
             sensor = min(silent, key=lambda s: (silent[s], s))
             return sensor, silent[sensor]
         for at in over:
-            suspects = np.flatnonzero(ratios[at] > 0.5)
             best, least = -1, 1.0
-            for sensor in suspects:
-                worst = float(self.ratios(vector[: at + 1], gone | {int(sensor)})[-1].max())
+            for suspect in np.flatnonzero(ratios[at] > 0.5).tolist():
+                worst = float(self.ratios(vector[: at + 1], gone | {suspect})[-1].max())
                 if worst < least:
-                    best, least = int(sensor), worst
+                    best, least = suspect, worst
             if best >= 0:
                 return best, int(at)
         return None

@@ -20,9 +20,7 @@ from tests.submodels.deformation.growth_files import NAMES, made
 
 def profile(seed: int) -> Profile:
     one = made(seed, warm=seed % 4 == 3, air=18.0 + seed % 5)
-    state = State(
-        period=60.0, temperatures=one.temperatures, speed=one.speed, ambient=one.ambient
-    )
+    state = State(period=60.0, temperatures=one.temperatures, speed=one.speed, ambient=one.ambient)
     return Profile(name=f"p{seed}", state=state, growth=one.growth)
 
 
