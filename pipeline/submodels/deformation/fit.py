@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
 from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
 from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
@@ -41,6 +42,10 @@ from pipeline.submodels.deformation.records import (
 )
 from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
 
+PLACES = ("front", "middle", "rear")
+"""Groups of sensors in their order."""
+STARTS_CHOSEN_BY = "linear_sensors"
+"""Method by whose error the number of later starts is chosen: fitted in no time."""
 FEWEST_PROFILES = 4
 """Training recordings below which nothing can be left out and compared [1]."""
 
@@ -63,12 +68,16 @@ class GrowthFit:
         Of faulty sensors.
     faults : tuple of TrainingFault
         Found in the training recordings.
+    later_starts : int
+        Of each recording, that were learnt from as well.
     learnt : mapping of str to Learnt
         Range of each input.
     bands : mapping of str to Band
         Intervals by regime.
     adaptive_step : float
         Of the interval that follows the probe.
+    parameters : mapping of str to Parameter
+        Growth for a kelvin of each group of sensors.
     """
 
     sensors: SensorModel
@@ -78,9 +87,11 @@ class GrowthFit:
     compared: Mapping[str, MethodScore]
     treatment: Treatment
     faults: tuple[TrainingFault, ...]
+    later_starts: int
     learnt: Mapping[str, Learnt]
     bands: Mapping[str, Band]
     adaptive_step: float
+    parameters: Mapping[str, Parameter]
 
 
 def fit_growth(
@@ -122,9 +133,7 @@ def fit_growth(
         Example(name=one.name, inputs=maker.of(state), growth=one.growth)
         for one, state in zip(profiles, states, strict=True)
     ]
-    learnt_from = [
-        part for one in examples for part in with_later_starts(one, maker, settings.later_starts)
-    ]
+    later_starts, learnt_from = _with_best_later_starts(examples, maker, settings)
     left_out = _left_out(examples, learnt_from, names, settings)
     measured = np.concatenate([one.growth for one in examples])
     compared = {
@@ -142,11 +151,13 @@ def fit_growth(
         compared=compared,
         treatment=treatment,
         faults=faults,
+        later_starts=later_starts,
         learnt=_learnt(sensors, states),
         bands=intervals,
         adaptive_step=chosen_step(
             residuals, intervals, settings.adaptive_steps, settings.probe_delay_s
         ),
+        parameters=growth_per_kelvin(examples),
     )
 
 
@@ -208,6 +219,27 @@ def with_later_starts(one: Example, maker: InputMaker, starts: int) -> list[Exam
             growth = one.growth[first:] - one.growth[first]
             found.append(Example(name=one.name, inputs=maker.of(state.since(first)), growth=growth))
     return found
+
+
+def _with_best_later_starts(
+    examples: Sequence[Example], maker: InputMaker, settings: DeformationFitSettings
+) -> tuple[int, list[Example]]:
+    """Number of later starts with the least error on recordings left out, and all the parts."""
+    choices = {
+        many: [part for one in examples for part in with_later_starts(one, maker, many)]
+        for many in settings.later_starts
+    }
+    measured = np.concatenate([one.growth for one in examples])
+
+    def error(many: int) -> float:
+        name, alone = STARTS_CHOSEN_BY, replace(settings, compute="serial")
+        parts = _left_out(examples, choices[many], [name], alone)[name]
+        return method_score(name, np.concatenate(parts, axis=1), measured).rmse_um
+
+    best = settings.later_starts[0]
+    if len(choices) > 1:
+        best = min(choices, key=error)
+    return best, choices[best]
 
 
 def _left_out(
@@ -328,3 +360,40 @@ def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt
     if all(np.isfinite(s.ambient).all() for s in states):
         found[AMBIENT] = over([s.ambient for s in states], "degC")
     return found
+
+
+def growth_per_kelvin(examples: Sequence[Example]) -> dict[str, Parameter]:
+    """Growth for a kelvin of each group, front, middle and rear, all else being equal [um/K].
+
+    Ridge regression on the groups' temperatures; the interval is that of a jackknife over whole
+    recordings, whose samples hang together.
+    """
+    x, y = [one.inputs.groups for one in examples], [one.growth for one in examples]
+
+    def fitted(out: int) -> Floats:
+        rest = [k for k in range(len(x)) if k != out]
+        return ridge([x[k] for k in rest], [y[k] for k in rest], "groups").weights
+
+    from scipy.stats import t as student
+
+    weights, many = fitted(-1), len(x)
+    left = np.array([fitted(k) for k in range(many)])
+    deviation = np.sqrt((many - 1) * np.mean((left - left.mean(axis=0)) ** 2, axis=0))
+    half = student.ppf(0.975, many - 1) * deviation
+    found = {}
+    for name, value, width in zip(PLACES, weights.tolist(), half.tolist(), strict=True):
+        known = width < abs(value)
+        found[f"{name}_growth_per_kelvin"] = Parameter(
+            value=float(f"{value:.4g}") if known else None,
+            unit="um/K",
+            interval_95=_interval(value, width) if known else None,
+            determined=known,
+            method="regression of growth on the temperatures of the groups of sensors, jackknife "
+            "over recordings" if known else "its 95 % interval holds zero",
+            remedy="" if known else "record profiles in which front and rear warm differently",
+        )  # fmt: skip
+    return found
+
+
+def _interval(value: float, half: float) -> tuple[float, float]:
+    return float(f"{value - half:.4g}"), float(f"{value + half:.4g}")

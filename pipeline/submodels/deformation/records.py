@@ -142,7 +142,8 @@ class State:
         """Sensors, then the ambient temperature where it is recorded; shape (T, S or S + 1)."""
         if np.isnan(self.ambient).all():
             return self.temperatures
-        return np.column_stack((self.temperatures, self.ambient))
+        result: Floats = np.column_stack((self.temperatures, self.ambient))
+        return result
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -42,7 +42,7 @@ TRAINING = [f"p{k:02d}" for k in range(8)]
 HELD_OUT = [f"p{k:02d}" for k in range(8, 12)]
 ROLES = Roles(training=tuple(f"growth/{name}.csv" for name in TRAINING))
 QUICK = DeformationFitSettings(
-    folds=2, seeds=2, seeds_left_out=1, later_starts=1, compute="serial",
+    folds=2, seeds=2, seeds_left_out=1, later_starts=(1,), compute="serial",
     training=TrainingSettings(passes=20, patience=20),
     methods=("persistence", "linear", "linear_sensors", "expansion", "bp_7", "ffnn_projection"),
 )  # fmt: skip
