@@ -1,11 +1,14 @@
 """Recordings of growth: a user's own channels, units, gaps and what is said of those of no use."""
 
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import Channel
 from pipeline.submodels.deformation.records import (
     DeformationRecords,
@@ -13,7 +16,7 @@ from pipeline.submodels.deformation.records import (
     on_grid,
     read_profiles,
 )
-from tests.submodels.deformation.growth_files import NAMES, RECORDS, made, signals_of
+from tests.submodels.deformation.growth_files import IDENTITY, NAMES, RECORDS, made, signals_of
 
 
 def test_channels_come_in_the_units_of_the_sub_model(tmp_path: Path) -> None:
@@ -38,6 +41,37 @@ def test_any_three_temperatures_and_a_probe_do(tmp_path: Path) -> None:
     assert found.profile.state.channels.shape == (40, 3)
     assert found.profile.growth == pytest.approx(-one.growth, abs=1e-9)
     assert "highest speed" not in conditions_of_profile(found.profile, speed=False)
+
+
+def test_a_log_of_mtconnect_is_a_recording(tmp_path: Path) -> None:
+    one, names = made(7, minutes=40), ("Sspeed", *NAMES, "air", "probe")
+    start, lines, before = datetime(2026, 1, 5, 8, tzinfo=UTC), [], [""] * len(names)
+    for k in range(40):
+        values = [one.speed[k], *one.temperatures[k], one.ambient[k], 1e-3 * one.growth[k]]
+        words = [f"{value:.6f}" for value in values]
+        changed = [f"{n}|{w}" for n, w, old in zip(names, words, before, strict=True) if w != old]
+        stamp = (start + timedelta(minutes=k)).strftime("%Y-%m-%dT%H:%M:%SZ")
+        lines.append("|".join([stamp, *changed]))
+        before = words
+    (tmp_path / "raw/growth").mkdir(parents=True)
+    (tmp_path / "raw/growth/a.txt").write_text("\n".join(lines) + "\n")
+    log = RecordSource(format="shdr", files="growth/*.txt", values="units")
+    ingest(tmp_path / "raw", tmp_path / "signals", [log], IDENTITY)
+    own = DeformationRecords(
+        recordings=("growth/*.txt",),
+        temperatures={name: Channel(column=name, unit="degC") for name in NAMES},
+        displacement=Channel(column="probe", unit="mm"),
+        speed=Channel(column="Sspeed", unit="rev/min"),
+        ambient=Channel(column="air", unit="degC"),
+    )
+    (found,) = read_profiles(tmp_path / "signals", own, lambda name: True)
+    assert found.profile is not None, found.reason
+    assert found.profile.state.temperatures == pytest.approx(one.temperatures, abs=1e-5)
+    assert found.profile.state.speed == pytest.approx(one.speed, abs=1e-3)
+    assert found.profile.growth == pytest.approx(one.growth, abs=1e-3)
+    lost = replace(own, displacement=Channel(column="dial", unit="mm"))
+    (none,) = read_profiles(tmp_path / "signals", lost, lambda name: True)
+    assert none.profile is None and "no data item 'dial'" in none.reason
 
 
 def test_a_probe_that_was_not_zeroed_starts_at_zero(tmp_path: Path) -> None:
