@@ -1,0 +1,135 @@
+"""Errors of methods side by side: RMSE, largest error, correlation, relative error with a floor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.predictions import BASELINE
+from pipeline.submodels.deformation.methods import METHODS
+from pipeline.submodels.deformation.model import MAPE_FLOOR_UM, DeformationModel, MethodScore
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GROWTH = "growth"
+"""Name of the quantity."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Errors of one prediction.
+
+    Parameters
+    ----------
+    rmse, largest : float
+        [um].
+    r : float or None
+        Correlation [1].
+    mape : float
+        [%], growth below the floor counting as the floor.
+    """
+
+    rmse: float
+    largest: float
+    r: float | None
+    mape: float
+
+
+def errors_of(predicted: Floats, measured: Floats) -> Errors:
+    """Errors where both are known.
+
+    Parameters
+    ----------
+    predicted, measured : ndarray, shape (N,)
+        [um].
+
+    Raises
+    ------
+    ValueError
+        When no sample is known.
+
+    Examples
+    --------
+    >>> found = errors_of(np.array([11.0, 20.0]), np.array([10.0, 20.0]))
+    >>> found.largest, found.mape
+    (1.0, 5.0)
+    """
+    known = np.isfinite(predicted) & np.isfinite(measured)
+    if not known.any():
+        raise ValueError("no sample of growth is measured and predicted: record growth")
+    predicted, measured = predicted[known], measured[known]
+    error = predicted - measured
+    varies = min(np.ptp(predicted), np.ptp(measured)) > 0
+    share = np.abs(error) / np.maximum(np.abs(measured), MAPE_FLOOR_UM)
+    return Errors(
+        rmse=_rounded(np.sqrt(np.mean(error**2))),
+        largest=_rounded(np.abs(error).max()),
+        r=_rounded(np.corrcoef(predicted, measured)[0, 1]) if varies else None,
+        mape=_rounded(100 * share.mean()),
+    )
+
+
+def _rounded(value: Any) -> float:
+    return float(f"{float(value):.4g}")
+
+
+def method_score(name: str, by_seed: Floats, measured: Floats) -> MethodScore:
+    """Score of a method from the predictions of its seeds, shape (seeds, N)."""
+    whole = errors_of(by_seed.mean(axis=0), measured)
+    single = [errors_of(one, measured).rmse for one in by_seed]
+    return MethodScore(
+        label=METHODS[name].label, seeds=len(by_seed), rmse_um=whole.rmse, max_um=whole.largest,
+        r=whole.r, mape_percent=whole.mape, seed_rmse_um=(min(single), max(single)),
+    )  # fmt: skip
+
+
+def columns_of(name: str, by_seed: Floats) -> dict[str, Floats]:
+    """Columns of the predictions of a method: its mean, and each seed where there are several."""
+    found = {f"{BASELINE}{name}": by_seed.mean(axis=0)}
+    if len(by_seed) > 1:
+        found |= {f"{BASELINE}{name} {k + 1}": one for k, one in enumerate(by_seed)}
+    return found
+
+
+def methods_table(
+    predictions: "pd.DataFrame", names: Sequence[str], role: str = "held_out"
+) -> dict[str, MethodScore]:
+    """Errors of all methods on the recordings of one role, each with the range over its seeds.
+
+    Parameters
+    ----------
+    predictions : DataFrame
+        As stored.
+    names : sequence of str
+        Of the methods.
+    role : str
+        Of the recordings.
+    """
+    rows = predictions[
+        (predictions["quantity"] == GROWTH) & (predictions["regime"] == "")
+        & (predictions["role"] == role)
+    ]  # fmt: skip
+    measured = rows["measured"].to_numpy(float)
+    found = {}
+    for name in names:
+        seeds = [c for c in rows.columns if c.startswith(f"{BASELINE}{name} ")]
+        columns = seeds or [f"{BASELINE}{name}"]
+        found[name] = method_score(name, rows[columns].to_numpy(float).T, measured)
+    return found
+
+
+def in_words(model: DeformationModel, table: dict[str, MethodScore]) -> str:
+    """Which method serves and which is best on the recordings of ``table``, in one sentence."""
+    best = min(table, key=lambda name: table[name].rmse_um)
+    own = table[model.champion]
+    said = f"{own.label} serves: on recordings left out of its fit it has the least error"
+    if best == model.champion:
+        return f"{said}, and on those held out as well ({own.rmse_um:.3g} um RMSE)."
+    other = table[best]
+    return (
+        f"{said}; on those held out {other.label} has {other.rmse_um:.3g} um RMSE, less than its "
+        f"{own.rmse_um:.3g} um."
+    )

@@ -1,0 +1,399 @@
+"""Fit of spindle growth: sensors, inputs, every method with recordings left out, and the winner."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pipeline.parallel import mapped
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
+from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
+from pipeline.submodels.deformation.comparison import method_score
+from pipeline.submodels.deformation.features import InputMaker, input_maker
+from pipeline.submodels.deformation.methods import (
+    METHODS,
+    Budget,
+    Ensemble,
+    Example,
+    restored,
+    ridge,
+)
+from pipeline.submodels.deformation.model import (
+    KEPT,
+    LEFT_OUT,
+    REPLACED,
+    DeformationFitSettings,
+    Learnt,
+    MethodScore,
+    TrainingFault,
+    Treatment,
+    regimes_of,
+    treated,
+)
+from pipeline.submodels.deformation.records import (
+    AMBIENT,
+    FEWEST_SAMPLES,
+    FEWEST_SENSORS,
+    SPEED,
+    Profile,
+    State,
+)
+from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
+
+PLACES = ("front", "middle", "rear")
+"""Groups of sensors in their order."""
+STARTS_CHOSEN_BY = "linear_sensors"
+"""Method by whose error the number of later starts is chosen: fitted in no time."""
+FEWEST_PROFILES = 4
+"""Training recordings below which nothing can be left out and compared [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GrowthFit:
+    """What the training recordings say.
+
+    Parameters
+    ----------
+    sensors, inputs
+        Check of the sensors, and maker of the inputs.
+    champion : str
+        Method with the least RMSE on recordings left out.
+    ensembles : mapping of str to Ensemble
+        Every method, fitted on all training recordings.
+    compared : mapping of str to MethodScore
+        On recordings left out.
+    treatment : Treatment
+        Of faulty sensors.
+    faults : tuple of TrainingFault
+        Found in the training recordings.
+    later_starts : int
+        Of each recording, that were learnt from as well.
+    learnt : mapping of str to Learnt
+        Range of each input.
+    bands : mapping of str to Band
+        Intervals by regime.
+    adaptive_step : float
+        Of the interval that follows the probe.
+    parameters : mapping of str to Parameter
+        Growth for a kelvin of each group of sensors.
+    """
+
+    sensors: SensorModel
+    inputs: InputMaker
+    champion: str
+    ensembles: Mapping[str, Ensemble]
+    compared: Mapping[str, MethodScore]
+    treatment: Treatment
+    faults: tuple[TrainingFault, ...]
+    later_starts: int
+    learnt: Mapping[str, Learnt]
+    bands: Mapping[str, Band]
+    adaptive_step: float
+    parameters: Mapping[str, Parameter]
+
+
+def fit_growth(
+    profiles: Sequence[Profile], sensors: Sequence[str], settings: DeformationFitSettings
+) -> GrowthFit:
+    """Fit and compare all methods on training recordings.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Of training only.
+    sensors : sequence of str
+        From front to rear.
+    settings : DeformationFitSettings
+        Of the fit.
+
+    Raises
+    ------
+    ValueError
+        With fewer than four recordings, or when a method is named that does not exist.
+    """
+    if len(profiles) < FEWEST_PROFILES:
+        raise ValueError(
+            f"{len(profiles)} training recordings of growth are of use, {FEWEST_PROFILES} are the "
+            "least: record more, or name more in roles.training"
+        )
+    names = _methods(profiles, settings.methods)
+    model = fit_sensors(profiles, sensors, settings.sensors)
+    checked = [model.check(one.state) for one in profiles]
+    faults = tuple(
+        TrainingFault(case=profile.name, fault=fault)
+        for profile, one in zip(profiles, checked, strict=True)
+        for fault in one.faults
+    )
+    treatment = _treatment(profiles, model, faults, settings.lags_s)
+    states = [treated(model, one.state, treatment).states[-1] for one in profiles]
+    maker = input_maker(states, settings.lags_s)
+    examples = [
+        Example(name=one.name, inputs=maker.of(state), growth=one.growth)
+        for one, state in zip(profiles, states, strict=True)
+    ]
+    later_starts, learnt_from = _with_best_later_starts(examples, maker, settings)
+    left_out = _left_out(examples, learnt_from, names, settings)
+    measured = np.concatenate([one.growth for one in examples])
+    compared = {
+        name: method_score(name, np.concatenate(parts, axis=1), measured)
+        for name, parts in left_out.items()
+    }
+    champion = min(compared, key=lambda name: compared[name].rmse_um)
+    residuals = _residuals(examples, left_out[champion], settings)
+    intervals = bands(residuals)
+    return GrowthFit(
+        sensors=model,
+        inputs=maker,
+        champion=champion,
+        ensembles=_fitted(learnt_from, names, settings),
+        compared=compared,
+        treatment=treatment,
+        faults=faults,
+        later_starts=later_starts,
+        learnt=_learnt(sensors, states),
+        bands=intervals,
+        adaptive_step=chosen_step(
+            residuals, intervals, settings.adaptive_steps, settings.probe_delay_s
+        ),
+        parameters=growth_per_kelvin(examples),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A method to be fitted, and recordings to predict then."""
+
+    method: str
+    seed: int
+    budget: Budget
+    examples: tuple[Example, ...]
+    others: tuple[Example, ...] = ()
+
+
+def _done(task: _Task) -> tuple[dict[str, Any], list[Floats]]:
+    """Document of the fit, and growth of the other recordings."""
+    fitted = METHODS[task.method].fit(task.examples, task.budget, task.seed)
+    return fitted.document(), [fitted.predict(one.inputs) for one in task.others]
+
+
+def _seeds(name: str, many: int) -> range:
+    return range(many if METHODS[name].seeded else 1)
+
+
+def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ...]:
+    """Methods that are compared.
+
+    Raises
+    ------
+    ValueError
+        When one is named that does not exist, or that needs a channel that is not recorded.
+    """
+    turning = any(one.state.speed.any() for one in profiles)
+    air = all(np.isfinite(one.state.ambient).all() for one in profiles)
+    able = [
+        name for name, method in METHODS.items()
+        if (turning or not method.needs_speed) and (air or not method.needs_ambient)
+    ]  # fmt: skip
+    if strange := [name for name in named if name not in able]:
+        raise ValueError(
+            f"deformation_fit.methods names {strange[0]!r}: with the channels recorded choose "
+            f"among {', '.join(able)}"
+        )
+    return tuple(named) or tuple(able)
+
+
+def with_later_starts(one: Example, maker: InputMaker, starts: int) -> list[Example]:
+    """A recording, and its parts as if the probe had been set to zero later, evenly spread.
+
+    A part begins with a machine in whatever state it was, so that a few recordings show many
+    warm starts.  It begins at the next sample with growth.
+    """
+    found, state = [one], one.inputs.state
+    known = np.flatnonzero(np.isfinite(one.growth))
+    for k in range(1, starts + 1):
+        later = known[known >= k * len(state) // (starts + 1)]
+        if len(later) > FEWEST_SAMPLES:
+            first = int(later[0])
+            growth = one.growth[first:] - one.growth[first]
+            found.append(Example(name=one.name, inputs=maker.of(state.since(first)), growth=growth))
+    return found
+
+
+def _with_best_later_starts(
+    examples: Sequence[Example], maker: InputMaker, settings: DeformationFitSettings
+) -> tuple[int, list[Example]]:
+    """Number of later starts with the least error on recordings left out, and all the parts."""
+    choices = {
+        many: [part for one in examples for part in with_later_starts(one, maker, many)]
+        for many in settings.later_starts
+    }
+    measured = np.concatenate([one.growth for one in examples])
+
+    def error(many: int) -> float:
+        name, alone = STARTS_CHOSEN_BY, replace(settings, compute="serial")
+        parts = _left_out(examples, choices[many], [name], alone)[name]
+        return method_score(name, np.concatenate(parts, axis=1), measured).rmse_um
+
+    best = settings.later_starts[0]
+    if len(choices) > 1:
+        best = min(choices, key=error)
+    return best, choices[best]
+
+
+def _left_out(
+    examples: Sequence[Example], learnt_from: Sequence[Example], names: Sequence[str],
+    settings: DeformationFitSettings,
+) -> dict[str, list[Floats]]:  # fmt: skip
+    """Predictions of each recording by fits of the others, shape (seeds, T) each, by method."""
+    budget = Budget(training=settings.training, every_s=settings.every_s)
+    by_name = {one.name: one for one in examples}
+    pairs = list(splits(spread(list(by_name), settings.folds), settings.folds))
+    tasks = [
+        _Task(
+            method=name, seed=seed, budget=budget,
+            examples=tuple(one for one in learnt_from if one.name in fitted),
+            others=tuple(by_name[n] for n in out),
+        )
+        for name in names
+        for fitted, out in pairs
+        for seed in _seeds(name, settings.seeds_left_out)
+    ]  # fmt: skip
+    found: dict[str, dict[str, list[Floats]]] = {name: {} for name in names}
+    for task, (_, growth) in zip(
+        tasks, mapped(_done, tasks, compute=settings.compute), strict=True
+    ):
+        for one, values in zip(task.others, growth, strict=True):
+            found[task.method].setdefault(one.name, []).append(values)
+    return {name: [np.array(parts[one.name]) for one in examples] for name, parts in found.items()}
+
+
+def spread(names: list[str], folds: int) -> list[str]:
+    """Names in an order whose neighbouring folds are spread over the recordings.
+
+    Recordings of a kind are often made one after another; a fold takes every so-many-th one.
+
+    Examples
+    --------
+    >>> spread(["a", "b", "c", "d"], 2)
+    ['a', 'c', 'b', 'd']
+    """
+    return [name for k in range(folds) for name in names[k::folds]]
+
+
+def _fitted(
+    examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
+) -> dict[str, Ensemble]:
+    """Every method fitted on all recordings, once a seed."""
+    budget = Budget(training=settings.training, every_s=settings.every_s)
+    tasks = [
+        _Task(method=name, seed=seed, budget=budget, examples=tuple(examples))
+        for name in names
+        for seed in _seeds(name, settings.seeds)
+    ]
+    documents: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+    for task, (document, _) in zip(
+        tasks, mapped(_done, tasks, compute=settings.compute), strict=True
+    ):
+        documents[task.method].append(document)
+    return {name: restored(name, parts) for name, parts in documents.items()}
+
+
+def _treatment(
+    profiles: Sequence[Profile], sensors: SensorModel, faults: Sequence[TrainingFault],
+    lags_s: Sequence[float],
+) -> Treatment:  # fmt: skip
+    """That of faulty sensors with which the linear regression errs least on recordings left out."""
+    if not faults:
+        return Treatment(chosen=REPLACED)
+    lost = tuple(name for name in sensors.sensors if name in {f.fault.sensor for f in faults})
+    choices = [Treatment(chosen=REPLACED), Treatment(chosen=KEPT)]
+    if len(sensors.sensors) - len(lost) >= FEWEST_SENSORS:
+        choices.insert(1, Treatment(chosen=LEFT_OUT, ignored=lost))
+    errors = {}
+    for choice in choices:
+        states = [treated(sensors, one.state, choice).states[-1] for one in profiles]
+        maker = input_maker(states, lags_s)
+        x = [maker.of(state).linear for state in states]
+        errors[choice.chosen] = _linear_left_out(x, [one.growth for one in profiles])
+    best = min(choices, key=lambda one: errors[one.chosen])
+    return replace(best, rmse_um=errors)
+
+
+def _linear_left_out(x: Sequence[Floats], growth: Sequence[Floats]) -> float:
+    """RMSE of the linear regression over recordings left out one by one [um]."""
+    errors = []
+    for out in range(len(x)):
+        rest = [k for k in range(len(x)) if k != out]
+        fitted = ridge([x[k] for k in rest], [growth[k] for k in rest], "linear")
+        errors.append(x[out] @ fitted.weights - growth[out])
+    return float(f"{float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2))):.4g}")
+
+
+def _residuals(
+    examples: Sequence[Example], predicted: Sequence[Floats], settings: DeformationFitSettings
+) -> Residuals:
+    """Errors of the method that serves on recordings left out, by regime."""
+    return Residuals.joined(
+        Residuals(
+            error=one.growth - growth.mean(axis=0),
+            regime=regimes_of(one.inputs, settings.rate_s, settings.steady_K_h),
+            group=np.full(len(one.growth), one.name),
+            t=one.inputs.time,
+        )
+        for one, growth in zip(examples, predicted, strict=True)
+    )
+
+
+def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt]:
+    """Range of each input over the training recordings."""
+
+    def over(values: Sequence[Floats], unit: str) -> Learnt:
+        every = np.concatenate([np.ravel(v) for v in values])
+        return Learnt(low=float(f"{every.min():.5g}"), high=float(f"{every.max():.5g}"), unit=unit)
+
+    found = {
+        name: over([s.temperatures[:, k] for s in states], "degC") for k, name in enumerate(sensors)
+    }
+    found[SPEED] = over([s.speed for s in states], "rev/min")
+    if all(np.isfinite(s.ambient).all() for s in states):
+        found[AMBIENT] = over([s.ambient for s in states], "degC")
+    return found
+
+
+def growth_per_kelvin(examples: Sequence[Example]) -> dict[str, Parameter]:
+    """Growth for a kelvin of each group, front, middle and rear, all else being equal [um/K].
+
+    Ridge regression on the groups' temperatures; the interval is that of a jackknife over whole
+    recordings, whose samples hang together.
+    """
+    x, y = [one.inputs.groups for one in examples], [one.growth for one in examples]
+
+    def fitted(out: int) -> Floats:
+        rest = [k for k in range(len(x)) if k != out]
+        return ridge([x[k] for k in rest], [y[k] for k in rest], "groups").weights
+
+    from scipy.stats import t as student
+
+    weights, many = fitted(-1), len(x)
+    left = np.array([fitted(k) for k in range(many)])
+    deviation = np.sqrt((many - 1) * np.mean((left - left.mean(axis=0)) ** 2, axis=0))
+    half = student.ppf(0.975, many - 1) * deviation
+    found = {}
+    for name, value, width in zip(PLACES, weights.tolist(), half.tolist(), strict=True):
+        known = width < abs(value)
+        found[f"{name}_growth_per_kelvin"] = Parameter(
+            value=float(f"{value:.4g}") if known else None,
+            unit="um/K",
+            interval_95=_interval(value, width) if known else None,
+            determined=known,
+            method="regression of growth on the temperatures of the groups of sensors, jackknife "
+            "over recordings" if known else "its 95 % interval holds zero",
+            remedy="" if known else "record profiles in which front and rear warm differently",
+        )  # fmt: skip
+    return found
+
+
+def _interval(value: float, half: float) -> tuple[float, float]:
+    return float(f"{value - half:.4g}"), float(f"{value + half:.4g}")

@@ -1,0 +1,293 @@
+"""Stored model of spindle growth, its settings, and its prediction for one recording."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from pipeline.nets.settings import TrainingSettings
+from pipeline.parallel import Compute
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Model
+from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
+from pipeline.schema.store import read_json
+from pipeline.submodels.conformal import Band
+from pipeline.submodels.deformation.features import InputMaker, Inputs, rates
+from pipeline.submodels.deformation.methods import Ensemble, restored
+from pipeline.submodels.deformation.records import State
+from pipeline.submodels.deformation.sensors import Checked, Fault, SensorModel, SensorSettings
+
+WARMING, COOLING, STEADY = "warming", "cooling", "steady"
+REGIMES = (WARMING, COOLING, STEADY)
+"""Regimes by the rate of the groups' mean temperature over the past."""
+MAPE_FLOOR_UM = 5.0
+"""Growth below which an error is taken as a share of this value [um]: at zero growth a relative
+error has no meaning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationFitSettings(Ranged, section="deformation_fit"):
+    """How the methods are fitted and compared.
+
+    Parameters
+    ----------
+    lags_s : tuple of float
+        Time constants of the lags among the inputs [s].
+    folds : int
+        Groups of whole training recordings that are left out in turn.
+    seeds : int
+        Fits of each method that depends on a seed; what is served is their mean.
+    seeds_left_out : int
+        Fits of such a method on each fold.
+    later_starts : tuple of int
+        Each training recording is also learnt from with its start moved to so many later times: a
+        machine that is warm when the probe is set to zero.  Of these numbers the one with which the
+        linear regression errs least on recordings left out.
+    methods : tuple of str
+        That are compared; unless named all that the recorded channels allow.
+    training : TrainingSettings
+        Budget of each network, the same for all.
+    every_s : float
+        Time between two samples that networks and physical models learn from [s]; neighbours say
+        nearly the same.
+    sensors : SensorSettings
+        Of the check of the temperature sensors.
+    rate_s : float
+        Time constant over which warming and cooling are told from steady [s].
+    steady_K_h : float
+        Rate below which the spindle counts as steady [K/h].
+    widening : float
+        Temperatures and speeds up to this share of the learnt range beyond its ends are
+        accepted [1].
+    probe_delay_s : float
+        A reading of the probe is known to the adaptive interval this long after its time [s].
+    adaptive_steps : tuple of float
+        Steps of the adaptive interval to choose from on training recordings; 0 keeps it fixed.
+    compute : {"serial", "threads", "processes"}
+        Where the fits run.
+    """
+
+    lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 2400.0, 7200.0)
+    folds: Annotated[int, Range(least=2)] = 7
+    seeds: Count = 5
+    seeds_left_out: Count = 2
+    later_starts: tuple[Annotated[int, Range(least=0)], ...] = (0, 2, 5)
+    methods: tuple[str, ...] = ()
+    training: TrainingSettings = field(default_factory=TrainingSettings)
+    every_s: Positive = 360.0
+    sensors: SensorSettings = field(default_factory=SensorSettings)
+    rate_s: Positive = 600.0
+    steady_K_h: Positive = 2.0
+    widening: NotNegative = 0.25
+    probe_delay_s: NotNegative = 600.0
+    adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)
+    compute: Compute = "processes"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodScore:
+    """Errors of a method on training recordings left out of its fit.
+
+    Parameters
+    ----------
+    label : str
+        For a person.
+    seeds : int
+        Fits on each fold [1].
+    rmse_um, max_um : float
+        Of the mean prediction over the seeds [um].
+    r : float or None
+        Correlation with what was measured [1]; None where the prediction is constant.
+    mape_percent : float
+        Mean relative error, growth below 5 um counting as 5 um [%].
+    seed_rmse_um : (float, float)
+        Least and greatest RMSE of a single seed [um].
+    """
+
+    label: str
+    seeds: int
+    rmse_um: float
+    max_um: float
+    r: float | None
+    mape_percent: float
+    seed_rmse_um: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learnt:
+    """Range of an input over the training recordings, in its unit."""
+
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingFault:
+    """A faulty sensor in a training recording."""
+
+    case: str
+    fault: Fault
+
+
+REPLACED, LEFT_OUT, KEPT = "replaced", "left out", "kept"
+"""Treatments: a faulty sensor is replaced once it is noticed; sensors that were faulty in training
+are not read at all, others replaced; all are kept as they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Treatment:
+    """What happens to faulty sensors, and why.
+
+    Parameters
+    ----------
+    chosen : str
+        One of the treatments.
+    ignored : tuple of str
+        Sensors that are not read.
+    rmse_um : mapping of str to float
+        Of the linear regression on training recordings left out, by treatment [um]; empty where no
+        training recording has a faulty sensor.
+    """
+
+    chosen: str
+    ignored: tuple[str, ...] = ()
+    rmse_um: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationModel(Model):
+    """The content of ``model.json``; the fits of all methods stand in ``methods.json``.
+
+    Parameters
+    ----------
+    sensors : SensorModel
+        Check and replacement of the temperature sensors.
+    inputs : InputMaker
+        Of the methods.
+    uses_speed : bool
+        Whether the spindle speed is among the inputs.
+    uses_ambient : bool
+        Whether the ambient temperature is.
+    champion : str
+        Method that serves: the one with the least RMSE on recordings left out.
+    compared : mapping of str to MethodScore
+        All methods, on training recordings left out.
+    treatment : Treatment
+        Of faulty sensors.
+    training_faults : tuple of TrainingFault
+        Found in the training recordings.
+    later_starts : int
+        Later starts of each training recording that were learnt from as well [1].
+    learnt : mapping of str to Learnt
+        Range of each input.
+    widening : float
+        Share of a range by which an input may lie beyond it [1].
+    rate_s, steady_K_h : float
+        Which tell the regimes [s], [K/h].
+    bands : mapping of str to Band
+        90 % intervals by regime [um].
+    adaptive_step : float
+        Step of the interval that follows the probe [1].
+    probe_delay_s : float
+        Age at which a reading of the probe is known to it [s].
+    """
+
+    sensors: SensorModel
+    inputs: InputMaker
+    uses_speed: bool
+    uses_ambient: bool
+    champion: str
+    compared: Mapping[str, MethodScore]
+    treatment: Treatment
+    training_faults: tuple[TrainingFault, ...]
+    later_starts: int
+    learnt: Mapping[str, Learnt]
+    widening: float
+    rate_s: float
+    steady_K_h: float
+    bands: Mapping[str, Band]
+    adaptive_step: float
+    probe_delay_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodsFile:
+    """The content of ``methods.json``: documents of each method, one a seed."""
+
+    documents: Mapping[str, tuple[dict[str, Any], ...]]
+
+
+def regimes_of(inputs: Inputs, rate_s: float, steady: float) -> np.ndarray:
+    """Regime of each sample as a word, from its past alone; shape (T,)."""
+    rate = rates(inputs, rate_s)
+    return np.select([rate > steady, rate < -steady], [WARMING, COOLING], STEADY)
+
+
+@dataclass(frozen=True, eq=False)
+class GrowthModel:
+    """A stored model with its methods, ready to predict."""
+
+    file: DeformationModel
+    ensembles: Mapping[str, Ensemble]
+
+    @cached_property
+    def champion(self) -> Ensemble:
+        """The method that serves."""
+        return self.ensembles[self.file.champion]
+
+    def checked(self, state: State) -> Checked:
+        """The state with its faulty sensors treated as the model does."""
+        return treated(self.file.sensors, state, self.file.treatment)
+
+    def pieces(self, checked: Checked) -> list[tuple[int, Inputs]]:
+        """First sample and inputs of each state of a recording, in the order of time."""
+        states = zip(checked.since, checked.states, strict=True)
+        return [(first, self.file.inputs.of(state)) for first, state in states]
+
+    def stitched(self, pieces: Sequence[tuple[int, Inputs]], name: str = "") -> Floats:
+        """Growth by a method [um], by each of its seeds in the first axis; shape (seeds, T).
+
+        Each stretch of time is predicted from what was known of the sensors in it.
+        """
+        ensemble = self.ensembles[name] if name else self.champion
+        whole = [(first, ensemble.each(inputs)) for first, inputs in pieces]
+        result = whole[0][1].copy()
+        for first, growth in whole[1:]:
+            result[:, first:] = growth[:, first:]
+        return result
+
+    def regimes(self, pieces: Sequence[tuple[int, Inputs]]) -> np.ndarray:
+        """Regime of each sample, from what was known of the sensors then; shape (T,)."""
+        file = self.file
+        result = regimes_of(pieces[0][1], file.rate_s, file.steady_K_h)
+        for first, inputs in pieces[1:]:
+            result[first:] = regimes_of(inputs, file.rate_s, file.steady_K_h)[first:]
+        return result
+
+
+def treated(sensors: SensorModel, state: State, treatment: Treatment) -> Checked:
+    """A state whose faulty sensors are treated; single missing samples are always replaced."""
+    if treatment.chosen != KEPT:
+        return sensors.check(state, treatment.ignored)
+    found = sensors.check(state)
+    one = sensors.replaced(state, frozenset(), ~np.isfinite(state.temperatures))
+    return Checked(states=(one,), since=(0,), faults=found.faults)
+
+
+def load_growth_model(folder: Path) -> GrowthModel:
+    """The stored model of a machine.
+
+    Raises
+    ------
+    StoreError
+        When a file is missing or of another version.
+    """
+    file = read_json(folder / "model.json", DeformationModel)
+    methods = read_json(folder / "methods.json", MethodsFile)
+    return GrowthModel(
+        file, {name: restored(name, documents) for name, documents in methods.documents.items()}
+    )

@@ -1,0 +1,403 @@
+"""Recordings of spindle growth: declared channels of a machine's file, on an even grid of time.
+
+A recording holds the temperatures of at least three sensors, ordered from the front of the spindle
+to its rear, and the reading of a displacement probe; speed and ambient temperature where they were
+recorded.  A sample of the grid is the newest row at or before its time, so that nothing of a later
+row enters it.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.verdict import Fact
+from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
+from pipeline.signals.units import conversion
+
+KELVIN = 273.15
+"""Zero of the Celsius scale [K]."""
+UM = 1e-6
+"""One micrometre [m]."""
+FEWEST_SENSORS = 3
+"""Fewest temperature sensors [1]: front, middle and rear of the spindle."""
+FEWEST_SAMPLES = 10
+"""Fewest samples of growth in a recording [1]; fewer show no transient."""
+GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
+"""Names of the channels beside the sensors, in tables too."""
+RPM = 60 / (2 * np.pi)
+"""One rad/s in rev/min."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationRecords(Ranged, section="deformation_records"):
+    """Recordings of growth in the machine's file.
+
+    Parameters
+    ----------
+    recordings : tuple of str
+        Patterns of raw files below the machine's folder.
+    temperatures : mapping of str to Channel
+        Name of each sensor -> its channel; three or more, from the front of the spindle to its
+        rear.
+    displacement : Channel
+        Reading of the probe at the spindle's nose, positive where the spindle grows.
+    speed : Channel or None
+        Spindle speed.
+    ambient : Channel or None
+        Temperature of the air beside the machine.
+    period_s : float
+        Time between two samples of the grid [s].
+    longest_gap_s : float
+        A row older than this is no sample [s].
+    probe_is_zeroed : bool
+        Whether the probe was set to zero when the recording began; else the first reading is
+        subtracted.
+
+    Raises
+    ------
+    ValueError
+        With fewer than three temperatures.
+    """
+
+    recordings: tuple[str, ...]
+    temperatures: Mapping[str, Channel]
+    displacement: Channel
+    speed: Channel | None = None
+    ambient: Channel | None = None
+    period_s: Positive = 60.0
+    longest_gap_s: Annotated[float, Range(above=0.0)] = 180.0
+    probe_is_zeroed: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.temperatures) < FEWEST_SENSORS:
+            raise ValueError(
+                f"deformation_records.temperatures names {len(self.temperatures)} sensors: name "
+                f"{FEWEST_SENSORS} or more, from the front of the spindle to its rear"
+            )
+        if clash := {GROWTH, SPEED, AMBIENT} & set(self.temperatures):
+            raise ValueError(
+                f"deformation_records.temperatures names a sensor {clash.pop()!r}: that is the "
+                "name of another channel, choose another"
+            )
+
+    @property
+    def channels(self) -> dict[str, Channel]:
+        """All channels by name, each with its quantity where none is declared."""
+        found = {name: _kind(one, "temperature") for name, one in self.temperatures.items()}
+        found[GROWTH] = _kind(self.displacement, "displacement")
+        if self.speed is not None:
+            found[SPEED] = _kind(self.speed, "angular_velocity")
+        if self.ambient is not None:
+            found[AMBIENT] = _kind(self.ambient, "temperature")
+        return found
+
+
+def _kind(channel: Channel, quantity: str) -> Channel:
+    return channel if channel.quantity else replace(channel, quantity=quantity)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """What a prediction looks at: T samples of S sensors on an even grid.
+
+    Parameters
+    ----------
+    period : float
+        Time between two samples [s].
+    temperatures : ndarray, shape (T, S)
+        From front to rear [degC]; NaN where a sensor gives none.
+    speed : ndarray, shape (T,)
+        Spindle speed [rev/min]; zero where none is recorded.
+    ambient : ndarray, shape (T,)
+        Temperature of the air [degC]; NaN where none is recorded.
+    """
+
+    period: float
+    temperatures: Floats
+    speed: Floats
+    ambient: Floats
+
+    def __len__(self) -> int:
+        return len(self.temperatures)
+
+    @property
+    def time(self) -> Floats:
+        """Since the start [s]; shape (T,)."""
+        seconds: Floats = self.period * np.arange(len(self), dtype=np.float64)
+        return seconds
+
+    def since(self, first: int) -> "State":
+        """The state from a sample on."""
+        return State(
+            period=self.period, temperatures=self.temperatures[first:], speed=self.speed[first:],
+            ambient=self.ambient[first:],
+        )  # fmt: skip
+
+    @property
+    def channels(self) -> Floats:
+        """Sensors, then the ambient temperature where it is recorded; shape (T, S or S + 1)."""
+        if np.isnan(self.ambient).all():
+            return self.temperatures
+        result: Floats = np.column_stack((self.temperatures, self.ambient))
+        return result
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Profile:
+    """One recording: its state and the growth that was measured.
+
+    Parameters
+    ----------
+    name : str
+        Of the raw file.
+    state : State
+        What a prediction looks at.
+    growth : ndarray, shape (T,)
+        Displacement since the start [um]; NaN where there is no reading.
+    """
+
+    name: str
+    state: State
+    growth: Floats = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GrowthRecording:
+    """A recording as it was found: its profile, or the reason why there is none."""
+
+    name: str
+    profile: Profile | None = None
+    reason: str = ""
+
+
+def read_profiles(
+    signals: Path, records: DeformationRecords, preferred: Callable[[str], bool]
+) -> list[GrowthRecording]:
+    """Recordings of growth of a machine, in the order of their names.
+
+    Parameters
+    ----------
+    signals : Path
+        ``data/signals/<machine>``.
+    records : DeformationRecords
+        Of the machine's file.
+    preferred : callable
+        Whether the recording of a name is the one to keep of several with the same bytes.
+
+    Raises
+    ------
+    ValueError
+        When a pattern fits no file.
+    """
+    found = read_recordings(
+        signals, records.channels, patterns=records.recordings, preferred=preferred,
+        section="deformation_records.recordings",
+    )  # fmt: skip
+    outputs = json.loads((signals / "manifest.json").read_text())["files"]
+    return [
+        _of_log(one, signals / str(outputs[one.name]["output"]), records)
+        if str(outputs[one.name].get("output")).startswith("observations/")
+        else _growth_recording(one, records)
+        for one in found
+    ]
+
+
+def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthRecording:
+    if one.reason:
+        return GrowthRecording(name=one.name, reason=one.reason)
+    samples = one.load()
+    declared = (*records.temperatures, GROWTH, *(n for n in (SPEED, AMBIENT) if n in one.declared))
+    empty = [n for n in records.temperatures if "holds no value" in samples.lacking.get(n, "")]
+    lacking = [n for n in declared if n in samples.lacking and n not in empty]
+    if lacking:
+        return GrowthRecording(name=one.name, reason=samples.lacking[lacking[0]])
+    return _checked(
+        _profile(one.name, samples, records, [n in empty for n in records.temperatures])
+    )
+
+
+def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRecording:
+    """Recording in a log of MTConnect: a channel's column is a data item, its value holds."""
+    items = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
+    items = items.sort_values("time", kind="stable")
+    if not len(items):
+        return GrowthRecording(name=one.name, reason="it holds no observation: record it again")
+    seconds = (items["time"] - items["time"].iloc[0]).dt.total_seconds().to_numpy(float)
+    numbers: dict[str, Floats] = {}
+    for name, channel in records.channels.items():
+        rows = (items["data_item"] == channel.column).to_numpy()
+        if not rows.any():
+            reason = f"it has no data item {channel.column!r}: {channel.remedy}"
+            return GrowthRecording(name=one.name, reason=reason)
+        try:
+            factor, offset = conversion(channel.unit, channel.si_unit)
+        except ValueError as error:
+            reason = f"its data item {channel.column!r} is in {channel.unit or 'no unit'}: {error}"
+            return GrowthRecording(name=one.name, reason=f"{reason}: name its unit")
+        values = np.full(len(items), np.nan)
+        values[rows] = channel.factor * (factor * items["number"].to_numpy(float)[rows] + offset)
+        last = np.maximum.accumulate(np.where(rows, np.arange(len(items)), 0))
+        # where an item was unavailable it stays so until its next value
+        numbers[name] = np.where(np.cumsum(rows) > 0, values[last], np.nan)
+    samples = Samples(time=seconds, channels=numbers)
+    none = [False] * len(records.temperatures)
+    return _checked(_profile(one.name, samples, replace(records, longest_gap_s=1e9), none))
+
+
+def _checked(profile: Profile) -> GrowthRecording:
+    """A profile, or the reason why it says too little."""
+    if np.isfinite(profile.growth).sum() < FEWEST_SAMPLES:
+        reason = f"it has fewer than {FEWEST_SAMPLES} samples of growth: record for longer"
+        return GrowthRecording(name=profile.name, reason=reason)
+    return GrowthRecording(name=profile.name, profile=profile)
+
+
+def _profile(
+    name: str, samples: Samples, records: DeformationRecords, empty: list[bool]
+) -> Profile:
+    """Channels of a recording on the grid; a sensor that is ``empty`` gives no value at all."""
+    rows = np.isfinite(samples.time)
+    clock = samples.time[rows]
+    order = np.argsort(clock, kind="stable")
+    clock = clock[order] - clock[order][0]
+    grid = np.arange(0.0, clock[-1] + 1e-9 * records.period_s, records.period_s)
+
+    def held(channel: str, factor: float = 1.0, offset: float = 0.0) -> Floats:
+        values = samples.channels[channel][rows][order]
+        return on_grid(clock, factor * values + offset, grid, records.longest_gap_s)
+
+    temperatures = np.column_stack([
+        np.full(len(grid), np.nan) if gone else held(sensor, offset=-KELVIN)
+        for sensor, gone in zip(records.temperatures, empty, strict=True)
+    ])  # fmt: skip
+    growth = held(GROWTH, 1 / UM)
+    if not records.probe_is_zeroed and np.isfinite(growth).any():
+        growth = growth - growth[np.isfinite(growth)][0]
+    speed = held(SPEED, RPM) if records.speed else np.zeros(len(grid))
+    ambient = held(AMBIENT, offset=-KELVIN) if records.ambient else np.full(len(grid), np.nan)
+    if records.ambient:
+        ambient = filled(ambient, coldest_at_start(temperatures))
+    state = State(
+        period=records.period_s, temperatures=temperatures, speed=filled(np.abs(speed), 0.0),
+        ambient=ambient,
+    )  # fmt: skip
+    return Profile(name=name, state=state, growth=growth)
+
+
+def on_grid(clock: Floats, values: Floats, grid: Floats, longest: float) -> Floats:
+    """Newest value at or before each time of a grid, NaN where it is older than ``longest``.
+
+    Parameters
+    ----------
+    clock, values : ndarray, shape (N,)
+        Rows in the order of time [s]; rows without a value are passed over.
+    grid : ndarray, shape (T,)
+        Times [s].
+    longest : float
+        Greatest age of a value [s].
+
+    Returns
+    -------
+    ndarray, shape (T,)
+
+    Examples
+    --------
+    >>> on_grid(np.array([0.0, 50.0]), np.array([1.0, 2.0]), np.array([0.0, 60.0, 300.0]), 100.0)
+    array([ 1.,  2., nan])
+    """
+    known = np.isfinite(values)
+    clock, values = clock[known], values[known]
+    if not len(clock):
+        return np.full(len(grid), np.nan)
+    newest = np.searchsorted(clock, grid + 1e-6, side="right") - 1
+    old = (newest < 0) | (grid - clock[np.maximum(newest, 0)] > longest)
+    return np.where(old, np.nan, values[np.maximum(newest, 0)])
+
+
+def filled(values: Floats, start: float) -> Floats:
+    """Values with each gap held at the last known one, and at ``start`` before the first.
+
+    Examples
+    --------
+    >>> filled(np.array([np.nan, 2.0, np.nan]), 1.0)
+    array([1., 2., 2.])
+    """
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], start)
+
+
+def coldest_at_start(temperatures: Floats) -> float:
+    """Lowest temperature in the first row [degC]: stands for the air until that is known."""
+    first = temperatures[0][np.isfinite(temperatures[0])] if len(temperatures) else np.zeros(0)
+    return float(first.min()) if len(first) else float("nan")
+
+
+def conditions_of_profile(profile: Profile, *, speed: bool) -> dict[str, Fact]:
+    """Highest speed, extremes of the ambient temperature, warmth of the machine at the start.
+
+    The warmth is the median over the sensors of their temperature above the air (above the coldest
+    sensor where the air is not recorded): a single broken sensor does not move it.
+    """
+    state = profile.state
+    found: dict[str, tuple[float, str]] = {}
+    if speed:
+        found["highest speed"] = (float(state.speed.max()), "rev/min")
+    first = state.temperatures[np.isfinite(state.temperatures).sum(axis=1).argmax()]
+    first = first[np.isfinite(first)]
+    reference = float(np.quantile(first, 0.25)) if len(first) else np.nan
+    if np.isfinite(state.ambient).any():
+        found["lowest ambient temperature"] = (float(state.ambient.min()), "degC")
+        found["highest ambient temperature"] = (float(state.ambient.max()), "degC")
+        reference = float(state.ambient[0])
+    if len(first):
+        found["warmth at the start"] = (float(np.median(first)) - reference, "K")
+    return {
+        name: Fact(value=float(f"{value:.4g}"), unit=unit) for name, (value, unit) in found.items()
+    }
+
+
+def state_of_table(table: Any, names: list[str], period: float, *, speed: bool) -> State:
+    """State from a table of evenly spaced rows, one column a channel.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Temperatures [degC] by the sensors' names, ``spindle_speed`` [rev/min] where ``speed``, and
+        ``ambient_temperature`` [degC] where the names hold it.
+    names : list of str
+        Sensors, then the ambient temperature where it is used.
+    period : float
+        Time between two rows [s].
+    speed : bool
+        Whether the speed is read.
+
+    Raises
+    ------
+    ValueError
+        When a column is missing or no number.
+    """
+    wanted = [*names, *([SPEED] if speed else [])]
+    columns = {}
+    for name in wanted:
+        if name not in table.columns:
+            raise ValueError(f"the input has no column {name}: give {', '.join(wanted)}")
+        try:
+            columns[name] = table[name].to_numpy(float)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"column {name} holds words: give numbers") from error
+    rows = len(table)
+    temperatures = np.column_stack([columns[name] for name in names if name != AMBIENT])
+    ambient = np.full(rows, np.nan)
+    if AMBIENT in names:
+        ambient = filled(columns[AMBIENT], coldest_at_start(temperatures))
+    turning = filled(np.abs(columns[SPEED]), 0.0) if speed else np.zeros(rows)
+    return State(period=period, temperatures=temperatures, speed=turning, ambient=ambient)

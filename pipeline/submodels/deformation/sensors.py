@@ -1,0 +1,468 @@
+"""Temperature sensors held against each other: which is dead or drifts, and what replaces it.
+
+The expected temperature of a sensor is its linear regression on the present and low-passed
+temperatures of the others.  All of these regressions, for any sensors that are left, follow from
+one mean and one covariance of the training recordings (the conditional expectation of a Gaussian
+vector).  A sensor that departs from its expectation by far more than is usual in training
+recordings left out of the regression is named and replaced by its expectation.  A sample is only
+ever held against samples at or before its time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+from pipeline.submodels.deformation.records import Profile, State
+from pipeline.thermal.lagged import lag
+
+DEAD, JUMPED, DRIFTING = "dead", "loose", "drifting"
+"""Kinds of faults: no temperature at all or a held one; one that jumps off; one that departs slowly
+from those of the others."""
+NOISE_K2 = 1e-6
+"""Variance [K^2] of independent noise of a thousandth of a kelvin: sensors may be copies."""
+UNSETTLED = 10.0
+"""Factor on the tolerated departure while the lags settle [1]."""
+MOVED = 4.0
+"""Movement of the others that a held value is told by, in units of the least departure [1]."""
+SET_ASIDE, SUSPECT = 1 / 3, 2.0
+"""Share of the training recordings that may be set aside at first [1], and the ratio of a departure
+to the usual one from which they are [1]."""
+ROUNDS = 3
+"""Times the regressions are found anew without the sensors that were faulty [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorSettings(Ranged, section="deformation_fit.sensors"):
+    """How sensors are checked.
+
+    Parameters
+    ----------
+    range_degC : (float, float)
+        Temperatures that a working sensor can show; an open or shorted line lies outside.
+    dead_s : float
+        A sensor without a value for so long is dead [s].
+    held_s : float
+        So is one whose value has not changed at all for so long, while those of the others have
+        moved by four times ``least_K`` in the median [s].
+    settle_s : float
+        What the lags hold at the start of a recording is not known; so long they settle [s], and
+        ten times the departure is tolerated.
+    smooth_s : float
+        Time constant of the mean over which a departure counts [s].
+    lags_s : tuple of float
+        Time constants of the low-passed temperatures in the regressions [s].
+    times : float
+        A sensor is faulty when its departure is so many times the median, over the training
+        recordings, of the largest departure in each after it has settled [1].
+    least_K : float
+        A smaller departure is never a fault [K].
+    """
+
+    range_degC: tuple[float, float] = (-30.0, 150.0)
+    dead_s: NotNegative = 300.0
+    held_s: Positive = 1200.0
+    settle_s: NotNegative = 1800.0
+    smooth_s: Positive = 600.0
+    lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 3600.0)
+    times: Annotated[float, Range(above=1.0)] = 4.0
+    least_K: Positive = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A faulty sensor in one recording.
+
+    Parameters
+    ----------
+    sensor : str
+        Its name.
+    kind : str
+        ``"dead"``, ``"loose"`` or ``"drifting"``.
+    since_s : float
+        When it was noticed, since the start of the recording [s].
+    departure_K : float or None
+        Largest departure from what the other sensors say [K]; None where it gives no value.
+    """
+
+    sensor: str
+    kind: str
+    since_s: float
+    departure_K: float | None
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong with it, for a person, without a full stop."""
+        off = "" if self.departure_K is None else f", off by up to {self.departure_K:.1f} K"
+        return f"sensor {self.sensor} is {self.kind} from minute {self.since_s / 60:.0f}{off}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked:
+    """A state whose faulty sensors are replaced.
+
+    Parameters
+    ----------
+    states : tuple of State
+        One for each set of faulty sensors in the order of time: every state is complete and holds
+        the whole recording as it appears once the faults of that set are known.
+    since : tuple of int
+        First sample of each state [1].
+    faults : tuple of Fault
+        In the order in which they were noticed.
+    """
+
+    states: tuple[State, ...]
+    since: tuple[int, ...]
+    faults: tuple[Fault, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorModel:
+    """Mean and covariance of temperatures, and how far each sensor departs from the others.
+
+    C channels: S sensors and the ambient temperature where it is recorded; L lags.
+
+    Parameters
+    ----------
+    sensors : tuple of str
+        From front to rear.
+    channels : int
+        C [1].
+    period_s : float
+        Of the samples [s].
+    mean : tuple of float, length C (1 + L)
+        Of the present temperatures, then of those low-passed by each lag [degC].
+    covariance : tuple of tuple of float, C (1 + L) by C (1 + L)
+        [K^2].
+    tolerance_K : tuple of float, length S
+        Departure from which a sensor is faulty [K].
+    settings : SensorSettings
+        Of the check.
+    """
+
+    sensors: tuple[str, ...]
+    channels: int
+    period_s: float
+    mean: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    tolerance_K: tuple[float, ...]
+    settings: SensorSettings = field(default_factory=SensorSettings)
+
+    @cached_property
+    def _arrays(self) -> tuple[Floats, Floats]:
+        return np.array(self.mean), np.array(self.covariance)
+
+    def expected(self, vector: Floats, sensor: int, gone: frozenset[int]) -> Floats:
+        """Temperature of one sensor as the others say [degC].
+
+        Parameters
+        ----------
+        vector : ndarray, shape (T, C (1 + L))
+            Of :func:`lagged`.
+        sensor : int
+            Which.
+        gone : frozenset of int
+            Sensors that are not read either.
+
+        Returns
+        -------
+        ndarray, shape (T,)
+        """
+        mean = self._arrays[0]
+        used, weights, _ = self._regression(sensor, gone)
+        result: Floats = mean[sensor] + (vector[:, used] - mean[used]) @ weights
+        return result
+
+    def _regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
+        """Columns that a sensor's expectation rests on, their weights, and what is left [K]."""
+        key = (sensor, gone - {sensor})
+        if key not in self._regressions:
+            covariance = self._arrays[1]
+            channel = np.arange(len(covariance)) % self.channels
+            used = np.flatnonzero((channel != sensor) & ~np.isin(channel, list(gone)))
+            among = covariance[np.ix_(used, used)] + NOISE_K2 * np.eye(len(used))
+            weights = np.linalg.solve(among, covariance[used, sensor])
+            left = covariance[sensor, sensor] - weights @ covariance[used, sensor]
+            self._regressions[key] = used, weights, float(np.sqrt(max(left, NOISE_K2)))
+        return self._regressions[key]
+
+    @cached_property
+    def _regressions(self) -> dict[tuple[int, frozenset[int]], tuple[Ints, Floats, float]]:
+        return {}
+
+    def replaced(self, state: State, gone: frozenset[int], holes: Bools) -> State:
+        """The state with the sensors ``gone``, and single samples that are ``holes``, replaced."""
+        if not gone and not holes.any():
+            return state
+        temperatures = _bridged(state.temperatures, holes)
+        one = replace(state, temperatures=temperatures)
+        vector = lagged(one, self.settings.lags_s)
+        result = temperatures.copy()
+        for sensor in sorted(gone):
+            result[:, sensor] = self.expected(vector, sensor, gone)
+        return replace(state, temperatures=result)
+
+    def departures(self, vector: Floats, gone: frozenset[int]) -> Floats:
+        """Smoothed departure of each sensor from the others [K]; zero for those ``gone``.
+
+        Returns
+        -------
+        ndarray, shape (T, S)
+        """
+        found = np.zeros((len(vector), len(self.sensors)))
+        for sensor in range(len(self.sensors)):
+            if sensor not in gone:
+                found[:, sensor] = vector[:, sensor] - self.expected(vector, sensor, gone)
+        return lag(self.period_s * np.arange(len(vector)), found, self.settings.smooth_s)
+
+    def ratios(self, vector: Floats, gone: frozenset[int]) -> Floats:
+        """Departures over what is tolerated when the sensors ``gone`` are not read [1].
+
+        With fewer sensors to rest on an expectation errs more, and so much more is tolerated.
+        """
+        more = [
+            self._regression(k, gone)[2] / self._regression(k, frozenset())[2]
+            for k in range(len(self.sensors))
+        ]
+        settling = np.arange(len(vector)) < self.settings.settle_s / self.period_s
+        tolerance = np.array(self.tolerance_K) * more
+        ratios: Floats = np.abs(self.departures(vector, gone)) / tolerance
+        return np.where(settling[:, None], ratios / UNSETTLED, ratios)
+
+    def check(self, state: State, ignored: Sequence[str] = ()) -> Checked:
+        """Find the faulty sensors of a recording in the order of time, and replace them.
+
+        Sensors that are ``ignored`` are replaced from the start and never blamed.
+        At the first sample at which a sensor departs too far, that sensor is faulty without which
+        the others agree best.  Where they do not agree without any single one, the temperatures are
+        unlike those of the training recordings, and no sensor is blamed.
+        """
+        settings = self.settings
+        holes = holes_of(state, settings)
+        dead = _dead_since(holes, max(1, round(settings.dead_s / self.period_s)))
+        gone = {self.sensors.index(name): 0 for name in ignored}
+        faults: list[Fault] = []
+        start = 0
+        while True:
+            now = frozenset(gone)
+            filled_in = _bridged(state.temperatures, holes)
+            vector = lagged(replace(state, temperatures=filled_in), settings.lags_s)
+            blamed = self._next(vector, now, start, dead)
+            if blamed is None or len(self.sensors) - len(gone) <= 2:
+                break
+            sensor, since = blamed
+            gone[sensor] = start = since
+            faults.append(self._fault(state, vector, sensor, frozenset(gone), since, holes))
+        states, firsts = [], []
+        moments = sorted({0, *gone.values()})
+        for first in moments:
+            then = frozenset(s for s, since in gone.items() if since <= first)
+            firsts.append(first)
+            states.append(self.replaced(state, then, holes))
+        return Checked(states=tuple(states), since=tuple(firsts), faults=tuple(faults))
+
+    def _next(
+        self, vector: Floats, gone: frozenset[int], start: int, dead: Mapping[int, int]
+    ) -> tuple[int, int] | None:
+        """The next sensor to be blamed, and from which sample on; None where there is none."""
+        silent = {s: max(since, start) for s, since in dead.items() if s not in gone}
+        ratios = self.ratios(vector, gone)
+        over = np.flatnonzero((ratios[start:] > 1).any(axis=1)) + start
+        first = int(over[0]) if len(over) else len(vector)
+        if silent and min(silent.values()) <= first:
+            sensor = min(silent, key=lambda s: (silent[s], s))
+            return sensor, silent[sensor]
+        for at in over:
+            best, least = -1, 1.0
+            for suspect in np.flatnonzero(ratios[at] > 0.5).tolist():
+                worst = float(self.ratios(vector[: at + 1], gone | {suspect})[-1].max())
+                if worst < least:
+                    best, least = suspect, worst
+            if best >= 0:
+                return best, int(at)
+        return None
+
+    def _fault(
+        self, state: State, vector: Floats, sensor: int, gone: frozenset[int], since: int,
+        holes: Bools,
+    ) -> Fault:  # fmt: skip
+        """What the record says of a blamed sensor."""
+        off = state.temperatures[:, sensor] - self.expected(vector, sensor, gone)
+        silent = bool(holes[since:, sensor].mean() > 0.5)
+        # a jump is over within minutes, a drift takes longer than the mean over which it counts
+        before = max(0, since - max(1, round(self.settings.dead_s / self.period_s)))
+        jumped = abs(off[since] - off[before]) > self.tolerance_K[sensor]
+        off = np.abs(off[since:][~holes[since:, sensor]])
+        return Fault(
+            sensor=self.sensors[sensor],
+            kind=DEAD if silent else JUMPED if jumped else DRIFTING,
+            since_s=since * self.period_s,
+            departure_K=round(float(off.max()), 2) if len(off) and not silent else None,
+        )
+
+
+def lagged(state: State, lags_s: Sequence[float]) -> Floats:
+    """Channels of a state, then each of them low-passed; shape (T, C (1 + L))."""
+    channels = state.channels
+    return np.column_stack((channels, *(lag(state.time, channels, s) for s in lags_s)))
+
+
+def _bridged(temperatures: Floats, holes: Bools) -> Floats:
+    """Temperatures with each hole held at the sensor's last value, at the others' mean before."""
+    result = np.where(holes, np.nan, temperatures)
+    some = np.isfinite(result).any(axis=1)
+    first = result[np.argmax(some)]
+    start = float(np.mean(first[np.isfinite(first)])) if some.any() else 0.0
+    for sensor in np.flatnonzero(holes.any(axis=0)):
+        known = ~holes[:, sensor]
+        last = np.maximum.accumulate(np.where(known, np.arange(len(result)), -1))
+        result[:, sensor] = np.where(last >= 0, result[np.maximum(last, 0), sensor], start)
+    return result
+
+
+def _dead_since(holes: Bools, samples: int) -> dict[int, int]:
+    """First sample at which a sensor has given no value for ``samples``; those that never do."""
+    found = {}
+    for sensor in np.flatnonzero(holes.any(axis=0)):
+        run = 0
+        for at, hole in enumerate(holes[:, sensor]):
+            run = run + 1 if hole else 0
+            if run >= samples or (hole and at == run - 1 == 0):
+                found[int(sensor)] = at
+                break
+    return found
+
+
+def holes_of(state: State, settings: SensorSettings) -> Bools:
+    """Samples that are no temperature: absent, out of range, or held while the others move.
+
+    Returns
+    -------
+    ndarray of bool, shape (T, S)
+    """
+    values = state.temperatures
+    low, high = settings.range_degC
+    holes = ~np.isfinite(values) | (values < low) | (values > high)
+    least = round(settings.held_s / state.period)
+    for sensor in range(values.shape[1]):
+        same = np.diff(values[:, sensor], prepend=np.nan) == 0
+        began = np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
+        long = np.flatnonzero(np.arange(len(values)) - began >= least)
+        moved = np.abs(np.where(holes, np.nan, values)[long] - values[began[long]])
+        others = np.delete(moved, sensor, axis=1)
+        some = np.isfinite(others).any(axis=1)
+        far = np.zeros(len(long), bool)
+        far[some] = np.nanmedian(others[some], axis=1) > MOVED * settings.least_K
+        for at in long[far]:  # the samples since it began are held as well: known from now on only
+            holes[at, sensor] = True
+    return holes
+
+
+def fit_sensors(
+    profiles: Sequence[Profile], sensors: Sequence[str], settings: SensorSettings
+) -> SensorModel:
+    """Regressions of the sensors on each other, from training recordings that may hold faults.
+
+    The tolerance of a sensor rests on recordings left out of the regressions in turn; sensors that
+    exceed it are replaced in their recording, and all is found anew.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Of training.
+    sensors : sequence of str
+        Names from front to rear.
+    settings : SensorSettings
+        Of the check.
+
+    Raises
+    ------
+    ValueError
+        When fewer than two recordings have all sensors.
+    """
+    states = [one.state for one in profiles]
+    holes = [holes_of(state, settings) for state in states]
+    # a sensor that is silent for long was not sound before either: its recording waits
+    whole = [
+        replace(state, temperatures=_bridged(state.temperatures, none))
+        for state, none in zip(states, holes, strict=True)
+        if not _dead_since(none, max(1, round(settings.dead_s / state.period)))
+    ]
+    if len(whole) < 2:
+        raise ValueError(
+            f"{len(whole)} training recordings have a value of every sensor, 2 are the least: "
+            "leave the dead sensor out of deformation_records.temperatures"
+        )
+    model = _fitted(_agreeing(whole, sensors, settings), sensors, settings)
+    for _ in range(ROUNDS):
+        # what a faulty sensor said teaches nothing: what the others say of it stands there
+        model = _fitted([model.check(state).states[-1] for state in states], sensors, settings)
+    return model
+
+
+def _agreeing(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> list[State]:
+    """Recordings without those that agree least with the others, a third at most.
+
+    A fault in several recordings is learnt by the regressions and hides itself; one recording
+    after the other is set aside, the one whose largest departure is furthest above the usual.
+    """
+    kept = list(states)
+    while len(kept) > max(2, round((1 - SET_ASIDE) * len(states))):
+        largest = _largest_departures(kept, sensors, settings)[0]
+        usual = np.maximum(np.median(largest, axis=0), settings.least_K / settings.times)
+        score = (largest / usual).max(axis=1)
+        if score.max() <= SUSPECT:
+            break
+        del kept[int(np.argmax(score))]
+    return kept
+
+
+def _largest_departures(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> tuple[Floats, SensorModel]:
+    """Largest settled departure in each recording under a model of the others; that of all.
+
+    Returns
+    -------
+    largest : ndarray, shape (recordings, S)
+        [K].
+    model : SensorModel
+        Of all recordings, without tolerances.
+    """
+    vectors = [lagged(state, settings.lags_s) for state in states]
+    blank = SensorModel(
+        sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
+        mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
+    )  # fmt: skip
+    settled = round(settings.settle_s / blank.period_s)
+    largest = np.zeros((len(vectors), len(sensors)))
+    for out, vector in enumerate(vectors):
+        others = _with_moments(blank, [one for k, one in enumerate(vectors) if k != out])
+        departures = np.abs(others.departures(vector, frozenset()))
+        largest[out] = departures[settled:].max(axis=0, initial=0.0)
+    return largest, _with_moments(blank, vectors)
+
+
+def _fitted(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> SensorModel:
+    """Model of complete states; the tolerance from recordings left out in turn."""
+    largest, model = _largest_departures(states, sensors, settings)
+    tolerance = np.maximum(settings.times * np.median(largest, axis=0), settings.least_K)
+    return replace(model, tolerance_K=tuple(np.round(tolerance, 4).tolist()))
+
+
+def _with_moments(model: SensorModel, vectors: Sequence[Floats]) -> SensorModel:
+    """The model with mean and covariance of the rows of all recordings, each counting alike."""
+    mean = np.mean([one.mean(axis=0) for one in vectors], axis=0)
+    covariance = np.mean([(one - mean).T @ (one - mean) / len(one) for one in vectors], axis=0)
+    return replace(
+        model, mean=tuple(mean.tolist()), covariance=tuple(map(tuple, covariance.tolist()))
+    )

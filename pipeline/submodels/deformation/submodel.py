@@ -1,0 +1,360 @@
+"""Spindle growth as a sub-model: cases are recordings of temperatures and a displacement probe."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.model import LeftOut
+from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.store import read_json, write_json
+from pipeline.schema.verdict import Fact
+from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
+from pipeline.submodels.conformal import AdaptiveSettings, adaptive, interval
+from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.deformation.comparison import GROWTH, columns_of, errors_of
+from pipeline.submodels.deformation.fit import fit_growth
+from pipeline.submodels.deformation.methods import SIMPLE
+from pipeline.submodels.deformation.model import (
+    KEPT,
+    REGIMES,
+    DeformationFitSettings,
+    DeformationModel,
+    GrowthModel,
+    MethodsFile,
+    Treatment,
+    load_growth_model,
+    treated,
+)
+from pipeline.submodels.deformation.records import (
+    AMBIENT,
+    SPEED,
+    DeformationRecords,
+    Profile,
+    State,
+    conditions_of_profile,
+    read_profiles,
+    state_of_table,
+)
+
+FOLLOWED = "growth, interval follows the probe"
+"""The same prediction with the interval that adapts to readings of the probe."""
+EVEN = 0.02
+"""Greatest deviation of the time between two rows of a table, as a share [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationLimits(Ranged, section="deformation_limits"):
+    """Limits on the error of growth on every recording that no method was fitted on.
+
+    Parameters
+    ----------
+    max_um, rmse_um : float
+        Largest error and RMSE in each regime of a recording [um]; FFNN2015 names 6 um on a range
+        of 50 um.
+    coverage : (float, float)
+        Least and greatest share of samples inside the 90 % interval that follows the probe [1].
+        The aim is 0.88 to 0.92.  Samples of a recording hang together, so that a dozen recordings
+        are hardly more than a dozen draws: an interval that is right covers them with a standard
+        deviation of 0.02 to 0.05, and a narrower limit would decide by chance.
+    """
+
+    max_um: Positive = 6.0
+    rmse_um: Positive = 3.0
+    coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.85, 0.95)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
+            raise ValueError(
+                f"deformation_limits.coverage = {list(self.coverage)} must be the least and the "
+                "greatest share"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """Sections of params.yaml that the fit reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    deformation_records: DeformationRecords
+    deformation_fit: DeformationFitSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judging:
+    """Sections of params.yaml that the judgement reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    deformation_records: DeformationRecords
+    deformation_limits: DeformationLimits
+
+
+class Deformation(SubModel[Fitting, Judging, DeformationModel]):
+    """Growth of the spindle from temperatures."""
+
+    name: ClassVar[str] = "deformation"
+    title: ClassVar[str] = "spindle growth"
+    needs: ClassVar[str] = (
+        "three temperatures or more along the spindle and a displacement probe at its nose, once a "
+        "minute over ten speed profiles or more"
+    )
+    reads: ClassVar[tuple[str, ...]] = ("signals",)
+    model: ClassVar[type] = DeformationModel
+    fitting: ClassVar[type] = Fitting
+    judging: ClassVar[type] = Judging
+    inputs: ClassVar[tuple[Input, ...]] = (
+        Input(name="temperatures", unit="degC", older_than_s=0.0),
+        Input(name=AMBIENT, unit="degC", older_than_s=0.0),
+        Input(name=SPEED, unit="rev/min", older_than_s=0.0),
+    )
+
+    def targets(self, settings: Judging, model: DeformationModel) -> tuple[Target, ...]:
+        """Growth in all, growth by regime, and growth with the interval that follows the probe."""
+        limits = settings.deformation_limits
+        others = tuple(name for name in model.compared if name != model.champion)
+        beaten = tuple(name for name in SIMPLE if name in others)
+        of_regime = {"max": limits.max_um, "rmse": limits.rmse_um}
+        least, most = limits.coverage
+        return (
+            Target(
+                quantity=GROWTH, unit="um", baselines=others,
+                must_beat=() if model.champion in SIMPLE else beaten,
+            ),
+            *(
+                Target(
+                    quantity=GROWTH, unit="um", regime=regime, limits=of_regime, baselines=beaten
+                )
+                for regime in REGIMES
+            ),
+            *(
+                Target(quantity=FOLLOWED, unit="um", regime=regime, coverage=(least, most))
+                for regime in REGIMES
+            ),
+        )  # fmt: skip
+
+    def cases(
+        self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
+    ) -> Cases:
+        """Recordings of growth.
+
+        Raises
+        ------
+        ValueError
+            When a pattern fits no file.
+        """
+        if records.signals is None:
+            raise ValueError("recordings of growth stand in the signals: name them in reads")
+        files, wanted = records.files, settings.deformation_records
+        cases, left_out = [], []
+        found = read_profiles(records.signals, wanted, settings.roles.is_training)
+        for one in found:
+            if one.profile is None:
+                left_out.append(LeftOut(case=one.name, reason=one.reason))
+                continue
+            role = role_of([one.name], settings.roles, sets)
+            conditions = {}
+            if role != "sealed":
+                conditions = conditions_of_profile(one.profile, speed=wanted.speed is not None)
+            cases.append(
+                Case(
+                    name=one.name, group=one.name, role=role, files=sources(files, [one.name]),
+                    load=_constant(one.profile), conditions=conditions,
+                )
+            )  # fmt: skip
+        return Cases(cases=tuple(cases), left_out=tuple(left_out))
+
+    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> DeformationModel:
+        """Every method fitted on the training recordings; the one that serves is named."""
+        training, wanted = cases.of("training"), settings.deformation_records
+        fitting = settings.deformation_fit
+        found = fit_growth([c.load() for c in training], list(wanted.temperatures), fitting)
+        documents = {
+            name: tuple(one.document() for one in ensemble.members)
+            for name, ensemble in found.ensembles.items()
+        }
+        write_json(MethodsFile(documents=documents), folder / "methods.json")
+        return DeformationModel(
+            submodel=self.name,
+            machine=settings.identity.name,
+            origin=settings.identity.origin,
+            parameters={"": found.parameters},
+            trained_on=tuple(case.training for case in training),
+            left_out=cases.left_out,
+            conditions=conditions_of(training),
+            sensors=found.sensors,
+            inputs=found.inputs,
+            uses_speed=wanted.speed is not None,
+            uses_ambient=wanted.ambient is not None,
+            champion=found.champion,
+            compared=found.compared,
+            treatment=found.treatment,
+            training_faults=found.faults,
+            later_starts=found.later_starts,
+            learnt=found.learnt,
+            widening=fitting.widening,
+            rate_s=fitting.rate_s,
+            steady_K_h=fitting.steady_K_h,
+            bands=found.bands,
+            adaptive_step=found.adaptive_step,
+            probe_delay_s=fitting.probe_delay_s,
+        )
+
+    def load(self, folder: Path, settings: Judging) -> Predictor:
+        """Predictor of recordings."""
+        model = load_growth_model(folder)
+        return lambda case: _predicted(case.load(), model)
+
+    def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
+        """Growth with its 90 % interval [um] from a table of temperatures since a start.
+
+        The table has ``t`` [s], evenly spaced, a column [degC] for each sensor,
+        ``spindle_speed`` [rev/min] and ``ambient_temperature`` [degC] as they were learnt; growth
+        is that since its first row.
+        """
+        model = load_growth_model(folder)
+
+        def predict(table: pd.DataFrame) -> pd.DataFrame:
+            state = _state(table, model.file)
+            checked = model.checked(state)
+            for one in checked.states:
+                refuse_unlearnt(one, model.file)
+            pieces = model.pieces(checked)
+            growth = model.stitched(pieces).mean(axis=0)
+            low, high = interval(growth, model.regimes(pieces), model.file.bands)
+            found = {"growth": growth, "low": low, "high": high}
+            return pd.DataFrame(found, index=table.index)
+
+        return predict
+
+    def example(self, folder: Path) -> pd.DataFrame:
+        """Ten minutes at the middle of what was learnt."""
+        file = read_json(folder / "model.json", DeformationModel)
+        t = file.sensors.period_s * np.arange(10.0)
+        middle = {name: np.full(10, 0.5 * (one.low + one.high))
+                  for name, one in file.learnt.items() if name in columns_needed(file)}  # fmt: skip
+        return pd.DataFrame({"t": t, **middle})
+
+    def page(self, shown: Shown[DeformationModel]) -> Any:
+        """What only this sub-model can show: none yet beside the shared section."""
+        return None
+
+
+def _constant(profile: Profile) -> Callable[[], Profile]:
+    return lambda: profile
+
+
+def columns_needed(file: DeformationModel) -> list[str]:
+    """Columns of a table that the model serves, beside the time."""
+    ambient = [AMBIENT] if file.uses_ambient else []
+    return [*file.sensors.sensors, *ambient, *([SPEED] if file.uses_speed else [])]
+
+
+def _state(table: pd.DataFrame, file: DeformationModel) -> State:
+    """State of a table.
+
+    Raises
+    ------
+    ValueError
+        When it lacks a column, has no row, or its rows are not as far apart as was learnt.
+    """
+    period = file.sensors.period_s
+    if "t" not in table.columns or not len(table):
+        raise ValueError("the input has no column t with rows: give the time since the start in s")
+    steps = np.diff(table["t"].to_numpy(float))
+    if len(steps) and not np.all(np.abs(steps - period) <= EVEN * period):
+        worst = steps[np.argmax(np.abs(steps - period))]
+        raise ValueError(
+            f"two rows of the input are {worst:g} s apart, {period:g} s were learnt: give rows "
+            "every so often"
+        )
+    ambient = [AMBIENT] if file.uses_ambient else []
+    return state_of_table(table, [*file.sensors.sensors, *ambient], period, speed=file.uses_speed)
+
+
+def refuse_unlearnt(state: State, file: DeformationModel) -> None:
+    """Refuse a state beyond what was learnt.
+
+    Raises
+    ------
+    ValueError
+        When a temperature or the speed lies beyond the learnt range by more than its declared
+        widening; the message names the channel and the value.
+    """
+    channels: dict[str, Floats] = {
+        name: state.temperatures[:, k] for k, name in enumerate(file.sensors.sensors)
+    }
+    if file.uses_ambient:
+        channels[AMBIENT] = state.ambient
+    if file.uses_speed:
+        channels[SPEED] = state.speed
+    for name, values in channels.items():
+        learnt = file.learnt.get(name)
+        if learnt is None:
+            continue
+        beyond = file.widening * (learnt.high - learnt.low)
+        outside = (values < learnt.low - beyond) | (values > learnt.high + beyond)
+        if outside.any():
+            raise ValueError(
+                f"{name} is {values[np.argmax(outside)]:.4g} {learnt.unit} in row "
+                f"{int(np.argmax(outside)) + 1}, {learnt.low:.4g} to {learnt.high:.4g} "
+                f"{learnt.unit} were learnt: record growth there"
+            )
+
+
+def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
+    """A recording by every method, with both intervals, and what a faulty sensor costs."""
+    file = model.file
+    checked = model.checked(profile.state)
+    pieces = model.pieces(checked)
+    by_seed = {name: model.stitched(pieces, name) for name in model.ensembles}
+    growth, regime = by_seed[file.champion].mean(axis=0), model.regimes(pieces)
+    time, measured = profile.state.time, profile.growth
+    columns: dict[str, Floats] = {}
+    for name, values in by_seed.items():
+        columns |= columns_of(name, values)
+    low, high = interval(growth, regime, file.bands)
+    whole = pd.DataFrame({
+        "quantity": GROWTH, "unit": "um", "regime": "", "t": time, "measured": measured,
+        "predicted": growth, "low": low, "high": high, **columns,
+    })  # fmt: skip
+    following = AdaptiveSettings(step=file.adaptive_step, delay_s=file.probe_delay_s)
+    near, far = adaptive(time, measured, growth, regime, file.bands, following)
+    followed = whole[["unit", "t", "measured", "predicted"]].assign(
+        quantity=FOLLOWED, regime=regime, low=near, high=far
+    )
+    frame = pd.concat([whole, whole.assign(regime=regime), followed], ignore_index=True)
+    return Prediction(frame=frame, facts=_facts(profile, model, growth))
+
+
+def _facts(profile: Profile, model: GrowthModel, growth: Floats) -> Mapping[str, Fact]:
+    """Correlation, relative error, and each faulty sensor with the error that it would make."""
+    whole = errors_of(growth, profile.growth)
+    spread = float(np.nanmax(profile.growth) - np.nanmin(profile.growth))
+    facts = {
+        "R": Fact(value=whole.r, unit="1"),
+        "MAPE, growth below 5 um as 5 um": Fact(value=whole.mape, unit="%"),
+        "range of growth": Fact(value=float(f"{spread:.4g}"), unit="um"),
+    }
+    found = model.file.sensors.check(profile.state)
+    for k, fault in enumerate(found.faults):
+        name = "faulty sensor" if k == 0 else f"faulty sensor {k + 1}"
+        facts[name] = Fact(value=fault.sentence)
+    if found.faults:
+        as_is = treated(model.file.sensors, profile.state, Treatment(chosen=KEPT))
+        kept = errors_of(model.stitched(model.pieces(as_is)).mean(axis=0), profile.growth)
+        for words, errors in (("with the faulty sensor", kept), ("with it replaced", whole)):
+            facts[f"RMSE {words}"] = Fact(value=errors.rmse, unit="um")
+            facts[f"largest error {words}"] = Fact(value=errors.largest, unit="um")
+    return facts
+
+
+SUBMODEL = Deformation()
