@@ -76,7 +76,7 @@ def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
         model, machine, settings.identity.origin,
         pieces(training, settings.spindle_fit.bridge_s),
         pieces(list(cases.of("held_out", "golden")), np.inf),
-        resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
+        own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
         settings=structure(values, "spindle_transfer", TransferSettings),
     )  # fmt: skip
     write_json(found, out)
@@ -107,4 +107,8 @@ def transfer_table(found: Transfer) -> list[str]:
     for one in found.points:
         own = "-" if one.own is None else f"{one.own:.2f}"
         lines.append(f"{one.minutes:>12g}  {one.pooled:>8.2f}  {own:>8}  {one.golden:>8.2f}")
-    return [*lines, found.sentence]
+    lacking = [
+        f"Nothing is known from {found.golden} of these heat sources: "
+        f"{', '.join(found.not_transferred)}."
+    ]
+    return [*lines, found.sentence, *(lacking if found.not_transferred else [])]

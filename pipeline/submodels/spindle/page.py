@@ -34,9 +34,9 @@ from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.spindle import figures
+from pipeline.submodels.spindle.days import APART, FREE_RUN, WINDOWS
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
-WINDOWS, FREE_RUN = "windows", "free run"
 MOST_GOLDEN = 14  # days drawn; more days stand in the table only
 RATES = ("cooling_rate", "coupling_rate", "body_cooling_rate")
 MEANINGS = {
@@ -54,7 +54,12 @@ MEANINGS = {
     "ambient_offset": "surround of the spindle above the measured ambient",
 }
 """Meaning of the thermal network's parameters, for people."""
-JUDGES = (("physics", "Physics alone"), ("persistence", "Persistence"), ("day_mean", "Day’s mean"))
+JUDGES = (
+    ("physics", "Physics alone"),
+    ("forest", "With the forest"),
+    ("persistence", "Persistence"),
+    ("day_mean", "Day’s mean"),
+)
 
 Seen = Shown[SpindleModelFile]
 
@@ -68,6 +73,9 @@ def page(seen: Seen) -> SubModelPage:
         ("Error over one hour", _kelvin(total), f"limit {_limit_words(limit)}"),
         ("Error running free", _kelvin(free), "judged days, each from its first value"),
     ]
+    width = _width(seen.model)
+    if width is not None:
+        heat.append(("90 % interval over one hour", width, _coverage_words(total)))
     return SubModelPage(
         verdict=_verdict(seen),
         key_figures=heat,
@@ -79,6 +87,24 @@ def page(seen: Seen) -> SubModelPage:
             "free_mae_K": _compared("Error running free (MAE)", free),
         },
     )
+
+
+def _width(model: SpindleModelFile | None) -> str | None:
+    """Narrowest and widest half width of the interval in windows; None where there is none."""
+    if model is None or model.intervals is None:
+        return None
+    half = sorted(max(band.lower, band.upper) for band in model.intervals.windows.values())
+    return f"± {fixed(half[0], 1)} to {fixed(half[-1], 1)} K"
+
+
+def _coverage_words(score: Score | None) -> str:
+    """Share of the judged samples that lay inside the interval, with its limits."""
+    if score is None or score.coverage_90 is None:
+        return "not judged"
+    words = f"held {fixed(100 * score.coverage_90, 0)} % of the judged days"
+    if score.coverage_limits is None:
+        return words
+    return f"{words}, limit at least {100 * score.coverage_limits[0]:g} %"
 
 
 def _compared(name: str, score: Score | None) -> Compared:
@@ -227,6 +253,7 @@ def _model_section(seen: Seen) -> Section:
                 caption, seen.parameters(), made, lambda n: MEANINGS.get(n, "–")
             ),
             _fit_table(seen.model, made),
+            _intervals_table(seen.model, made),
             default_section.training_table(seen.model, made),
         ),
     )
@@ -318,6 +345,33 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
     )
 
 
+def _intervals_table(model: SpindleModelFile, made: Sequence[Source]) -> Table | None:
+    """Half widths of the 90 % intervals by regime, calibrated on training days left out."""
+    if model.intervals is None:
+        return None
+    kinds = ((WINDOWS, model.intervals.windows), (FREE_RUN, model.intervals.free_run))
+    return Table(
+        caption="90 % interval of the temperature, by what the model expects and how long ago the "
+        "temperature was measured",
+        note="Calibrated on training days that the predicting model had not seen. In windows the "
+        "width follows the errors of the same day that are an hour old.",
+        heads=[
+            *names("Given the temperature", "regime"),
+            *numbers(("half width", "K"), ("days", ""), ("samples", "")),
+        ],
+        rows=[
+            cells(
+                "once an hour" if kind == WINDOWS else "once a day", regime or "any other",
+                fixed(max(band.lower, band.upper), 2), number(band.groups), number(band.n),
+            )
+            for kind, bands in kinds
+            for regime, band in bands.items()
+        ],
+        sources=list(made),
+        folded=True,
+    )  # fmt: skip
+
+
 def _network_words(name: str) -> str:
     """A network that was tried: its number of nodes, and what else it has."""
     nodes, _, more = name.partition(" ")
@@ -345,6 +399,7 @@ def _judged_section(seen: Seen) -> Section:
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
         _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
+        _parts_table(v, made),
         default_section.outside_table(v, made),
         default_section.left_out_table(v, made),
     )
@@ -386,6 +441,36 @@ def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -
         rows=[_errors_row(word, s, judges, status, judged) for word, s, status in every],
         sources=list(made),
     )
+
+
+def _parts_table(v: Verdict, made: Sequence[Source]) -> Table | None:
+    """Errors over all days of the first hour after a start and of cooling, with the interval."""
+    every = [(one, _total(v, one)) for one in (WINDOWS, FREE_RUN, *APART)]
+    rows = [(one, score) for one, score in every if score is not None]
+    if len(rows) < 3:
+        return None
+    judges = [(k, w) for k, w in JUDGES if any(k in s.baselines for _, s in rows)]
+    heads = [Head(name="Part of the days"), Head(name="judged", unit="h", numeric=True)]
+    for word in ("Model", *(w for _, w in judges)):
+        heads += numbers(("MAE", "K"), ("RMSE", "K"), group=word)
+    heads += numbers(("inside 90 % interval", "%"))
+    return Table(
+        caption="Errors of the whole days, of the first hour after a start and of cooling",
+        heads=heads,
+        rows=[
+            cells(
+                one, hours(10.0 * score.n),
+                *(
+                    fixed(value, 2)
+                    for found in (score, *(score.baselines.get(k, Errors()) for k, _ in judges))
+                    for value in (found.mae, found.rmse)
+                ),
+                "–" if score.coverage_90 is None else fixed(100 * score.coverage_90, 1),
+            )
+            for one, score in rows
+        ],
+        sources=list(made),
+    )  # fmt: skip
 
 
 def _errors_row(
