@@ -101,7 +101,7 @@ def transfer_table(found: Transfer) -> list[str]:
     simulated = f" ({found.origin})" if found.origin == "simulated" else ""
     lines = [
         f"{found.machine}{simulated} from {found.golden}: RMSE over free runs of "
-        f"{len(found.days_judged)} days not used [K]",
+        f"{len(found.days_judged)} {'day' if len(found.days_judged) == 1 else 'days'} not used [K]",
         f"{'warm-up, min':>12}  {'pooled':>8}  {'own only':>8}  {'golden':>8}",
     ]
     for one in found.points:

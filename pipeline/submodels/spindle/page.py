@@ -353,8 +353,9 @@ def _intervals_table(model: SpindleModelFile, made: Sequence[Source]) -> Table |
     return Table(
         caption="90 % interval of the temperature, by what the model expects and how long ago the "
         "temperature was measured",
-        note="Calibrated on training days that the predicting model had not seen. In windows the "
-        "width follows the errors of the same day that are an hour old.",
+        note="Calibrated on training days that the predicting model had not seen."
+        + (" In windows the width follows the errors of the day that are known by then."
+           if model.intervals.follow.step > 0 else ""),
         heads=[
             *names("Given the temperature", "regime"),
             *numbers(("half width", "K"), ("days", ""), ("samples", "")),
