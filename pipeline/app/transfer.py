@@ -22,7 +22,12 @@ from pipeline.submodels.spindle.transfer import (
 from pipeline.twin.spindle import TARGET, SpindleModelFile, spindle_stretches
 
 
-def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
+def transfer_curve(
+    machine: str,
+    golden: str,
+    out: Path,
+    between: float = 0.3,
+) -> Transfer:
     """Write the curve of minutes of warm-up against error of ``machine`` into ``out``.
 
     Parameters
@@ -31,6 +36,8 @@ def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
         As in conf/machine/: the sibling, and the machine whose parameters are the prior.
     out : Path
         JSON file to write.
+    between : float
+        Standard deviation of the logarithm of a parameter between machines of a type [1].
 
     Raises
     ------
@@ -77,7 +84,7 @@ def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
         pieces(training, settings.spindle_fit.bridge_s),
         pieces(list(cases.of("held_out", "golden")), np.inf),
         own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
-        settings=structure(values, "spindle_transfer", TransferSettings),
+        settings=TransferSettings(between_machines=between),
     )  # fmt: skip
     write_json(found, out)
     return found

@@ -34,7 +34,15 @@ from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.spindle import figures
-from pipeline.submodels.spindle.days import APART, FREE_RUN, WINDOWS
+from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
+from pipeline.submodels.spindle.tables import (
+    JUDGES,
+    coverage_words,
+    intervals_table,
+    parts_table,
+    score_of,
+    width_words,
+)
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
 MOST_GOLDEN = 14  # days drawn; more days stand in the table only
@@ -54,12 +62,6 @@ MEANINGS = {
     "ambient_offset": "surround of the spindle above the measured ambient",
 }
 """Meaning of the thermal network's parameters, for people."""
-JUDGES = (
-    ("physics", "Physics alone"),
-    ("forest", "With the forest"),
-    ("persistence", "Persistence"),
-    ("day_mean", "Day’s mean"),
-)
 
 Seen = Shown[SpindleModelFile]
 
@@ -67,15 +69,15 @@ Seen = Shown[SpindleModelFile]
 def page(seen: Seen) -> SubModelPage:
     """Everything that a machine's page says of its spindle's temperature."""
     verdict = seen.verdict
-    total, free = _total(verdict, WINDOWS), _total(verdict, FREE_RUN)
+    total, free = score_of(verdict, WINDOWS), score_of(verdict, FREE_RUN)
     limit = _limits(verdict).get("mae")
     heat = [
         ("Error over one hour", _kelvin(total), f"limit {_limit_words(limit)}"),
         ("Error running free", _kelvin(free), "judged days, each from its first value"),
     ]
-    width = _width(seen.model)
+    width = width_words(seen.model)
     if width is not None:
-        heat.append(("90 % interval over one hour", width, _coverage_words(total)))
+        heat.append(("90 % interval over one hour", width, coverage_words(total)))
     return SubModelPage(
         verdict=_verdict(seen),
         key_figures=heat,
@@ -89,24 +91,6 @@ def page(seen: Seen) -> SubModelPage:
     )
 
 
-def _width(model: SpindleModelFile | None) -> str | None:
-    """Narrowest and widest half width of the interval in windows; None where there is none."""
-    if model is None or model.intervals is None:
-        return None
-    half = sorted(max(band.lower, band.upper) for band in model.intervals.windows.values())
-    return f"± {fixed(half[0], 1)} to {fixed(half[-1], 1)} K"
-
-
-def _coverage_words(score: Score | None) -> str:
-    """Share of the judged samples that lay inside the interval, with its limits."""
-    if score is None or score.coverage_90 is None:
-        return "not judged"
-    words = f"held {fixed(100 * score.coverage_90, 0)} % of the judged days"
-    if score.coverage_limits is None:
-        return words
-    return f"{words}, limit at least {100 * score.coverage_limits[0]:g} %"
-
-
 def _compared(name: str, score: Score | None) -> Compared:
     return Compared(name=name, unit="K", value=None if score is None else score.mae)
 
@@ -117,14 +101,6 @@ def _kelvin(score: Score | None) -> str:
 
 def _limit_words(limit: float | None) -> str:
     return "not known" if limit is None else f"{fixed(limit, 2)} K"
-
-
-def _total(verdict: Verdict | None, regime: str) -> Score | None:
-    if verdict is None:
-        return None
-    found = [s for s in verdict.of(TARGET, group="all", role=verdict.judged_role)
-             if s.regime == regime]  # fmt: skip
-    return found[0] if found else None
 
 
 def _of_days(verdict: Verdict | None, regime: str) -> list[Score]:
@@ -178,7 +154,7 @@ def _verdict(seen: Seen) -> PartVerdict | None:
             todo="Do not act on this model’s temperatures; leave the model that serves now in "
             "service.",
         )
-    total, free = _total(v, WINDOWS), _total(v, FREE_RUN)
+    total, free = score_of(v, WINDOWS), score_of(v, FREE_RUN)
     return PartVerdict(
         status="passed",
         sentence=f"The spindle’s thermal model passed {_set_words(v)} ({_week(v)}): over one hour "
@@ -199,7 +175,8 @@ def _failure(v: Verdict) -> str:
     return (
         f"it failed on {len(failed)} of {counted(len(days), 'day')}, worst on "
         f"{day_words(worst.group)} with a mean error over one hour of {fixed(worst.mae, 2)} K "
-        f"(limit {fixed(_limits(v).get('mae'), 1)} K; {_kelvin(_total(v, WINDOWS))} over all days)"
+        f"(limit {fixed(_limits(v).get('mae'), 1)} K; "
+        f"{_kelvin(score_of(v, WINDOWS))} over all days)"
     )
 
 
@@ -253,7 +230,7 @@ def _model_section(seen: Seen) -> Section:
                 caption, seen.parameters(), made, lambda n: MEANINGS.get(n, "–")
             ),
             _fit_table(seen.model, made),
-            _intervals_table(seen.model, made),
+            intervals_table(seen.model, made),
             default_section.training_table(seen.model, made),
         ),
     )
@@ -345,34 +322,6 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
     )
 
 
-def _intervals_table(model: SpindleModelFile, made: Sequence[Source]) -> Table | None:
-    """Half widths of the 90 % intervals by regime, calibrated on training days left out."""
-    if model.intervals is None:
-        return None
-    kinds = ((WINDOWS, model.intervals.windows), (FREE_RUN, model.intervals.free_run))
-    return Table(
-        caption="90 % interval of the temperature, by what the model expects and how long ago the "
-        "temperature was measured",
-        note="Calibrated on training days that the predicting model had not seen."
-        + (" In windows the width follows the errors of the day that are known by then."
-           if model.intervals.follow.step > 0 else ""),
-        heads=[
-            *names("Given the temperature", "regime"),
-            *numbers(("half width", "K"), ("days", ""), ("samples", "")),
-        ],
-        rows=[
-            cells(
-                "once an hour" if kind == WINDOWS else "once a day", regime or "any other",
-                fixed(max(band.lower, band.upper), 2), number(band.groups), number(band.n),
-            )
-            for kind, bands in kinds
-            for regime, band in bands.items()
-        ],
-        sources=list(made),
-        folded=True,
-    )  # fmt: skip
-
-
 def _network_words(name: str) -> str:
     """A network that was tried: its number of nodes, and what else it has."""
     nodes, _, more = name.partition(" ")
@@ -400,7 +349,7 @@ def _judged_section(seen: Seen) -> Section:
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
         _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
-        _parts_table(v, made),
+        parts_table(v, made),
         default_section.outside_table(v, made),
         default_section.left_out_table(v, made),
     )
@@ -431,7 +380,7 @@ def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -
     heads = [Head(name="Day"), Head(name="judged", unit="h", numeric=True)]
     for word in ("Model", *(w for _, w in judges)):
         heads += numbers(("MAE", "K"), ("RMSE", "K"), ("max", "K"), group=word)
-    total = _total(v, regime)
+    total = score_of(v, regime)
     judged = any(s.limits for s in scores)
     every = [(day_words(s.group), s, s.status) for s in scores]
     if total is not None:
@@ -442,36 +391,6 @@ def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -
         rows=[_errors_row(word, s, judges, status, judged) for word, s, status in every],
         sources=list(made),
     )
-
-
-def _parts_table(v: Verdict, made: Sequence[Source]) -> Table | None:
-    """Errors over all days of the first hour after a start and of cooling, with the interval."""
-    every = [(one, _total(v, one)) for one in (WINDOWS, FREE_RUN, *APART)]
-    rows = [(one, score) for one, score in every if score is not None]
-    if len(rows) < 3:
-        return None
-    judges = [(k, w) for k, w in JUDGES if any(k in s.baselines for _, s in rows)]
-    heads = [Head(name="Part of the days"), Head(name="judged", unit="h", numeric=True)]
-    for word in ("Model", *(w for _, w in judges)):
-        heads += numbers(("MAE", "K"), ("RMSE", "K"), group=word)
-    heads += numbers(("inside 90 % interval", "%"))
-    return Table(
-        caption="Errors of the whole days, of the first hour after a start and of cooling",
-        heads=heads,
-        rows=[
-            cells(
-                one, hours(10.0 * score.n),
-                *(
-                    fixed(value, 2)
-                    for found in (score, *(score.baselines.get(k, Errors()) for k, _ in judges))
-                    for value in (found.mae, found.rmse)
-                ),
-                "–" if score.coverage_90 is None else fixed(100 * score.coverage_90, 1),
-            )
-            for one, score in rows
-        ],
-        sources=list(made),
-    )  # fmt: skip
 
 
 def _errors_row(
