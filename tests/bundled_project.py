@@ -61,7 +61,8 @@ def project(root: Path, golden: Sequence[str] = GOLDEN, sealed: bool = False) ->
                     MACHINE: {"identity": {"name": MACHINE, "origin": "simulated"},
                               "roles": ROLES, "spindle": {}}
                 },
-                "spindle_fit": {}, "residual_forest": {}, "spindle_limits": {},
+                "spindle_fit": {}, "residual_forest": {},
+                "spindle_interval": {}, "spindle_limits": {},
             }
         )
     )  # fmt: skip

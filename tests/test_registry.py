@@ -410,6 +410,7 @@ def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown() -> N
 def test_the_settings_of_a_machine_are_those_of_its_sub_models(root: Path) -> None:
     settings = made_with(MACHINE, ("spindle",), root)
     assert set(settings) == {
-        "identity", "roles", "spindle", "spindle_fit", "residual_forest", "spindle_limits"
+        "identity", "roles", "spindle", "spindle_fit", "residual_forest", "spindle_interval",
+        "spindle_limits",
     }  # fmt: skip
     assert settings["roles"] == ROLES

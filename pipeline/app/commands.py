@@ -148,12 +148,15 @@ def transfer(
     machine: kerf.Machine,
     golden: Annotated[str, typer.Option(help="Whose spindle parameters are expected here.")],
     out: Annotated[Path, typer.Option(help="JSON to write the curve into.")],
+    between: Annotated[
+        float, typer.Option(help="Relative spread of a parameter between machines of a type.")
+    ] = 0.3,
 ) -> None:
     """Pool MACHINE's first minutes of warm-up with a golden machine's spindle parameters."""
     from pipeline.app.transfer import transfer_curve, transfer_table
 
     with one_sentence():
-        found = transfer_curve(machine, golden, out)
+        found = transfer_curve(machine, golden, out, between)
     typer.echo("\n".join(transfer_table(found)))
 
 

@@ -22,7 +22,12 @@ from pipeline.submodels.spindle.transfer import (
 from pipeline.twin.spindle import TARGET, SpindleModelFile, spindle_stretches
 
 
-def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
+def transfer_curve(
+    machine: str,
+    golden: str,
+    out: Path,
+    between: float = 0.3,
+) -> Transfer:
     """Write the curve of minutes of warm-up against error of ``machine`` into ``out``.
 
     Parameters
@@ -31,6 +36,8 @@ def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
         As in conf/machine/: the sibling, and the machine whose parameters are the prior.
     out : Path
         JSON file to write.
+    between : float
+        Standard deviation of the logarithm of a parameter between machines of a type [1].
 
     Raises
     ------
@@ -76,8 +83,8 @@ def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
         model, machine, settings.identity.origin,
         pieces(training, settings.spindle_fit.bridge_s),
         pieces(list(cases.of("held_out", "golden")), np.inf),
-        resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
-        settings=structure(values, "spindle_transfer", TransferSettings),
+        own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
+        settings=TransferSettings(between_machines=between),
     )  # fmt: skip
     write_json(found, out)
     return found
@@ -101,10 +108,14 @@ def transfer_table(found: Transfer) -> list[str]:
     simulated = f" ({found.origin})" if found.origin == "simulated" else ""
     lines = [
         f"{found.machine}{simulated} from {found.golden}: RMSE over free runs of "
-        f"{len(found.days_judged)} days not used [K]",
+        f"{len(found.days_judged)} {'day' if len(found.days_judged) == 1 else 'days'} not used [K]",
         f"{'warm-up, min':>12}  {'pooled':>8}  {'own only':>8}  {'golden':>8}",
     ]
     for one in found.points:
         own = "-" if one.own is None else f"{one.own:.2f}"
         lines.append(f"{one.minutes:>12g}  {one.pooled:>8.2f}  {own:>8}  {one.golden:>8.2f}")
-    return [*lines, found.sentence]
+    lacking = [
+        f"Nothing is known from {found.golden} of these heat sources: "
+        f"{', '.join(found.not_transferred)}."
+    ]
+    return [*lines, found.sentence, *(lacking if found.not_transferred else [])]

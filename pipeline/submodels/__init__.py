@@ -5,4 +5,4 @@ predictions are held against what was measured.  A folder a sub-model: its ident
 predictor, its own figures.  The physics that it identifies lies below, in rooms of its own.
 """
 
-__all__ = ["cases", "conformal", "contract", "judge", "promotion"]
+__all__ = ["cases", "conformal", "contract", "judge", "promotion", "spindle"]

@@ -34,9 +34,17 @@ from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.spindle import figures
+from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
+from pipeline.submodels.spindle.tables import (
+    JUDGES,
+    coverage_words,
+    intervals_table,
+    parts_table,
+    score_of,
+    width_words,
+)
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
-WINDOWS, FREE_RUN = "windows", "free run"
 MOST_GOLDEN = 14  # days drawn; more days stand in the table only
 RATES = ("cooling_rate", "coupling_rate", "body_cooling_rate")
 MEANINGS = {
@@ -54,7 +62,6 @@ MEANINGS = {
     "ambient_offset": "surround of the spindle above the measured ambient",
 }
 """Meaning of the thermal network's parameters, for people."""
-JUDGES = (("physics", "Physics alone"), ("persistence", "Persistence"), ("day_mean", "Day’s mean"))
 
 Seen = Shown[SpindleModelFile]
 
@@ -62,12 +69,15 @@ Seen = Shown[SpindleModelFile]
 def page(seen: Seen) -> SubModelPage:
     """Everything that a machine's page says of its spindle's temperature."""
     verdict = seen.verdict
-    total, free = _total(verdict, WINDOWS), _total(verdict, FREE_RUN)
+    total, free = score_of(verdict, WINDOWS), score_of(verdict, FREE_RUN)
     limit = _limits(verdict).get("mae")
     heat = [
         ("Error over one hour", _kelvin(total), f"limit {_limit_words(limit)}"),
         ("Error running free", _kelvin(free), "judged days, each from its first value"),
     ]
+    width = width_words(seen.model)
+    if width is not None:
+        heat.append(("90 % interval over one hour", width, coverage_words(total)))
     return SubModelPage(
         verdict=_verdict(seen),
         key_figures=heat,
@@ -91,14 +101,6 @@ def _kelvin(score: Score | None) -> str:
 
 def _limit_words(limit: float | None) -> str:
     return "not known" if limit is None else f"{fixed(limit, 2)} K"
-
-
-def _total(verdict: Verdict | None, regime: str) -> Score | None:
-    if verdict is None:
-        return None
-    found = [s for s in verdict.of(TARGET, group="all", role=verdict.judged_role)
-             if s.regime == regime]  # fmt: skip
-    return found[0] if found else None
 
 
 def _of_days(verdict: Verdict | None, regime: str) -> list[Score]:
@@ -152,7 +154,7 @@ def _verdict(seen: Seen) -> PartVerdict | None:
             todo="Do not act on this model’s temperatures; leave the model that serves now in "
             "service.",
         )
-    total, free = _total(v, WINDOWS), _total(v, FREE_RUN)
+    total, free = score_of(v, WINDOWS), score_of(v, FREE_RUN)
     return PartVerdict(
         status="passed",
         sentence=f"The spindle’s thermal model passed {_set_words(v)} ({_week(v)}): over one hour "
@@ -173,7 +175,8 @@ def _failure(v: Verdict) -> str:
     return (
         f"it failed on {len(failed)} of {counted(len(days), 'day')}, worst on "
         f"{day_words(worst.group)} with a mean error over one hour of {fixed(worst.mae, 2)} K "
-        f"(limit {fixed(_limits(v).get('mae'), 1)} K; {_kelvin(_total(v, WINDOWS))} over all days)"
+        f"(limit {fixed(_limits(v).get('mae'), 1)} K; "
+        f"{_kelvin(score_of(v, WINDOWS))} over all days)"
     )
 
 
@@ -227,6 +230,7 @@ def _model_section(seen: Seen) -> Section:
                 caption, seen.parameters(), made, lambda n: MEANINGS.get(n, "–")
             ),
             _fit_table(seen.model, made),
+            intervals_table(seen.model, made),
             default_section.training_table(seen.model, made),
         ),
     )
@@ -345,6 +349,7 @@ def _judged_section(seen: Seen) -> Section:
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
         _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
+        parts_table(v, made),
         default_section.outside_table(v, made),
         default_section.left_out_table(v, made),
     )
@@ -375,7 +380,7 @@ def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -
     heads = [Head(name="Day"), Head(name="judged", unit="h", numeric=True)]
     for word in ("Model", *(w for _, w in judges)):
         heads += numbers(("MAE", "K"), ("RMSE", "K"), ("max", "K"), group=word)
-    total = _total(v, regime)
+    total = score_of(v, regime)
     judged = any(s.limits for s in scores)
     every = [(day_words(s.group), s, s.status) for s in scores]
     if total is not None:

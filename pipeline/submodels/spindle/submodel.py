@@ -189,7 +189,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         model, limits = load_spindle_model(folder), settings.spindle_limits
         stored = read_json(folder / "model.json", SpindleModelFile)
         tried = None
-        if not stored.forest.used:
+        if not stored.forest.used and (folder / "residual/forest.skops").exists():
             forest = load_forest(folder / "residual", replace(stored.forest, used=True))
             tried = replace(model, forest=forest)
         return lambda case: predicted_day(model, case, limits, stored.intervals, tried)

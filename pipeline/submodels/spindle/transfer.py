@@ -56,14 +56,11 @@ class TransferSettings(Ranged, section="spindle_transfer"):
         Standard deviation of the logarithm of a rate or coefficient between machines of a type [1].
     between_machines_K : float
         Standard deviation of the surround's temperature between machines [K].
-    correlation_s : float
-        Residuals hang together this long: so much of a record counts as one measurement [s].
     """
 
     minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
     between_machines: Positive = 0.3
     between_machines_K: Positive = 2.0
-    correlation_s: Positive = 600.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +92,8 @@ class Transfer:
         By rising length of the record.
     pooled : mapping of str to float
         Parameters from both machines with the longest record, by name, in the model's units.
+    not_transferred : tuple of str
+        Heat sources of the sibling that the golden machine does not have: nothing of them is known.
     sentence : str
         Which parameters lead, where they lead.
     """
@@ -106,6 +105,7 @@ class Transfer:
     resolution_K: float
     points: tuple[TransferPoint, ...]
     pooled: Mapping[str, float]
+    not_transferred: tuple[str, ...]
     sentence: str
 
 
@@ -116,6 +116,7 @@ def transfer(
     pieces: Sequence[StateSegment],
     judged: Sequence[StateSegment],
     *,
+    own: SpindleRecords,
     resolution_K: float,
     fitting: SpindleFitSettings,
     settings: TransferSettings,
@@ -132,6 +133,8 @@ def transfer(
         Of the sibling's training days, in the order of time.
     judged : sequence of StateSegment
         Of its days that are not used.
+    own : SpindleRecords
+        Signals that the sibling records.
     resolution_K : float
         Step of its temperature sensor [K].
     fitting : SpindleFitSettings
@@ -152,20 +155,22 @@ def transfer(
     points, pooled = [], golden.network
     for minutes in sorted(settings.minutes):
         short = first_minutes(pieces, minutes)
-        pooled = pooled_network(golden, short, settings)
-        own = own_network(short, records, fitting, golden.network.nodes)
+        pooled = pooled_network(golden, short, settings, correlation_s=fitting.window_s)
+        alone = own_network(short, records, fitting, golden.network.nodes)
         points.append(
             TransferPoint(
                 minutes=minutes,
                 pooled=_rmse(judged, records, pooled),
-                own=None if own is None else _rmse(judged, records, own),
+                own=None if alone is None else _rmse(judged, records, alone),
                 golden=_rmse(judged, records, golden.network),
             )
         )
     return Transfer(
         machine=machine, golden=golden.machine, origin=origin,
         days_judged=tuple(sorted({piece.day for piece in judged})), resolution_K=resolution_K,
-        points=tuple(points), pooled=_values(pooled), sentence=leader(points, resolution_K),
+        points=tuple(points), pooled=_values(pooled),
+        not_transferred=tuple(s for s in own.sources if s not in records.sources),
+        sentence=leader(points, resolution_K),
     )  # fmt: skip
 
 
@@ -196,7 +201,11 @@ def first_minutes(pieces: Sequence[StateSegment], minutes: float) -> list[StateS
 
 
 def pooled_network(
-    golden: SpindleModelFile, pieces: Sequence[StateSegment], settings: TransferSettings
+    golden: SpindleModelFile,
+    pieces: Sequence[StateSegment],
+    settings: TransferSettings,
+    *,
+    correlation_s: float,
 ) -> SpindleThermalParameters:
     """The network of maximum posterior: the golden machine's, moved by the sibling's record.
 
@@ -208,6 +217,8 @@ def pooled_network(
         The sibling's record.
     settings : TransferSettings
         Variance between machines.
+    correlation_s : float
+        Residuals hang together this long: so much of a record counts as one measurement [s].
     """
     from scipy.optimize import least_squares
 
@@ -242,7 +253,7 @@ def pooled_network(
         for heat, measured, step, ambient, coolant in given:
             found = temperatures(heat, measured[0], one, step, ambient=ambient, coolant=coolant)[0]
             error = (found - measured)[np.isfinite(measured)]
-            parts.append(error / noise * np.sqrt(min(step / settings.correlation_s, 1.0)))
+            parts.append(error / noise * np.sqrt(min(step / correlation_s, 1.0)))
         return np.concatenate(parts)
 
     reach = np.where(np.array(names) == surround, np.ptp(BOUNDS[surround]), FARTHEST)

@@ -10,12 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import Table
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Records, Roles, sources
+from pipeline.submodels.contract import Shown
 from pipeline.submodels.judge import Judged, judge
-from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS, SpindleLimits
+from pipeline.submodels.spindle.days import APART, FREE_RUN, WINDOWS, SpindleLimits
 from pipeline.submodels.spindle.fit import SpindleFitSettings
 from pipeline.submodels.spindle.intervals import IntervalSettings
 from pipeline.submodels.spindle.residual import ForestSettings
@@ -127,6 +130,38 @@ def test_a_model_of_the_truth_passes_on_days_that_it_never_saw(made) -> None:
     assert note.startswith("no working day")
     free = result.predictions[result.predictions["regime"] == FREE_RUN]
     assert len(free[free["case"] == "2026-01-19"]) == 2 * 60
+
+
+def test_the_interval_holds_its_share_is_a_limit_and_stands_on_the_page(made) -> None:
+    result = verdict_of(made)
+    _, folder, model = made
+    assert model.intervals is not None and model.intervals.windows[""].groups == 3
+    for regime in (WINDOWS, FREE_RUN):
+        total = next(
+            s for s in result.verdict.of(TARGET, group="all", role="held_out")
+            if s.regime == regime
+        )  # fmt: skip
+        assert total.coverage_limits == (0.8, 1.0) and total.coverage_90 >= 0.8
+    shown = Shown(
+        machine="mill", origin="simulated", model=model, verdict=result.verdict,
+        predictions=result.predictions, folder=folder, shelf=SourceRegistry(),
+    )  # fmt: skip
+    page = SUBMODEL.page(shown)
+    (width,) = [row for row in page.key_figures if row[0] == "90 % interval over one hour"]
+    assert width[1].startswith("± ") and width[2].endswith("limit at least 80 %")
+    tables = [b for section in page.sections for b in section.blocks if isinstance(b, Table)]
+    intervals = next(t for t in tables if t.caption.startswith("90 % interval"))
+    half = model.intervals.windows[""].upper
+    assert f"{half:.2f}" in [str(cell.text) for cell in intervals.rows[0]]
+    parts = next(t for t in tables if "first hour after a start" in t.caption)
+    assert [str(row[0].text) for row in parts.rows][:3] == [WINDOWS, FREE_RUN, APART[0]]
+
+
+def test_an_interval_that_holds_too_much_fails_where_that_is_a_limit(made) -> None:
+    narrow = SpindleLimits(coverage_least=0.0, coverage_most=0.05)
+    found = verdict_of(made, limits=narrow).verdict
+    assert found.status == "failed"
+    assert "samples lie inside the 90 % interval, limits 0 to 5 %" in found.reasons[0]
 
 
 def test_a_limit_that_is_not_kept_names_the_day(made) -> None:
