@@ -6,6 +6,7 @@ interval, what the model is off by, spindle speed.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -173,15 +174,17 @@ def transitions(
     """
     edges = np.arange(0.0, shown_min + BIN_MIN, BIN_MIN)
     values = np.full((3, len(edges) - 1), np.nan)
-    for k, (first, last) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for k, (first, last) in enumerate(pairwise(edges.tolist())):
         within = [e[(t >= first * MINUTE) & (t < last * MINUTE) & np.isfinite(e)] for t, e in runs]
         there = [e for e in within if len(e)]
         if len(there) >= FEWEST:
             values[:, k] = np.quantile(np.concatenate(there), (0.05, 0.5, 0.95))
     if not np.isfinite(values).any():
         return None
-    return Transitions(minutes=0.5 * (edges[:-1] + edges[1:]), low=values[0], middle=values[1],
-                       high=values[2], count=len(runs))  # fmt: skip
+    last = int(np.flatnonzero(np.isfinite(values[1]))[-1]) + 1
+    minutes = 0.5 * (edges[:-1] + edges[1:])
+    return Transitions(minutes=minutes[:last], low=values[0, :last], middle=values[1, :last],
+                       high=values[2, :last], count=len(runs))  # fmt: skip
 
 
 def transition_figure(one: Transitions, reach: float, limit: float | None, label: str) -> Markup:
@@ -238,7 +241,7 @@ def network_figure(bands: Floats | None, weights: Floats, label: str) -> Markup:
         into = Band(top=top, height=ERROR + 20, low=0.0, high=1.05)
         dense = np.linspace(0.0, many - 1.0, 181)
         x = UNITS * (edge + (1 - 2 * edge) * dense / max(many - 1, 1))
-        curves = [svg.curve(x, into.down(values), f"f{2 * (k % 3)}")
+        curves = [svg.curve(x, into.down(values), GROUP_CURVES[k % 3])
                   for k, values in enumerate(gaussian(dense, bands))]  # fmt: skip
         parts += _band("Membership in the network’s bands", into, curves)
         top = into.bottom + GAP

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.charts import default_section
-from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number, signed
 from pipeline.charts.sections import (
     Block,
     Compared,
@@ -18,7 +18,7 @@ from pipeline.charts.sections import (
     present,
 )
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.nets.settings import FuzzyFilteredSettings
 from pipeline.schema.verdict import Score
 from pipeline.signals.store import parquet_name
@@ -316,8 +316,10 @@ def _recordings(facts: GrowthFacts) -> Figures | None:
     if facts.limit is not None:
         legend.append(("l-limit", f"limit of the largest error, ±{_um(facts.limit)}", "dots"))
     if with_sensors:
-        legend += [(f"l-{css}", f"sensors, {name}", "line")
-                   for css, name in zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)]
+        legend += [
+            (f"l-{css}", f"sensors, {name}", "line")
+            for css, name in zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)
+        ]
         legend += [("l-speed", "air, spindle speed", "line")]
         if facts.faults:
             legend.append(("l-batch", "faulty sensor", "dots"))
@@ -410,16 +412,16 @@ def winner_words(facts: GrowthFacts) -> str:
             f"On {where} “{best.label}” does better: RMSE {_um(best.rmse_um, 2)} against "
             f"{_um(own.rmse_um, 2)}. "
         )
-    networks = [name for name in ranked if name.startswith("ffnn")]
+    networks = [n for n in ranked if n.startswith("ffnn") and n != "ffnn_classic"]
     if networks and networks[0] != ranked[0]:
         place = ranked.index(networks[0]) + 1
         said += (
-            f"The best fuzzy-filtered network, “{table[networks[0]].label}”, comes "
+            f"The best improved fuzzy-filtered network, “{table[networks[0]].label}”, comes "
             f"{place}{_ordinal(place)} with {_um(table[networks[0]].rmse_um, 2)}: on these "
             "recordings it does not win."
         )
     elif networks:
-        said += "It is a fuzzy-filtered network."
+        said += "It is the improved fuzzy-filtered network."
     return said.strip()
 
 
@@ -518,8 +520,10 @@ def _network(facts: GrowthFacts) -> Figures | None:
     caption = f"{words}. Sensors: {names}."
     figure = Figure(svg=figures.network_figure(bands, weights, caption), caption=caption,
                     sources=_made(facts, "model.json", "methods.json"))  # fmt: skip
-    legend = [(f"s-{css}", name, "box")
-              for css, name in zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)]
+    legend = [
+        (f"s-{css}", name, "box")
+        for css, name in zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)
+    ]
     return Figures(figures=[figure], legend=legend, kind="one",
                    folded="How the sensors are grouped, and what the network looks at")  # fmt: skip
 
@@ -536,7 +540,7 @@ def _errors(facts: GrowthFacts) -> Section | None:
     blocks: list[Block | None] = [
         _regimes_table(facts, made),
         _transitions(facts),
-        default_section.scores_table(shown.verdict, made, of="Recording"),
+        _recordings_table(facts, made),
         default_section.outside_table(shown.verdict, made),
         default_section.left_out_table(shown.verdict, made),
     ]
@@ -576,6 +580,35 @@ def _regimes_table(facts: GrowthFacts, made: list[Source]) -> Table | None:
     return tabulated(f"Errors by regime, {_judged_on(facts)}", things, columns, made)
 
 
+def _recordings_table(facts: GrowthFacts, made: list[Source]) -> Table | None:
+    """Errors of the model that serves, recording by recording, the worst first."""
+    verdict = facts.shown.verdict
+    faulty = {} if verdict is None else {
+        c.case: joined([str(f.value).split()[1] for name, f in c.facts.items()
+                        if name.startswith("faulty")] or ["–"])
+        for c in verdict.cases
+    }  # fmt: skip
+
+    def speed(one: Score) -> str:
+        value = condition(verdict, one.group, "highest speed")
+        return "–" if value is None else number(round(value))
+
+    columns: list[Column[Score]] = [
+        Column("Recording", lambda one: code(short(one.group))),
+        Column("highest speed", speed, unit="rev/min"),
+        Column("samples", lambda one: number(one.n), unit=""),
+        Column("MAE", lambda one: fixed(one.mae, 2), unit="µm"),
+        Column("RMSE", lambda one: fixed(one.rmse, 2), unit="µm"),
+        Column("largest error", lambda one: fixed(one.max, 1), unit="µm"),
+        Column("bias", lambda one: signed(one.bias, 2), unit="µm"),
+        Column("inside 90 % interval", lambda one: _percent(one.coverage_90), unit="%"),
+        Column("faulty sensors", lambda one: faulty.get(one.group, "–")),
+    ]  # fmt: skip
+    things = facts.ranked()[::-1]
+    return tabulated(f"Errors by recording ({len(things)})", things, columns, made,
+                     most=MOST_ROWS, folded=True)  # fmt: skip
+
+
 def _percent(share: float | None) -> str:
     return "–" if share is None else fixed(100 * share, 1)
 
@@ -594,8 +627,8 @@ def _transitions(facts: GrowthFacts) -> Figures | None:
         verb = "start or a higher speed" if regime == WARMING else "stop or a lower speed"
         caption = (
             f"After a {verb}: error of the model since the spindle began "
-            f"{'to warm' if regime == WARMING else 'to cool'}, over {counted(one.count, 'stretch', 'stretches')}; at most "
-            f"{_um(one.widest)} for 90 % of the samples."
+            f"{'to warm' if regime == WARMING else 'to cool'}, over {counted(one.count, 'time')}; "
+            f"90 % of the samples lie within {_um(one.widest)}."
         )
         drawn.append(Figure(
             svg=figures.transition_figure(one, reach, facts.limit, caption), caption=caption,
