@@ -2,17 +2,17 @@
 
 ``csv`` is the table itself.  ``fanuc`` is a custom macro that shifts the external work zero point
 along Z (variable #5203; #3001 is a clock in ms, #3000 an alarm: Fanuc 0i-F operator's manual
-B-64694EN, 16.2 "System variables").  ``siemens`` is a subprogram that writes the position-independent
-temperature compensation value (SD43900 $SA_TEMP_COMP_ABS_VALUE, active with bit 0 of MD32750
-$MA_TEMP_COMP_TYPE, its rate limited by MD32760: SINUMERIK 840D sl Function Manual Extended Functions,
-6FC5397-1BP40-3BA1, K3 "Compensations", 4.2 "Temperature compensation").  Neither maker has a public
-format of a table of temperatures, so both are programs.
+B-64694EN, 16.2 "System variables").  ``siemens`` is a subprogram that writes the
+position-independent temperature compensation value (SD43900 $SA_TEMP_COMP_ABS_VALUE, active with
+bit 0 of MD32750 $MA_TEMP_COMP_TYPE, its rate limited by MD32760: SINUMERIK 840D sl Function Manual
+Extended Functions, 6FC5397-1BP40-3BA1, K3 "Compensations", 4.2 "Temperature compensation").
+Neither maker has a public format of a table of temperatures, so both are programs.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pipeline.app.fleet import DATA, machine_parameters
 from pipeline.app.programs import model_folder
@@ -24,11 +24,13 @@ from pipeline.submodels.cases import Records
 from pipeline.submodels.contract import sections
 from pipeline.submodels.deformation.correction import ONE, Correction, correction
 from pipeline.submodels.deformation.model import GrowthModel, load_growth_model
-from pipeline.submodels.deformation.records import SPEED
+from pipeline.submodels.deformation.records import SPEED, State
 from pipeline.submodels.deformation.submodel import SUBMODEL
 
 FORMATS = ("csv", "fanuc", "siemens")
 """Kinds of file."""
+STATUS = {"passed": "passed", "failed": "failed", "not judged": "was not judged"}
+"""Status of a verdict as a verb."""
 UM_PER_MM = 1000.0
 """Micrometres of a millimetre [1]."""
 LEAST_CALL_S = 1.0
@@ -106,8 +108,7 @@ def write_compensation(
         status=status, found=correction(growth, _training(machine, parameters, growth)),
         models=folder,
     )  # fmt: skip
-    lines = {"csv": table_lines, "fanuc": partial(control_lines, on=FANUC),
-             "siemens": partial(control_lines, on=SIEMENS)}[kind](done)  # fmt: skip
+    lines = table_lines(done) if kind == "csv" else control_lines(done, CONTROLS[kind])
     with replacing(out) as part:
         part.write_text("\n".join(lines) + "\n", encoding="ascii", errors="replace")
     return done
@@ -121,13 +122,13 @@ def _judged(folder: Path, *, anyway: bool) -> str:
     if status != "passed" and not anyway:
         why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
         raise ValueError(
-            f"the growth model in {folder} {'failed' if status == 'failed' else 'was not judged'}"
+            f"the growth model in {folder} {STATUS[status]}"
             f"{why}: mend that first, or write its correction with --anyway"
         )
     return status
 
 
-def _training(machine: str, parameters: dict, growth: GrowthModel) -> list:  # type: ignore[type-arg]
+def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> list[State]:
     """States of the recordings that the model learnt from."""
     wanted = sections(SUBMODEL.judging)
     own = parameters["machine"][machine]
@@ -148,7 +149,7 @@ def said(done: Written, out: Path, kind: str) -> Iterator[str]:
     if "champion" not in done.models.parts:
         yield f"with {done.models.parent.as_posix()}, not with the champion"
     if done.status != "passed":
-        yield f"WARNING: the growth model {'failed' if done.status == 'failed' else 'was not judged'}"
+        yield f"WARNING: the growth model {STATUS[done.status]}"
     yield "the offset to add along +Z, away from the workpiece, is +growth"
     yield (
         f"{'exact' if found.exact else 'linearised'}: at most {found.largest_um:.2g} um from the "
@@ -230,7 +231,7 @@ class Control:
         Templates of a comment, a variable by number, a label and a jump to it on a condition.
     first, last : int
         Numbers of the variables that may be used [1].
-    brackets : str
+    brackets : (str, str)
         Around an expression.
     less, more : str
         Comparisons.
@@ -248,7 +249,7 @@ class Control:
     jump: str
     first: int
     last: int
-    brackets: str
+    brackets: tuple[str, str]
     less: str
     more: str
     clock_s: str
@@ -260,8 +261,8 @@ class Control:
 
 FANUC = Control(
     comment="({})", variable="#{}", label="N{}", jump="IF [{}] GOTO {}", first=500, last=999,
-    brackets="[]", less="LT", more="GT", clock_s="#3001/1000",
-    head=("%", "O9100", "(CALL: G65 P9100; #5203 IS THE EXTERNAL WORK ZERO POINT OFFSET OF Z IN MM)",
+    brackets=("[", "]"), less="LT", more="GT", clock_s="#3001/1000",
+    head=("%", "O9100", "(CALL: G65 P9100; #5203 IS THE EXTERNAL WORK ZERO OFFSET OF Z IN MM)",
           "(AN OFFSET THAT STANDS IN #5203 ALREADY IS REPLACED)"),
     foot=("M99", "%"),
     alarm=("#3000=101(KERF: BEYOND THE LEARNT RANGE)",),
@@ -269,7 +270,7 @@ FANUC = Control(
 )  # fmt: skip
 SIEMENS = Control(
     comment="; {}", variable="R{}", label="KERF{}:", jump="IF {} GOTOF KERF{}", first=100, last=999,
-    brackets="()", less="<", more=">", clock_s="$AN_POWERON_TIME*60",
+    brackets=("(", ")"), less="<", more=">", clock_s="$AN_POWERON_TIME*60",
     head=("; SUBPROGRAM KERF_COMP.SPF; MD28050 $MC_MM_NUM_R_PARAM MUST REACH ITS LAST R PARAMETER",
           "; SD43900 IS ACTIVE WITH BIT 0 OF MD32750 $MA_TEMP_COMP_TYPE[Z] = 1",
           "; R99 = 1 OR -1: TRY IT WITH A DIAL GAUGE, R99 MUST BE SUCH THAT A POSITIVE VALUE OF",
@@ -279,6 +280,8 @@ SIEMENS = Control(
     alarm=("SETAL(65101)",),
     offset=("$SA_TEMP_COMP_ABS_VALUE[Z]=R99*{value}",),
 )  # fmt: skip
+CONTROLS = {"fanuc": FANUC, "siemens": SIEMENS}
+"""Controls by the kind of file."""
 RUNNING, LAST, ELAPSED, GROWTH, SUM, STEP, PART, DECAY, YOUNGER, OLDER = range(10)
 """Places of the text's own variables after the first."""
 OWN = 10
@@ -293,66 +296,20 @@ def control_lines(done: Written, on: Control) -> Iterator[str]:
     ValueError
         When it needs more variables than the control has.
     """
-    found, name = done.found, _names(done.found, on)
-    o, c = on.brackets
-    var = partial(_variable, on)
+    text = _Text(found=done.found, on=on, names=_names(done.found, on))
     yield from on.head
     for line in _head(done):
         yield on.comment.format(_plain(line, on))
-    for each in found.inputs:
-        unit = found.ranges[each].unit
-        yield on.comment.format(_plain(f"{name[each]} = {each}, {unit}, put there by the PLC", on))
-    yield on.comment.format(f"{var(RUNNING)} = 0 STARTS ANEW: GROWTH IS ZERO THERE")
-    for each in found.inputs:
-        low, high = found.ranges[each].low, found.ranges[each].high
-        yield on.jump.format(f"{name[each]}{_spaced(on.less)}{_decimal(low)}", 900)
-        yield on.jump.format(f"{name[each]}{_spaced(on.more)}{_decimal(high)}", 900)
-    yield f"{var(STEP)}={on.clock_s}-{var(LAST)}"
-    # a clock that went back, or a long pause: what the lags held is not known any more
-    longest = _decimal(LONGEST_CALL * found.period_s)
-    yield on.jump.format(f"{var(STEP)}{_spaced(on.less)}0", 100)
-    yield on.jump.format(f"{var(STEP)}{_spaced(on.more)}{longest}", 100)
-    yield on.jump.format(f"{var(RUNNING)}{_spaced(on.more)}0", 200)
-    yield on.label.format(100)
-    yield f"{var(RUNNING)}=1"
-    yield f"{var(LAST)}={on.clock_s}"
-    yield f"{var(ELAPSED)}=0"
-    yield f"{var(GROWTH)}=0"
-    for each in found.inputs:
-        yield f"{name['start ' + each]}={name[each]}"
-    for key, variable in name.items():
-        if key.startswith("lag "):
-            yield f"{variable}=0"
-    yield on.jump.format(f"{var(RUNNING)}{_spaced(on.more)}0", 300)
-    yield on.label.format(200)
-    yield on.jump.format(f"{var(STEP)}{_spaced(on.less)}{_decimal(LEAST_CALL_S)}", 400)
-    yield f"{var(LAST)}={var(LAST)}+{var(STEP)}"
-    yield f"{var(ELAPSED)}={var(ELAPSED)}+{var(STEP)}"
-    yield f"{var(GROWTH)}=0"
-    for number, chain in enumerate(found.chains):
-        yield f"{var(SUM)}=0"
-        for term in found.terms:
-            if term.lags_s == chain:
-                now, start = name[term.input], name["start " + term.input]
-                rise = f"{now}-{start}"
-                if term.input == SPEED:
-                    rise = f"{o}{now}*{now}-{start}*{start}{c}/1000000"
-                yield f"{var(SUM)}={var(SUM)}+{o}{_decimal(term.um)}{c}*{o}{rise}{c}"
-        for stage, constant in enumerate(chain):
-            yield from _lagged(on, name[f"lag {number} {stage} x"], name[f"lag {number} {stage} y"],
-                               constant)  # fmt: skip
-        yield f"{var(GROWTH)}={var(GROWTH)}+{var(SUM)}"
-    for constant in sorted({one.lag_s for one in found.starts}):
-        yield f"{var(SUM)}=0"
-        for term in found.starts:
-            if term.lag_s == constant:
-                times = "" if term.input == ONE else f"*{name['start ' + term.input]}"
-                yield f"{var(SUM)}={var(SUM)}+{o}{_decimal(term.um)}{c}{times}"
-        decay = f"EXP{o}0-{var(ELAPSED)}/{_decimal(constant)}{c}"
-        yield f"{var(GROWTH)}={var(GROWTH)}+{var(SUM)}*{o}1-{decay}{c}"
+    yield from text.refusals()
+    yield from text.clock()
+    yield f"{text.own(GROWTH)}=0"
+    for number, chain in enumerate(done.found.chains):
+        yield from text.chain(number, chain)
+    for constant in sorted({one.lag_s for one in done.found.starts}):
+        yield from text.relaxation(constant)
     yield on.label.format(300)
-    for line in on.offset:
-        yield line.format(value=f"{o}{var(GROWTH)}/{_decimal(UM_PER_MM)}{c}")
+    value = text.inside(f"{text.own(GROWTH)}/{_decimal(UM_PER_MM)}")
+    yield from (line.format(value=value) for line in on.offset)
     yield on.label.format(400)
     yield on.foot[0]
     yield on.label.format(900)
@@ -360,17 +317,100 @@ def control_lines(done: Written, on: Control) -> Iterator[str]:
     yield from on.foot
 
 
-def _lagged(on: Control, before: str, answer: str, constant: float) -> Iterator[str]:
-    """A first-order lag of the sum, exact for what runs straight from call to call."""
-    o, c = on.brackets
-    var = partial(_variable, on)
-    yield f"{var(PART)}={var(STEP)}/{_decimal(constant)}"
-    yield f"{var(DECAY)}=EXP{o}0-{var(PART)}{c}"
-    yield f"{var(YOUNGER)}=1-{o}1-{var(DECAY)}{c}/{var(PART)}"
-    yield f"{var(OLDER)}=1-{var(DECAY)}-{var(YOUNGER)}"
-    yield f"{answer}={var(DECAY)}*{answer}+{var(OLDER)}*{before}+{var(YOUNGER)}*{var(SUM)}"
-    yield f"{before}={var(SUM)}"
-    yield f"{var(SUM)}={answer}"
+@dataclass(frozen=True, kw_only=True)
+class _Text:
+    """Pieces of a control's text."""
+
+    found: Correction
+    on: Control
+    names: Mapping[str, str]
+
+    def own(self, place: int) -> str:
+        """One of the text's own variables."""
+        return _variable(self.on, place)
+
+    def inside(self, expression: str) -> str:
+        """An expression in brackets."""
+        return f"{self.on.brackets[0]}{expression}{self.on.brackets[1]}"
+
+    def less(self, left: str, right: float, label: int) -> str:
+        """A jump where something is less than a number."""
+        return self.on.jump.format(f"{left}{_spaced(self.on.less)}{_decimal(right)}", label)
+
+    def more(self, left: str, right: float, label: int) -> str:
+        """A jump where something is more than a number."""
+        return self.on.jump.format(f"{left}{_spaced(self.on.more)}{_decimal(right)}", label)
+
+    def refusals(self) -> Iterator[str]:
+        """What the inputs are, and the alarm where one is out of its range."""
+        for each in self.found.inputs:
+            words = f"{self.names[each]} = {each}, {self.found.ranges[each].unit}, set by the PLC"
+            yield self.on.comment.format(_plain(words, self.on))
+        yield self.on.comment.format(f"{self.own(RUNNING)} = 0 STARTS ANEW: GROWTH IS ZERO THERE")
+        for each in self.found.inputs:
+            yield self.less(self.names[each], self.found.ranges[each].low, 900)
+            yield self.more(self.names[each], self.found.ranges[each].high, 900)
+
+    def clock(self) -> Iterator[str]:
+        """Time since the last call; a start anew where the clock went back or paused for long.
+
+        What the lags held is not known any more then.
+        """
+        own, clock = self.own, self.on.clock_s
+        yield f"{own(STEP)}={clock}-{own(LAST)}"
+        yield self.less(own(STEP), 0.0, 100)
+        yield self.more(own(STEP), LONGEST_CALL * self.found.period_s, 100)
+        yield self.more(own(RUNNING), 0.0, 200)
+        yield self.on.label.format(100)
+        yield from (f"{own(RUNNING)}=1", f"{own(LAST)}={clock}", f"{own(ELAPSED)}=0",
+                    f"{own(GROWTH)}=0")  # fmt: skip
+        for each in self.found.inputs:
+            yield f"{self.names[f'start {each}']}={self.names[each]}"
+        yield from (f"{where}=0" for key, where in self.names.items() if key.startswith("lag "))
+        yield self.more(own(RUNNING), 0.0, 300)
+        yield self.on.label.format(200)
+        yield self.less(own(STEP), LEAST_CALL_S, 400)
+        yield f"{own(LAST)}={own(LAST)}+{own(STEP)}"
+        yield f"{own(ELAPSED)}={own(ELAPSED)}+{own(STEP)}"
+
+    def chain(self, number: int, chain: tuple[float, ...]) -> Iterator[str]:
+        """Terms with the same lags: their sum, low-passed, added to growth."""
+        total = self.own(SUM)
+        yield f"{total}=0"
+        for term in self.found.terms:
+            if term.lags_s == chain:
+                now, start = self.names[term.input], self.names[f"start {term.input}"]
+                rise = f"{now}-{start}"
+                if term.input == SPEED:
+                    rise = self.inside(f"{now}*{now}-{start}*{start}") + "/1000000"
+                yield f"{total}={total}+{self.inside(_decimal(term.um))}*{self.inside(rise)}"
+        for stage, constant in enumerate(chain):
+            yield from self.lagged(f"lag {number} {stage}", constant)
+        yield f"{self.own(GROWTH)}={self.own(GROWTH)}+{total}"
+
+    def lagged(self, state: str, constant: float) -> Iterator[str]:
+        """A first-order lag of the sum, exact for what runs straight from call to call."""
+        own, total = self.own, self.own(SUM)
+        before, answer = self.names[f"{state} x"], self.names[f"{state} y"]
+        part, decay, younger, older = own(PART), own(DECAY), own(YOUNGER), own(OLDER)
+        yield f"{part}={own(STEP)}/{_decimal(constant)}"
+        yield f"{decay}=EXP{self.inside(f'0-{part}')}"
+        yield f"{younger}=1-{self.inside(f'1-{decay}')}/{part}"
+        yield f"{older}=1-{decay}-{younger}"
+        yield f"{answer}={decay}*{answer}+{older}*{before}+{younger}*{total}"
+        yield f"{before}={total}"
+        yield f"{total}={answer}"
+
+    def relaxation(self, constant: float) -> Iterator[str]:
+        """Terms of the start with the same lag, added to growth."""
+        total = self.own(SUM)
+        yield f"{total}=0"
+        for one in self.found.starts:
+            if one.lag_s == constant:
+                times = "" if one.input == ONE else f"*{self.names[f'start {one.input}']}"
+                yield f"{total}={total}+{self.inside(_decimal(one.um))}{times}"
+        decay = f"EXP{self.inside(f'0-{self.own(ELAPSED)}/{_decimal(constant)}')}"
+        yield f"{self.own(GROWTH)}={self.own(GROWTH)}+{total}*{self.inside(f'1-{decay}')}"
 
 
 def _variable(on: Control, place: int) -> str:
@@ -397,9 +437,9 @@ def _decimal(value: float) -> str:
 
 
 def _plain(line: str, on: Control) -> str:
-    """A comment in letters that every control reads."""
-    line = line.upper() if on.comment.startswith("(") else line
-    return line.replace("(", "").replace(")", "")
+    """A comment in letters that every control reads; a percent sign ends a Fanuc's program."""
+    line = line.replace("(", "").replace(")", "").replace("%", "percent")
+    return line.replace("_", " ").upper() if on.comment.startswith("(") else line
 
 
 def _spaced(word: str) -> str:

@@ -1,10 +1,10 @@
 """Correction of spindle growth that a control can work out: sums of lagged inputs, with its range.
 
-Growth [um] is a sum of terms: a coefficient times an input since the start, low-passed by no, one or
-two first-order lags.  Beside them stand terms of the start alone, a coefficient times a temperature
-at the start times 1 - exp(-t / lag): what a machine that starts warm does by itself.  The offset that
-takes growth off is +growth along +Z: Z points away from the workpiece (ISO 841), a spindle grows
-towards it.
+Growth [um] is a sum of terms: a coefficient times an input since the start, low-passed by no, one
+or two first-order lags.  Beside them stand terms of the start alone, a coefficient times a
+temperature at the start times 1 - exp(-t / lag): what a machine that starts warm does by itself.  The
+offset that takes growth off is +growth along +Z: Z points away from the workpiece (ISO 841), a
+spindle grows towards it.
 
 A ridge regression is such a sum already, also where it leaves sensors out and reads others in their
 place: the correction equals it but for rounding.  Any other method is linearised: the ridge

@@ -88,8 +88,8 @@ def recording_figure(one: Recorded, limit: float | None, label: str) -> Markup:
     reach = 1.15 * max(float(np.nanmax(np.abs(error), initial=0.0)), limit or 0.0, 0.1)
     into = Band(top=into.bottom + GAP, height=ERROR, low=-reach, high=reach)
     limits = [svg.across(into.pixel(end), "grid limit") for end in (-limit, limit)] if limit else []
-    parts += [*_band("Model less measured, µm", into, [line(one.time, error, span, into, "window")]),
-              *limits]  # fmt: skip
+    curve = line(one.time, error, span, into, "window")
+    parts += [*_band("Model less measured, µm", into, [curve]), *limits]
     if one.speed is not None:
         into = band(into.bottom + GAP, SPEED, one.speed, zero=True)
         fastest = float(np.nanmax(one.speed, initial=0.0))

@@ -1,6 +1,7 @@
 """Page of spindle growth: the first hour, faulty sensors, all methods, what the model is off by."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -368,8 +369,8 @@ def _traces(
     return clock, found, columns.get(SPEED)
 
 
-def _trace(facts: GrowthFacts, group: str):  # type: ignore[no-untyped-def]
-    return facts.shown.signals / "traces" / parquet_name(group)
+def _trace(facts: GrowthFacts, group: str) -> Path:
+    return (facts.shown.signals or Path()) / "traces" / parquet_name(group)
 
 
 def _trace_source(facts: GrowthFacts, group: str) -> list[Source]:
