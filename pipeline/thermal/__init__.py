@@ -1,10 +1,12 @@
 """Heat of a machine tool and what it deforms: thermal networks, sensor groups, spindle growth.
 
 ``network`` gives the spindle's temperature from its speed and load, ``clusters`` groups of sensors
-that warm alike by fuzzy c-means, ``lagged`` features of a deformation that follows its heat.
+that warm alike by fuzzy c-means, ``lagged`` features of a deformation that follows its heat,
+``deformation`` the spindle's growth from speed and ambient by two nodes (``growth_fit`` fits them),
+``expansion`` the same from measured temperatures.
 Temperatures in degC, rates in 1/s, spindle speed in rad/s, growth in m; only quotients k / C and
 1 / (R C) are parameters, since temperatures determine no more.
 Source: Harris, Kotzalas, Essential Concepts of Bearing Technology, 5th ed.
 """
 
-__all__ = ["clusters", "lagged", "network"]
+__all__ = ["clusters", "deformation", "expansion", "growth_fit", "lagged", "network"]

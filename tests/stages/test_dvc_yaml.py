@@ -134,6 +134,11 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
                 path = section_path(values, section, item)
                 structure(values, path, wanted)
                 used.add(path)
+        if each and not listed(each, values["fleet"]):  # no machine of the fleet has records for it
+            shared = {section for section in sections if section in values}
+            for section in shared:
+                structure(values, section, sections[section])
+            used |= shared
     for pattern, wanted in BY_HAND.items():
         for path in by_hand(values, pattern):
             structure(values, path, wanted)

@@ -35,6 +35,8 @@ class Inputs:
         Temperature of each sensor above its first [K].
     groups : ndarray, shape (T, C)
         Temperature of each group above its first [K].
+    group_temperatures : ndarray, shape (T, C)
+        [degC].
     linear : ndarray, shape (T, K)
         Groups, their lags, speed, ambient and relaxation from the start.
     each_sensor : ndarray, shape (T, M)
@@ -44,6 +46,7 @@ class Inputs:
     state: State
     rises: Floats
     groups: Floats
+    group_temperatures: Floats
     linear: Floats
     each_sensor: Floats
 
@@ -93,7 +96,7 @@ class InputMaker:
             shared += [drift, *self._lagged(state.time, drift)]
         shared += [(1 - np.exp(-state.time / one))[:, None] * above for one in self.lags_s]
         return Inputs(
-            state=state, rises=rises, groups=groups,
+            state=state, rises=rises, groups=groups, group_temperatures=groups + start,
             linear=np.hstack([groups, *self._lagged(state.time, groups), *shared]),
             each_sensor=np.hstack([rises, *self._lagged(state.time, rises), *shared]),
         )  # fmt: skip

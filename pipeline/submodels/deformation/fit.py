@@ -8,10 +8,18 @@ import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
 from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
 from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
-from pipeline.submodels.deformation.methods import METHODS, Budget, Ensemble, Example, restored, ridge
+from pipeline.submodels.deformation.methods import (
+    METHODS,
+    Budget,
+    Ensemble,
+    Example,
+    restored,
+    ridge,
+)
 from pipeline.submodels.deformation.model import (
     KEPT,
     LEFT_OUT,
@@ -24,9 +32,20 @@ from pipeline.submodels.deformation.model import (
     regimes_of,
     treated,
 )
-from pipeline.submodels.deformation.records import AMBIENT, FEWEST_SENSORS, SPEED, Profile, State
+from pipeline.submodels.deformation.records import (
+    AMBIENT,
+    FEWEST_SAMPLES,
+    FEWEST_SENSORS,
+    SPEED,
+    Profile,
+    State,
+)
 from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
 
+PLACES = ("front", "middle", "rear")
+"""Groups of sensors in their order."""
+STARTS_CHOSEN_BY = "linear_sensors"
+"""Method by whose error the number of later starts is chosen: fitted in no time."""
 FEWEST_PROFILES = 4
 """Training recordings below which nothing can be left out and compared [1]."""
 
@@ -49,12 +68,16 @@ class GrowthFit:
         Of faulty sensors.
     faults : tuple of TrainingFault
         Found in the training recordings.
+    later_starts : int
+        Of each recording, that were learnt from as well.
     learnt : mapping of str to Learnt
         Range of each input.
     bands : mapping of str to Band
         Intervals by regime.
     adaptive_step : float
         Of the interval that follows the probe.
+    parameters : mapping of str to Parameter
+        Growth for a kelvin of each group of sensors.
     """
 
     sensors: SensorModel
@@ -64,9 +87,11 @@ class GrowthFit:
     compared: Mapping[str, MethodScore]
     treatment: Treatment
     faults: tuple[TrainingFault, ...]
+    later_starts: int
     learnt: Mapping[str, Learnt]
     bands: Mapping[str, Band]
     adaptive_step: float
+    parameters: Mapping[str, Parameter]
 
 
 def fit_growth(
@@ -93,11 +118,7 @@ def fit_growth(
             f"{len(profiles)} training recordings of growth are of use, {FEWEST_PROFILES} are the "
             "least: record more, or name more in roles.training"
         )
-    names = settings.methods or tuple(METHODS)
-    if strange := [name for name in names if name not in METHODS]:
-        raise ValueError(
-            f"deformation_fit.methods names {strange[0]!r}: choose among {', '.join(METHODS)}"
-        )
+    names = _methods(profiles, settings.methods)
     model = fit_sensors(profiles, sensors, settings.sensors)
     checked = [model.check(one.state) for one in profiles]
     faults = tuple(
@@ -112,7 +133,8 @@ def fit_growth(
         Example(name=one.name, inputs=maker.of(state), growth=one.growth)
         for one, state in zip(profiles, states, strict=True)
     ]
-    left_out = _left_out(examples, names, settings)
+    later_starts, learnt_from = _with_best_later_starts(examples, maker, settings)
+    left_out = _left_out(examples, learnt_from, names, settings)
     measured = np.concatenate([one.growth for one in examples])
     compared = {
         name: method_score(name, np.concatenate(parts, axis=1), measured)
@@ -125,15 +147,17 @@ def fit_growth(
         sensors=model,
         inputs=maker,
         champion=champion,
-        ensembles=_fitted(examples, names, settings),
+        ensembles=_fitted(learnt_from, names, settings),
         compared=compared,
         treatment=treatment,
         faults=faults,
+        later_starts=later_starts,
         learnt=_learnt(sensors, states),
         bands=intervals,
         adaptive_step=chosen_step(
             residuals, intervals, settings.adaptive_steps, settings.probe_delay_s
         ),
+        parameters=growth_per_kelvin(examples),
     )
 
 
@@ -158,17 +182,79 @@ def _seeds(name: str, many: int) -> range:
     return range(many if METHODS[name].seeded else 1)
 
 
+def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ...]:
+    """Methods that are compared.
+
+    Raises
+    ------
+    ValueError
+        When one is named that does not exist, or that needs a channel that is not recorded.
+    """
+    turning = any(one.state.speed.any() for one in profiles)
+    air = all(np.isfinite(one.state.ambient).all() for one in profiles)
+    able = [
+        name for name, method in METHODS.items()
+        if (turning or not method.needs_speed) and (air or not method.needs_ambient)
+    ]  # fmt: skip
+    if strange := [name for name in named if name not in able]:
+        raise ValueError(
+            f"deformation_fit.methods names {strange[0]!r}: with the channels recorded choose "
+            f"among {', '.join(able)}"
+        )
+    return tuple(named) or tuple(able)
+
+
+def with_later_starts(one: Example, maker: InputMaker, starts: int) -> list[Example]:
+    """A recording, and its parts as if the probe had been set to zero later, evenly spread.
+
+    A part begins with a machine in whatever state it was, so that a few recordings show many
+    warm starts.  It begins at the next sample with growth.
+    """
+    found, state = [one], one.inputs.state
+    known = np.flatnonzero(np.isfinite(one.growth))
+    for k in range(1, starts + 1):
+        later = known[known >= k * len(state) // (starts + 1)]
+        if len(later) > FEWEST_SAMPLES:
+            first = int(later[0])
+            growth = one.growth[first:] - one.growth[first]
+            found.append(Example(name=one.name, inputs=maker.of(state.since(first)), growth=growth))
+    return found
+
+
+def _with_best_later_starts(
+    examples: Sequence[Example], maker: InputMaker, settings: DeformationFitSettings
+) -> tuple[int, list[Example]]:
+    """Number of later starts with the least error on recordings left out, and all the parts."""
+    choices = {
+        many: [part for one in examples for part in with_later_starts(one, maker, many)]
+        for many in settings.later_starts
+    }
+    measured = np.concatenate([one.growth for one in examples])
+
+    def error(many: int) -> float:
+        name, alone = STARTS_CHOSEN_BY, replace(settings, compute="serial")
+        parts = _left_out(examples, choices[many], [name], alone)[name]
+        return method_score(name, np.concatenate(parts, axis=1), measured).rmse_um
+
+    best = settings.later_starts[0]
+    if len(choices) > 1:
+        best = min(choices, key=error)
+    return best, choices[best]
+
+
 def _left_out(
-    examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
-) -> dict[str, list[Floats]]:
+    examples: Sequence[Example], learnt_from: Sequence[Example], names: Sequence[str],
+    settings: DeformationFitSettings,
+) -> dict[str, list[Floats]]:  # fmt: skip
     """Predictions of each recording by fits of the others, shape (seeds, T) each, by method."""
-    budget = Budget(training=settings.training, every_s=settings.network_every_s)
+    budget = Budget(training=settings.training, every_s=settings.every_s)
     by_name = {one.name: one for one in examples}
     pairs = list(splits(spread(list(by_name), settings.folds), settings.folds))
     tasks = [
         _Task(
             method=name, seed=seed, budget=budget,
-            examples=tuple(by_name[n] for n in fitted), others=tuple(by_name[n] for n in out),
+            examples=tuple(one for one in learnt_from if one.name in fitted),
+            others=tuple(by_name[n] for n in out),
         )
         for name in names
         for fitted, out in pairs
@@ -180,9 +266,7 @@ def _left_out(
     ):
         for one, values in zip(task.others, growth, strict=True):
             found[task.method].setdefault(one.name, []).append(values)
-    return {
-        name: [np.array(parts[one.name]) for one in examples] for name, parts in found.items()
-    }
+    return {name: [np.array(parts[one.name]) for one in examples] for name, parts in found.items()}
 
 
 def spread(names: list[str], folds: int) -> list[str]:
@@ -202,7 +286,7 @@ def _fitted(
     examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
 ) -> dict[str, Ensemble]:
     """Every method fitted on all recordings, once a seed."""
-    budget = Budget(training=settings.training, every_s=settings.network_every_s)
+    budget = Budget(training=settings.training, every_s=settings.every_s)
     tasks = [
         _Task(method=name, seed=seed, budget=budget, examples=tuple(examples))
         for name in names
@@ -267,15 +351,49 @@ def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt
 
     def over(values: Sequence[Floats], unit: str) -> Learnt:
         every = np.concatenate([np.ravel(v) for v in values])
-        return Learnt(
-            low=float(f"{every.min():.5g}"), high=float(f"{every.max():.5g}"), unit=unit
-        )
+        return Learnt(low=float(f"{every.min():.5g}"), high=float(f"{every.max():.5g}"), unit=unit)
 
     found = {
-        name: over([s.temperatures[:, k] for s in states], "degC")
-        for k, name in enumerate(sensors)
+        name: over([s.temperatures[:, k] for s in states], "degC") for k, name in enumerate(sensors)
     }
     found[SPEED] = over([s.speed for s in states], "rev/min")
     if all(np.isfinite(s.ambient).all() for s in states):
         found[AMBIENT] = over([s.ambient for s in states], "degC")
     return found
+
+
+def growth_per_kelvin(examples: Sequence[Example]) -> dict[str, Parameter]:
+    """Growth for a kelvin of each group, front, middle and rear, all else being equal [um/K].
+
+    Ridge regression on the groups' temperatures; the interval is that of a jackknife over whole
+    recordings, whose samples hang together.
+    """
+    x, y = [one.inputs.groups for one in examples], [one.growth for one in examples]
+
+    def fitted(out: int) -> Floats:
+        rest = [k for k in range(len(x)) if k != out]
+        return ridge([x[k] for k in rest], [y[k] for k in rest], "groups").weights
+
+    from scipy.stats import t as student
+
+    weights, many = fitted(-1), len(x)
+    left = np.array([fitted(k) for k in range(many)])
+    deviation = np.sqrt((many - 1) * np.mean((left - left.mean(axis=0)) ** 2, axis=0))
+    half = student.ppf(0.975, many - 1) * deviation
+    found = {}
+    for name, value, width in zip(PLACES, weights.tolist(), half.tolist(), strict=True):
+        known = width < abs(value)
+        found[f"{name}_growth_per_kelvin"] = Parameter(
+            value=float(f"{value:.4g}") if known else None,
+            unit="um/K",
+            interval_95=_interval(value, width) if known else None,
+            determined=known,
+            method="regression of growth on the temperatures of the groups of sensors, jackknife "
+            "over recordings" if known else "its 95 % interval holds zero",
+            remedy="" if known else "record profiles in which front and rear warm differently",
+        )  # fmt: skip
+    return found
+
+
+def _interval(value: float, half: float) -> tuple[float, float]:
+    return float(f"{value - half:.4g}"), float(f"{value + half:.4g}")

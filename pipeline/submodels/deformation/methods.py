@@ -1,14 +1,14 @@
 """Methods that predict growth, each fitted, stored and restored alike.
 
 Baselines of FFNN2015 (BP 9-7-1 and 9-16-1, the classic fuzzy-filtered network), its improved
-network trained in three ways, and beside them persistence, ridge regressions, a physical model and
-its hybrid.  Networks have the inputs of the ridge regression; the paper's own inputs (temperatures of
-sensors and groups, without lags or speed) are kept as variants.
+network trained in three ways, and beside them persistence, ridge regressions, physical models and
+a hybrid.  Networks have the inputs of the ridge regression; the paper's own inputs (temperatures
+of sensors and groups, without lags or speed) are kept as variants.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,6 +22,10 @@ from pipeline.nets.settings import (
 )
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.deformation.features import Inputs
+from pipeline.submodels.deformation.records import RPM, UM
+from pipeline.thermal import growth_fit
+from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord
+from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
 
 PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Ridge penalties to choose from, as shares of the mean square of all inputs [1]."""
@@ -29,7 +33,10 @@ PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Example:
-    """One training recording: its name, inputs and measured growth [um], NaN where unknown."""
+    """A training recording or a later part of one: its name, inputs and growth since its start.
+
+    Growth is in um, NaN where it is unknown; parts of a recording have its name.
+    """
 
     name: str
     inputs: Inputs
@@ -38,14 +45,14 @@ class Example:
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """Budget of a network, the same for all.
+    """Budget of a fit, the same for all networks.
 
     Parameters
     ----------
     training : TrainingSettings
         Passes and the like.
     every_s : float
-        Time between two samples that are learnt from [s].
+        Time between two samples that networks and physical models learn from [s].
     """
 
     training: TrainingSettings
@@ -73,10 +80,14 @@ class Method(ABC):
         For a person.
     seeded : bool
         Whether its fit depends on a seed.
+    needs_speed, needs_ambient : bool
+        Whether it needs the spindle speed and the ambient temperature.
     """
 
     label: str
-    seeded: bool
+    seeded: ClassVar[bool]
+    needs_speed: ClassVar[bool] = False
+    needs_ambient: ClassVar[bool] = False
 
     @abstractmethod
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
@@ -148,12 +159,19 @@ class Linear(Method):
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Ridge:
         """Weights at the best penalty."""
-        x = [getattr(one.inputs, self.inputs) for one in examples]
-        return ridge(x, [one.growth for one in examples], self.inputs)
+        return ridge(*by_recording(examples, self.inputs), self.inputs)
 
     def restore(self, document: Mapping[str, Any]) -> Ridge:
         """The regression of a document."""
         return Ridge(self.inputs, np.array(document["weights"]), document["penalty"])
+
+
+def by_recording(examples: Sequence[Example], inputs: str) -> tuple[list[Floats], list[Floats]]:
+    """Inputs and growth of each recording, its parts one after the other."""
+    names = list(dict.fromkeys(one.name for one in examples))
+    parts = [[one for one in examples if one.name == name] for name in names]
+    x = [np.vstack([getattr(one.inputs, inputs) for one in some]) for some in parts]
+    return x, [np.concatenate([one.growth for one in some]) for some in parts]
 
 
 def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
@@ -171,7 +189,7 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
     y = [one[rows] for one, rows in zip(y, known, strict=True)]
     grams = [one.T @ one for one in x]
     moments = [one.T @ other for one, other in zip(x, y, strict=True)]
-    gram, moment = sum(grams), sum(moments)
+    gram, moment = np.sum(grams, axis=0), np.sum(moments, axis=0)
     # one scale for all: an input that hardly varied has a small weight, not a wild one
     unit = np.eye(len(gram)) * float(np.trace(gram)) / len(gram)
 
@@ -186,6 +204,135 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
     penalty = min(PENALTIES, key=left_out) if len(x) > 1 else PENALTIES[-3]
     weights = np.linalg.solve(gram + penalty * unit, moment)
     return Ridge(name, weights, penalty)
+
+
+def growth_record(inputs: Inputs, growth: Floats | None = None) -> GrowthRecord:
+    """Inputs as the thermal models take them: SI, the groups for sensors."""
+    state = inputs.state
+    return GrowthRecord(
+        time_s=inputs.time,
+        speed_rad_s=state.speed / RPM,
+        ambient_C=state.ambient,
+        temperatures_C=inputs.group_temperatures,
+        growth_m=np.full(len(inputs), np.nan) if growth is None else growth * UM,
+    )
+
+
+def whole_records(examples: Sequence[Example], budget: Budget) -> list[GrowthRecord]:
+    """Whole recordings for the physical models, a sample every so often."""
+    whole = {one.name: one for one in reversed(examples)}  # the first of a name is the whole
+    found = []
+    for one in whole.values():
+        record = growth_record(one.inputs, one.growth)
+        rows = slice(None, None, max(1, round(budget.every_s / record.step)))
+        found.append(GrowthRecord(**{name: part[rows] for name, part in vars(record).items()}))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _TwoNodes(Fitted):
+    network: DeformationNetwork
+
+    def predict(self, inputs: Inputs) -> Floats:
+        one = growth_record(inputs)
+        return self.network.predict(
+            one.speed_rad_s, one.ambient_C, one.temperatures_C[0], one.step
+        ) / UM  # fmt: skip
+
+    def document(self) -> dict[str, Any]:
+        return {**asdict(self.network), "sensor_shares": list(self.network.sensor_shares)}
+
+
+@dataclass(frozen=True)
+class TwoNodes(Method):
+    """Two nodes of heat from speed and ambient alone; the sensors say how they start."""
+
+    label: str = "two thermal nodes, from the speed"
+    seeded: ClassVar[bool] = False
+    needs_speed: ClassVar[bool] = True
+    needs_ambient: ClassVar[bool] = True
+
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
+        """The network of :func:`pipeline.thermal.growth_fit.fit`."""
+        return _TwoNodes(growth_fit.fit(whole_records(examples, budget)).network)
+
+    def restore(self, document: Mapping[str, Any]) -> Fitted:
+        """The network of a document."""
+        shares = tuple(document["sensor_shares"])
+        return _TwoNodes(DeformationNetwork(**{**document, "sensor_shares": shares}))
+
+
+@dataclass(frozen=True, eq=False)
+class _Expansion(Fitted):
+    expansion: LaggedExpansion
+
+    def predict(self, inputs: Inputs) -> Floats:
+        return self.expansion.predict(
+            inputs.time, inputs.state.speed / RPM, inputs.group_temperatures
+        ) / UM  # fmt: skip
+
+    def document(self) -> dict[str, Any]:
+        one = self.expansion
+        return {
+            "expansions": list(one.expansions),
+            "lags_s": list(one.lags_s),
+            "centrifugal": one.centrifugal,
+        }
+
+
+@dataclass(frozen=True)
+class Expansion(Method):
+    """Each group of sensors expands its length with a lag of its own."""
+
+    label: str = "lagged expansion of three groups"
+    seeded: ClassVar[bool] = False
+
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
+        """The expansion of :func:`pipeline.thermal.expansion.fit_expansion`."""
+        return _Expansion(fit_expansion(whole_records(examples, budget)).model)
+
+    def restore(self, document: Mapping[str, Any]) -> Fitted:
+        """The expansion of a document."""
+        return _Expansion(
+            LaggedExpansion(
+                expansions=tuple(document["expansions"]), lags_s=tuple(document["lags_s"]),
+                centrifugal=document["centrifugal"],
+            )
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Sum(Fitted):
+    first: Fitted
+    second: Ridge
+
+    def predict(self, inputs: Inputs) -> Floats:
+        return self.first.predict(inputs) + self.second.predict(inputs)
+
+    def document(self) -> dict[str, Any]:
+        return {"first": self.first.document(), "second": self.second.document()}
+
+
+@dataclass(frozen=True)
+class Hybrid(Method):
+    """A physical model, and a ridge regression on what it leaves over."""
+
+    label: str
+    physics: Method
+    inputs: str
+    seeded: ClassVar[bool] = False
+
+    def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
+        """The physical model, then the regression on its errors."""
+        first = self.physics.fit(examples, budget, seed)
+        left = [replace(one, growth=one.growth - first.predict(one.inputs)) for one in examples]
+        return _Sum(first, ridge(*by_recording(left, self.inputs), self.inputs))
+
+    def restore(self, document: Mapping[str, Any]) -> Fitted:
+        """Both of a document."""
+        rest = document["second"]
+        second = Ridge(self.inputs, np.array(rest["weights"]), rest["penalty"])
+        return _Sum(self.physics.restore(document["first"]), second)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +415,10 @@ METHODS: Mapping[str, Method] = {
     "linear": Linear(label="linear regression, groups with lags", inputs="linear"),
     "linear_sensors": Linear(label="linear regression, every sensor with lags",
                              inputs="each_sensor"),
+    "two_nodes": TwoNodes(),
+    "expansion": Expansion(),
+    "hybrid": Hybrid("lagged expansion and linear regression of the rest", Expansion(),
+                     "each_sensor"),
     "bp_7_paper": _sigmoid("BP 9-7-1, the paper's inputs", 7, paper=True),
     "bp_7": _sigmoid("BP 9-7-1", 7),
     "bp_16": _sigmoid("BP 9-16-1", 16),

@@ -42,12 +42,17 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
         Fits of each method that depends on a seed; what is served is their mean.
     seeds_left_out : int
         Fits of such a method on each fold.
+    later_starts : tuple of int
+        Each training recording is also learnt from with its start moved to so many later times: a
+        machine that is warm when the probe is set to zero.  Of these numbers the one with which the
+        linear regression errs least on recordings left out.
     methods : tuple of str
-        That are compared; all unless named.
+        That are compared; unless named all that the recorded channels allow.
     training : TrainingSettings
         Budget of each network, the same for all.
-    network_every_s : float
-        Time between two samples that networks learn from [s]; neighbours say nearly the same.
+    every_s : float
+        Time between two samples that networks and physical models learn from [s]; neighbours say
+        nearly the same.
     sensors : SensorSettings
         Of the check of the temperature sensors.
     rate_s : float
@@ -69,15 +74,16 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     folds: Annotated[int, Range(least=2)] = 7
     seeds: Count = 5
     seeds_left_out: Count = 2
+    later_starts: tuple[Annotated[int, Range(least=0)], ...] = (0, 2, 5)
     methods: tuple[str, ...] = ()
     training: TrainingSettings = field(default_factory=TrainingSettings)
-    network_every_s: Positive = 120.0
+    every_s: Positive = 360.0
     sensors: SensorSettings = field(default_factory=SensorSettings)
     rate_s: Positive = 600.0
     steady_K_h: Positive = 2.0
     widening: NotNegative = 0.25
     probe_delay_s: NotNegative = 600.0
-    adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.01, 0.03, 0.1)
+    adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)
     compute: Compute = "processes"
 
 
@@ -174,6 +180,8 @@ class DeformationModel(Model):
         Of faulty sensors.
     training_faults : tuple of TrainingFault
         Found in the training recordings.
+    later_starts : int
+        Later starts of each training recording that were learnt from as well [1].
     learnt : mapping of str to Learnt
         Range of each input.
     widening : float
@@ -196,6 +204,7 @@ class DeformationModel(Model):
     compared: Mapping[str, MethodScore]
     treatment: Treatment
     training_faults: tuple[TrainingFault, ...]
+    later_starts: int
     learnt: Mapping[str, Learnt]
     widening: float
     rate_s: float
@@ -282,5 +291,3 @@ def load_growth_model(folder: Path) -> GrowthModel:
     return GrowthModel(
         file, {name: restored(name, documents) for name, documents in methods.documents.items()}
     )
-
-

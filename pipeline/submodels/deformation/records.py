@@ -6,17 +6,20 @@ recorded.  A sample of the grid is the newest row at or before its time, so that
 row enters it.
 """
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.verdict import Fact
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
+from pipeline.signals.units import conversion
 
 KELVIN = 273.15
 """Zero of the Celsius scale [K]."""
@@ -130,12 +133,20 @@ class State:
         """Since the start [s]; shape (T,)."""
         return self.period * np.arange(len(self))
 
+    def since(self, first: int) -> "State":
+        """The state from a sample on."""
+        return State(
+            period=self.period, temperatures=self.temperatures[first:], speed=self.speed[first:],
+            ambient=self.ambient[first:],
+        )  # fmt: skip
+
     @property
     def channels(self) -> Floats:
         """Sensors, then the ambient temperature where it is recorded; shape (T, S or S + 1)."""
         if np.isnan(self.ambient).all():
             return self.temperatures
-        return np.column_stack((self.temperatures, self.ambient))
+        result: Floats = np.column_stack((self.temperatures, self.ambient))
+        return result
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,7 +200,13 @@ def read_profiles(
         signals, records.channels, patterns=records.recordings, preferred=preferred,
         section="deformation_records.recordings",
     )  # fmt: skip
-    return [_growth_recording(one, records) for one in found]
+    outputs = json.loads((signals / "manifest.json").read_text())["files"]
+    return [
+        _of_log(one, signals / str(outputs[one.name]["output"]), records)
+        if str(outputs[one.name].get("output")).startswith("observations/")
+        else _growth_recording(one, records)
+        for one in found
+    ]
 
 
 def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthRecording:
@@ -201,11 +218,45 @@ def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthReco
     lacking = [n for n in declared if n in samples.lacking and n not in empty]
     if lacking:
         return GrowthRecording(name=one.name, reason=samples.lacking[lacking[0]])
-    profile = _profile(one.name, samples, records, [n in empty for n in records.temperatures])
+    return _checked(
+        _profile(one.name, samples, records, [n in empty for n in records.temperatures])
+    )
+
+
+def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRecording:
+    """Recording in a log of MTConnect: a channel's column is a data item, its value holds."""
+    items = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
+    items = items.sort_values("time", kind="stable")
+    if not len(items):
+        return GrowthRecording(name=one.name, reason="it holds no observation: record it again")
+    seconds = (items["time"] - items["time"].iloc[0]).dt.total_seconds().to_numpy(float)
+    numbers: dict[str, Floats] = {}
+    for name, channel in records.channels.items():
+        rows = (items["data_item"] == channel.column).to_numpy()
+        if not rows.any():
+            reason = f"it has no data item {channel.column!r}: {channel.remedy}"
+            return GrowthRecording(name=one.name, reason=reason)
+        try:
+            factor, offset = conversion(channel.unit, channel.si_unit)
+        except ValueError as error:
+            reason = f"its data item {channel.column!r} is in {channel.unit or 'no unit'}: {error}"
+            return GrowthRecording(name=one.name, reason=f"{reason}: name its unit")
+        values = np.full(len(items), np.nan)
+        values[rows] = channel.factor * (factor * items["number"].to_numpy(float)[rows] + offset)
+        last = np.maximum.accumulate(np.where(rows, np.arange(len(items)), 0))
+        # where an item was unavailable it stays so until its next value
+        numbers[name] = np.where(np.cumsum(rows) > 0, values[last], np.nan)
+    samples = Samples(time=seconds, channels=numbers)
+    none = [False] * len(records.temperatures)
+    return _checked(_profile(one.name, samples, replace(records, longest_gap_s=1e9), none))
+
+
+def _checked(profile: Profile) -> GrowthRecording:
+    """A profile, or the reason why it says too little."""
     if np.isfinite(profile.growth).sum() < FEWEST_SAMPLES:
         reason = f"it has fewer than {FEWEST_SAMPLES} samples of growth: record for longer"
-        return GrowthRecording(name=one.name, reason=reason)
-    return GrowthRecording(name=one.name, profile=profile)
+        return GrowthRecording(name=profile.name, reason=reason)
+    return GrowthRecording(name=profile.name, profile=profile)
 
 
 def _profile(

@@ -29,6 +29,9 @@ UNSETTLED = 10.0
 """Factor on the tolerated departure while the lags settle [1]."""
 MOVED = 4.0
 """Movement of the others that a held value is told by, in units of the least departure [1]."""
+SET_ASIDE, SUSPECT = 1 / 3, 2.0
+"""Share of the training recordings that may be set aside at first [1], and the ratio of a departure
+to the usual one from which they are [1]."""
 ROUNDS = 3
 """Times the regressions are found anew without the sensors that were faulty [1]."""
 
@@ -275,12 +278,11 @@ class SensorModel:
             sensor = min(silent, key=lambda s: (silent[s], s))
             return sensor, silent[sensor]
         for at in over:
-            suspects = np.flatnonzero(ratios[at] > 0.5)
             best, least = -1, 1.0
-            for sensor in suspects:
-                worst = float(self.ratios(vector[: at + 1], gone | {int(sensor)})[-1].max())
+            for suspect in np.flatnonzero(ratios[at] > 0.5).tolist():
+                worst = float(self.ratios(vector[: at + 1], gone | {suspect})[-1].max())
                 if worst < least:
-                    best, least = int(sensor), worst
+                    best, least = suspect, worst
             if best >= 0:
                 return best, int(at)
         return None
@@ -396,34 +398,65 @@ def fit_sensors(
             f"{len(whole)} training recordings have a value of every sensor, 2 are the least: "
             "leave the dead sensor out of deformation_records.temperatures"
         )
-    model = _fitted(whole, sensors, settings)
+    model = _fitted(_agreeing(whole, sensors, settings), sensors, settings)
     for _ in range(ROUNDS):
         # what a faulty sensor said teaches nothing: what the others say of it stands there
         model = _fitted([model.check(state).states[-1] for state in states], sensors, settings)
     return model
 
 
-def _fitted(
+def _agreeing(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
-) -> SensorModel:
-    """Model of complete states; the tolerance from recordings left out in turn."""
+) -> list[State]:
+    """Recordings without those that agree least with the others, a third at most.
+
+    A fault in several recordings is learnt by the regressions and hides itself; one recording
+    after the other is set aside, the one whose largest departure is furthest above the usual.
+    """
+    kept = list(states)
+    while len(kept) > max(2, round((1 - SET_ASIDE) * len(states))):
+        largest = _largest_departures(kept, sensors, settings)[0]
+        usual = np.maximum(np.median(largest, axis=0), settings.least_K / settings.times)
+        score = (largest / usual).max(axis=1)
+        if score.max() <= SUSPECT:
+            break
+        del kept[int(np.argmax(score))]
+    return kept
+
+
+def _largest_departures(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> tuple[Floats, SensorModel]:
+    """Largest settled departure in each recording under a model of the others; that of all.
+
+    Returns
+    -------
+    largest : ndarray, shape (recordings, S)
+        [K].
+    model : SensorModel
+        Of all recordings, without tolerances.
+    """
     vectors = [lagged(state, settings.lags_s) for state in states]
     blank = SensorModel(
         sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
         mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
     )  # fmt: skip
     settled = round(settings.settle_s / blank.period_s)
-    largest = []
+    largest = np.zeros((len(vectors), len(sensors)))
     for out, vector in enumerate(vectors):
         others = _with_moments(blank, [one for k, one in enumerate(vectors) if k != out])
         departures = np.abs(others.departures(vector, frozenset()))
-        if len(departures) > settled:
-            largest.append(departures[settled:].max(axis=0))
-    usual = np.median(largest, axis=0) if largest else np.zeros(len(sensors))
-    tolerance = np.maximum(settings.times * usual, settings.least_K)
-    return replace(
-        _with_moments(blank, vectors), tolerance_K=tuple(np.round(tolerance, 4).tolist())
-    )
+        largest[out] = departures[settled:].max(axis=0, initial=0.0)
+    return largest, _with_moments(blank, vectors)
+
+
+def _fitted(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> SensorModel:
+    """Model of complete states; the tolerance from recordings left out in turn."""
+    largest, model = _largest_departures(states, sensors, settings)
+    tolerance = np.maximum(settings.times * np.median(largest, axis=0), settings.least_K)
+    return replace(model, tolerance_K=tuple(np.round(tolerance, 4).tolist()))
 
 
 def _with_moments(model: SensorModel, vectors: Sequence[Floats]) -> SensorModel:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.formats import RecordSource, ColumnSource, TableLayout
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import Channel
 from pipeline.submodels.deformation.records import DeformationRecords

@@ -1,0 +1,280 @@
+"""Spindle growth from spindle speed and ambient: two nodes of heat, and what they expand.
+
+The nodes are the spindle with its bearings and the structure that carries it, as the network of
+:mod:`pipeline.thermal.network`: the bearings' viscous friction n^(5/3), their friction under
+preload (its torque does not depend on the speed: power ~ n) and windage n^2 heat the spindle, which
+passes heat on to the structure; both lose heat to the ambient.  The growth that a probe at the nose
+measures is
+
+    g(t) = a_s (T_s(t) - T_s(0)) + a_b (T_b(t) - T_b(0)) + k (n(t)^2 - n(0)^2),
+
+where t = 0 is the moment at which the probe was set to zero.  The expansions a_s and a_b are
+products of coefficient of expansion and length; a structure that moves the nose away from the
+probe has a negative one.  k holds what follows the speed at once: centrifugal load on the rings
+moves the shaft of angular contact bearings (Abele, Altintas, Brecher: Machine tool spindle units,
+CIRP Annals 59/2, 2010).  A spindle that was warm when the probe was set grows other than a cold
+one: the nodes' temperatures at the start count, and are estimated from the sensors.  A sensor shows
+a mixture of both nodes, T_j = s_j T_s + (1 - s_j) T_b.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Finite, NotNegative, Range, Ranged, Share
+from pipeline.thermal.network import (
+    SOURCES,
+    SpindleThermalParameters,
+    heat_sources,
+    temperatures,
+)
+
+_Rate = Annotated[float, Range(above=0.0, unit="1/s")]
+
+HEATING = ("bearing_friction", "windage", "load_speed")
+"""Sources of the network of heat; under preload the bearings' load is constant."""
+
+START_RIDGE = 0.01
+"""Weight of the sensors' mean against a sensor where the start of the nodes is estimated [1].
+
+Nodes that differ by 5 K, seen by sensors good to 0.5 K.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GrowthRecord:
+    """A record of growth, from the moment at which the probe was set to zero.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (T,)
+        Evenly spaced [s].
+    speed_rad_s : ndarray, shape (T,)
+        Spindle speed [rad/s], held over each step.
+    ambient_C : ndarray, shape (T,)
+        Ambient temperature [degC].
+    temperatures_C : ndarray, shape (T, N)
+        Of N sensors or groups of sensors [degC]; nan where missing, N = 0 without any.
+    growth_m : ndarray, shape (T,)
+        Growth of the spindle towards the probe [m], nan where missing.
+
+    Raises
+    ------
+    ValueError
+        When shapes do not agree, the times are not even, or speed or ambient is missing.
+    """
+
+    time_s: Floats
+    speed_rad_s: Floats
+    ambient_C: Floats
+    temperatures_C: Floats
+    growth_m: Floats
+
+    def __post_init__(self) -> None:
+        many = len(self.time_s)
+        if many < 2:
+            raise ValueError(f"a record of growth of {many} samples must have at least 2")
+        for name in ("speed_rad_s", "ambient_C", "growth_m", "temperatures_C"):
+            values = getattr(self, name)
+            if len(values) != many or values.ndim != (2 if name == "temperatures_C" else 1):
+                raise ValueError(f"{name} of shape {values.shape} must have {many} rows as time_s")
+            if name in ("speed_rad_s", "ambient_C") and not np.isfinite(values).all():
+                k = int(np.argmin(np.isfinite(values)))
+                raise ValueError(
+                    f"{name}[{k}] = {values[k]} at {self.time_s[k]:g} s must be finite: hold the "
+                    "sample before it, or leave the record out"
+                )
+        steps = np.diff(self.time_s)
+        if not (self.step > 0 and np.abs(steps - self.step).max() <= 0.01 * self.step):
+            raise ValueError(
+                f"time_s with steps from {steps.min():g} to {steps.max():g} s must be even and "
+                "ascend: resample the record"
+            )
+
+    @property
+    def step(self) -> float:
+        """Distance of the samples [s]."""
+        return float(self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationNetwork(Ranged, section="deformation"):
+    """Two nodes of heat and the growth of the spindle.
+
+    Parameters
+    ----------
+    bearing_friction : float
+        Heating of the spindle by its bearings, k / C [K/s/(rad/s)^(5/3)].
+    windage : float
+        Heating of the spindle by windage, k / C [K/s/(rad/s)^2].
+    preload_friction : float
+        Heating of the spindle by its bearings under preload, k / C [K/s/(rad/s)].
+    cooling_rate : float
+        1 / (R C) of the spindle to the ambient [1/s].
+    coupling_rate : float
+        Heat exchange of the spindle with the structure, over the spindle's C [1/s].
+    capacity_ratio : float
+        C of the spindle over C of the structure [1].
+    structure_cooling_rate : float
+        1 / (R C) of the structure to the ambient [1/s].
+    spindle_expansion, structure_expansion : float
+        Growth for a kelvin of a node [m/K].
+    centrifugal : float
+        Growth that follows the speed at once [m/(rad/s)^2].
+    sensor_shares : tuple of float
+        Share of the spindle in each sensor's temperature [1]; empty without sensors.
+
+    Raises
+    ------
+    ValueError
+        When a parameter is out of its range.
+    """
+
+    bearing_friction: NotNegative
+    windage: NotNegative
+    preload_friction: NotNegative
+    cooling_rate: _Rate
+    coupling_rate: _Rate
+    capacity_ratio: Annotated[float, Range(above=0.0)]
+    structure_cooling_rate: _Rate
+    spindle_expansion: Finite
+    structure_expansion: Finite
+    centrifugal: Finite
+    sensor_shares: tuple[Share, ...] = ()
+
+    @property
+    def thermal(self) -> SpindleThermalParameters:
+        """The network of heat alone."""
+        return SpindleThermalParameters(
+            heating={
+                "bearing_friction": self.bearing_friction,
+                "windage": self.windage,
+                "load_speed": self.preload_friction,
+            },
+            cooling_rate=self.cooling_rate,
+            coupling_rate=self.coupling_rate,
+            capacity_ratio=self.capacity_ratio,
+            body_cooling_rate=self.structure_cooling_rate,
+        )
+
+    @property
+    def time_constants_s(self) -> tuple[float, float]:
+        """Time constants of the network, the shorter first [s]."""
+        slow, fast = np.sort(np.abs(np.linalg.eigvals(self.thermal.rates).real))
+        return float(1 / fast), float(1 / slow)
+
+    def start(self, temperatures_C: ArrayLike, ambient_C: ArrayLike) -> Floats:
+        """Node temperatures, shape (..., 2) [degC], that the sensors, (..., N), show.
+
+        Sensors that are missing (nan) do not count; where none is left, the nodes are at the
+        ambient, shape (...).  What the sensors leave open stays at their mean.
+
+        Raises
+        ------
+        ValueError
+            When there are not as many temperatures as sensors.
+        """
+        shares = np.array(self.sensor_shares)
+        values = np.asarray(temperatures_C, float)
+        if values.shape[-1] != len(shares):
+            raise ValueError(
+                f"{values.shape[-1]} temperatures at the start must be those of the {len(shares)} "
+                "sensors of the fit, nan where one is missing"
+            )
+        seen = np.isfinite(values)
+        mean = np.where(seen, values, 0.0).sum(axis=-1) / np.maximum(seen.sum(axis=-1), 1)
+        mean = np.where(seen.any(axis=-1), mean, ambient_C)
+        mixture = np.stack([shares, 1 - shares], axis=-1) * seen[..., None]
+        above = np.where(seen, values - mean[..., None], 0.0)
+        normal = np.swapaxes(mixture, -1, -2) @ mixture + START_RIDGE * np.eye(2)
+        target = (mixture * above[..., None]).sum(axis=-2)
+        start: Floats = mean[..., None] + np.linalg.solve(normal, target[..., None])[..., 0]
+        return start
+
+    def growth(self, nodes_C: Floats, speed_rad_s: ArrayLike) -> Floats:
+        """Growth since the first sample [m], shape (..., T), from the nodes, (2, ..., T)."""
+        rise = nodes_C - nodes_C[..., :1]
+        square = np.asarray(speed_rad_s, float) ** 2
+        grown: Floats = (
+            self.spindle_expansion * rise[0]
+            + self.structure_expansion * rise[1]
+            + self.centrifugal * (square - square[..., :1])
+        )
+        return grown
+
+    def predict(
+        self, speed_rad_s: ArrayLike, ambient_C: ArrayLike, temperatures_C: ArrayLike, step: float
+    ) -> Floats:
+        """Growth [m], shape (..., T), from speed and ambient, and the sensors at the start alone.
+
+        Parameters
+        ----------
+        speed_rad_s, ambient_C : array_like, shape (..., T)
+            Spindle speed [rad/s] and ambient [degC], held over each step.
+        temperatures_C : array_like, shape (..., N)
+            What the sensors of the fit show at the first sample [degC], nan where one is missing.
+        step : float
+            [s].
+
+        Raises
+        ------
+        ValueError
+            When there are not as many temperatures as sensors, or the step is not positive.
+        """
+        ambient = np.asarray(ambient_C, float)
+        start = self.start(temperatures_C, ambient[..., 0])
+        return self.growth(simulate(speed_rad_s, ambient, step, self, start), speed_rad_s)
+
+
+def simulate(
+    speed_rad_s: ArrayLike,
+    ambient_C: ArrayLike,
+    step: float,
+    parameters: DeformationNetwork,
+    start_C: ArrayLike,
+) -> Floats:
+    """Temperatures of spindle and structure [degC], shape (2, ..., T); exact for inputs held.
+
+    Parameters
+    ----------
+    speed_rad_s, ambient_C : array_like, shape (..., T)
+        Spindle speed [rad/s] and ambient [degC], held over each step.
+    step : float
+        [s].
+    parameters : DeformationNetwork
+        The network.
+    start_C : array_like, shape (..., 2)
+        Of spindle and structure at the first sample [degC].
+
+    Raises
+    ------
+    ValueError
+        When the step is not positive.
+    """
+    start = np.asarray(start_C, float)
+    return temperatures(
+        heat_sources(speed_rad_s, 1.0, 0.0), start[..., 0], parameters.thermal, step,
+        ambient=ambient_C, body_start=start[..., 1],
+    )  # fmt: skip
+
+
+def unit_responses(record: GrowthRecord, thermal: SpindleThermalParameters, speed: float) -> Floats:
+    """Node temperatures, shape (2, 6, T), that each cause alone would give.
+
+    The causes: bearing friction of 1 K/s at ``speed`` [rad/s], windage and preload likewise, the
+    ambient of the record, and a start of 1 degC of spindle and of structure.  Temperatures are sums
+    of these.
+    """
+    names, many = list(SOURCES), len(record.time_s)
+    heat = np.zeros((6, many, len(names)))
+    each = heat_sources(record.speed_rad_s / speed, 1.0, 0.0)
+    for cause, name in enumerate(HEATING):
+        heat[cause, :, names.index(name)] = each[:, names.index(name)]
+    ambient = np.zeros((6, many))
+    ambient[3] = record.ambient_C
+    return temperatures(
+        heat, np.eye(6)[4], thermal, record.step, ambient=ambient, body_start=np.eye(6)[5]
+    )

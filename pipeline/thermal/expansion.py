@@ -1,0 +1,225 @@
+"""Spindle growth from measured temperatures: each expands its length with a lag of its own.
+
+    tau_j y_j' = T_j - y_j,    g(t) = sum_j K_j (y_j(t) - y_j(0)) + k (n(t)^2 - n(0)^2)
+
+A sensor shows heat before the length that it heats is warm.  Given the lags the growth is linear in
+K_j and k, so that only the lags are searched for (variable projection: Golub, Pereyra 1973).  A
+record starts at rest, y_j(0) = T_j(0).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.ranges import Count, Finite, Positive, Range, Ranged
+from pipeline.thermal.deformation import GrowthRecord
+from pipeline.thermal.lagged import lag
+
+_Lag = Annotated[float, Range(above=0.0, unit="s")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaggedExpansion(Ranged, section="expansion"):
+    """Growth from C temperatures and the speed.
+
+    Parameters
+    ----------
+    expansions : tuple of float
+        K of each temperature [m/K].
+    lags_s : tuple of float
+        Time constant tau of each [s].
+    centrifugal : float
+        k, growth that follows the speed at once [m/(rad/s)^2].
+
+    Raises
+    ------
+    ValueError
+        When a parameter is out of its range, or there are not as many lags as expansions.
+    """
+
+    expansions: tuple[Finite, ...]
+    lags_s: tuple[_Lag, ...]
+    centrifugal: Finite
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.expansions) != len(self.lags_s):
+            raise ValueError(
+                f"expansion.lags_s of {len(self.lags_s)} must be as many as the "
+                f"{len(self.expansions)} expansions"
+            )
+
+    def predict(
+        self, time_s: ArrayLike, speed_rad_s: ArrayLike, temperatures_C: ArrayLike
+    ) -> Floats:
+        """Growth since the first sample [m], shape (T,); a sample uses no later one.
+
+        Parameters
+        ----------
+        time_s, speed_rad_s : array_like, shape (T,)
+            Ascending times, at any distances [s], and spindle speed [rad/s].
+        temperatures_C : array_like, shape (T, C)
+            Finite [degC].
+
+        Raises
+        ------
+        ValueError
+            When there are not as many temperatures as expansions, or one is missing.
+        """
+        values = np.asarray(temperatures_C, float)
+        if values.ndim != 2 or values.shape[1] != len(self.expansions):
+            raise ValueError(
+                f"temperatures of shape {values.shape} must have a column for each of "
+                f"{len(self.expansions)} expansions"
+            )
+        columns = _columns(time_s, speed_rad_s, values, self.lags_s)
+        grown: Floats = columns @ np.array([*self.expansions, self.centrifugal])
+        return grown
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpansionFitSettings(Ranged, section="expansion_fit"):
+    """Settings of the fit.
+
+    Parameters
+    ----------
+    shortest_s, longest_s : float
+        Bounds of the lags [s].
+    starts_s : tuple of float
+        Lags that the fit is started from, the same for all temperatures [s].
+    evaluations : int
+        Most evaluations for each start [1].
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    shortest_s: Positive = 1.0
+    longest_s: Positive = 20000.0
+    starts_s: tuple[Positive, ...] = (60.0, 600.0)
+    evaluations: Count = 60
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExpansionFit:
+    """An expansion, and what its records say of it.
+
+    Parameters
+    ----------
+    model : LaggedExpansion
+        The fitted one.
+    names : tuple of str
+        Of the D parameters: ``lags_s[j]``, ``expansions[j]``, ``centrifugal``.
+    values : ndarray, shape (D,)
+        In the units of the model.
+    at_bound : ndarray of bool, shape (D,)
+        Lags that the fit would have shorter or longer than its settings allow.
+    jacobian : ndarray, shape (R, D)
+        Of the residuals by the parameters.
+    residuals : ndarray, shape (R,)
+        Modelled less measured growth [m]; samples without one are left out.
+    blocks : ndarray of int, shape (R,)
+        Record of each residual.
+    """
+
+    model: LaggedExpansion
+    names: tuple[str, ...]
+    values: Floats
+    at_bound: Bools
+    jacobian: Floats
+    residuals: Floats
+    blocks: Ints
+
+
+def fit_expansion(
+    records: Sequence[GrowthRecord], settings: ExpansionFitSettings | None = None
+) -> ExpansionFit:
+    """Fit lags and expansions to the growth of several records by bounded least squares.
+
+    Raises
+    ------
+    ValueError
+        When there is no record, or one has other temperatures or misses one.
+    """
+    from scipy.optimize import least_squares
+
+    settings = settings or ExpansionFitSettings()
+    if not records:
+        raise ValueError("records of growth: 0, at least one is needed")
+    many = {record.temperatures_C.shape[1] for record in records}
+    if len(many) > 1 or 0 in many:
+        raise ValueError(
+            f"records with {sorted(many)} temperatures must all have the same ones, at least one"
+        )
+    count = many.pop()
+    seen = np.concatenate([np.isfinite(record.growth_m) for record in records])
+    measured = np.concatenate([record.growth_m for record in records])[seen]
+    blocks = np.repeat(np.arange(len(records)), [len(r.time_s) for r in records])[seen]
+
+    def columns(lags: Floats) -> Floats:
+        return np.concatenate(
+            [_columns(r.time_s, r.speed_rad_s, r.temperatures_C, lags) for r in records]
+        )[seen]
+
+    def linear(lags: Floats) -> tuple[Floats, Floats, Floats]:
+        """Columns, their best factors and what these leave."""
+        table = columns(lags)
+        length = np.linalg.norm(table, axis=0)
+        length[length == 0] = 1.0
+        factors = np.linalg.lstsq(table / length, measured, rcond=None)[0] / length
+        return table, factors, table @ factors - measured
+
+    scale = max(float(np.abs(measured).max(initial=0.0)), 1e-9)
+
+    def left(logarithms: Floats) -> Floats:
+        return linear(np.exp(logarithms))[2] / scale
+
+    bounds = np.log(settings.shortest_s), np.log(settings.longest_s)
+    trials = [
+        least_squares(
+            left, np.full(count, np.log(start)), bounds=bounds, diff_step=[1e-4] * count,
+            max_nfev=settings.evaluations,
+        )
+        for start in settings.starts_s
+    ]  # fmt: skip
+    best = min(trials, key=lambda one: one.cost)
+    lags = np.exp(best.x)
+    table, factors, residuals = linear(lags)
+    by_lag = [
+        (columns(lags * (1 + step)) @ factors - columns(lags * (1 - step)) @ factors)
+        / (2e-4 * lags[j])
+        for j in range(count)
+        for step in [1e-4 * (np.arange(count) == j)]
+    ]
+    each = range(count)
+    return ExpansionFit(
+        model=LaggedExpansion(
+            expansions=tuple(float(f) for f in factors[:-1]),
+            lags_s=tuple(float(v) for v in lags),
+            centrifugal=float(factors[-1]),
+        ),
+        names=(*(f"lags_s[{j}]" for j in each), *(f"expansions[{j}]" for j in each), "centrifugal"),
+        values=np.concatenate([lags, factors]),
+        at_bound=np.concatenate([best.active_mask != 0, np.zeros(count + 1, bool)]),
+        jacobian=np.column_stack([*by_lag, table]),
+        residuals=residuals,
+        blocks=blocks,
+    )
+
+
+def _columns(
+    time_s: ArrayLike, speed_rad_s: ArrayLike, temperatures_C: Floats, lags_s: ArrayLike
+) -> Floats:
+    """What K_j and k multiply, shape (T, C + 1): lagged rises and the square of the speed."""
+    square = np.asarray(speed_rad_s, float) ** 2
+    slow = [
+        lag(time_s, column, float(constant)) - column[0]
+        for column, constant in zip(temperatures_C.T, np.asarray(lags_s, float), strict=True)
+    ]
+    return np.column_stack([*slow, square - square[0]])

@@ -1,0 +1,123 @@
+"""Recordings of growth: a user's own channels, units, gaps and what is said of those of no use."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.ingest import ingest
+from pipeline.signals.recordings import Channel
+from pipeline.submodels.deformation.records import (
+    DeformationRecords,
+    conditions_of_profile,
+    on_grid,
+    read_profiles,
+)
+from tests.submodels.deformation.growth_files import IDENTITY, NAMES, RECORDS, made, signals_of
+
+
+def test_channels_come_in_the_units_of_the_sub_model(tmp_path: Path) -> None:
+    one = made(1, minutes=40)
+    (found,) = read_profiles(signals_of(tmp_path, {"a": one}), RECORDS, lambda name: True)
+    assert found.profile is not None
+    state = found.profile.state
+    assert state.temperatures == pytest.approx(one.temperatures, abs=1e-9)
+    assert state.speed == pytest.approx(one.speed, abs=1e-6)  # rev/min, by way of rad/s
+    assert found.profile.growth == pytest.approx(one.growth, abs=1e-9)
+
+
+def test_any_three_temperatures_and_a_probe_do(tmp_path: Path) -> None:
+    own = DeformationRecords(
+        recordings=("growth/*.csv",),
+        temperatures={name: Channel(column=name) for name in NAMES[1:4]},
+        displacement=Channel(column="growth", factor=-1.0),
+    )
+    one = made(2, minutes=40)
+    (found,) = read_profiles(signals_of(tmp_path, {"a": one}), own, lambda name: True)
+    assert found.profile is not None
+    assert found.profile.state.channels.shape == (40, 3)
+    assert found.profile.growth == pytest.approx(-one.growth, abs=1e-9)
+    assert "highest speed" not in conditions_of_profile(found.profile, speed=False)
+
+
+def test_a_log_of_mtconnect_is_a_recording(tmp_path: Path) -> None:
+    one, names = made(7, minutes=40), ("Sspeed", *NAMES, "air", "probe")
+    start, lines, before = datetime(2026, 1, 5, 8, tzinfo=UTC), [], [""] * len(names)
+    for k in range(40):
+        values = [one.speed[k], *one.temperatures[k], one.ambient[k], 1e-3 * one.growth[k]]
+        words = [f"{value:.6f}" for value in values]
+        changed = [f"{n}|{w}" for n, w, old in zip(names, words, before, strict=True) if w != old]
+        stamp = (start + timedelta(minutes=k)).strftime("%Y-%m-%dT%H:%M:%SZ")
+        lines.append("|".join([stamp, *changed]))
+        before = words
+    (tmp_path / "raw/growth").mkdir(parents=True)
+    (tmp_path / "raw/growth/a.txt").write_text("\n".join(lines) + "\n")
+    log = RecordSource(format="shdr", files="growth/*.txt", values="units")
+    ingest(tmp_path / "raw", tmp_path / "signals", [log], IDENTITY)
+    own = DeformationRecords(
+        recordings=("growth/*.txt",),
+        temperatures={name: Channel(column=name, unit="degC") for name in NAMES},
+        displacement=Channel(column="probe", unit="mm"),
+        speed=Channel(column="Sspeed", unit="rev/min"),
+        ambient=Channel(column="air", unit="degC"),
+    )
+    (found,) = read_profiles(tmp_path / "signals", own, lambda name: True)
+    assert found.profile is not None, found.reason
+    assert found.profile.state.temperatures == pytest.approx(one.temperatures, abs=1e-5)
+    assert found.profile.state.speed == pytest.approx(one.speed, abs=1e-3)
+    assert found.profile.growth == pytest.approx(one.growth, abs=1e-3)
+    lost = replace(own, displacement=Channel(column="dial", unit="mm"))
+    (none,) = read_profiles(tmp_path / "signals", lost, lambda name: True)
+    assert none.profile is None and "no data item 'dial'" in none.reason
+
+
+def test_a_probe_that_was_not_zeroed_starts_at_zero(tmp_path: Path) -> None:
+    one = made(3, minutes=40)
+    signals = signals_of(tmp_path, {"a": replace(one, growth=one.growth + 250.0)})
+    own = replace(RECORDS, probe_is_zeroed=False)
+    (found,) = read_profiles(signals, own, lambda name: True)
+    assert found.profile is not None
+    assert found.profile.growth == pytest.approx(one.growth - one.growth[0], abs=1e-9)
+
+
+def test_fewer_than_three_temperatures_are_refused() -> None:
+    with pytest.raises(ValueError, match="names 2 sensors: name 3 or more"):
+        replace(RECORDS, temperatures={name: Channel(column=name) for name in NAMES[:2]})
+
+
+def test_a_recording_without_growth_is_left_out_with_the_reason(tmp_path: Path) -> None:
+    one = made(4, minutes=40)
+    signals = signals_of(tmp_path, {"a": replace(one, growth=np.full(40, np.nan)), "b": one})
+    first, second = read_profiles(signals, RECORDS, lambda name: True)
+    assert first.profile is None and "'growth' holds no value" in first.reason
+    assert second.profile is not None
+
+
+def test_a_sensor_without_any_value_leaves_the_recording_of_use(tmp_path: Path) -> None:
+    one = made(5, minutes=40)
+    one.temperatures[:, 2] = np.nan
+    (found,) = read_profiles(signals_of(tmp_path, {"a": one}), RECORDS, lambda name: True)
+    assert found.profile is not None
+    assert np.isnan(found.profile.state.temperatures[:, 2]).all()
+
+
+def test_the_grid_takes_the_newest_row_and_none_later() -> None:
+    clock, values = np.array([0.0, 59.0, 61.0, 400.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    found = on_grid(clock, values, 60.0 * np.arange(8), 180.0)
+    assert found.tolist()[:4] == [1.0, 2.0, 3.0, 3.0]
+    assert np.isnan(found[5:7]).all() and found[7] == 4.0
+
+
+def test_the_warmth_at_the_start_is_known_with_a_broken_sensor(tmp_path: Path) -> None:
+    cold, warm = made(6, minutes=40), made(6, minutes=40, warm=True)
+    warm.temperatures[:, 1] = 850.0
+    found = read_profiles(signals_of(tmp_path, {"a": cold, "b": warm}), RECORDS, lambda name: True)
+    warmth = [
+        conditions_of_profile(one.profile, speed=True)["warmth at the start"].value
+        for one in found
+        if one.profile is not None
+    ]
+    assert abs(float(warmth[0] or 0)) < 1.0 < 3.0 < float(warmth[1] or 0) < 30.0

@@ -1,0 +1,119 @@
+"""Faulty temperature sensors are found, named and replaced, without a look at what comes later."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.deformation.records import Profile, State
+from pipeline.submodels.deformation.sensors import (
+    DEAD,
+    DRIFTING,
+    JUMPED,
+    SensorModel,
+    SensorSettings,
+    fit_sensors,
+)
+from tests.submodels.deformation.growth_files import NAMES, made
+
+
+def profile(seed: int) -> Profile:
+    one = made(seed, warm=seed % 4 == 3, air=18.0 + seed % 5)
+    state = State(period=60.0, temperatures=one.temperatures, speed=one.speed, ambient=one.ambient)
+    return Profile(name=f"p{seed}", state=state, growth=one.growth)
+
+
+TRAINING = [profile(seed) for seed in range(8)]
+
+
+@pytest.fixture(scope="module")
+def model() -> SensorModel:
+    return fit_sensors(TRAINING, NAMES, SensorSettings())
+
+
+def broken(state: State, sensor: int, kind: str) -> State:
+    values = state.temperatures.copy()
+    minute = np.arange(len(values))
+    if kind == "open":
+        values[50:, sensor] = 850.0
+    elif kind == "silent":
+        values[50:, sensor] = np.nan
+    elif kind == "held":
+        values[20:, sensor] = values[20, sensor]
+    elif kind == "loose":
+        values[60:, sensor] += 8.0
+    elif kind == "drift":
+        values[:, sensor] += 0.05 * minute
+    return replace(state, temperatures=values)
+
+
+@pytest.mark.parametrize("seed", range(8, 14))
+def test_sound_sensors_are_not_blamed(model: SensorModel, seed: int) -> None:
+    found = model.check(profile(seed).state)
+    assert found.faults == () and found.since == (0,)
+
+
+@pytest.mark.parametrize(
+    ("kind", "named"),
+    [("open", DEAD), ("silent", DEAD), ("loose", JUMPED), ("drift", DRIFTING)],
+)
+@pytest.mark.parametrize("sensor", [0, 2, 4])
+def test_a_faulty_sensor_is_named_and_its_temperature_restored(
+    model: SensorModel, sensor: int, kind: str, named: str
+) -> None:
+    sound = profile(9).state
+    found = model.check(broken(sound, sensor, kind))
+    assert [(one.sensor, one.kind) for one in found.faults] == [(NAMES[sensor], named)]
+    assert NAMES[sensor] in found.faults[0].sentence
+    off = np.abs(found.states[-1].temperatures - sound.temperatures)[30:]
+    assert off.max() < 2.0  # of 8 K and more that the fault makes
+
+
+def test_a_held_value_is_noticed_while_the_others_move(model: SensorModel) -> None:
+    (fault,) = model.check(broken(profile(9).state, 0, "held")).faults
+    assert fault.sensor == NAMES[0] and 20 * 60 < fault.since_s < 80 * 60
+
+
+def test_a_drift_is_told_with_its_size(model: SensorModel) -> None:
+    (fault,) = model.check(broken(profile(10).state, 2, "drift")).faults
+    assert fault.departure_K == pytest.approx(0.05 * 119, abs=0.5)
+
+
+def test_nothing_later_is_looked_at(model: SensorModel) -> None:
+    state = broken(profile(11).state, 1, "drift")
+    whole = model.check(state)
+    for many in (40, 70, 100):
+        cut = model.check(
+            State(
+                period=60.0, temperatures=state.temperatures[:many], speed=state.speed[:many],
+                ambient=state.ambient[:many],
+            )
+        )  # fmt: skip
+        assert stitched(cut.states, cut.since) == pytest.approx(
+            stitched(whole.states, whole.since)[:many], abs=1e-9
+        )
+
+
+def stitched(states: tuple[State, ...], since: tuple[int, ...]) -> Floats:
+    result = states[0].temperatures.copy()
+    for first, state in zip(since, states, strict=True):
+        result[first:] = state.temperatures[first:]
+    return result
+
+
+def test_faults_in_training_do_not_hide_themselves() -> None:
+    kinds = {1: "drift", 4: "open"}
+    some = [
+        replace(one, state=broken(one.state, 3, kinds.get(k, ""))) for k, one in enumerate(TRAINING)
+    ]
+    model = fit_sensors(some, NAMES, SensorSettings())
+    for k, one in enumerate(some):
+        names = [fault.sensor for fault in model.check(one.state).faults]
+        assert names == ([NAMES[3]] if k in kinds else [])
+
+
+def test_a_sensor_that_is_dead_in_all_recordings_is_to_be_left_out() -> None:
+    some = [replace(one, state=broken(one.state, 3, "open")) for one in TRAINING]
+    with pytest.raises(ValueError, match="leave the dead sensor out"):
+        fit_sensors(some, NAMES, SensorSettings())
