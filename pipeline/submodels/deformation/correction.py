@@ -2,8 +2,8 @@
 
 Growth [um] is a sum of terms: a coefficient times an input since the start, low-passed by no, one
 or two first-order lags.  Beside them stand terms of the start alone, a coefficient times a
-temperature at the start times 1 - exp(-t / lag): what a machine that starts warm does by itself.  The
-offset that takes growth off is +growth along +Z: Z points away from the workpiece (ISO 841), a
+temperature at the start times 1 - exp(-t / lag): what a machine that starts warm does by itself.
+The offset that takes growth off is +growth along +Z: Z points away from the workpiece (ISO 841), a
 spindle grows towards it.
 
 A ridge regression is such a sum already, also where it leaves sensors out and reads others in their

@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band, line, tick_words
+from pipeline.charts.numbers import number
 from pipeline.schema.arrays import Floats
 
 TOP, TEMPERATURES, GROWTH, ERROR, SPEED, GAP = 18, 120, 150, 70, 34, 28
@@ -93,8 +94,8 @@ def recording_figure(one: Recorded, limit: float | None, label: str) -> Markup:
     if one.speed is not None:
         into = band(into.bottom + GAP, SPEED, one.speed, zero=True)
         fastest = float(np.nanmax(one.speed, initial=0.0))
-        parts.append(svg.text(0, into.top - 7, f"Spindle speed, up to {fastest:,.0f} rev/min"
-                              .replace(",", "\u202f"), "head"))  # fmt: skip
+        words = f"Spindle speed, up to {number(round(fastest))} rev/min"
+        parts.append(svg.text(0, into.top - 7, words, "head"))
         parts += [svg.across(into.bottom),
                   into.content([line(one.clock, one.speed, span, into, "speed")])]  # fmt: skip
     across = _minutes((span[0] / MINUTE, span[1] / MINUTE), TOP, into.bottom)

@@ -164,7 +164,7 @@ class GrowthFacts:
             return None
         rows = self.whole[self.whole["group"] == best[1]].sort_values("t")
         within = rows[rows["t"] <= HOUR]
-        top = within.loc[within["predicted"].idxmax()]
+        top = within.iloc[int(np.nanargmax(within["predicted"].to_numpy(float)))]
         tolerance = self.limit or GOAL_MAX_UM
         return FirstHour(
             case=best[1], growth=float(top["predicted"]), low=float(top["low"]),

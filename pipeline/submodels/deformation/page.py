@@ -175,7 +175,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         return PartVerdict(
             status="failed",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of that growth failed on "
-            f"{_judged_on(facts)}: {verdict.reasons[0]}.",
+            f"{_judged_on(facts)}: {_failure(facts)}.",
             todo=f"{first}Load no correction from this model; "
             f"{warm or 'measure the growth before finishing cuts'}.",
         )
@@ -189,6 +189,15 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         f"{_limit_words(facts)}.",
         todo=f"{first}{either}{loads if either else loads[:1].upper() + loads[1:]}.",
     )  # fmt: skip
+
+
+def _failure(facts: GrowthFacts) -> str:
+    """By how much and where it missed its limit; else the judge's gravest reason."""
+    worst = max(facts.ranked(), key=lambda s: s.max or 0.0, default=None)
+    if worst is not None and facts.limit is not None and (worst.max or 0.0) > facts.limit:
+        return f"it is off by up to {_um(worst.max)} in {short(worst.group)}{_limit_words(facts)}"
+    reasons = () if facts.shown.verdict is None else facts.shown.verdict.reasons
+    return reasons[0] if reasons else "the judge gave no reason"
 
 
 def _judged_on(facts: GrowthFacts) -> str:
@@ -295,9 +304,10 @@ def _recordings(facts: GrowthFacts) -> Figures | None:
     ranked = facts.ranked()
     if facts.shown.predictions is None or not ranked:
         return None
-    chosen = [(ranked[len(ranked) // 2], "Typical recording"), (ranked[-1], "Worst recording")]
-    if chosen[0][0] is chosen[1][0]:
-        chosen = chosen[1:]
+    worst = max(ranked, key=lambda s: s.max or 0.0)
+    others = [one for one in ranked if one is not worst]
+    chosen = [(one, "Typical recording") for one in others[len(others) // 2 :][:1]]
+    chosen.append((worst, "Recording with the largest error"))
     drawn, with_sensors = [], False
     for score, words in chosen:
         one = _recorded(facts, score.group)
@@ -458,7 +468,7 @@ def _methods_table(facts: GrowthFacts) -> Table | None:
     things = list((judged or dict(model.compared)).items())
     if not judged:
         things.sort(key=lambda one: one[1].rmse_um)
-    where = "On recordings held out" if judged else "On training recordings left out in turn"
+    where = "Held out" if judged else "Left out"
     columns: list[Column[tuple[str, MethodScore]]] = [
         Column("Method", lambda one: one[1].label + (" (serves)" if one[0] == model.champion
                                                      else "")),
@@ -473,13 +483,14 @@ def _methods_table(facts: GrowthFacts) -> Table | None:
     if judged:
         columns.append(Column(
             "RMSE", lambda one: fixed(model.compared[one[0]].rmse_um, 2), unit="µm",
-            group="Left out of training",
+            group="Left out",
         ))  # fmt: skip
     return tabulated(
         "All methods on whole recordings that their fit did not see", things, columns,
         _made(facts, "model.json", "predictions.parquet"),
-        note="Ticked where the goal is met. A method that depends on chance is the mean of its "
-        "seeds; the last but one column is the range of single ones." if judged else "",
+        note="Held out: recordings that decide. Left out: training recordings, each predicted by "
+        "a fit of others. Green where the goal is met. A method that depends on chance is the mean "
+        "of its seeds; the last but one column is the range of single ones." if judged else "",
     )  # fmt: skip
 
 

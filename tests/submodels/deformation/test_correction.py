@@ -1,4 +1,4 @@
-"""Growth as a correction: equal to a linear model, stated beside any other, refused out of range."""
+"""Growth as a correction: equal to a linear model, compared with any other, refused outside."""
 
 from dataclasses import replace
 
@@ -111,5 +111,3 @@ def test_a_model_without_growth_is_refused(built: Built, states) -> None:
 def test_without_recordings_it_is_refused(built: Built) -> None:
     with pytest.raises(ValueError, match="none of the recordings"):
         correction(serving(built, "linear"), [])
-
-
