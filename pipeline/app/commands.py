@@ -161,6 +161,25 @@ def transfer(
 
 
 @app.command()
+def compensation(
+    machine: kerf.Whose,
+    out: Annotated[Path, typer.Option(help="File to write.")],
+    format: Annotated[str, typer.Option(help="csv, fanuc or siemens.")] = "csv",
+    model: kerf.Model = "champion",
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+    ] = False,
+) -> None:
+    """Write the correction of MACHINE's spindle growth as a file for its control."""
+    from pipeline.app.compensation import said, write_compensation
+
+    with one_sentence():
+        done = write_compensation(machine, out, format, model, anyway=anyway)
+    for line in said(done, out, format):
+        typer.echo(line)
+
+
+@app.command()
 def interpret(
     program: kerf.Program,
     out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],

@@ -80,6 +80,7 @@ def _part(
         shelf=shelf,
         folder=folder,
         clean=folders.clean,
+        signals=folders.signals,
     )
     page = one.page(shown)
     return ModelledPart(

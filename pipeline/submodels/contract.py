@@ -186,8 +186,8 @@ class Shown(Generic[M]):
         The three files of the sub-model.
     truth : mapping or None
         What is true of a simulated machine.
-    clean : Path or None
-        Folder of the machine's clean records.
+    clean, signals : Path or None
+        Folders of the machine's clean records and of its signals.
     shelf : object
         Through which further files are read, so that the page can name its sources.
     folder : Path
@@ -203,6 +203,7 @@ class Shown(Generic[M]):
     shelf: Any = None
     folder: Path = Path()
     clean: Path | None = None
+    signals: Path | None = None
 
     def parameters(self, group: str = "") -> Mapping[str, Parameter]:
         """Parameters of a group by name; none without a model."""

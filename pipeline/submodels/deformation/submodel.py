@@ -244,8 +244,10 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         return pd.DataFrame({"t": t, **middle})
 
     def page(self, shown: Shown[DeformationModel]) -> Any:
-        """What only this sub-model can show: none yet beside the shared section."""
-        return None
+        """The first hour, faulty sensors, all methods, where the model errs."""
+        from pipeline.submodels.deformation.page import page
+
+        return page(shown)
 
 
 def _constant(profile: Profile) -> Callable[[], Profile]:

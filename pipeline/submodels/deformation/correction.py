@@ -1,0 +1,364 @@
+"""Correction of spindle growth that a control can work out: sums of lagged inputs, with its range.
+
+Growth [um] is a sum of terms: a coefficient times an input since the start, low-passed by no, one
+or two first-order lags.  Beside them stand terms of the start alone, a coefficient times a
+temperature at the start times 1 - exp(-t / lag): what a machine that starts warm does by itself.
+The offset that takes growth off is +growth along +Z: Z points away from the workpiece (ISO 841), a
+spindle grows towards it.
+
+A ridge regression is such a sum already, also where it leaves sensors out and reads others in their
+place: the correction equals it but for rounding.  Any other method is linearised: the ridge
+regression on every sensor that comes closest to its predictions over the training recordings stands
+for it, and the difference is stated.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.conformal import Band
+from pipeline.submodels.deformation.features import AT_TOP_SPEED
+from pipeline.submodels.deformation.methods import Ridge, ridge
+from pipeline.submodels.deformation.model import GrowthModel, Learnt
+from pipeline.submodels.deformation.records import AMBIENT, SPEED, State
+from pipeline.thermal.lagged import lag
+
+ONE = "1"
+"""Name of the input that is always 1."""
+SPEED_UNIT = 1000.0
+"""Speed whose square is the unit of the squared speed [rev/min]."""
+DIGITS = 9
+"""Significant digits of a coefficient [1]."""
+EACH = "each_sensor"
+"""Inputs of the regression that stands for a method that is not linear."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A coefficient times an input since the start, low-passed.
+
+    Parameters
+    ----------
+    input : str
+        A sensor or the ambient temperature, above its value at the start [K]; the square of the
+        speed in 1000 rev/min less that at the start.
+    lags_s : tuple of float
+        Time constants of the lags, one after the other [s]; none, one or two.
+    um : float
+        Coefficient [um per unit of the input].
+    """
+
+    input: str
+    lags_s: tuple[float, ...]
+    um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartTerm:
+    """A coefficient times an input at the start times 1 - exp(-t / lag).
+
+    Parameters
+    ----------
+    input : str
+        A temperature at the start [degC], or ``1``.
+    lag_s : float
+        Time constant [s].
+    um : float
+        Coefficient [um per degC], [um] of the input 1.
+    """
+
+    input: str
+    lag_s: float
+    um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """Growth as a sum of terms, what it was compared with, and where it holds.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        That are read: sensors from front to rear, the ambient temperature, the speed.
+    period_s : float
+        Time between two rows [s].
+    terms, starts : tuple of Term, tuple of StartTerm
+        Of the sum.
+    exact : bool
+        Whether the method that serves is such a sum.
+    largest_um, rmse_um : float
+        Difference to the method that serves, over ``recordings`` training recordings [um].
+    recordings : int
+        [1].
+    growth_um : (float, float)
+        Least and greatest growth of these recordings [um].
+    ranges : mapping of str to Learnt
+        In which the model answers: what was learnt of each input, and the share of it beyond its
+        ends that the model accepts.
+    bands : mapping of str to Band
+        90 % intervals of the method by regime [um].
+    """
+
+    inputs: tuple[str, ...]
+    period_s: float
+    terms: tuple[Term, ...]
+    starts: tuple[StartTerm, ...]
+    exact: bool
+    largest_um: float
+    rmse_um: float
+    recordings: int
+    growth_um: tuple[float, float]
+    ranges: Mapping[str, Learnt]
+    bands: Mapping[str, Band]
+
+    @property
+    def chains(self) -> tuple[tuple[float, ...], ...]:
+        """Lags of the terms, each chain once, the shortest first."""
+        found = {one.lags_s for one in self.terms}
+        return tuple(sorted(found, key=lambda lags: (len(lags), lags)))
+
+    @property
+    def interval_um(self) -> tuple[float, float]:
+        """Farthest below and above growth of any regime's 90 % interval, with the difference."""
+        below = max((one.lower for one in self.bands.values()), default=0.0)
+        above = max((one.upper for one in self.bands.values()), default=0.0)
+        return below + self.largest_um, above + self.largest_um
+
+    def refuse_outside(self, values: Mapping[str, Floats]) -> None:
+        """Refuse inputs beyond what was learnt; temperatures [degC] and speed [rev/min] by name.
+
+        Raises
+        ------
+        ValueError
+            With the input, its value and the range.
+        """
+        for name in self.inputs:
+            low, high, row = self.ranges[name].low, self.ranges[name].high, values[name]
+            outside = ~((row >= low) & (row <= high))
+            if outside.any():
+                raise ValueError(
+                    f"{name} is {row[np.argmax(outside)]:.4g} {self.ranges[name].unit} in row "
+                    f"{int(np.argmax(outside)) + 1}, the correction holds from {low:.4g} to "
+                    f"{high:.4g}: record growth there, identify again and write it anew"
+                )
+
+    def growth(self, values: Mapping[str, Floats]) -> Floats:
+        """Growth since the first row [um], shape (T,), of evenly spaced rows.
+
+        Parameters
+        ----------
+        values : mapping of str to ndarray, each shape (T,)
+            Temperatures [degC] and speed [rev/min] by the names of the inputs.
+        """
+        many = len(values[self.inputs[0]])
+        time = self.period_s * np.arange(many)
+        since = {name: since_start(name, values[name]) for name in self.inputs}
+        total = np.zeros(many)
+        for chain in self.chains:
+            summed = np.zeros(many)
+            for one in self.terms:
+                if one.lags_s == chain:
+                    summed += one.um * since[one.input]
+            for constant in chain:
+                summed = lag(time, summed, constant)
+            total += summed
+        for start in self.starts:
+            first = 1.0 if start.input == ONE else float(values[start.input][0])
+            total += start.um * first * (1 - np.exp(-time / start.lag_s))
+        return total
+
+
+def since_start(name: str, values: Floats) -> Floats:
+    """An input above its first value: [K], of the speed its square in (1000 rev/min)^2."""
+    one = (values / SPEED_UNIT) ** 2 if name == SPEED else values
+    difference: Floats = one - one[0]
+    return difference
+
+
+@dataclass(eq=False)
+class _Sums:
+    """Coefficients that are added up while a regression is taken apart."""
+
+    terms: dict[tuple[str, tuple[float, ...]], float] = field(
+        default_factory=lambda: defaultdict(float)
+    )
+    starts: dict[tuple[str, float], float] = field(default_factory=lambda: defaultdict(float))
+
+
+def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
+    """The method that serves as a sum of terms.
+
+    Parameters
+    ----------
+    model : GrowthModel
+        Stored model.
+    states : sequence of State
+        Of its training recordings.
+
+    Raises
+    ------
+    ValueError
+        Without a recording, or when the method that serves predicts no growth at all.
+    """
+    file = model.file
+    checked = [model.checked(one) for one in states]
+    sound = [one for one in checked if not one.faults] or checked
+    if not sound:
+        raise ValueError(
+            "none of the recordings that the growth model learnt from is there: run `dvc repro`"
+        )
+    inputs = [file.inputs.of(one.states[-1]) for one in sound]
+    growth = [model.champion.predict(one) for one in inputs]
+    if not any(np.abs(one).max() > 0 for one in growth):
+        raise ValueError(
+            f"{file.compared[file.champion].label} serves, which predicts no growth: there is "
+            "nothing to correct; record more speed profiles"
+        )
+    members = model.champion.members
+    exact = all(isinstance(one, Ridge) for one in members)
+    regressions = [one for one in members if isinstance(one, Ridge)] if exact else [
+        ridge([getattr(one, EACH) for one in inputs], growth, EACH)
+    ]  # fmt: skip
+    sums = _Sums()
+    coldest = int(np.argmin(np.mean([_starts(model, one.state) for one in inputs], axis=0)))
+    for one in regressions:
+        _take_apart(one, model, coldest, 1 / len(regressions), sums)
+    _replace_ignored(model, sums)
+    read = [n for n in file.sensors.sensors if n not in file.treatment.ignored]
+    names = (
+        *read,
+        *([AMBIENT] if file.uses_ambient else []),
+        *([SPEED] if file.uses_speed else []),
+    )
+    found = Correction(
+        inputs=names, period_s=file.sensors.period_s, terms=_terms(sums), starts=_start_terms(sums),
+        exact=exact, largest_um=0.0, rmse_um=0.0, recordings=len(sound),
+        growth_um=(float(min(g.min() for g in growth)), float(max(g.max() for g in growth))),
+        ranges={name: _accepted(file.learnt[name], file.widening) for name in names},
+        bands=file.bands,
+    )  # fmt: skip
+    apart = [found.growth(values_of(one.state, model)) - g
+             for one, g in zip(inputs, growth, strict=True)]  # fmt: skip
+    off = np.concatenate(apart)
+    largest, rmse = float(np.abs(off).max()), float(np.sqrt(np.mean(off**2)))
+    return replace(found, largest_um=float(f"{largest:.3g}"), rmse_um=float(f"{rmse:.3g}"))
+
+
+def _accepted(learnt: Learnt, widening: float) -> Learnt:
+    """The range that the model accepts; what cannot be negative, a speed, ends at zero."""
+    beyond = widening * (learnt.high - learnt.low)
+    low = max(learnt.low - beyond, 0.0) if learnt.unit == "rev/min" else learnt.low - beyond
+    return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{learnt.high + beyond:.5g}"))
+
+
+def values_of(state: State, model: GrowthModel) -> dict[str, Floats]:
+    """Inputs of a complete state by name [degC], [rev/min]."""
+    names = model.file.sensors.sensors
+    found = {name: state.temperatures[:, k] for k, name in enumerate(names)}
+    return found | {AMBIENT: state.ambient, SPEED: state.speed}
+
+
+def _starts(model: GrowthModel, state: State) -> Floats:
+    """Temperature of each group at the start [degC]; shape (C,)."""
+    found: Floats = np.array(model.file.inputs.weights) @ state.temperatures[0]
+    return found
+
+
+def _take_apart(one: Ridge, model: GrowthModel, coldest: int, share: float, into: _Sums) -> None:
+    """Add the weights of a regression, in the order in which its inputs are made."""
+    file, weights = model.file, iter((share * one.weights).tolist())
+    sensors, groups = file.sensors.sensors, np.array(file.inputs.weights)
+    lags = file.inputs.lags_s
+    # rises stand for themselves, groups for the sensors that they are made of
+    made = groups if one.inputs == "linear" else np.eye(len(sensors))
+    for chain in ((),) if one.inputs == "rises" else ((), *((constant,) for constant in lags)):
+        for row in made:
+            weight = next(weights)
+            for name, part in zip(sensors, row.tolist(), strict=True):
+                into.terms[name, chain] += weight * part
+    if one.inputs == "rises":
+        return
+    top = file.inputs.top_speed or 1.0
+    into.terms[SPEED, ()] += next(weights) * AT_TOP_SPEED * (SPEED_UNIT / top) ** 2
+    if file.uses_ambient:
+        for chain in ((), *((constant,) for constant in lags)):
+            into.terms[AMBIENT, chain] += next(weights)
+    for constant in lags:
+        for row in groups:
+            weight = next(weights)
+            for name, part in zip(sensors, row.tolist(), strict=True):
+                into.starts[name, constant] += weight * part
+            if file.uses_ambient:
+                into.starts[AMBIENT, constant] -= weight
+            else:  # the coldest group stands for the air
+                for name, part in zip(sensors, groups[coldest].tolist(), strict=True):
+                    into.starts[name, constant] -= weight * part
+
+
+def _replace_ignored(model: GrowthModel, sums: _Sums) -> None:
+    """Put the other sensors in the place of those that are not read."""
+    check = model.file.sensors
+    gone = frozenset(check.sensors.index(name) for name in model.file.treatment.ignored)
+    channels = (*check.sensors, AMBIENT)[: check.channels]
+    blocks = ((), *((constant,) for constant in check.settings.lags_s))
+    for sensor in sorted(gone):
+        used, weights, constant = regression(model, sensor, gone)
+        name = check.sensors[sensor]
+        for (_, chain), um in _taken(sums.terms, name):
+            for column, weight in zip(used, weights, strict=True):
+                block, channel = divmod(column, check.channels)
+                sums.terms[channels[channel], (*blocks[block], *chain)] += um * weight
+        for (_, lag_s), um in _taken(sums.starts, name):
+            for column, weight in zip(used, weights, strict=True):
+                sums.starts[channels[column % check.channels], lag_s] += um * weight
+            sums.starts[ONE, lag_s] += um * constant
+
+
+Lags = TypeVar("Lags")
+
+
+def _taken(sums: dict[tuple[str, Lags], float], name: str) -> list[tuple[tuple[str, Lags], float]]:
+    """Entries of an input, taken out of the sums."""
+    keys = [key for key in sums if key[0] == name]
+    return [(key, sums.pop(key)) for key in keys]
+
+
+def regression(
+    model: GrowthModel, sensor: int, gone: frozenset[int]
+) -> tuple[list[int], list[float], float]:
+    """Columns, weights and constant of what the other sensors say of one.
+
+    They are read off :meth:`~pipeline.submodels.deformation.sensors.SensorModel.expected`, which is
+    linear: its value at rest, and its change with each column.
+    """
+    check = model.file.sensors
+    many = len(check.mean)
+    probes = np.vstack([np.zeros(many), np.eye(many)])
+    answers = check.expected(probes, sensor, gone)
+    weights = answers[1:] - answers[0]
+    used = np.flatnonzero(weights != 0)
+    return used.tolist(), weights[used].tolist(), float(answers[0])
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _terms(sums: _Sums) -> tuple[Term, ...]:
+    """Those that are not zero, by lags and then by name."""
+    every = sorted(sums.terms.items(), key=lambda one: (len(one[0][1]), one[0][1], one[0][0]))
+    found = (Term(input=name, lags_s=chain, um=_rounded(um)) for (name, chain), um in every)
+    return tuple(one for one in found if one.um != 0)
+
+
+def _start_terms(sums: _Sums) -> tuple[StartTerm, ...]:
+    """Those that are not zero, by lag and then by name."""
+    every = sorted(sums.starts.items(), key=lambda one: (one[0][1], one[0][0]))
+    found = (
+        StartTerm(input=name, lag_s=constant, um=_rounded(um)) for (name, constant), um in every
+    )
+    return tuple(one for one in found if one.um != 0)
