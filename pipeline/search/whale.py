@@ -26,7 +26,7 @@ from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings,
 
 @dataclass(frozen=True, kw_only=True)
 class WhaleSettings(SearchSettings, section="whale"):
-    """Settings of the whale optimisation algorithm; the defaults are those of the paper.
+    """Settings of the whale optimisation algorithm; the defaults are those of its authors.
 
     Parameters
     ----------
@@ -40,6 +40,9 @@ class WhaleSettings(SearchSettings, section="whale"):
         Range of l, turns of the spiral [1].
     roams : bool
         Whether whales with abs(A) >= 1 roam about another whale, else they encircle the best one.
+    by_axis : bool
+        Whether A and C are drawn for each axis, as the paper's text has it, or once for each whale,
+        as in its authors' program.
     origin : float
         Place on every axis of the unit cube that the formulas take for zero [1].
 
@@ -54,6 +57,7 @@ class WhaleSettings(SearchSettings, section="whale"):
     least_turn: Annotated[float, Range(least=-10.0, most=10.0)] = -1.0
     greatest_turn: Annotated[float, Range(least=-10.0, most=10.0)] = 1.0
     roams: bool = True
+    by_axis: bool = False
     origin: Share = 0.5
 
     def __post_init__(self) -> None:
@@ -116,16 +120,24 @@ def moved(
     rng : numpy.random.Generator
         Random numbers.
     """
-    many = len(unit)
-    chance = rng.random((5, many, 1))
-    step = reach * (2.0 * chance[0] - 1.0)  # A, one of each whale
-    z, prey = unit - settings.origin, best - settings.origin
-    goal = np.tile(prey, (many, 1))
+    many, genes = unit.shape
+    chance = rng.random((3, many, 1))
+    step = rng.random((many, genes if settings.by_axis else 1))
+    swing = rng.random(step.shape)
+    step *= 2.0 * reach
+    step -= reach  # A
+    swing *= 2.0  # C
+    z, goal = unit - settings.origin, best - settings.origin
+    prey = goal
     if settings.roams:
-        roaming = (np.abs(step[:, 0]) >= 1.0).nonzero()[0]
-        goal[roaming] = z[(many * chance[1, roaming, 0]).astype(np.intp)]
-    circled = encircled(z, goal, step, 2.0 * chance[2])
-    turn = settings.least_turn + (settings.greatest_turn - settings.least_turn) * chance[3]
+        other = z.take((many * chance[0, :, 0]).astype(np.intp), axis=0)
+        goal = np.where(np.abs(step) >= 1.0, other, prey)
+    circled = encircled(z, goal, step, swing)
+    turn = settings.least_turn + (settings.greatest_turn - settings.least_turn) * chance[1]
     widening = np.exp(settings.spiral * turn) * np.cos(2.0 * np.pi * turn)
-    spiral = np.abs(prey - z) * widening + prey
-    return inside(np.where(chance[4] < 0.5, circled, spiral) + settings.origin)
+    spiral = np.abs(prey - z)
+    spiral *= widening
+    spiral += prey
+    whales = np.where(chance[2] < 0.5, circled, spiral)
+    whales += settings.origin
+    return inside(whales)
