@@ -180,14 +180,13 @@ class Box:
         """-1 where ``x`` is at a lower bound, 1 at an upper one, else 0; all of shape (D,).
 
         A continuous parameter is at a bound within :data:`NEAR` of its axis, a whole number when it
-        is the bound.  One that is held is at none.
+        is the bound.  One that is held is in the middle, or at both, and counts as at none.
         """
         unit = self.unit(x)[0]
         near = np.where(self.integer, 0.0, NEAR)
         low = np.where(self.integer, x == self.low, unit <= near)
         high = np.where(self.integer, x == self.high, unit >= 1.0 - near)
-        free = self.low < self.high
-        sides: Sides = np.where(free, high.astype(np.int8) - low.astype(np.int8), np.int8(0))
+        sides: Sides = high.astype(np.int8) - low.astype(np.int8)
         return sides
 
 

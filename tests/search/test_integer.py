@@ -94,7 +94,8 @@ def test_what_is_at_a_bound_is_said_by_side_and_how_near_depends_on_the_kind() -
     assert box.at_bounds(x).tolist() == [0, 0, -1, 1, 0, 1, 0]
 
 
-def test_compass_steps_to_the_next_whole_number_at_least() -> None:
+@pytest.mark.parametrize("start", [2, 9])
+def test_compass_steps_to_the_next_whole_number_at_least(start: int) -> None:
     """Its step is a hundredth of the box, and the next whole number is a tenth of it away."""
 
     def cost(x: np.ndarray) -> np.ndarray:
@@ -102,10 +103,29 @@ def test_compass_steps_to_the_next_whole_number_at_least() -> None:
         return (x[:, 0] - 7) ** 2 + (x[:, 1] - 0.31) ** 2
 
     found = compass(
-        cost, [0, 0], [9, 1], [2, 0.5], evaluations=80, step=0.01, integer=[True, False]
+        cost, [0, 0], [9, 1], [start, 0.5], evaluations=80, step=0.01, integer=[True, False]
     )
     assert found.x[0] == 7
     assert found.x[1] == pytest.approx(0.31, abs=1e-6)
+
+
+def test_the_first_round_asks_for_both_next_whole_numbers() -> None:
+    asked = []
+
+    def cost(x: np.ndarray) -> np.ndarray:
+        asked.append(x[:, 0].tolist())
+        return np.zeros(len(x))
+
+    compass(cost, [0], [9], [4], evaluations=5, step=0.001, integer=True)
+    assert asked[:2] == [[4.0], [3.0, 5.0]]
+
+
+def test_its_parabolas_stand_on_the_whole_numbers_that_were_evaluated() -> None:
+    """A step of 1.5 ends on the second whole number; 4 further is the minimum, in one round."""
+    found = compass(
+        lambda x: (x[:, 0] - 44) ** 2, [0], [100], [40], evaluations=5, step=0.0149, integer=True
+    )
+    assert found.x.tolist() == [44.0]
 
 
 def test_compass_stays_among_whole_numbers_to_its_end() -> None:

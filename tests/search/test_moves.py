@@ -116,6 +116,39 @@ def test_particles_accelerate_towards_both_bests_and_never_pass_the_greatest_spe
     np.testing.assert_allclose(left, some.constriction * velocity, rtol=1e-14)
 
 
+def test_particles_remember_their_best_and_stop_at_walls(monkeypatch) -> None:
+    """Seen from outside: where they were, what it cost, and what drew them."""
+    places, drawn = [], []
+
+    def cost(x: np.ndarray) -> np.ndarray:
+        places.append(x.copy())
+        return ((x + 0.1) ** 2).sum(axis=1)
+
+    def spy(velocity, to_own, to_all, settings, rng):
+        drawn.append((velocity.copy(), to_own, to_all))
+        return accelerated(velocity, to_own, to_all, settings, rng)
+
+    accelerated = swarm.accelerated
+    monkeypatch.setattr(swarm, "accelerated", spy)
+    # an optimum behind the walls, so that many meet them
+    some = SwarmSettings(population=6, generations=12)
+    swarm.minimise(cost, np.zeros(3), np.ones(3), some)
+    x = np.array(places)
+    costs = ((x + 0.1) ** 2).sum(axis=2)
+    walled = 0
+    for k, (velocity, to_own, to_all) in enumerate(drawn):
+        own = x[costs[: k + 1].argmin(axis=0), np.arange(6)]
+        best = x[: k + 1].reshape(-1, 3)[costs[: k + 1].argmin()]
+        np.testing.assert_allclose(x[k] + to_own, own, atol=1e-15)
+        np.testing.assert_allclose(x[k] + to_all, np.broadcast_to(best, own.shape), atol=1e-15)
+        wall = (x[k] == 0) | (x[k] == 1)
+        assert (velocity[wall] == 0).all()
+        if k:
+            np.testing.assert_allclose(velocity[~wall], (x[k] - x[k - 1])[~wall], atol=1e-15)
+        walled += wall.sum()
+    assert walled > 10
+
+
 @pytest.mark.parametrize(
     ("name", "moved"), [("F4", False), ("F6", False), ("F12", False), ("F1", True), ("F5", True)]
 )
