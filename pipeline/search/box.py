@@ -1,15 +1,23 @@
 """Box that is searched, seen as the unit cube, and the population that a search begins with.
 
 In the cube every parameter spans 0 to 1, so that one width of step suits parameters of any unit.  A
-parameter that spans orders of magnitude is spread evenly over its logarithm.
+parameter that spans orders of magnitude is spread evenly over its logarithm.  A parameter of whole
+numbers gives each of them the same share of its axis, the two bounds among them.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.schema.arrays import Bools, Floats
+
+Sides = NDArray[np.int8]
+"""Bound that each parameter is at: -1 the lower, 1 the upper, 0 none."""
+
+NEAR = 1e-3
+"""Share of the axis from a bound within which a parameter counts as at the bound [1]."""
 
 
 @dataclass(frozen=True)
@@ -22,20 +30,32 @@ class Box:
         Least and greatest values, in the parameters' units; the same where one is held.
     log : ndarray of bool, shape (D,)
         Which are searched on a logarithmic scale.
+    integer : ndarray of bool, shape (D,)
+        Which are whole numbers.  Each has the same share of its axis, 1 / (high - low + 1); on a
+        logarithmic scale the number k has the share of k - 1/2 to k + 1/2.
     """
 
     low: Floats
     high: Floats
     log: Bools
+    integer: Bools
 
     @staticmethod
-    def of(low: ArrayLike, high: ArrayLike, log: ArrayLike | None = None) -> "Box":
-        """Bounds from anything like an array; ``log`` as one answer for all, or one for each.
+    def of(
+        low: ArrayLike,
+        high: ArrayLike,
+        log: ArrayLike | None = None,
+        integer: ArrayLike | None = None,
+    ) -> "Box":
+        """Bounds from anything like an array.
+
+        ``log`` and ``integer`` are one answer for all parameters, or one for each.
 
         Raises
         ------
         ValueError
-            When the bounds are no box, or a logarithmic one holds zero.
+            When the bounds are no box, a logarithmic one holds zero, or one of whole numbers is
+            none.
         """
         low, high = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
         if low.ndim != 1 or low.shape != high.shape or len(low) == 0:
@@ -43,47 +63,73 @@ class Box:
                 f"search bounds of shapes {low.shape} and {high.shape} are no box: "
                 "give low and high as two lists of the same length, one entry a parameter"
             )
-        scale = np.array(False if log is None else log, dtype=bool)
-        if scale.shape not in ((), low.shape):
-            raise ValueError(
-                f"search scale has shape {scale.shape}: give log once, or for each of the "
-                f"{len(low)} parameters"
-            )
+        logs = _each(log, low.shape, "log", "scale")
+        whole = _each(integer, low.shape, "integer", "kind of number")
         for k, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
             if not (np.isfinite(a) and np.isfinite(b) and a <= b):
                 raise ValueError(
                     f"search bounds of parameter {k} are {a} to {b}: give finite ones, "
                     "the lower first"
                 )
-        logs = np.broadcast_to(scale, low.shape).copy()
         if (logs & (low <= 0)).any():
             k = int(np.argmax(logs & (low <= 0)))
             raise ValueError(
                 f"search bounds of parameter {k} begin at {low[k]}: a logarithmic scale needs a "
                 "positive lower bound"
             )
-        return Box(low, high, logs)
+        broken = whole & ((low != np.floor(low)) | (high != np.floor(high)))
+        if broken.any():
+            k = int(np.argmax(broken))
+            raise ValueError(
+                f"search bounds of parameter {k} are {low[k]} to {high[k]}: "
+                "give whole numbers as bounds of an integer"
+            )
+        return Box(low, high, logs, whole)
 
     def __len__(self) -> int:
         """Number of parameters D."""
         return len(self.low)
 
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats]:
+        """Values at 0 of each axis, and the width; whole numbers reach half a step further."""
+        half = np.where(self.integer, 0.5, 0.0)
+        return self.low - half, (self.high + half) - (self.low - half)
+
+    @cached_property
+    def _decades(self) -> tuple[Floats, Floats] | None:
+        """Values at 0 of the logarithmic axes and the logarithm of the ratio that they span."""
+        if not self.log.any():
+            return None
+        first, width = (axis[self.log] for axis in self._axes)
+        high = np.where(self.integer[self.log], first + width, self.high[self.log])
+        return first, np.log(high / first)
+
+    @cached_property
+    def _some_whole(self) -> bool:
+        return bool(self.integer.any())
+
     def place(self, unit: Floats) -> Floats:
         """Values at points of the unit cube, shape (P, D); never outside the bounds."""
-        x = self.low + unit * (self.high - self.low)
-        if self.log.any():
-            ratio = np.log(self.high[self.log] / self.low[self.log])
-            x[:, self.log] = self.low[self.log] * np.exp(unit[:, self.log] * ratio)
+        first, width = self._axes
+        x = first + unit * width
+        if self._decades is not None:
+            low, ratio = self._decades
+            x[:, self.log] = low * np.exp(unit[:, self.log] * ratio)
+        if self._some_whole:
+            x[:, self.integer] = np.floor(x[:, self.integer] + 0.5)
         inside: Floats = np.minimum(np.maximum(x, self.low, out=x), self.high, out=x)
         return inside
 
     def unit(self, x: ArrayLike) -> Floats:
         """Points of the unit cube at values of shape (K, D); 0.5 for a parameter that is held.
 
+        A whole number lies in the middle of its share.
+
         Raises
         ------
         ValueError
-            When a value lies outside the bounds.
+            When a value lies outside the bounds, or is none of its whole numbers.
         """
         values = np.atleast_2d(np.array(x, dtype=np.float64))
         if values.ndim != 2 or values.shape[1] != len(self):
@@ -98,14 +144,61 @@ class Box:
                 f"start individual {row} has parameter {k} = {values[row, k]} outside "
                 f"{self.low[k]} to {self.high[k]}: start inside the bounds"
             )
-        width = self.high - self.low
-        unit = (values - self.low) / np.where(width > 0, width, 1.0)
-        if self.log.any():
-            low = self.low[self.log]
-            ratio = np.log(self.high[self.log] / low)
+        broken = self.integer & (values != np.floor(values))
+        if broken.any():
+            row, k = np.argwhere(broken)[0]
+            raise ValueError(
+                f"start individual {row} has parameter {k} = {values[row, k]}: "
+                "start an integer at a whole number"
+            )
+        first, width = self._axes
+        unit = (values - first) / np.where(width > 0, width, 1.0)
+        if self._decades is not None:
+            low, ratio = self._decades
             unit[:, self.log] = np.log(values[:, self.log] / low) / np.where(ratio > 0, ratio, 1.0)
-        unit[:, width == 0] = 0.5
+        unit[:, self.low == self.high] = 0.5
         return np.clip(unit, 0.0, 1.0)
+
+    def centred(self, unit: Floats) -> Floats:
+        """The same points, shape (P, D), with each whole number in the middle of its share."""
+        if not self._some_whole:
+            return unit
+        return np.where(self.integer, self.unit(self.place(unit)), unit)
+
+    def next_whole(self, unit: Floats) -> tuple[Floats, Floats]:
+        """One whole number below and one above a point, both of shape (D,), inside the bounds.
+
+        On an axis that is continuous both are the point itself.
+        """
+        x = self.place(unit[None])
+        step = np.where(self.integer, 1.0, 0.0)
+        below = self.unit(np.maximum(x - step, self.low))[0]
+        above = self.unit(np.minimum(x + step, self.high))[0]
+        return np.where(self.integer, below, unit), np.where(self.integer, above, unit)
+
+    def at_bounds(self, x: Floats) -> Sides:
+        """-1 where ``x`` is at a lower bound, 1 at an upper one, else 0; all of shape (D,).
+
+        A continuous parameter is at a bound within :data:`NEAR` of its axis, a whole number when it
+        is the bound.  One that is held is in the middle, or at both, and counts as at none.
+        """
+        unit = self.unit(x)[0]
+        near = np.where(self.integer, 0.0, NEAR)
+        low = np.where(self.integer, x == self.low, unit <= near)
+        high = np.where(self.integer, x == self.high, unit >= 1.0 - near)
+        sides: Sides = high.astype(np.int8) - low.astype(np.int8)
+        return sides
+
+
+def _each(answer: ArrayLike | None, shape: tuple[int, ...], name: str, what: str) -> Bools:
+    """One answer for each parameter, from one for all or one for each."""
+    given = np.array(False if answer is None else answer, dtype=bool)
+    if given.shape not in ((), shape):
+        raise ValueError(
+            f"search {what} has shape {given.shape}: give {name} once, or for each of the "
+            f"{shape[0]} parameters"
+        )
+    return np.broadcast_to(given, shape).copy()
 
 
 def first_population(

@@ -5,18 +5,17 @@ Selection, crossover and mutation are functions of arrays in :mod:`pipeline.sear
 """
 
 from dataclasses import dataclass
-from math import inf
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged, Share
+from pipeline.schema.ranges import Count, Positive, Range, Share
 from pipeline.search import operators
-from pipeline.search.box import Box, first_population
+from pipeline.search.box import Box
 from pipeline.search.operators import Indices
-from pipeline.search.result import Callback, Cost, Progress, SearchResult
+from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
 
 CHOICES = {
     "selection": ("tournament", "stochastic_universal"),
@@ -27,7 +26,7 @@ CHOICES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class GeneticSettings(Ranged, section="genetic"):
+class GeneticSettings(SearchSettings, section="genetic"):
     """Settings of the genetic algorithm.
 
     Parameters
@@ -102,10 +101,6 @@ class GeneticSettings(Ranged, section="genetic"):
     generation_gap: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
     survival: str = "truncation"
     adaptive: bool = False
-    limit: Annotated[float, Range(finite=False)] = -inf
-    stall: Count | None = None
-    stall_gain: NotNegative = 0.0
-    seed: Annotated[int, Range(least=0)] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -114,10 +109,7 @@ class GeneticSettings(Ranged, section="genetic"):
                 f"genetic.elite = {self.elite} must lie below genetic.population = "
                 f"{self.population}"
             )
-        for name in ("population", "generations", "tournament", "elite", "stall", "seed"):
-            value = getattr(self, name)
-            if value is not None and value != int(value):
-                raise ValueError(f"genetic.{name} = {value} must be a whole number")
+        self.require_whole("tournament", "elite")
         for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueError(
@@ -138,6 +130,7 @@ def minimise(
     settings: GeneticSettings,
     *,
     log: ArrayLike | None = None,
+    integer: ArrayLike | None = None,
     start: ArrayLike | None = None,
     callback: Callback | None = None,
 ) -> SearchResult:
@@ -153,6 +146,8 @@ def minimise(
         Of the algorithm.
     log : array_like of bool, optional
         Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
+    integer : array_like of bool, optional
+        Which parameters are whole numbers, shape (D,), or one answer for all.
     start : array_like, shape (K, D), optional
         Individuals of the first population; the others fill the box evenly (Latin hypercube).
     callback : callable, optional
@@ -172,14 +167,8 @@ def minimise(
     >>> bool(abs(result.x[0] - 3) < 0.01), bool(abs(result.x[1] - 1e-4) < 1e-6), result.evaluations
     (True, True, 6301)
     """
-    box = Box.of(low, high, log)
-    progress = Progress(
-        cost=cost, box=box, most=settings.generations, limit=settings.limit, stall=settings.stall,
-        stall_gain=settings.stall_gain, callback=callback,
-    )  # fmt: skip
-    rng = np.random.default_rng(settings.seed)
-    unit = first_population(box, settings.population, start, rng, setting="genetic.population")
-    costs = progress.evaluate(unit)
+    box = Box.of(low, high, log, integer)
+    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
     unit, costs = _best(unit, costs, settings.population)
     while not (stopped := progress.stopped()):
         children = offspring(unit, costs, settings, rng)

@@ -112,6 +112,7 @@ def front(
     settings: FrontSettings,
     *,
     log: ArrayLike | None = None,
+    integer: ArrayLike | None = None,
     start: ArrayLike | None = None,
     callback: FrontCallback | None = None,
 ) -> FrontResult:
@@ -128,6 +129,8 @@ def front(
         Of the algorithm.
     log : array_like of bool, optional
         Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
+    integer : array_like of bool, optional
+        Which parameters are whole numbers, shape (D,), or one answer for all.
     start : array_like, shape (K, D), optional
         Individuals of the first population; the others fill the box evenly (Latin hypercube).
     callback : callable, optional
@@ -146,7 +149,7 @@ def front(
     >>> len(result.x), bool(result.x.min() > -0.01), bool(result.x.max() < 2.01)
     (20, True, True)
     """
-    box = Box.of(low, high, log)
+    box = Box.of(low, high, log, integer)
     evaluator = _Evaluator(evaluate, box)
     rng = np.random.default_rng(settings.seed)
     unit = first_population(

@@ -1,4 +1,4 @@
-"""Operators of evolutionary search: selection, crossover and mutation, in the unit cube.
+"""Operators of searches: selection, crossover, mutation, encircling, in the unit cube.
 
 Pure functions of arrays with an explicit generator.  Populations stand best first, those that
 failed last.
@@ -223,3 +223,29 @@ def adaptive_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
     if not best > mean:
         return np.full(len(own), greatest)
     return greatest * np.minimum((best - own) / (best - mean), 1.0)
+
+
+def encircled(z: Floats, goal: Floats, step: Floats, swing: Floats) -> Floats:
+    """Points about a goal, G - A |C G - Z|, of whales and wolves (Mirjalili et al. 2014, 2016).
+
+    Parameters
+    ----------
+    z : ndarray, shape (P, D)
+        Z, where they are, seen from the point that counts as zero.
+    goal : ndarray, shape (..., D)
+        G, what they encircle, seen from there.
+    step, swing : ndarray, shape (..., P, D) or (..., P, 1)
+        A from -a to a, and C from 0 to 2 [1].
+    """
+    away = swing * goal
+    away -= z
+    np.abs(away, out=away)
+    away *= step
+    around: Floats = np.subtract(goal, away, out=away)
+    return around
+
+
+def inside(unit: Floats) -> Floats:
+    """Points of any shape moved to the nearest wall of the cube where they left it, in place."""
+    walled: Floats = np.minimum(np.maximum(unit, 0.0, out=unit), 1.0, out=unit)
+    return walled

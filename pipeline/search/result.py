@@ -1,18 +1,65 @@
-"""Progress of a search: evaluations, stopping criteria and the result."""
+"""Progress of a search: settings of all methods, evaluations, stopping criteria and the result."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
-from pipeline.search.box import Box
+from pipeline.schema.ranges import Count, NotNegative, Range, Ranged
+from pipeline.search.box import Box, Sides, first_population
 
 Cost = Callable[[Floats], Floats]
 """Costs, shape (P,), of individuals, shape (P, D)."""
 Callback = Callable[[int, Floats, float], bool | None]
 """Called after each generation with its number, the best individual and its cost; True ends."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings(Ranged, section="search"):
+    """Settings that all methods with a population share.
+
+    Parameters
+    ----------
+    population : int
+        Individuals P.
+    generations : int
+        Generations at most, the first population among them: P times as many evaluations.
+    limit : float
+        Cost at which the search ends.
+    stall : int, optional
+        Generations without a gain of more than ``stall_gain`` after which the search ends.
+    stall_gain : float
+        In the cost's unit.
+    seed : int
+        Of the random numbers.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range, or a count is no whole number.
+    """
+
+    population: Count = 30
+    generations: Count = 500
+    limit: Annotated[float, Range(finite=False)] = -inf
+    stall: Count | None = None
+    stall_gain: NotNegative = 0.0
+    seed: Annotated[int, Range(least=0)] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.require_whole("population", "generations", "stall", "seed")
+
+    def require_whole(self, *names: str) -> None:
+        """Refuse counts that are no whole numbers."""
+        for name in names:
+            value = getattr(self, name)
+            if value is not None and value != int(value):
+                raise ValueError(f"{self.section}.{name} = {value} must be a whole number")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +86,9 @@ class SearchResult:
         Of ``population``.
     stopped : str
         Why it ended: ``generations``, ``limit``, ``stall`` or ``callback``.
+    at_bounds : ndarray of int, shape (D,)
+        -1 for each parameter of ``x`` at its lower bound, 1 at its upper one, else 0, also for one
+        that is held: a bound that was hit says that a better value may lie outside the box.
     """
 
     x: Floats
@@ -50,6 +100,27 @@ class SearchResult:
     population: Floats
     costs: Floats
     stopped: str
+    at_bounds: Sides
+
+    def bounds_hit(self, names: Sequence[str]) -> dict[str, str]:
+        """``low`` or ``high`` for each parameter of the best individual at a bound, by its name.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of the D parameters, in their order.
+
+        Raises
+        ------
+        ValueError
+            When there are more or fewer names than parameters.
+        """
+        if len(names) != len(self.at_bounds):
+            raise ValueError(
+                f"{len(names)} names for {len(self.at_bounds)} parameters: give one for each"
+            )
+        sides = zip(names, self.at_bounds.tolist(), strict=True)
+        return {name: "low" if side < 0 else "high" for name, side in sides if side}
 
 
 @dataclass(kw_only=True)
@@ -72,6 +143,14 @@ class Progress:
         In the cost's unit.
     callback : callable, optional
         Sees each generation and may end the search.
+    x, unit : ndarray, shape (D,)
+        The best individual so far, in the parameters' units and in the unit cube.
+    best : float
+        Its cost.
+    evaluations, failed : int
+        Individuals so far, and those among them whose cost was not finite.
+    history : list of float
+        The best cost up to each generation.
     """
 
     cost: Cost
@@ -82,6 +161,7 @@ class Progress:
     stall_gain: float = 0.0
     callback: Callback | None = None
     x: Floats = field(default_factory=lambda: np.empty(0))
+    unit: Floats = field(default_factory=lambda: np.empty(0))
     best: float = inf
     evaluations: int = 0
     failed: int = 0
@@ -109,7 +189,8 @@ class Progress:
         k = int(costs.argmin())
         if costs[k] < self.best or not self.evaluations:
             self.best = float(costs[k])
-            self.x = self.box.place(unit[k : k + 1])[0]
+            self.unit = unit[k].copy()
+            self.x = self.box.place(self.unit[None])[0]
         self.evaluations += many
         return costs
 
@@ -129,7 +210,8 @@ class Progress:
         return "generations" if done >= self.most else ""
 
     def result(self, unit: Floats, costs: Floats, stopped: str) -> SearchResult:
-        """Result with the last population, shape (P, D), and its costs."""
+        """Result with the last population, shape (P, D), and its costs, sorted by them."""
+        order = costs.argsort(kind="stable")
         return SearchResult(
             x=self.x,
             cost=self.best,
@@ -137,7 +219,42 @@ class Progress:
             failed=self.failed,
             generations=len(self.history),
             history=np.array(self.history),
-            population=self.box.place(unit),
-            costs=costs.copy(),
+            population=self.box.place(unit[order]),
+            costs=costs[order],
             stopped=stopped,
+            at_bounds=self.box.at_bounds(self.x),
         )
+
+
+def begin(
+    cost: Cost, box: Box, settings: SearchSettings, *, start: ArrayLike | None,
+    callback: Callback | None,
+) -> tuple[Progress, np.random.Generator, Floats, Floats]:  # fmt: skip
+    """Progress, random numbers, first population (P, D) in the unit cube, and its costs (P,).
+
+    Parameters
+    ----------
+    cost : callable
+        Costs, shape (P,), of individuals, shape (P, D).
+    box : Box
+        Bounds.
+    settings : SearchSettings
+        Counts, stopping criteria and seed.
+    start : array_like, shape (K, D), optional
+        Individuals of the first population; the others fill the box evenly (Latin hypercube).
+    callback : callable, optional
+        Sees each generation and may end the search.
+
+    Raises
+    ------
+    ValueError
+        When start or the cost's answer do not fit.
+    """
+    progress = Progress(
+        cost=cost, box=box, most=settings.generations, limit=settings.limit, stall=settings.stall,
+        stall_gain=settings.stall_gain, callback=callback,
+    )  # fmt: skip
+    rng = np.random.default_rng(settings.seed)
+    setting = f"{settings.section}.population"
+    unit = first_population(box, settings.population, start, rng, setting=setting)
+    return progress, rng, unit, progress.evaluate(unit)

@@ -1,0 +1,117 @@
+"""Particle swarm optimisation with constriction: each particle remembers its best and knows all's.
+
+Clerc and Kennedy 2002 (IEEE Transactions on Evolutionary Computation 6(1)): the velocity becomes
+chi (v + c_1 r (p - x) + c_2 r' (g - x)), p the particle's own best, g the best of all, with
+chi = 2 / (phi - 2 + sqrt(phi^2 - 4 phi)), phi = c_1 + c_2 > 4, so that the swarm settles without a
+limit.  The velocity is limited nevertheless, as Eberhart and Shi 2000 advise.  A particle that
+meets a wall stops there.  Particles start at rest (Engelbrecht 2012).
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Range
+from pipeline.search.box import Box
+from pipeline.search.operators import inside
+from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+
+SETTLES = 4.0
+"""Sum of both attractions above which the constriction is defined [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwarmSettings(SearchSettings, section="swarm"):
+    """Settings of the particle swarm.
+
+    Parameters
+    ----------
+    population, generations, limit, stall, stall_gain, seed
+        As in :class:`~pipeline.search.result.SearchSettings`.
+    own, best : float
+        c_1 and c_2, attraction of a particle's own best and of the best of all [1]; their sum lies
+        above 4.
+    fastest : float
+        Greatest velocity along each axis, as a share of the box for each generation [1].
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    own: Annotated[float, Range(least=0.0, most=10.0)] = 2.05
+    best: Annotated[float, Range(least=0.0, most=10.0)] = 2.05
+    fastest: Annotated[float, Range(above=0.0, most=1.0)] = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.own + self.best > SETTLES:
+            raise ValueError(
+                f"swarm.own = {self.own} and swarm.best = {self.best} must add up to more than "
+                f"{SETTLES:g}, or the swarm never settles"
+            )
+
+    @property
+    def constriction(self) -> float:
+        """chi, the share of the velocity that is kept [1]."""
+        phi = self.own + self.best
+        return 2.0 / (phi - 2.0 + sqrt(phi * (phi - 4.0)))
+
+
+def minimise(
+    cost: Cost,
+    low: ArrayLike,
+    high: ArrayLike,
+    settings: SwarmSettings,
+    *,
+    log: ArrayLike | None = None,
+    integer: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    callback: Callback | None = None,
+) -> SearchResult:
+    """Least cost within the bounds by a swarm of particles.
+
+    Parameters and errors are those of :func:`pipeline.search.genetic.minimise`.
+    """
+    box = Box.of(low, high, log, integer)
+    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
+    velocity, own, own_costs = np.zeros_like(unit), unit, costs
+    while not (stopped := progress.stopped()):
+        velocity = accelerated(velocity, own - unit, progress.unit - unit, settings, rng)
+        ahead = unit + velocity
+        unit = inside(ahead.copy())
+        velocity[ahead != unit] = 0.0
+        costs = progress.evaluate(unit)
+        better = costs < own_costs
+        own_costs = np.where(better, costs, own_costs)
+        own = np.where(better[:, None], unit, own)
+    return progress.result(unit, costs, stopped)
+
+
+def accelerated(
+    velocity: Floats, to_own: Floats, to_all: Floats, settings: SwarmSettings,
+    rng: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Velocities of the next generation, shape (P, D), of the unit cube.
+
+    Parameters
+    ----------
+    velocity, to_own, to_all : ndarray, shape (P, D)
+        Velocities, and distances to each particle's own best and to the best of all.
+    settings : SwarmSettings
+        Attractions and greatest velocity.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    chance = rng.random((2, *velocity.shape))
+    chi, most = settings.constriction, settings.fastest
+    faster = chi * velocity
+    faster += (chi * settings.own) * chance[0] * to_own
+    faster += (chi * settings.best) * chance[1] * to_all
+    limited: Floats = np.minimum(np.maximum(faster, -most, out=faster), most, out=faster)
+    return limited

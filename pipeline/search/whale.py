@@ -1,0 +1,143 @@
+"""Whale optimisation algorithm: individuals circle the best one, spiral towards it, or roam.
+
+Mirjalili and Lewis 2016 (Advances in Engineering Software 95), Eq. (2.1) to (2.8): with a falling
+evenly from 2 to 0, A = 2 a r - a and C = 2 r', each whale Z does one of three things,
+
+- encircles the best so far, Z <- Z* - A |C Z* - Z|, where |A| < 1,
+- roams about another whale Z_r, Z <- Z_r - A |C Z_r - Z|, where |A| >= 1,
+- or, at even odds with both, spirals, Z <- |Z* - Z| exp(b l) cos(2 pi l) + Z*, l from -1 to 1.
+
+C Z* depends on where zero lies: the whales are drawn to it whatever the cost.  ``origin`` says
+which point of the box it is; in boxes that are symmetric about zero, as in the paper, the middle.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Positive, Range, Share
+from pipeline.search.box import Box
+from pipeline.search.operators import encircled, inside
+from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+
+
+@dataclass(frozen=True, kw_only=True)
+class WhaleSettings(SearchSettings, section="whale"):
+    """Settings of the whale optimisation algorithm; the defaults are those of its authors.
+
+    Parameters
+    ----------
+    population, generations, limit, stall, stall_gain, seed
+        As in :class:`~pipeline.search.result.SearchSettings`.
+    reach : float
+        a at the beginning [1]; it falls evenly to 0.
+    spiral : float
+        b, how fast the spiral widens [1].
+    least_turn, greatest_turn : float
+        Range of l, turns of the spiral [1].
+    roams : bool
+        Whether whales with abs(A) >= 1 roam about another whale, else they encircle the best one.
+    by_axis : bool
+        Whether A and C are drawn for each axis, as the paper's text has it, or once for each whale,
+        as in its authors' program.
+    origin : float
+        Place on every axis of the unit cube that the formulas take for zero [1].
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    reach: Positive = 2.0
+    spiral: Annotated[float, Range(least=0.0, most=10.0)] = 1.0
+    least_turn: Annotated[float, Range(least=-10.0, most=10.0)] = -1.0
+    greatest_turn: Annotated[float, Range(least=-10.0, most=10.0)] = 1.0
+    roams: bool = True
+    by_axis: bool = False
+    origin: Share = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.least_turn > self.greatest_turn:
+            raise ValueError(
+                f"whale.least_turn = {self.least_turn} must not lie above whale.greatest_turn = "
+                f"{self.greatest_turn}"
+            )
+
+
+def minimise(
+    cost: Cost,
+    low: ArrayLike,
+    high: ArrayLike,
+    settings: WhaleSettings,
+    *,
+    log: ArrayLike | None = None,
+    integer: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    callback: Callback | None = None,
+) -> SearchResult:
+    """Least cost within the bounds by whales.
+
+    Parameters and errors are those of :func:`pipeline.search.genetic.minimise`.
+
+    Examples
+    --------
+    >>> def cost(x):
+    ...     return (x[:, 0] - 3.0) ** 2 + (x[:, 1] - 7) ** 2
+    >>> some = WhaleSettings(population=20, generations=200)
+    >>> result = minimise(cost, [0, 1], [10, 9], some, integer=[False, True])
+    >>> bool(abs(result.x[0] - 3) < 0.01), float(result.x[1]), result.evaluations
+    (True, 7.0, 4000)
+    """
+    box = Box.of(low, high, log, integer)
+    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
+    while not (stopped := progress.stopped()):
+        left = 1.0 - (len(progress.history) - 1) / settings.generations
+        unit = moved(unit, progress.unit, left * settings.reach, settings, rng)
+        costs = progress.evaluate(unit)
+    return progress.result(unit, costs, stopped)
+
+
+def moved(
+    unit: Floats, best: Floats, reach: float, settings: WhaleSettings, rng: np.random.Generator
+) -> Floats:
+    """Whales a generation later, shape (P, D), in the unit cube.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (P, D)
+        Whales.
+    best : ndarray, shape (D,)
+        Z*, the best so far.
+    reach : float
+        a of this generation [1].
+    settings : WhaleSettings
+        Of the spiral, and of roaming.
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    many, genes = unit.shape
+    chance = rng.random((3, many, 1))
+    step = rng.random((many, genes if settings.by_axis else 1))
+    swing = rng.random(step.shape)
+    step *= 2.0 * reach
+    step -= reach  # A
+    swing *= 2.0  # C
+    z, goal = unit - settings.origin, best - settings.origin
+    prey = goal
+    if settings.roams:
+        other = z.take((many * chance[0, :, 0]).astype(np.intp), axis=0)
+        goal = np.where(np.abs(step) >= 1.0, other, prey)
+    circled = encircled(z, goal, step, swing)
+    turn = settings.least_turn + (settings.greatest_turn - settings.least_turn) * chance[1]
+    widening = np.exp(settings.spiral * turn) * np.cos(2.0 * np.pi * turn)
+    spiral = np.abs(prey - z)
+    spiral *= widening
+    spiral += prey
+    whales = np.where(chance[2] < 0.5, circled, spiral)
+    whales += settings.origin
+    return inside(whales)

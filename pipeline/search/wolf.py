@@ -1,0 +1,107 @@
+"""Grey wolf optimiser: the pack closes in on the mean of what its three best ones suggest.
+
+Mirjalili, Mirjalili and Lewis 2014 (Advances in Engineering Software 69), Eq. (3.1) to (3.7): with
+a falling evenly from 2 to 0, A = 2 a r - a and C = 2 r' for each axis and each leader Z_k (alpha,
+beta, delta: the three best so far), Z <- mean over k of Z_k - A |C Z_k - Z|.
+
+C Z_k depends on where zero lies: the wolves are drawn to it whatever the cost.  ``origin`` says
+which point of the box it is; in boxes that are symmetric about zero, as in the paper, the middle.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Positive, Share
+from pipeline.search.box import Box
+from pipeline.search.operators import encircled, inside
+from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+
+LEADERS = 3
+"""Alpha, beta and delta, the wolves that lead; fewer in a smaller pack."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WolfSettings(SearchSettings, section="wolf"):
+    """Settings of the grey wolf optimiser; the defaults are those of the paper.
+
+    Parameters
+    ----------
+    population, generations, limit, stall, stall_gain, seed
+        As in :class:`~pipeline.search.result.SearchSettings`.
+    reach : float
+        a at the beginning [1]; it falls evenly to 0.
+    origin : float
+        Place on every axis of the unit cube that the formulas take for zero [1].
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range.
+    """
+
+    reach: Positive = 2.0
+    origin: Share = 0.5
+
+
+def minimise(
+    cost: Cost,
+    low: ArrayLike,
+    high: ArrayLike,
+    settings: WolfSettings,
+    *,
+    log: ArrayLike | None = None,
+    integer: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    callback: Callback | None = None,
+) -> SearchResult:
+    """Least cost within the bounds by a pack of wolves.
+
+    Parameters and errors are those of :func:`pipeline.search.genetic.minimise`.
+    """
+    box = Box.of(low, high, log, integer)
+    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
+    leaders, theirs = unit[:0], costs[:0]
+    while not (stopped := progress.stopped()):
+        leaders, theirs = _best_of(leaders, theirs, unit, costs)
+        left = 1.0 - (len(progress.history) - 1) / settings.generations
+        unit = moved(unit, leaders, left * settings.reach, settings.origin, rng)
+        costs = progress.evaluate(unit)
+    return progress.result(unit, costs, stopped)
+
+
+def _best_of(leaders: Floats, theirs: Floats, unit: Floats, costs: Floats) -> tuple[Floats, Floats]:
+    """The best of the leaders so far and the pack, and their costs, best first."""
+    joined, all_costs = np.concatenate([leaders, unit]), np.concatenate([theirs, costs])
+    order = all_costs.argsort(kind="stable")[:LEADERS]
+    return joined[order], all_costs[order]
+
+
+def moved(
+    unit: Floats, leaders: Floats, reach: float, origin: float, rng: np.random.Generator
+) -> Floats:
+    """Wolves a generation later, shape (P, D), in the unit cube.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (P, D)
+        Wolves.
+    leaders : ndarray, shape (L, D)
+        The best so far, L up to 3.
+    reach : float
+        a of this generation [1].
+    origin : float
+        Place on every axis that the formulas take for zero [1].
+    rng : numpy.random.Generator
+        Random numbers.
+    """
+    shape = (len(leaders), *unit.shape)
+    step = rng.random(shape)
+    step *= 2.0 * reach
+    step -= reach
+    swing = rng.random(shape)
+    swing *= 2.0
+    suggested = encircled(unit - origin, leaders[:, None] - origin, step, swing)
+    return inside(suggested.sum(axis=0) / len(leaders) + origin)
