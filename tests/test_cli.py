@@ -25,7 +25,7 @@ from tests.small_project import MACHINE, MONDAY, ROOT, SUBMODELS, build, change,
 
 COMMANDS = (
     "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
-    "check", "optimise",
+    "check", "optimise", "transfer",
 )  # fmt: skip
 
 

@@ -280,25 +280,36 @@ def test_two_runs_at_once_leave_whole_files(
         pq.read_metadata(path)
 
 
-CALLBACK = """
-import os, signal, sys, time, weakref
-from pipeline.app.kerf import end_again
-from pipeline.schema.files import end_on_signals
-end_on_signals()
-sys.unraisablehook = end_again
+BEGUN = """
+import atexit, os, signal, sys, time, weakref
+from pathlib import Path
+from pipeline.schema.files import ended_by_signals, replacing
 class Thing: pass
-thing = Thing()
-ref = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
-del thing
-time.sleep(20)
-sys.exit(0)
+def signalled():
+    thing = Thing()
+    ref = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+    del thing
+    time.sleep(20)
+def changed():
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(20)
+    finally:
+        None.nothing
+with ended_by_signals(), replacing(Path(sys.argv[1])) as part:
+    part.write_text("half")
+    %s
 """
+"""What a run does with a file that it has begun."""
 
 
-def test_a_signal_in_a_callback_ends_the_run_a_moment_later() -> None:
-    """Python ignores what is raised there, and would go on to the end."""
+@pytest.mark.parametrize("way", ["signalled()", "changed()", "atexit.register(signalled)"])
+def test_a_signal_ends_the_run_whatever_happens_on_its_way(way: str, tmp_path: Path) -> None:
+    """In a callback Python ignores what is raised, a library raises another, the end has begun."""
+    path = tmp_path / "file"
     done = subprocess.run(
-        [sys.executable, "-c", CALLBACK], capture_output=True, text=True, timeout=60,
+        [sys.executable, "-c", BEGUN % way, path], capture_output=True, text=True, timeout=60,
         env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (143, "")
+    assert [p.name for p in tmp_path.iterdir()] == (["file"] if "atexit" in way else [])

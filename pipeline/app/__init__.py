@@ -4,18 +4,15 @@
 in lines.  Units are those of the shop floor: mm, mm/min, rev/min, N.
 """
 
-import sys
-
 __all__ = ["check", "compensation", "cut", "fleet", "main", "optimise", "programs"]
 
 
 def main() -> None:
     """Run ``kerf``."""
     from pipeline.app import commands
-    from pipeline.app.kerf import app, end_again
-    from pipeline.schema.files import end_on_signals
+    from pipeline.app.kerf import app
+    from pipeline.schema.files import ended_by_signals
 
     del commands  # imported so that its commands are there
-    end_on_signals()
-    sys.unraisablehook = end_again
-    app()
+    with ended_by_signals():
+        app()

@@ -163,6 +163,20 @@ def compensation(
 
 
 @app.command()
+def transfer(
+    machine: kerf.Machine,
+    golden: Annotated[str, typer.Option(help="Whose spindle parameters are expected here.")],
+    out: Annotated[Path, typer.Option(help="JSON to write the curve into.")],
+) -> None:
+    """Pool MACHINE's first minutes of warm-up with a golden machine's spindle parameters."""
+    from pipeline.app.transfer import transfer_curve, transfer_table
+
+    with one_sentence():
+        found = transfer_curve(machine, golden, out)
+    typer.echo("\n".join(transfer_table(found)))
+
+
+@app.command()
 def interpret(
     program: kerf.Program,
     out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],

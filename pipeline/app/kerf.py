@@ -1,6 +1,5 @@
 """The command kerf: its options, one sentence for bad input, a bar while it waits."""
 
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from pipeline.schema.files import exit_status
 from pipeline.schema.limits import limit_words
 
 app = typer.Typer(
@@ -56,16 +54,6 @@ Model = Annotated[
 ]
 
 
-def end_again(unraisable: "sys.UnraisableHookArgs") -> None:
-    """End a moment later where a signal came in a callback, in which Python ends nothing."""
-    status = exit_status(0)
-    if status and unraisable.exc_type is SystemExit:
-        signal.signal(signal.SIGALRM, lambda number, frame: sys.exit(status))
-        signal.setitimer(signal.ITIMER_REAL, 0.01)
-    else:
-        sys.__unraisablehook__(unraisable)
-
-
 @contextmanager
 def one_sentence() -> Iterator[None]:
     """Bad input ends in one sentence and exit status 2, not in a traceback."""
@@ -73,7 +61,7 @@ def one_sentence() -> Iterator[None]:
         yield
     except (ValueError, OSError) as error:
         typer.echo(f"kerf: {error}", err=True)
-        raise typer.Exit(exit_status(2)) from error
+        raise typer.Exit(2) from error
 
 
 @contextmanager

@@ -152,6 +152,48 @@ def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
     return torch.cholesky_solve(moment[..., None], factor)[..., 0]
 
 
+class Whitened:
+    """A filtered network with consequents b = b0 + L^-T z, where L L' = A'A / T + ridge 1.
+
+    Rules that hardly differ make the columns of the design A nearly the same, and gradient descent
+    on b crawl; in z they are orthogonal where it starts.
+
+    Parameters
+    ----------
+    built : FilteredNetwork
+        At the bands that training starts from.
+    x, c, y : Tensor, shapes (T, N), (T, K), (T,)
+        Samples, of whose least squares b0 is the solution.
+    ridge : float
+        Of these.
+    """
+
+    def __init__(
+        self, built: FilteredNetwork, x: Tensor, c: Tensor, y: Tensor, ridge: float
+    ) -> None:
+        self.built = built
+        with torch.no_grad():
+            gram, moment = built.normal_equations(built.bands, x, c, y)
+            one = torch.eye(len(gram), dtype=gram.dtype)
+            factor = torch.linalg.cholesky(gram + ridge * one)
+            self.map = torch.linalg.solve_triangular(factor.mT, one, upper=True)
+            self.start = ridge_solution(gram, moment, ridge)
+        self.z = torch.zeros_like(self.start).requires_grad_()
+        self.parameters = [built.places, self.z]
+        self.settle()
+
+    def __call__(self, x: Tensor, c: Tensor) -> Tensor:
+        """Scaled output, shape (T,)."""
+        return self.built.design(x, c) @ (self.start + self.map @ self.z)
+
+    @torch.no_grad()
+    def settle(self) -> None:
+        """Keep the bounds of the bands, and give the network its consequents."""
+        self.built.keep_bounds()
+        b = self.start + self.map @ self.z
+        self.built.consequents.copy_(b.view_as(self.built.consequents))
+
+
 class FuzzyFilteredNetwork(FilteredNetwork):
     """The improved network: Gaussian bands (centre, width [channels]), shares O_j / sum_k O_k.
 

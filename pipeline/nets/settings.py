@@ -77,7 +77,8 @@ class TrainingSettings(Ranged, section="training"):
         Samples of each of Adam's steps; back-propagation goes sample by sample.
     ridge : float
         Penalty on the squares of the scaled consequents, as a share of the variance of the scaled
-        output [1].
+        output [1].  Shares of bands differ by a few per cent, so that consequents of a hundred are
+        at work: it bounds the condition and no more.
     validation : float
         Share of the groups that are kept for early stopping, whole, at least one; with 0 all groups
         are learnt from, and the state with the least training error is kept.
@@ -98,7 +99,7 @@ class TrainingSettings(Ranged, section="training"):
     patience: Count = 100
     learning_rate: Positive = 0.01
     batch: Count = 64
-    ridge: Annotated[float, Range(least=1e-12)] = 1e-6
+    ridge: Annotated[float, Range(least=1e-12)] = 1e-8
     validation: Annotated[float, Range(least=0.0, below=1.0)] = 0.2
     population: Annotated[int, Range(least=2)] = 20
     breadth: Positive = 1.0

@@ -2,9 +2,10 @@
 
 ``genetic``: adaptive genetic search over the bands with ridge least squares for the consequents
 inside (FFNN2015), a generation at once.  ``projection``: the same least squares, and Adam on the
-bands; at the least-squares consequents the gradient of the projected error is that with these held
-(variable projection, Golub and Pereyra 1973).  ``gradient``: Adam on everything, from evenly spread
-bands.  ``back_propagation``: plain gradient descent, sample by sample.
+bands; at the least-squares consequents the gradient of the projected error is that with these
+held (variable projection, Golub and Pereyra 1973).  ``gradient``: Adam on everything, from evenly
+spread bands and their least squares.  ``back_propagation``: plain gradient descent, sample by
+sample.
 
 Whole groups are kept for early stopping, and the state with the least error on them is the result.
 """
@@ -22,6 +23,7 @@ from pipeline.nets.ffnn import (
     BackPropagationNetwork,
     FilteredNetwork,
     Network,
+    Whitened,
     network,
     ridge_solution,
 )
@@ -243,23 +245,23 @@ def _gradient(
     built: Network, training: Samples, settings: TrainingSettings, progress: Progress,
     generator: torch.Generator,
 ) -> None:  # fmt: skip
-    """Adam on all parameters in batches; consequents start from least squares, which is a pass."""
+    """Adam on all parameters in batches, its rate falling along a cosine to the last pass."""
     x, c, y = training
-    first = 1
+    whitened = None
     if isinstance(built, FilteredNetwork):
-        built.solve_consequents(x, c, y, settings.ridge)
-        progress.stopped(1)
-        first = 2
-    optimizer = torch.optim.Adam(built.parameters(), lr=settings.learning_rate)
+        whitened = Whitened(built, *training, settings.ridge)
+        progress.stopped(1)  # its least squares are a pass
+    parameters = whitened.parameters if whitened else list(built.parameters())
+    output = whitened or built
+    optimizer = torch.optim.Adam(parameters, lr=settings.learning_rate)
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=settings.passes)
-    for done in range(first, settings.passes + 1):
+    for done in range(2 if whitened else 1, settings.passes + 1):
         for rows in torch.randperm(len(y), generator=generator).split(settings.batch):
             optimizer.zero_grad()
-            loss = torch.mean((built(x[rows], c[rows]) - y[rows]) ** 2)
-            loss.backward()
+            torch.mean((output(x[rows], c[rows]) - y[rows]) ** 2).backward()
             optimizer.step()
-            if isinstance(built, FilteredNetwork):
-                built.keep_bounds()
+            if whitened:
+                whitened.settle()
         rate.step()
         if progress.stopped(done):
             return

@@ -14,6 +14,7 @@ __all__ = [
     "files",
     "golden",
     "identity",
+    "interval",
     "limits",
     "model",
     "part",

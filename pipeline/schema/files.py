@@ -7,6 +7,7 @@ part of either.
 import atexit
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -122,27 +123,40 @@ def beside(path: Path) -> Path:
     return path.with_name(f".{name}.{os.getpid()}-{next(_numbers)}{PART}")
 
 
-def end_on_signals() -> None:
-    """End on SIGTERM and SIGHUP as on an error, with exit status 128 + number.
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """SIGTERM and SIGHUP end what runs inside with exit status 128 + number, as an error would.
 
     Files that are not whole are removed on the way out, at the latest when Python ends: a signal
-    may come between two steps of a ``with``.  A signal that is ignored stays so.
+    may come between two steps of a ``with``.  Whatever a library makes of it on its way, the exit
+    status holds; one that comes in a callback, where Python raises nothing, ends the run there.  A
+    signal that is ignored stays so.
     """
     atexit.register(_remove_begun)
+    sys.unraisablehook = _end_there
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, _end)
-
-
-def exit_status(otherwise: int) -> int:
-    """128 + number of the signal that ended the run, whatever a library made of it on its way."""
-    return 128 + _ended[0] if _ended else otherwise
+    try:
+        yield
+    except BaseException:
+        if _ended:
+            raise SystemExit(128 + _ended[0]) from None
+        raise
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     signal.signal(number, signal.SIG_IGN)  # a second one finds the way out under way
     _ended.append(number)
     raise SystemExit(128 + number)
+
+
+def _end_there(unraisable: "sys.UnraisableHookArgs") -> None:
+    if not (_ended and unraisable.exc_type is SystemExit):
+        sys.__unraisablehook__(unraisable)
+        return
+    _remove_begun()
+    os._exit(128 + _ended[0])
 
 
 def _remove_begun() -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.parameters import read_params, section_path, structure
-from pipeline.schema.files import end_on_signals, exit_status
+from pipeline.schema.files import ended_by_signals
 from pipeline.submodels.contract import sections, submodel, submodels
 
 # One thread for linear algebra: the same sums in the same order everywhere, and for matrices as
@@ -120,12 +120,12 @@ def main() -> None:
     if len(sys.argv) < 2:
         sys.stderr.write("usage: python -m pipeline.stages NAME[@MACHINE] PATH...\n")
         sys.exit(2)
-    end_on_signals()
-    try:
-        run(*sys.argv[1:])
-    except (ValueError, OSError) as error:
-        sys.stderr.write(f"{sys.argv[1]}: {error}\n")
-        sys.exit(exit_status(2))
+    with ended_by_signals():
+        try:
+            run(*sys.argv[1:])
+        except (ValueError, OSError) as error:
+            sys.stderr.write(f"{sys.argv[1]}: {error}\n")
+            sys.exit(2)
 
 
 if __name__ == "__main__":

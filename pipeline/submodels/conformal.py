@@ -4,31 +4,33 @@ The half width of an interval is a quantile of the absolute residuals of groups 
 that the predicting model was not fitted on.  Cross-conformal: each training group is predicted by a
 model of the others, so that no group is spent on calibration alone (Vovk 2015).
 
-Samples of a group hang together, and a new group is what the interval has to hold for.  So each
-group weighs the same, and the quantile's level is raised for their number K, not for that of the
-samples: to 0.9 (K + 1) / K (hierarchical conformal prediction, Lee, Barber and Willett 2023).
-Below :data:`EVERY_GROUP` groups that level passes 1; the greatest residual is taken then, which a
-sample of a new group stays below with a probability of K / (K + 1) at least: 80 % with four groups.
-From :data:`MANY_GROUPS` groups on their own scatter says how many independent ones they amount to.
+Samples of a group hang together, and a new group is what the interval has to hold for, so groups
+count as whole.  Below :data:`MANY_GROUPS` of them, K say, the half width is conservative: of the
+groups' own 90 % quantiles it is the ceil(0.9 (K + 1))-th smallest, the greatest where there are
+fewer than nine.  By exchangeability it then holds 90 % of a new group's samples with a probability
+of 0.9, with fewer than nine groups of K / (K + 1), 80 % with four (Dunn, Wasserman and Ramdas
+2023).  From :data:`MANY_GROUPS` on it is one quantile of all residuals, each group of the same
+weight, at a level corrected for the number of independent groups that their scatter shows
+(hierarchical conformal prediction, Lee, Barber and Willett 2023): 90 % in the mean, not more.
 
 Adaptive over time: a factor on the half width rises when a measured value that has become known lay
 outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes and Tibshirani 2023;
 Gibbs and Candes 2021), so that the share inside comes back to 90 % when conditions drift.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.ranges import Count, NotNegative, Range, Ranged
+from pipeline.schema.interval import AdaptiveSettings as AdaptiveSettings
+from pipeline.schema.interval import Band as Band
+from pipeline.schema.interval import Bands as Bands
 
 LEVEL = 0.9
 """Share of samples that an interval shall hold [1]."""
-EVERY_GROUP = 9
-"""Groups below which no quantile of their residuals is sure to hold 90 % of a new group."""
 MANY_GROUPS = 20
 """Groups from which on their scatter is known: two of them pass a 90 % limit on average."""
 ALL_REGIMES = ""
@@ -36,46 +38,6 @@ ALL_REGIMES = ""
 
 Labels = np.ndarray[Any, np.dtype[np.str_]]
 """A word for each sample."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Band(Ranged, section="band"):
-    """90 % prediction interval of one regime: from predicted - lower to predicted + upper.
-
-    Parameters
-    ----------
-    lower, upper : float
-        Half widths, in the unit of the quantity.
-    n : int
-        Residuals that it was calibrated on.
-    groups : int
-        Groups that they are from.
-    """
-
-    lower: NotNegative
-    upper: NotNegative
-    n: Count
-    groups: Count
-
-
-Bands = Mapping[str, Band]
-"""Bands by regime; that of :data:`ALL_REGIMES` serves regimes that have none."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class AdaptiveSettings(Ranged, section="adaptive_interval"):
-    """How fast an interval follows the errors that have become known.
-
-    Parameters
-    ----------
-    step : float
-        Change of the factor on the half width by a sample outside [1]; 0 keeps it at 1.
-    delay_s : float
-        A measured value is known this long after its time [s].
-    """
-
-    step: Annotated[float, Range(least=0.0, most=1.0)] = 0.01
-    delay_s: NotNegative = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,30 +165,23 @@ def _band(residuals: Residuals) -> Band:
 
 
 def _half_width(size: Floats, group: np.ndarray, count: int) -> float:
-    """Quantile of absolute residuals, each group of the same weight, corrected for their number.
-
-    From :data:`MANY_GROUPS` groups on the number that counts is that of independent groups with
-    the same scatter of the share outside, p (1 - p) / var(mean p_k) (Kish's design effect), between
-    that of the groups and that of the samples.
-    """
-    order = np.argsort(size, kind="stable")
+    """Half width that holds 90 % of a new group, from absolute residuals of ``count`` groups."""
+    if count < MANY_GROUPS:
+        own = np.sort([float(np.quantile(size[group == k], LEVEL)) for k in range(count)])
+        return float(own[min(int(np.ceil(LEVEL * (count + 1) - 1e-9)), count) - 1])
     weight = 1.0 / (count * np.bincount(group, minlength=count)[group])
+    order = np.argsort(size, kind="stable")
     below = np.cumsum(weight[order])
 
     def quantile(level: float) -> float:
         at = int(np.searchsorted(below, level - 1e-12))
         return float(size[order[min(at, len(size) - 1)]])
 
-    if count < EVERY_GROUP:
-        return float(size.max())
-    effective = float(count)
-    if count >= MANY_GROUPS:
-        outside = np.bincount(
-            group, weights=(size > quantile(LEVEL)) * weight * count, minlength=count
-        )
-        variance = float(outside.var(ddof=1)) / count
-        independent = LEVEL * (1 - LEVEL) / variance if variance > 0 else float(len(size))
-        effective = float(np.clip(independent, count, len(size)))
+    # Kish's design effect: independent groups of the same scatter, p (1 - p) / var(mean share out)
+    outside = count * np.bincount(group, weights=(size > quantile(LEVEL)) * weight, minlength=count)
+    variance = float(outside.var(ddof=1)) / count
+    independent = LEVEL * (1 - LEVEL) / variance if variance > 0 else float(len(size))
+    effective = float(np.clip(independent, count, len(size)))
     return quantile(min(1.0, LEVEL * (effective + 1) / effective))
 
 

@@ -7,8 +7,10 @@ One node is the measured winding (or housing) itself,
 with the heat sources ``h``: bearing friction n^(5/3), load times speed, copper loss tau^2,
 windage n^2, and the magnetising current of a motor that holds its position at standstill
 (``spindle_position_control``).  Two nodes add a body (housing, cartridge) that exchanges heat with
-the first and loses its own to the ambient.  Only k_i/C and 1/(RC) can be had from temperatures, so
-only these are parameters.
+the first and loses its own to the ambient.  Where the coolant's temperature is recorded it is a
+further sink (or source: it carries the heat of chips, pump and tank), of the body where there is
+one, else of the measured node: - (T - T_coolant) / (R_c C).  Only k_i/C and
+1/(RC) can be had from temperatures, so only these are parameters.
 
 Bearing law: Palmgren's viscous torque M0 ~ (nu n)^(2/3), hence power ~ n^(5/3) at constant
 viscosity (Harris, Kotzalas: Essential Concepts of Bearing Technology, 5th ed., ch. 10).  The step
@@ -56,6 +58,8 @@ class SpindleThermalParameters(Ranged):
         C of the measured node over C of the body [1]; positive with two nodes.
     body_cooling_rate : float
         1 / (R C) of the body to the ambient [1/s].
+    coolant_rate : float
+        1 / (R C) of the body, or of the only node, to the coolant [1/s]; 0 without one.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class SpindleThermalParameters(Ranged):
     coupling_rate: _Rate = 0.0
     capacity_ratio: NotNegative = 0.0
     body_cooling_rate: _Rate = 0.0
+    coolant_rate: _Rate = 0.0
 
     def __post_init__(self) -> None:
         unknown = set(self.heating) - set(SOURCES)
@@ -97,9 +102,10 @@ class SpindleThermalParameters(Ranged):
     def rates(self) -> Floats:
         """State matrix of the network, shape (nodes, nodes) [1/s]."""
         if self.nodes == 1:
-            return np.array([[-self.cooling_rate]])
+            return np.array([[-self.cooling_rate - self.coolant_rate]])
         k, r = self.coupling_rate, self.coupling_rate * self.capacity_ratio
-        return np.array([[-k - self.cooling_rate, k], [r, -r - self.body_cooling_rate]])
+        body = self.body_cooling_rate + self.coolant_rate
+        return np.array([[-k - self.cooling_rate, k], [r, -r - body]])
 
 
 def heat_sources(speed: ArrayLike, load: ArrayLike, hold: ArrayLike) -> Floats:
@@ -158,6 +164,7 @@ def temperatures(
     dt: float,
     *,
     ambient: ArrayLike | None = None,
+    coolant: ArrayLike | None = None,
     body_start: ArrayLike | None = None,
 ) -> Floats:
     """Node temperatures [degC], shape (nodes, ..., T).
@@ -175,13 +182,15 @@ def temperatures(
     ambient : array_like, shape (..., T), optional
         Measured ambient [degC], to which ``parameters.ambient_offset`` is added;
         ``parameters.ambient`` when there is none.
+    coolant : array_like, shape (..., T), optional
+        Temperature of the coolant [degC]; needed where ``parameters.coolant_rate`` is not 0.
     body_start : array_like, shape (...), optional
         The body's temperature at the first sample; the quasi-steady one for ``start`` by default.
 
     Raises
     ------
     ValueError
-        When ``dt`` is not positive.
+        When ``dt`` is not positive, or the coolant's temperature is needed and missing.
 
     Examples
     --------
@@ -193,6 +202,11 @@ def temperatures(
     """
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt = {dt} s must be positive")
+    if coolant is None and parameters.coolant_rate > 0:
+        raise ValueError(
+            f"coolant_rate = {parameters.coolant_rate:g} 1/s needs the coolant's temperature: "
+            "record coolant_temperature, or take a network without that sink"
+        )
     coefficients = np.array([parameters.heating.get(name, 0.0) for name in SOURCES])
     heat = sources @ coefficients
     surround = np.broadcast_to(
@@ -201,15 +215,22 @@ def temperatures(
         else np.asarray(ambient, float) + parameters.ambient_offset,
         heat.shape,
     )
+    chilled = parameters.coolant_rate * np.broadcast_to(
+        0.0 if coolant is None else np.asarray(coolant, float), heat.shape
+    )
     first = np.broadcast_to(np.asarray(start, float), heat.shape[:-1])
     if parameters.nodes == 1:
-        driven = heat + parameters.cooling_rate * surround
-        return _first_order(-parameters.cooling_rate, driven, first, dt)[np.newaxis]
+        driven = heat + parameters.cooling_rate * surround + chilled
+        return _first_order(float(parameters.rates[0, 0]), driven, first, dt)[np.newaxis]
     if body_start is None:
-        body_start = quasi_steady_body(first, surround[..., 0], parameters)
+        sink = None if coolant is None else np.asarray(coolant, float)[..., 0]
+        body_start = quasi_steady_body(first, surround[..., 0], parameters, sink)
     eigenvalues, vectors, inverse = _modes(parameters)
     inputs = np.stack(
-        [heat + parameters.cooling_rate * surround, parameters.body_cooling_rate * surround]
+        [
+            heat + parameters.cooling_rate * surround,
+            parameters.body_cooling_rate * surround + chilled,
+        ]
     )
     starts = np.stack([first, np.broadcast_to(np.asarray(body_start, float), first.shape)])
     modes = np.stack(
@@ -227,11 +248,17 @@ def temperatures(
 
 
 def quasi_steady_body(
-    start: ArrayLike, ambient: ArrayLike, parameters: SpindleThermalParameters
+    start: ArrayLike,
+    ambient: ArrayLike,
+    parameters: SpindleThermalParameters,
+    coolant: ArrayLike | None = None,
 ) -> Floats:
     """Body temperature in balance with a measured node that stayed at ``start`` [degC]."""
     r = parameters.coupling_rate * parameters.capacity_ratio
-    loss = parameters.body_cooling_rate
-    if r + loss == 0:
+    loss, chill = parameters.body_cooling_rate, parameters.coolant_rate
+    if r + loss + chill == 0:
         return np.asarray(start, float)
-    return (r * np.asarray(start, float) + loss * np.asarray(ambient, float)) / (r + loss)
+    drawn = r * np.asarray(start, float) + loss * np.asarray(ambient, float)
+    if coolant is not None:
+        drawn = drawn + chill * np.asarray(coolant, float)
+    return drawn / (r + loss + chill)

@@ -80,7 +80,9 @@ class ResidualForest:
     sources: tuple[str, ...]
     extra: tuple[str, ...]
 
-    def correction(self, inputs: pd.DataFrame, physics: Floats, start: float, at: Floats) -> Floats:
+    def correction(
+        self, inputs: pd.DataFrame, physics: Floats, start: float | Floats, at: Floats
+    ) -> Floats:
         """Temperature to add to the network's [K], shape (T,); see :func:`features`."""
         x = features(inputs, physics, start, at, self.sources, self.extra)
         return np.asarray(self.forest.predict(x))
@@ -124,7 +126,7 @@ def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> p
 def features(
     inputs: pd.DataFrame,
     physics: Floats,
-    start: float,
+    start: float | Floats,
     at: Floats,
     sources: Sequence[str],
     extra: Sequence[str],
@@ -137,7 +139,7 @@ def features(
         Rows of :func:`smoothed_inputs` at the T steps.
     physics : ndarray, shape (T,)
         The network's temperature [degC].
-    start : float
+    start : float or ndarray, shape (T,)
         Measured temperature the network was started from [degC].
     at : ndarray, shape (T,)
         Time since then [s].
@@ -145,7 +147,7 @@ def features(
         Heat sources and further signals, as in :func:`feature_names`.
     """
     names = feature_names(sources, extra)
-    columns = [physics, np.full(len(physics), start), at]
+    columns = [physics, np.broadcast_to(start, len(physics)), at]
     return np.column_stack([*columns, inputs[names[3:]].to_numpy(float)])
 
 

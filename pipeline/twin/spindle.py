@@ -5,14 +5,16 @@ left out say that it helps, a random forest on its residual.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.interval import AdaptiveSettings, Bands
 from pipeline.schema.model import Correlation, Model
+from pipeline.schema.ranges import NotNegative, Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.signals.columns import column
 from pipeline.signals.windows import StateSegment, state_segments
@@ -33,12 +35,16 @@ class SpindleRecords:
         Whether the spindle also works as a C axis, its state in ``spindle_position_control``.
     ambient : bool
         Whether ``ambient_temperature`` is recorded; otherwise one constant is identified.
+    coolant : bool
+        Whether ``coolant_temperature`` is recorded and the network may lose heat to it; days left
+        out decide whether it does.
     extra : tuple of str
         Further columns of the state table that a forest may look at.
     """
 
     position_control: bool = False
     ambient: bool = False
+    coolant: bool = False
     extra: tuple[str, ...] = ()
 
     @property
@@ -54,7 +60,15 @@ class SpindleRecords:
             names.append("spindle_position_control")
         if self.ambient:
             names.append("ambient_temperature")
+        if self.coolant:
+            names.append("coolant_temperature")
         return names
+
+    @property
+    def inputs(self) -> list[str]:
+        """Columns of a stretch that have to be known: heat sources and measured surrounds."""
+        surrounds = [name for name in self.signals if name.endswith("_temperature")]
+        return [*SOURCES, *surrounds]
 
 
 def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
@@ -98,11 +112,10 @@ def spindle_stretches(
     shortest_s: float,
 ) -> Iterator[StateSegment]:
     """The stretches of one day's state table, ready for the network."""
-    inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     yield from state_segments(
         with_heat(state, records),
         day,
-        inputs=inputs,
+        inputs=records.inputs,
         target=TARGET,
         step=step,
         bridge_s=bridge_s,
@@ -129,12 +142,11 @@ def stretch_of(
     if not np.isfinite(start_temperature):
         raise ValueError(f"start temperature {start_temperature} degC is no number: measure it")
     given = state.assign(**{TARGET: float(start_temperature)})
-    inputs = [*SOURCES, *(["ambient_temperature"] if records.ambient else [])]
     found = list(
         state_segments(
             with_heat(given, records),
             str(state.index[0].date()),
-            inputs=inputs,
+            inputs=records.inputs,
             target=TARGET,
             step=step,
             bridge_s=np.inf,
@@ -165,6 +177,11 @@ def ambient_of(frame: pd.DataFrame, records: SpindleRecords) -> Floats | None:
     return frame["ambient_temperature"].to_numpy(float) if records.ambient else None
 
 
+def coolant_of(frame: pd.DataFrame, records: SpindleRecords) -> Floats | None:
+    """Coolant's temperature of a stretch's frame [degC], shape (T,), None when it is no sink."""
+    return frame["coolant_temperature"].to_numpy(float) if records.coolant else None
+
+
 def free_run(
     stretch: StateSegment, records: SpindleRecords, parameters: SpindleThermalParameters
 ) -> Floats:
@@ -176,6 +193,7 @@ def free_run(
         parameters,
         stretch.step,
         ambient=ambient_of(frame, records),
+        coolant=coolant_of(frame, records),
     )
 
 
@@ -199,6 +217,7 @@ def from_measured(
         parameters,
         stretch.step,
         ambient=ambient_of(frame, records),
+        coolant=coolant_of(frame, records),
         body_start=None if body is None else body[start],
     )[0]
 
@@ -216,7 +235,8 @@ class SpindleFitFacts:
     rmse_K : float
         Over the training days, each a free run [K].
     rmse_days_left_out_K : mapping of str to float
-        RMSE in windows of days left out [K], by number of nodes; empty when there was no choice.
+        RMSE in windows of days left out [K], by number of nodes, ``"2 with coolant"`` where that
+        sink was tried; empty when there was no choice.
     condition : float or None
         Condition number of the scaled Jacobian [1].
     correlation : Correlation
@@ -239,14 +259,45 @@ class SpindleFitFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpindleIntervals(Ranged, section="intervals"):
+    """90 % prediction intervals of a spindle's temperature, and the regimes that they are by.
+
+    Parameters
+    ----------
+    trend_s, steady_K_h : float
+        Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
+        ``steady_K_h`` [K/h]; anything slower is steady.
+    windows_horizons_s, free_run_horizons_s : tuple of float
+        Times since the last measured temperature that part the regimes [s].
+    windows, free_run : mapping of str to Band
+        Half widths [K] by regime, of windows that start from a measured temperature and of days
+        that run free.
+    follow : AdaptiveSettings
+        How the width in windows follows earlier errors of the day.
+    """
+
+    trend_s: Positive = 600.0
+    steady_K_h: NotNegative = 1.0
+    windows_horizons_s: tuple[Positive, ...] = ()
+    free_run_horizons_s: tuple[Positive, ...] = ()
+    windows: Bands = field(default_factory=dict)
+    free_run: Bands = field(default_factory=dict)
+    follow: AdaptiveSettings = field(default_factory=AdaptiveSettings)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SpindleModelFile(Model):
-    """The content of a spindle's ``model.json``; the forest's trees stand beside it."""
+    """The content of a spindle's ``model.json``; the forest's trees stand beside it.
+
+    ``intervals`` is None where a single training day leaves none to calibrate them on.
+    """
 
     network: SpindleThermalParameters
     records: SpindleRecords
     fit: SpindleFitFacts
     training_days: tuple[str, ...]
     forest: Forest
+    intervals: SpindleIntervals | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,7 +312,11 @@ class SpindleModel:
     def free_run(self, stretch: StateSegment) -> tuple[Floats, Floats]:
         """Temperature of network alone and of the whole model, each (T,), from the first sample."""
         physics = free_run(stretch, self.records, self.network)[0]
-        return physics, self._corrected(stretch, self._inputs(stretch), physics, 0)
+        if self.forest is None:
+            return physics, physics
+        at = np.arange(len(physics), dtype=float) * stretch.step
+        first = float(stretch.frame[TARGET].iloc[0])
+        return physics, physics + self.forest.correction(self._inputs(stretch), physics, first, at)
 
     def windows(self, stretch: StateSegment, window_s: float) -> tuple[Floats, Floats, Floats]:
         """Network alone, whole model, and persistence, each (T,), window by window.
@@ -273,32 +328,27 @@ class SpindleModel:
         length = max(round(window_s / stretch.step), 1)
         nodes = free_run(stretch, self.records, self.network)
         body = nodes[1] if len(nodes) == 2 else None
-        inputs = self._inputs(stretch)
-        physics, model, persistence = (np.full(len(measured), np.nan) for _ in range(3))
+        physics, persistence, at = (np.full(len(measured), np.nan) for _ in range(3))
         for start in window_starts(measured, length):
             window = slice(start, start + length)
             physics[window] = from_measured(
                 stretch, start, length, self.records, self.network, body
             )
-            model[window] = self._corrected(stretch, inputs, physics[window], start)
             persistence[window] = measured[start]
+            at[window] = np.arange(len(at[window])) * stretch.step
+        known = np.isfinite(at)
+        model = physics.copy()
+        if self.forest is not None and known.any():  # one call: a forest takes long to start
+            inputs = self._inputs(stretch)[known]
+            model[known] += self.forest.correction(
+                inputs, physics[known], persistence[known], at[known]
+            )
         return physics, model, persistence
 
     def _inputs(self, stretch: StateSegment) -> pd.DataFrame:
         """What the forest looks at over a stretch; no columns when there is no forest."""
         names = [*self.forest.sources, *self.forest.extra] if self.forest else []
         return smoothed_inputs(stretch.frame, stretch.step, names)
-
-    def _corrected(
-        self, stretch: StateSegment, inputs: pd.DataFrame, physics: Floats, start: int
-    ) -> Floats:
-        if self.forest is None:
-            return physics
-        rows = inputs.iloc[start : start + len(physics)]
-        first = float(stretch.frame[TARGET].iloc[start])
-        at = np.arange(len(physics), dtype=float) * stretch.step
-        correction: Floats = self.forest.correction(rows, physics, first, at)
-        return physics + correction
 
     def predict(self, state: pd.DataFrame, start_temperature: float) -> pd.DataFrame:
         """Temperatures from a state table and one measured temperature at its beginning.

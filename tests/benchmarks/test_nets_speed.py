@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.nets.settings import NetworkSettings, TrainingSettings
-from pipeline.nets.training import train
-from tests.nets.samples import WAYS, warm_up
+from pipeline.nets.training import METHODS, train
+from tests.nets.samples import KINDS, WAYS, warm_up
 
 DATA = warm_up(3000, groups=12)
 
@@ -25,11 +25,11 @@ def test_training(benchmark, kind: NetworkSettings, method: str) -> None:
 
 
 @pytest.mark.benchmark(timer=process_time)
-@pytest.mark.parametrize(("kind", "method"), WAYS[::3] + WAYS[-1:], ids=repr)
-def test_prediction(benchmark, kind: NetworkSettings, method: str) -> None:
+@pytest.mark.parametrize("kind", KINDS, ids=repr)
+def test_prediction(benchmark, kind: NetworkSettings) -> None:
     many = 100_000
     x, c = (np.resize(part, (many, part.shape[1])) for part in (DATA.x, DATA.c))
     settings = TrainingSettings(passes=20)
-    found = train(kind, method, *DATA, settings=settings)
+    found = train(kind, METHODS[kind.kind][0], *DATA, settings=settings)
     benchmark(lambda: found.predict(x, c))
     assert benchmark.stats["min"] / many < 1e-6

@@ -11,6 +11,7 @@ import pytest
 
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.records import write_drives
+from pipeline.shop.growth.records import write_growth
 from pipeline.shop.trial.trials import prepare, trial
 from tests.shop.conftest import run, shop_parameters
 from tests.shop.test_trial import JOB, MACHINE, SLOT
@@ -20,8 +21,8 @@ Write = Callable[[Path, str], object]
 
 
 def week(folder: Path, machine: str) -> object:
-    """One week without the servo tool and the cutting tests, which come once for all weeks."""
-    once = {"drives": {"recorded": False}, "cutting": {"recorded": False}}
+    """One week without what comes once for all weeks: servo tool, cutting tests, growth."""
+    once = {name: {"recorded": False} for name in ("drives", "cutting", "growth")}
     return run(folder, machine, weeks=1, **once)
 
 
@@ -33,16 +34,20 @@ def cutting(folder: Path, machine: str) -> object:
     return write_cutting(folder, shop_parameters(machine))
 
 
+def growth(folder: Path, machine: str) -> object:
+    return write_growth(folder, shop_parameters(machine))
+
+
 @pytest.mark.benchmark(timer=process_time)
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize(
-    ("write", "limit"), [(week, 20 / 3), (drives, 6.0), (cutting, 5.0)],
-    ids=["a third of three weeks", "servo records", "dynamometer records"],
+    ("write", "limit"), [(week, 20 / 3), (drives, 6.0), (cutting, 5.0), (growth, 8.0)],
+    ids=["a third of three weeks", "servo records", "dynamometer records", "growth records"],
 )  # fmt: skip
 def test_records_of_a_machine(
     write: Write, limit: float, machine: str, tmp_path: Path, benchmark
 ) -> None:
-    """Three weeks of one machine in 20 s; servo and dynamometer have limits of their own."""
+    """Three weeks of one machine in 20 s; the other records have limits of their own."""
     folders = (tmp_path / str(turn) for turn in range(3))
     benchmark.pedantic(lambda: write(next(folders), machine), rounds=2, warmup_rounds=1)
     assert benchmark.stats["min"] < limit

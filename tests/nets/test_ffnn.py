@@ -9,6 +9,7 @@ from pipeline.nets.ffnn import (
     ClassicFuzzyNetwork,
     FilteredNetwork,
     FuzzyFilteredNetwork,
+    Whitened,
     network,
     ridge_solution,
 )
@@ -138,6 +139,25 @@ def test_consequents_are_those_of_an_augmented_least_squares(
     oracle = np.linalg.lstsq(rows, np.concatenate([y.numpy(), np.zeros(columns)]), rcond=None)[0]
     # eps over ridge bounds what the normal equations lose
     np.testing.assert_allclose(found, oracle, rtol=1e-6, atol=1e-6 * np.abs(oracle).max())
+
+
+@pytest.mark.parametrize("kind", FILTERED, ids=repr)
+def test_whitened_consequents_start_at_least_squares_with_orthogonal_columns(
+    kind: NetworkSettings,
+) -> None:
+    made, alone = built(kind), built(kind)
+    x, c, y = some(400)
+    white = Whitened(made, x, c, y, 1e-8)
+    alone.solve_consequents(x, c, y, 1e-8)
+    torch.testing.assert_close(white(x, c), alone(x, c), rtol=1e-7, atol=1e-7)
+    columns = (made.design(x, c) @ white.map).detach()
+    one = torch.eye(len(white.z), dtype=torch.float64)
+    ridge = 1e-8 * white.map.mT @ white.map  # what it adds to the squares of the columns
+    torch.testing.assert_close(columns.mT @ columns / 400 + ridge, one, rtol=0.0, atol=1e-6)
+    with torch.no_grad():
+        white.z += 0.3
+    white.settle()
+    torch.testing.assert_close(made(x, c), white(x, c), rtol=1e-9, atol=1e-9)
 
 
 def test_shares_are_positive_and_sum_to_one_however_cold() -> None:

@@ -1,6 +1,8 @@
 """Training: what can be learnt is, groups stay whole, the budget and the bits hold."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -261,3 +263,9 @@ def test_a_budget_below_one_population_is_refused() -> None:
         ValueError, match=r"training\.passes = 5 must be at least training\.population"
     ):
         TrainingSettings(passes=5)
+
+
+def test_settings_are_read_without_torch() -> None:
+    """A stage that trains no network must not wait for it."""
+    asked = "import sys, pipeline.nets.settings; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0

@@ -152,9 +152,8 @@ def heeded() -> None:
 WRITER = """
 import sys, time
 from pathlib import Path
-from pipeline.schema.files import end_on_signals, replacing
-end_on_signals()
-with replacing(Path(sys.argv[1])) as part, part.open("w") as file:
+from pipeline.schema.files import ended_by_signals, replacing
+with ended_by_signals(), replacing(Path(sys.argv[1])) as part, part.open("w") as file:
     file.write("half")
     file.flush()
     print("here", flush=True)

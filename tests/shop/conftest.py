@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.simulate import simulate
 
@@ -92,13 +93,15 @@ def run(root: Path, machine: str, **changes: Any) -> Simulated:
 
 
 NO_CUTS, NO_DRIVES = {"cutting": {"recorded": False}}, {"drives": {"recorded": False}}
-"""Changes by which the cutting tests and the servo tool write nothing."""
+NO_GROWTH = {"growth": {"recorded": False}}
+"""Changes by which the cutting tests, the servo tool and the growth's logger write nothing."""
 
 
 @pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """Without the cutting tests, which ``cuts`` holds."""
-    return run(tmp_path_factory.mktemp(request.param), request.param, weeks=1, **NO_CUTS)
+    """Without cutting tests and spindle growth, which ``cuts`` and ``warm`` hold."""
+    folder = tmp_path_factory.mktemp(request.param)
+    return run(folder, request.param, weeks=1, **NO_CUTS, **NO_GROWTH)
 
 
 @pytest.fixture(scope="session")
@@ -106,7 +109,7 @@ def plain_week(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Sim
     """The same week once more, without the servo tool."""
     machine = week.parameters.machine
     folder = tmp_path_factory.mktemp(f"{machine}-plain")
-    return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES)
+    return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES, **NO_GROWTH)
 
 
 @pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
@@ -115,4 +118,13 @@ def cuts(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp(f"{request.param}-cuts")
     parameters = shop_parameters(request.param)
     truth = json.loads(json.dumps(write_cutting(folder, parameters)))
+    return Simulated(folder, truth, parameters)
+
+
+@pytest.fixture(scope="session", params=["mill01", "mill02"])
+def warm(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    """The growth records of each machine alone; ``truth`` is their section of it."""
+    folder = tmp_path_factory.mktemp(f"{request.param}-growth")
+    parameters = shop_parameters(request.param)
+    truth = json.loads(json.dumps(write_growth(folder, parameters)))
     return Simulated(folder, truth, parameters)

@@ -52,17 +52,20 @@ def test_exchangeable_groups_are_covered(count: int, between: float) -> None:
         assert np.mean(shares) < 0.95
 
 
-def test_few_groups_get_the_greatest_residual_and_hold_their_share() -> None:
+@pytest.mark.parametrize("between", [0.0, 0.5, 2.0, 20.0])
+def test_few_groups_get_the_widest_of_their_own_and_hold_their_share(between: float) -> None:
     generator = np.random.default_rng(2)
     shares = []
     for _ in range(300):
-        found = days(generator, 5, between=2.0, samples=20)
+        found = days(generator, 5, between=between)
         new = found.group == "day 4"
         old = found.where(~new)
         band = bands(old)[""]
-        assert band.upper == np.abs(old.error).max() and band.groups == 4
+        own = [np.quantile(np.abs(old.error[old.group == f"day {k}"]), 0.9) for k in range(4)]
+        assert band.upper == pytest.approx(max(own)) and band.groups == 4
         shares.append(inside(found.error[new], -band.lower, band.upper))
-    assert np.mean(shares) >= 0.8  # K / (K + 1)
+    # four of five, K / (K + 1), within the noise of 300 new groups that are in or out
+    assert np.mean(shares) >= 0.8 - 3 * 0.4 / np.sqrt(300)
 
 
 def test_a_long_group_weighs_as_much_as_a_short_one() -> None:

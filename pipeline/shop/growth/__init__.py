@@ -6,4 +6,4 @@ SI inside, degC, um and rev/min in the files.  Sources stand in
 :mod:`pipeline.shop.growth.parameters`.
 """
 
-__all__ = ["network", "parameters", "profiles", "records"]
+__all__ = ["heat", "parameters", "records"]

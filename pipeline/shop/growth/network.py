@@ -1,46 +1,21 @@
-"""Heat network of spindle, head and column (numba), and the growth that follows from it.
+"""Heat network of spindle, head and column: nodes, heat capacities, paths between them.
 
 Cells along shaft, rotor, stator, housing, head and column; of each bearing inner ring, balls and
-outer ring; a jacket with the flow of a two-point chiller.  Explicit Euler; the fastest node, the
-balls of a bearing, has a time constant of about 2 s.  The heat that leaves one node enters
-another, so the balance closes to rounding.  Growth is a sum over the cells' temperatures and a term
-in the square of the speed.  Sources stand in :mod:`pipeline.shop.growth.parameters`.
+outer ring; a jacket through which the chiller's liquid flows.  Sources stand in
+:mod:`pipeline.shop.growth.parameters`.
 """
 
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import NamedTuple
 
-import numpy as np
-from numba import njit
-
-from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.growth.parameters import Growth
-from pipeline.shop.motion import RPM
 from pipeline.shop.parameters import BearingParameters, ShopParameters
-from pipeline.shop.spindle import (
-    copper_share,
-    flux,
-    friction_torque,
-    iron_loss,
-    viscosity,
-    viscosity_line,
-)
 
 CELLS, HEAD_CELLS, COLUMN_CELLS, JACKET = 20, 10, 12, 4
 """Cells of the shaft, the head and the column, and of the jacket's flow."""
-SUBSTEPS = 3
-"""Euler steps in a second."""
-KEPT = 10
-"""Time between the kept temperatures [s]."""
-REFERENCE = 12000.0
-"""Speed at which what depends on speed has its nominal value [rev/min]."""
 STEEL, IRON = (45.0, 7850.0, 470.0), (50.0, 7200.0, 500.0)
 """Conductivity [W/m/K], density [kg/m3] and specific heat [J/kg/K]."""
-MODULUS, POISSON = 2.1e11, 0.3
-"""Of steel [Pa], [1]."""
-BEARINGS = ("front", "middle", "rear")
 RING_MASS, BALL_HEAT = 0.28, 35.0
 """Mass of a ring [kg], heat capacity of a bearing's balls [J/K], of 80 mm mean diameter."""
 BED_AIR, CHILLER_AIR, FLUID = 38.0, 4.0, 350.0
@@ -57,24 +32,18 @@ class Path(IntEnum):
     BALLS = 4  # the lubricant carries heat, as n^0.5
 
 
-NATURAL = int(Path.NATURAL)
-"""For compiled functions."""
-
-
 @dataclass(kw_only=True)
 class Network:
     """Nodes by name with their heat capacities [J/K]; paths between them; the jacket's flow.
 
     ``edges`` are pairs of nodes with conductance [W/K] and dependence; -1 stands for the air.
     ``flow`` are nodes that the liquid passes one after another, back to the first.
-    ``strain`` is the growth of the nose for each kelvin of a node [m/K].
     """
 
     names: list[str] = field(default_factory=list)
     capacity: list[float] = field(default_factory=list)
     edges: list[tuple[int, int, float, Path]] = field(default_factory=list)
     flow: list[int] = field(default_factory=list)
-    strain: dict[str, float] = field(default_factory=dict)
 
     def add(self, name: str, capacity: float) -> None:
         """A node more."""
@@ -91,15 +60,6 @@ class Network:
         self.join(name, "air", area * growth.paths.natural, Path.NATURAL)
         self.join(name, "air", area * growth.paths.radiation)
 
-    def grows(self, name: str, per_kelvin: float) -> None:
-        """Add to the growth of the nose for each kelvin of a node [m/K]."""
-        self.strain[name] = self.strain.get(name, 0.0) + per_kelvin
-
-    @property
-    def weights(self) -> Floats:
-        """Growth of the nose for each kelvin of each node [m/K], shape (N,)."""
-        return np.array([self.strain.get(name, 0.0) for name in self.names])
-
 
 def cell_at(place: float, growth: Growth) -> int:
     """Cell of the shaft, and of the housing around it, ``place`` [m] behind the nose."""
@@ -115,7 +75,6 @@ def network(parameters: ShopParameters) -> Network:
     _bearings(net, parameters)
     _structure(net, parameters)
     _jacket(net, parameters)
-    _strain(net, growth)
     return net
 
 
@@ -130,34 +89,36 @@ def _rod(net: Network, name: str, cells: range, section: float, length: float,
             net.join(f"{name}_{k - 1:02d}", f"{name}_{k:02d}", along)
 
 
-def _step(growth: Growth) -> float:
+def cell_length(growth: Growth) -> float:
+    """Length of a cell of shaft and housing [m]."""
     return growth.body.shaft_length / CELLS
 
 
-def _housing_cells(growth: Growth) -> range:
+def housing_cells(growth: Growth) -> range:
     """Cells of the shaft that the housing is around."""
     return range(cell_at(growth.body.front, growth) - 1, cell_at(growth.body.rear, growth) + 2)
 
 
-def _motor_cells(growth: Growth) -> range:
+def motor_cells(growth: Growth) -> range:
+    """Cells of the shaft that carry the rotor."""
     body = growth.body
     return range(cell_at(body.motor_begin, growth), cell_at(body.motor_end, growth) + 1)
 
 
 def _shaft(net: Network, growth: Growth) -> None:
-    body, dx = growth.body, _step(growth)
+    body, dx = growth.body, cell_length(growth)
     section = math.pi * (body.shaft_radius**2 - body.bore_radius**2)
     _rod(net, "shaft", range(CELLS), section, dx, STEEL)
     net.capacity[0] += growth.paths.holder
     around, ends = 2 * math.pi * body.shaft_radius * dx, math.pi * body.shaft_radius**2
-    for k in set(range(CELLS)) - set(_housing_cells(growth)):
+    for k in set(range(CELLS)) - set(housing_cells(growth)):
         area = around + (2 * ends if k == 0 else ends if k == CELLS - 1 else 0.0)
         net.join(f"shaft_{k:02d}", "air", area * growth.paths.rotating, Path.ROTATING)
         net.join(f"shaft_{k:02d}", "air", area * growth.paths.radiation)
 
 
 def _housing(net: Network, growth: Growth) -> None:
-    body, dx, cells = growth.body, _step(growth), _housing_cells(growth)
+    body, dx, cells = growth.body, cell_length(growth), housing_cells(growth)
     section = math.pi * (body.housing_radius**2 - (body.housing_radius - body.housing_wall) ** 2)
     _rod(net, "housing", cells, section, dx, STEEL)
     around = 2 * math.pi * body.housing_radius * dx
@@ -169,9 +130,9 @@ def _housing(net: Network, growth: Growth) -> None:
 
 def _motor(net: Network, parameters: ShopParameters) -> None:
     growth = parameters.growth
-    body, paths, dx = growth.body, growth.paths, _step(growth)
+    body, paths, dx = growth.body, growth.paths, cell_length(growth)
     inner = body.housing_radius - body.housing_wall
-    cells = _motor_cells(growth)
+    cells = motor_cells(growth)
     rotor = math.pi * (body.rotor_radius**2 - body.shaft_radius**2)
     stator = math.pi * (inner**2 - body.rotor_radius**2) * 0.75  # less slots and gap
     _rod(net, "rotor", cells, rotor, dx, STEEL)
@@ -224,7 +185,7 @@ def _structure(net: Network, parameters: ShopParameters) -> None:
     net.join("bed", "air", BED_AIR)
     net.join("column_00", "bed", paths.foot)
     net.join(f"housing_{cell_at(body.flange, growth):02d}", "head_00", paths.flange)
-    rear, dx = _housing_cells(growth)[-1], _step(growth)
+    rear, dx = housing_cells(growth)[-1], cell_length(growth)
     for k in range(cell_at(body.flange, growth) + 1, rear):
         beside = min(int(((k + 0.5) * dx - body.flange) / dz), HEAD_CELLS - 1)
         area = 2 * math.pi * body.housing_radius * dx
@@ -245,10 +206,10 @@ def _structure(net: Network, parameters: ShopParameters) -> None:
 def _jacket(net: Network, parameters: ShopParameters) -> None:
     """The chiller's liquid comes in at the motor's rear and leaves at the front bearing."""
     growth = parameters.growth
-    body, dx = growth.body, _step(growth)
+    body, dx = growth.body, cell_length(growth)
     net.add("chiller", parameters.spindle.masses.chiller)
     net.join("chiller", "air", CHILLER_AIR)
-    cells = range(cell_at(body.front, growth), _motor_cells(growth)[-1] + 1)
+    cells = range(cell_at(body.front, growth), motor_cells(growth)[-1] + 1)
     for j in range(JACKET):
         net.add(f"jacket_{j}", FLUID)
     for n, k in enumerate(reversed(cells)):
@@ -256,256 +217,3 @@ def _jacket(net: Network, parameters: ShopParameters) -> None:
         j = n * JACKET // len(cells)
         net.join(f"housing_{k:02d}", f"jacket_{j}", area * growth.paths.jacket)
     net.flow = [net.names.index(n) for n in ("chiller", *(f"jacket_{j}" for j in range(JACKET)))]
-
-
-def _strain(net: Network, growth: Growth) -> None:
-    """Growth for each kelvin: shaft before its locating bearings, housing, head, column, stand."""
-    body, e, dx = growth.body, growth.expansion, _step(growth)
-    located = (body.front + body.middle) / 2
-    for k in range(CELLS):
-        net.grows(f"shaft_{k:02d}", e.steel * _overlap(k * dx, dx, 0.0, located))
-    for k in _housing_cells(growth):
-        net.grows(f"housing_{k:02d}", e.steel * _overlap(k * dx, dx, located, body.flange))
-    for k in range(HEAD_CELLS):
-        net.grows(f"head_{k:02d}", e.cast_iron * body.head_length / HEAD_CELLS)
-    for k in range(COLUMN_CELLS):
-        lift = body.column_share * body.column_height / COLUMN_CELLS
-        net.grows(f"column_{k:02d}", -e.cast_iron * lift)
-    net.grows("stand", e.steel * body.stand)
-    for place in ("front", "middle"):  # an inner ring that grows more than the outer
-        shift = e.steel * e.ring_radius * ring_lever(growth) / 2
-        net.grows(f"{place}_inner", shift)
-        net.grows(f"{place}_outer", -shift)
-
-
-def _overlap(begin: float, length: float, first: float, last: float) -> float:
-    return max(min(begin + length, last) - max(begin, first), 0.0)
-
-
-def ring_lever(growth: Growth) -> float:
-    """Axial shift of the shaft for each unit by which the inner rings grow radially [1]."""
-    e = growth.expansion
-    return e.ring_share / math.tan(math.radians(e.contact_angle))
-
-
-def speed_growth(speed: Floats, growth: Growth) -> Floats:
-    """Growth by centrifugal force at each speed [rev/min], in [m].
-
-    Inner rings widen by rho w^2 r^3 / E and shift the shaft; the shaft before them gets shorter by
-    nu rho w^2 <r^2> / E, with the mean of r^2 over its section (from the virial theorem).
-    """
-    body, density = growth.body, STEEL[1]
-    unit = density * (np.asarray(speed) * RPM) ** 2 / MODULUS
-    ring = unit * growth.expansion.ring_radius**3 * ring_lever(growth)
-    located = (body.front + body.middle) / 2
-    mean_square = (body.shaft_radius**2 + body.bore_radius**2) / 2
-    growth_m: Floats = ring - POISSON * unit * mean_square * located
-    return growth_m
-
-
-class Course(NamedTuple):
-    """Speed [rev/min], air [degC] and whether the machine is on, at each second; (T,) each."""
-
-    speed: Floats
-    air: Floats
-    power: Bools
-
-
-class _Bearing(NamedTuple):
-    inner: int
-    balls: int
-    outer: int
-    pieces: float
-    d_m: float
-    f0: float
-    preload: float
-    capacity: float
-    growth: float
-
-
-class _Constants(NamedTuple):
-    front: _Bearing
-    middle: _Bearing
-    rear: _Bearing
-    slope: float
-    intercept: float
-    centrifugal: float
-    mixing: float
-    rated_torque: float
-    base_speed: float
-    copper: float
-    rotor: float
-    hysteresis: float
-    eddy: float
-    magnetising: float
-    windage: float
-    bed_heat: float
-    setpoint: float
-    follows: bool
-    band: float
-    cold: float
-    cold_slope: float
-    flow: float
-    winding: int
-    rotor_first: int
-    stator_first: int
-    motor_cells: int
-    bed: int
-    chiller: int
-
-
-def _constants(parameters: ShopParameters, net: Network) -> _Constants:
-    p, at = parameters.spindle, net.names.index
-    slope, intercept = viscosity_line(p.viscosity_40, p.viscosity_100)
-    m, c = p.motor, p.chiller
-    bearings = [
-        _Bearing(at(f"{place}_inner"), at(f"{place}_balls"), at(f"{place}_outer"), pieces,
-                 b.mean_diameter, b.f0, b.preload, b.static_capacity, b.thermal_preload)
-        for place, (b, pieces) in bearing_pieces(parameters).items()
-    ]  # fmt: skip
-    first = _motor_cells(parameters.growth)[0]
-    return _Constants(
-        *bearings, slope=slope, intercept=intercept,
-        centrifugal=parameters.growth.paths.centrifugal_load, mixing=parameters.growth.paths.mixing,
-        rated_torque=m.rated_power / (m.base_speed * RPM), base_speed=m.base_speed,
-        copper=m.copper_loss, rotor=m.rotor_loss, hysteresis=m.hysteresis_loss, eddy=m.eddy_loss,
-        magnetising=m.magnetising_share, windage=m.windage, bed_heat=p.bed_heat,
-        setpoint=c.setpoint, follows=c.follows_ambient, band=c.hysteresis, cold=c.capacity,
-        cold_slope=c.capacity_slope, flow=parameters.growth.paths.flow, winding=at("winding"),
-        rotor_first=at(f"rotor_{first:02d}"), stator_first=at(f"stator_{first:02d}"),
-        motor_cells=len(_motor_cells(parameters.growth)), bed=at("bed"), chiller=at("chiller"),
-    )  # fmt: skip
-
-
-class Heated(NamedTuple):
-    """Temperatures each KEPT seconds, from the start on (K, N) [degC]; last state; heats [J]."""
-
-    temperatures: Floats
-    state: Floats  # last temperatures, then whether the chiller runs
-    generated: float
-    to_air: float
-    to_chiller: float
-
-
-def at_rest(net: Network, temperature: float) -> Floats:
-    """State of a machine that has one temperature [degC]; the chiller is off."""
-    return np.append(np.full(len(net.names), temperature), 0.0)
-
-
-def heated(
-    net: Network, state: Floats, course: Course, parameters: ShopParameters,
-    substeps: int = SUBSTEPS,
-) -> Heated:  # fmt: skip
-    """Temperatures of all nodes over a course of speed and air, from ``state`` (N + 1,) on."""
-    ends = np.array([(a, b) for a, b, _, _ in net.edges])
-    conductances = np.array([g for _, _, g, _ in net.edges])
-    kinds = np.array([int(kind) for *_, kind in net.edges])
-    return Heated(*_integrated(
-        state.copy(), course, _constants(parameters, net), ends, kinds, conductances,
-        np.array(net.capacity), np.array(net.flow), substeps,
-    ))  # fmt: skip
-
-
-@njit(cache=True)
-def _friction(q: Floats, t: Floats, n: float, b: _Bearing, k: _Constants) -> float:
-    """Give a bearing's friction heat to its parts; return it [W]."""
-    tight = b.growth * (t[b.inner] - t[b.outer]) + k.centrifugal * (n / REFERENCE) ** 2
-    load = b.preload * max(1.0 + tight, 0.2)
-    nu = viscosity(t[b.balls], k.slope, k.intercept)
-    heat = b.pieces * friction_torque(n, nu, load, b.d_m, b.f0, b.capacity) * n * RPM
-    q[b.balls] += 0.5 * heat
-    q[b.inner] += 0.25 * heat
-    q[b.outer] += 0.25 * heat
-    return float(heat)
-
-
-@njit(cache=True)
-def _sources(q: Floats, t: Floats, n: float, on: bool, k: _Constants) -> None:
-    """Fill ``q`` with the heat made in each node [W]."""
-    q[:] = 0.0
-    if on:
-        q[k.bed] += k.bed_heat
-    if n < 1.0:
-        return
-    made = 0.0
-    made += _friction(q, t, n, k.front, k)
-    made += _friction(q, t, n, k.middle, k)
-    made += _friction(q, t, n, k.rear, k)
-    windage = k.windage * (n / REFERENCE) ** 3
-    phi = flux(n, k.base_speed)
-    current = (made + windage) / (n * RPM) / k.rated_torque / phi
-    warm = 1.0 + 0.0039 * (t[k.winding] - 20.0)
-    q[k.winding] += k.copper * warm * copper_share(phi, current, k.magnetising)
-    iron = iron_loss(phi, n / k.base_speed, k.hysteresis, k.eddy) + 0.5 * windage
-    slip = k.rotor * current**2 + 0.5 * windage
-    for j in range(k.motor_cells):
-        q[k.stator_first + j] += iron / k.motor_cells
-        q[k.rotor_first + j] += slip / k.motor_cells
-
-
-@njit(cache=True)
-def _conducting(
-    g: Floats, state: Floats, n: float, air: float, nominal: Floats, kinds: Ints, ends: Ints,
-    mixing: float,
-) -> None:  # fmt: skip
-    """Fill ``g`` with the conductance of each path [W/K] at speed ``n`` [rev/min]."""
-    ratio = n / REFERENCE
-    by_kind = (
-        1.0, 1.0, ratio ** (2.0 / 3.0), 1.0 + 3.0 * ratio**0.6, 1.0 + mixing * math.sqrt(ratio)
-    )  # fmt: skip
-    for e in range(kinds.size):
-        g[e] = nominal[e] * by_kind[kinds[e]]
-        if kinds[e] == NATURAL:
-            b = ends[e, 1]
-            difference = state[ends[e, 0]] - (air if b < 0 else state[b])
-            g[e] *= math.sqrt(math.sqrt(abs(difference) / 10.0))
-
-
-@njit(cache=True)
-def _cold(state: Floats, air: float, on: bool, k: _Constants) -> float:
-    """Switch the chiller with its hysteresis; return the heat that it takes away [W]."""
-    setpoint = k.setpoint - 20.0 + air if k.follows else k.setpoint
-    if not on or state[k.chiller] < setpoint - k.band:
-        state[-1] = 0.0
-    elif state[k.chiller] > setpoint + k.band:
-        state[-1] = 1.0
-    return state[-1] * k.cold * max(1.0 - k.cold_slope * (air - 20.0), 0.1)
-
-
-@njit(cache=True)
-def _integrated(
-    state: Floats, x: Course, k: _Constants, ends: Ints, kinds: Ints, conductances: Floats,
-    capacity: Floats, flow: Ints, substeps: int,
-) -> tuple[Floats, Floats, float, float, float]:  # fmt: skip
-    nodes, seconds, dt = capacity.size, x.speed.size, 1.0 / substeps
-    kept = np.empty((seconds // KEPT + 1, nodes))
-    kept[0] = state[:nodes]
-    q, generated, to_air, to_chiller = np.zeros(nodes), 0.0, 0.0, 0.0
-    g = np.empty(kinds.size)
-    for i in range(seconds):
-        n, air, on = x.speed[i], x.air[i], x.power[i]
-        _conducting(g, state, n, air, conductances, kinds, ends, k.mixing)
-        for _ in range(substeps):
-            _sources(q, state, n, on, k)
-            generated += q.sum() * dt
-            cold = _cold(state, air, on, k)
-            q[k.chiller] -= cold
-            to_chiller += cold * dt
-            for e in range(kinds.size):
-                a, b = ends[e, 0], ends[e, 1]
-                difference = state[a] - (air if b < 0 else state[b])
-                moved = g[e] * difference
-                q[a] -= moved
-                if b < 0:
-                    to_air += moved * dt
-                else:
-                    q[b] += moved
-            if on:
-                for j in range(flow.size):
-                    a, b = flow[j - 1], flow[j]
-                    q[b] += k.flow * (state[a] - state[b])
-            for j in range(nodes):
-                state[j] += q[j] * dt / capacity[j]
-        if (i + 1) % KEPT == 0:
-            kept[(i + 1) // KEPT] = state[:nodes]
-    return kept, state, generated, to_air, to_chiller

@@ -199,7 +199,7 @@ class Season(Ranged, section="Season"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TestStand(Ranged, section="TestStand"):
+class Instruments(Ranged, section="Instruments"):
     """Logger with nine Pt100, a sensor of the air and a displacement probe, and its faults.
 
     Parameters
@@ -250,7 +250,7 @@ class TestStand(Ranged, section="TestStand"):
         super().__post_init__()
         if self.drifting == self.dead:
             raise ValueError(
-                f"TestStand.drifting = {self.drifting} must be another sensor than dead"
+                f"Instruments.drifting = {self.drifting} must be another sensor than dead"
             )
 
 
@@ -263,4 +263,4 @@ class Growth(Ranged, section="Growth"):
     expansion: Expansion = field(default_factory=Expansion)
     paths: HeatPaths = field(default_factory=HeatPaths)
     season: Season = field(default_factory=Season)
-    stand: TestStand = field(default_factory=TestStand)
+    instruments: Instruments = field(default_factory=Instruments)

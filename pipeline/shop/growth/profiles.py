@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.growth.network import Course
+from pipeline.shop.growth.heat import Course
 from pipeline.shop.growth.parameters import PROFILES, Season
 from pipeline.shop.motion import lagged, slewed
 from pipeline.shop.parameters import ShopParameters, stamp

@@ -14,17 +14,10 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.shop.files import torn, write_text
-from pipeline.shop.growth.network import (
-    HEAD_CELLS,
-    KEPT,
-    Network,
-    at_rest,
-    cell_at,
-    heated,
-    network,
-    speed_growth,
-)
-from pipeline.shop.growth.parameters import SENSORS, Growth, TestStand
+from pipeline.shop.growth.expansion import speed_growth, thermal_growth
+from pipeline.shop.growth.heat import KEPT, at_rest, heated
+from pipeline.shop.growth.network import HEAD_CELLS, Network, cell_at, network
+from pipeline.shop.growth.parameters import SENSORS, Growth, Instruments
 from pipeline.shop.growth.profiles import Profile, profiles
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ShopParameters
@@ -93,42 +86,38 @@ def measured(net: Network, profile: Profile, parameters: ShopParameters) -> Meas
     rows = np.arange(begin, len(hot.temperatures), INTERVAL // KEPT)
     seconds = np.minimum(rows * KEPT, course.speed.size - 1)
     speed, air = course.speed[seconds], course.air
-    share = min(KEPT / max(growth.stand.lag, KEPT), 1.0)
+    share = min(KEPT / max(growth.instruments.lag, KEPT), 1.0)
     at = np.minimum(np.arange(len(hot.temperatures)) * KEPT, air.size - 1)
     read = [
-        lagged((1 - growth.stand.stem) * hot.temperatures[:, net.names.index(p.node)]
-               + growth.stand.stem * air[at], share, first)
+        lagged((1 - growth.instruments.stem) * hot.temperatures[:, net.names.index(p.node)]
+               + growth.instruments.stem * air[at], share, first)
         for p in places(growth)
     ]  # fmt: skip
     read.append(lagged(air[at], share, first))
-    expanded = hot.temperatures * net.weights + 0.0
-    parts = {
-        name: (expanded[:, columns].sum(axis=1)[rows]) * 1e6
-        for name, columns in _parts(net).items()
-    }
+    parts = _part_growth(net, hot.temperatures[rows], growth)
     parts["speed"] = speed_growth(speed, growth) * 1e6
     total = np.sum(list(parts.values()), axis=0)
     return Measured(
-        time=(rows - begin) * float(KEPT), speed=speed, growth=total - total[0],
-        temperatures=np.column_stack(read)[rows],
+        time=np.asarray((rows - begin) * KEPT, dtype=np.float64), speed=speed,
+        growth=total - total[0], temperatures=np.column_stack(read)[rows],
         parts={name: round(float(v[-1] - v[0]), 3) for name, v in parts.items()},
     )  # fmt: skip
 
 
-def _parts(net: Network) -> dict[str, list[int]]:
-    """Nodes by part of the machine, for those that make the nose move."""
-    parts: dict[str, list[int]] = {}
-    for k, name in enumerate(net.names):
-        if name in net.strain:
-            stem = name.split("_")[0]
-            part = "rings" if stem in ("front", "middle") else stem
-            parts.setdefault(part, []).append(k)
+def _part_growth(net: Network, temperatures: Floats, growth: Growth) -> dict[str, Floats]:
+    """Growth of the nose [um] that each part makes at ``temperatures`` (R, N), by its name."""
+    parts: dict[str, Floats] = {}
+    for name, per_kelvin in thermal_growth(growth).items():
+        stem = name.split("_")[0]
+        part = "rings" if stem in ("front", "middle") else stem
+        more = temperatures[:, net.names.index(name)] * per_kelvin * 1e6
+        parts[part] = parts[part] + more if part in parts else more
     return parts
 
 
 @dataclass(kw_only=True)
 class _Logger:
-    """Logger over all records: offsets of its ten channels [K], the drift so far, the last value."""
+    """Logger over all records: offsets of its channels [K], the drift so far, the last value."""
 
     parameters: ShopParameters
     offsets: Floats
@@ -138,7 +127,7 @@ class _Logger:
 
 def _read(logger: _Logger, profile: Profile, true: Measured) -> tuple[Floats, dict[str, Any]]:
     """Table (R, 13) of one record as it is written, NaN for no value; its faults."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     random = logger.parameters.generator(f"growth logger {profile.number}")
     values = true.temperatures + logger.offsets
     values += random.normal(0, stand.noise, values.shape)
@@ -159,7 +148,7 @@ def _drifted(
     logger: _Logger, profile: Profile, time: Floats, values: Floats, faults: dict[str, Any]
 ) -> None:
     """Add the drift to its sensor; it goes on while records run."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     if profile.number < stand.drift_from:
         return
     begin = stand.drift_after * 3600 if profile.number == stand.drift_from else 0.0
@@ -173,7 +162,7 @@ def _died(
     logger: _Logger, profile: Profile, time: Floats, values: Floats, faults: dict[str, Any]
 ) -> None:
     """Replace the readings of the dead sensor."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     if profile.number < stand.dead_from:
         return
     begin = stand.dead_after * 3600 if profile.number == stand.dead_from else 0.0
@@ -186,7 +175,7 @@ def _died(
 
 
 def _blanked(
-    table: Floats, stand: TestStand, random: np.random.Generator
+    table: Floats, stand: Instruments, random: np.random.Generator
 ) -> list[dict[str, object]]:
     """Take single values out of ``table``, of any column but the time; which ones."""
     cells = []
@@ -210,15 +199,17 @@ def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     if not growth.recorded:
         return {}
     net = network(parameters)
-    random, tolerance = parameters.generator("growth sensors"), growth.stand.tolerance
+    random, tolerance = parameters.generator("growth sensors"), growth.instruments.tolerance
     limit = tolerance * (0.15 + 0.002 * 30.0)
     logger = _Logger(parameters=parameters, offsets=random.uniform(-limit, limit, SENSORS + 1))
     files = [_recorded(folder, net, profile, logger) for profile in profiles(parameters)]
-    stand = growth.stand
+    stand = growth.instruments
     return {
         "definition": DEFINITION,
         "nodes": len(net.names),
-        "strain_um_per_K": {name: value * 1e6 for name, value in net.strain.items()},
+        "strain_um_per_K": {
+            name: round(value * 1e6, 6) for name, value in thermal_growth(growth).items()
+        },
         "sensors": [
             {"column": f"T{k}", "place": p.words, "node": p.node, "offset_K": round(float(o), 4)}
             for k, (p, o) in enumerate(zip(places(growth), logger.offsets, strict=False), 1)
@@ -234,7 +225,7 @@ def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
 
 def _recorded(folder: Path, net: Network, profile: Profile, logger: _Logger) -> dict[str, Any]:
     """Run and write one record; the truth about it."""
-    stand = logger.parameters.growth.stand
+    stand = logger.parameters.growth.instruments
     true = measured(net, profile, logger.parameters)
     table, faults = _read(logger, profile, true)
     file, breaks = f"growth/{profile.name}.csv", profile.number == stand.torn
@@ -251,7 +242,7 @@ def _recorded(folder: Path, net: Network, profile: Profile, logger: _Logger) -> 
 
 def _text(table: Floats, profile: Profile, parameters: ShopParameters) -> str:
     """One file: a block about the logger, names, units, rows."""
-    stand = parameters.growth.stand
+    stand = parameters.growth.instruments
     comma, western = stand.decimal == ",", stand.encoding == "cp1252"
     separator = ";" if comma else ","
     degrees, length = ("\N{DEGREE SIGN}C", "\N{MICRO SIGN}m") if western else ("degC", "um")
@@ -268,7 +259,7 @@ def _text(table: Floats, profile: Profile, parameters: ShopParameters) -> str:
     return "\n".join([*head, *rows]) + "\n"
 
 
-def _cells(row: Sequence[float], decimals: Sequence[int], stand: TestStand) -> list[str]:
+def _cells(row: Sequence[float], decimals: Sequence[int], stand: Instruments) -> list[str]:
     words = [
         stand.blank if np.isnan(value) else f"{value:.{places}f}"
         for value, places in zip(row, decimals, strict=True)

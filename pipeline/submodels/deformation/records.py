@@ -131,7 +131,8 @@ class State:
     @property
     def time(self) -> Floats:
         """Since the start [s]; shape (T,)."""
-        return self.period * np.arange(len(self))
+        seconds: Floats = self.period * np.arange(len(self), dtype=np.float64)
+        return seconds
 
     def since(self, first: int) -> "State":
         """The state from a sample on."""

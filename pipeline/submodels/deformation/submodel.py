@@ -131,7 +131,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             ),
             *(
                 Target(
-                    quantity=GROWTH, unit="um", regime=regime, limits=of_regime, baselines=others
+                    quantity=GROWTH, unit="um", regime=regime, limits=of_regime, baselines=beaten
                 )
                 for regime in REGIMES
             ),

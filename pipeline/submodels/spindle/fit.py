@@ -23,6 +23,7 @@ from pipeline.twin import spindle
 _RATES = np.log((1 / (7 * 86400), 1 / 20))  # a week to 20 s covers any spindle's time constants
 BOUNDS = {
     "cooling_rate": _RATES, "coupling_rate": _RATES, "body_cooling_rate": _RATES,
+    "coolant_rate": _RATES,
     "capacity_ratio": np.log((1e-3, 10.0)),
     "ambient": np.array((-20.0, 60.0)), "ambient_offset": np.array((-20.0, 30.0)),
 }  # fmt: skip
@@ -30,7 +31,9 @@ BOUNDS = {
 capacity over the body's [1], then [degC] and [K]."""
 HEATING_BOUND = 1.0
 """Greatest heating by a source at its root mean square [K/s]: no motor heats faster."""
-LOGARITHMIC = ("cooling_rate", "coupling_rate", "body_cooling_rate", "capacity_ratio")
+LOGARITHMIC = (
+    "cooling_rate", "coupling_rate", "body_cooling_rate", "coolant_rate", "capacity_ratio",
+)  # fmt: skip
 """Unknowns that are fitted on a logarithmic scale."""
 
 
@@ -95,6 +98,8 @@ class Problem:
         self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
         self.surround = "ambient_offset" if records.ambient else "ambient"
         ratio = [] if nodes == 1 else ["capacity_ratio"]
+        if records.coolant:
+            self.rates.append("coolant_rate")
         self.names = [*self.rates, *ratio, self.surround, *self.sources]
         block = 0
         blocks, masks = [], []
@@ -106,6 +111,7 @@ class Problem:
         self.measured = [p.frame[spindle.TARGET].to_numpy(float) for p in pieces]
         self.heat = [spindle.heat_of(p.frame) for p in pieces]
         self.surrounds = [spindle.ambient_of(p.frame, records) for p in pieces]
+        self.coolants = [spindle.coolant_of(p.frame, records) for p in pieces]
         self.masks = masks
         self.blocks = np.concatenate([b[m] for b, m in zip(blocks, masks, strict=True)]).astype(int)
 
@@ -121,6 +127,7 @@ class Problem:
             "cooling_rate": -np.log(time_constant),
             "coupling_rate": -np.log(time_constant),
             "body_cooling_rate": -np.log(8 * time_constant),
+            "coolant_rate": -np.log(8 * time_constant),
             "capacity_ratio": np.log(0.2),
             "ambient": np.clip(first, *BOUNDS["ambient"]),
             "ambient_offset": 0.0,
@@ -136,7 +143,7 @@ class Problem:
                 x.append(parameters.heating.get(name, 0.0) * self.scale[name])
             else:
                 value = getattr(parameters, name)
-                x.append(np.log(value) if name in LOGARITHMIC else value)
+                x.append(np.log(max(value, 1e-12)) if name in LOGARITHMIC else value)
         return self._inside(np.array(x))
 
     def _inside(self, x: Floats) -> Floats:
@@ -155,9 +162,15 @@ class Problem:
         parameters = self.parameters(x)
         return np.concatenate(
             [
-                (temperatures(h, t[0], parameters, p.step, ambient=a)[0] - t)[m]
-                for p, h, a, t, m in zip(
-                    self.pieces, self.heat, self.surrounds, self.measured, self.masks, strict=True
+                (temperatures(h, t[0], parameters, p.step, ambient=a, coolant=c)[0] - t)[m]
+                for p, h, a, c, t, m in zip(
+                    self.pieces,
+                    self.heat,
+                    self.surrounds,
+                    self.coolants,
+                    self.measured,
+                    self.masks,
+                    strict=True,
                 )
             ]
         )
@@ -323,27 +336,43 @@ def days_left_out(
 
 def identify_spindle_network(
     pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
-) -> tuple[SpindleFit, dict[int, float]]:
-    """The network with as many nodes as days left out ask for.
+) -> tuple[SpindleFit, dict[str, float]]:
+    """The network with as many nodes, and the sink to the coolant, that days left out ask for.
 
     One node is kept unless the records determine all of the second's parameters and it lowers the
-    squared error of days left out, significantly over the days (:func:`gains`).
+    squared error of days left out, significantly over the days (:func:`gains`).  The coolant, where
+    it is recorded, becomes a sink on the same condition.
 
     Returns
     -------
     fit : SpindleFit
         On all ``pieces``.
-    scores : dict of int to float
-        RMSE [K] on days left out, by number of nodes; empty when there was nothing to choose.
+    scores : dict of str to float
+        RMSE [K] on days left out, by number of nodes, ``"2 with coolant"`` with that sink; empty
+        when there was nothing to choose.
     """
-    fits = {n: fit_network(pieces, records, settings, n) for n in sorted(set(settings.nodes))}
-    if len(fits) == 1:
+    plain = replace(records, coolant=False)
+    fits = {n: fit_network(pieces, plain, settings, n) for n in sorted(set(settings.nodes))}
+    if len(fits) == 1 and not records.coolant:
         return next(iter(fits.values())), {}
-    errors = {n: days_left_out(pieces, records, settings, fit) for n, fit in fits.items()}
-    scores = {n: float(np.sqrt(e.mean())) for n, e in errors.items() if len(e)}
-    enough = gains(errors[1], errors[2])
-    determined = all(is_determined(fits[2], name) for name in fits[2].names)
-    return fits[2 if enough and determined else 1], scores
+    errors = {n: days_left_out(pieces, plain, settings, fit) for n, fit in fits.items()}
+    scores = {str(n): float(np.sqrt(e.mean())) for n, e in errors.items() if len(e)}
+    nodes = min(fits)
+    if len(fits) > 1 and gains(errors[1], errors[2]) and _determined(fits[2]):
+        nodes = 2
+    if not records.coolant:
+        return fits[nodes], scores
+    cooled = fit_network(pieces, records, settings, nodes)
+    error = days_left_out(pieces, records, settings, cooled)
+    if len(error):
+        scores[f"{nodes} with coolant"] = float(np.sqrt(error.mean()))
+    helps = gains(errors[nodes], error) and is_determined(cooled, "coolant_rate")
+    return cooled if helps else fits[nodes], scores
+
+
+def _determined(fit: SpindleFit) -> bool:
+    """Whether the records determine all parameters of a network."""
+    return all(is_determined(fit, name) for name in fit.names)
 
 
 def is_determined(fit: SpindleFit, name: str) -> bool:

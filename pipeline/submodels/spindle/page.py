@@ -48,6 +48,7 @@ MEANINGS = {
     "cooling_rate": "heat exchange with the surround over heat capacity",
     "coupling_rate": "heat exchange of the measured node with the body",
     "body_cooling_rate": "heat exchange of the body with the surround",
+    "coolant_rate": "heat exchange with the coolant over heat capacity",
     "capacity_ratio": "heat capacity of the measured node over the body’s",
     "ambient": "temperature of the surround",
     "ambient_offset": "surround of the spindle above the measured ambient",
@@ -296,7 +297,7 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
         ("condition of the scaled Jacobian", quantity(fit.condition, "")),
         ("RMSE over the training days", quantity(fit.rmse_K, "K")),
         *(
-            (f"RMSE on days left out, {counted(int(n), 'node')}", quantity(v, "K"))
+            (f"RMSE on days left out, {_network_words(n)}", quantity(v, "K"))
             for n, v in fit.rmse_days_left_out_K.items()
         ),
         ("step of the simulation", quantity(fit.step_s, "s")),
@@ -315,6 +316,12 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
         sources=list(made),
         folded=True,
     )
+
+
+def _network_words(name: str) -> str:
+    """A network that was tried: its number of nodes, and what else it has."""
+    nodes, _, more = name.partition(" ")
+    return f"{counted(int(nodes), 'node')} {more}".strip()
 
 
 def _judged_section(seen: Seen) -> Section:

@@ -98,7 +98,7 @@ def examples(
     return Examples(x=np.concatenate(x), error=np.concatenate(error), day=np.concatenate(day))
 
 
-def _forest(x: Floats, error: Floats, settings: ForestSettings) -> "RandomForestRegressor":
+def fitted_forest(x: Floats, error: Floats, settings: ForestSettings) -> "RandomForestRegressor":
     """A forest fitted by all cores that predicts on one.
 
     Threads that predict add the trees up in the order in which they happen to finish, so that the
@@ -127,7 +127,7 @@ def _days_left_out(
     left = np.empty(len(data.error))
     for group in groups:
         judged = np.isin(data.day, group)
-        forest = _forest(data.x[~judged], data.error[~judged], settings)
+        forest = fitted_forest(data.x[~judged], data.error[~judged], settings)
         left[judged] = data.error[judged] - forest.predict(data.x[judged])
     with_forest = [np.mean(left[data.day == day] ** 2) for day in days]
     without = [np.mean(data.error[data.day == day] ** 2) for day in days]
@@ -158,7 +158,7 @@ def train_residual_forest(
         why = "it lowers the error of days left out, significantly at 5 %"
     else:
         why = "it does not lower the error of days left out significantly at 5 %"
-    return _forest(data.x, data.error, settings), Forest(
+    return fitted_forest(data.x, data.error, settings), Forest(
         used=used,
         why=why,
         sources=tuple(records.sources),

@@ -1,9 +1,9 @@
 """Spindle temperature as a sub-model: cases are days, judged in windows and as free runs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from pipeline.charts.sections import SubModelPage
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
-from pipeline.schema.ranges import NotNegative, Positive, Ranged
+from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import StateSegment, read_state, state_days
 from pipeline.submodels.cases import (
@@ -25,7 +25,15 @@ from pipeline.submodels.cases import (
     role_of,
     sources,
 )
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
+from pipeline.submodels.spindle.calibration import Recipe, calibrated
+from pipeline.submodels.spindle.days import (
+    APART,
+    FREE_RUN,
+    WINDOWS,
+    SpindleLimits,
+    predicted_day,
+)
 from pipeline.submodels.spindle.fit import (
     LOGARITHMIC,
     SpindleFit,
@@ -33,13 +41,13 @@ from pipeline.submodels.spindle.fit import (
     identify_spindle_network,
     is_determined,
 )
+from pipeline.submodels.spindle.intervals import IntervalSettings
 from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
 from pipeline.thermal.network import SOURCES
-from pipeline.twin.residual import save_forest
+from pipeline.twin.residual import load_forest, save_forest
 from pipeline.twin.spindle import (
     TARGET,
     SpindleFitFacts,
-    SpindleModel,
     SpindleModelFile,
     SpindleRecords,
     load_spindle_model,
@@ -56,31 +64,6 @@ REMEDY = {
 }
 """What to record so that a heat source becomes determined."""
 RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
-WINDOWS, FREE_RUN = "windows", "free run"
-"""Regimes: from a measured temperature over a window; from the day's first temperature only."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SpindleLimits(Ranged, section="spindle_limits"):
-    """Limits on the errors of a spindle's temperature (Twin2026).
-
-    Parameters
-    ----------
-    window_s : float
-        Length of the windows that start from a measured temperature [s].
-    mae_K, rmse_K : float
-        Limits on every working day, in windows [K].
-    working_day_s : float
-        A day is a working day when this much of it is known [s].
-    bridge_s : float
-        In windows, unknown inputs are held this long [s].
-    """
-
-    window_s: Positive = 3600.0
-    mae_K: Positive = 2.0
-    rmse_K: Positive = 3.0
-    working_day_s: Positive = 3600.0
-    bridge_s: NotNegative = 600.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +75,7 @@ class Fitting:
     spindle: SpindleRecords
     spindle_fit: SpindleFitSettings
     residual_forest: ForestSettings
+    spindle_interval: IntervalSettings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,16 +105,21 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
     )
 
     def targets(self, settings: Judging, model: SpindleModelFile) -> tuple[Target, ...]:
-        """Temperature in windows, which is judged, and as a free run, which is shown."""
+        """Temperature in windows, which is judged, as a free run and in parts, which are shown."""
         limits = settings.spindle_limits
-        others = ("persistence", "physics", "day_mean")
+        others = ("persistence", "physics", "forest", "day_mean")
+        share = (limits.coverage_least, limits.coverage_most)
+        coverage = None if model.intervals is None else share
         return (
             Target(
                 quantity=TARGET, unit="K", regime=WINDOWS, baselines=others,
                 limits={"mae": limits.mae_K, "rmse": limits.rmse_K},
-                must_beat=("persistence",), each_group=True,
+                must_beat=("persistence",), each_group=True, coverage=coverage,
             ),
-            Target(quantity=TARGET, unit="K", regime=FREE_RUN, baselines=others),
+            Target(
+                quantity=TARGET, unit="K", regime=FREE_RUN, baselines=others, coverage=coverage
+            ),
+            *(Target(quantity=TARGET, unit="K", regime=one, baselines=others) for one in APART),
         )  # fmt: skip
 
     def cases(
@@ -166,10 +155,19 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             )
         ]  # fmt: skip
         fit, scores = identify_spindle_network(pieces, settings.spindle, fitting)
-        data = examples(pieces, settings.spindle, fit.parameters, settings.residual_forest)
-        forest, about = train_residual_forest(data, settings.spindle, settings.residual_forest)
+        records = replace(settings.spindle, coolant=fit.parameters.coolant_rate > 0)
+        data = examples(pieces, records, fit.parameters, settings.residual_forest)
+        forest, about = train_residual_forest(data, records, settings.residual_forest)
         save_forest(forest, folder / "residual")
         used = {piece.day for piece in pieces}
+        recipe = Recipe(
+            records=records,
+            network=fitting,
+            forest=settings.residual_forest,
+            forest_used=about.used,
+            whole=fit.parameters,
+        )
+        intervals = calibrated(training, pieces, recipe, settings.spindle_interval)
         trained = [case for case in training if case.name in used]
         return SpindleModelFile(
             submodel=self.name,
@@ -179,16 +177,22 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             trained_on=tuple(case.training for case in trained),
             conditions=conditions_of(trained),
             network=fit.parameters,
-            records=settings.spindle,
+            records=records,
             fit=_facts(fit, scores, pieces, fitting),
             training_days=tuple(sorted(used)),
             forest=about,
+            intervals=intervals,
         )
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of days."""
         model, limits = load_spindle_model(folder), settings.spindle_limits
-        return lambda case: _predicted(model, case, limits)
+        stored = read_json(folder / "model.json", SpindleModelFile)
+        tried = None
+        if not stored.forest.used:
+            forest = load_forest(folder / "residual", replace(stored.forest, used=True))
+            tried = replace(model, forest=forest)
+        return lambda case: predicted_day(model, case, limits, stored.intervals, tried)
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Temperatures from a clean state table: column ``time``, then those that the model needs.
@@ -219,6 +223,8 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         values = dict.fromkeys(names, 0.0) | {"spindle_speed": 3000.0, "spindle_load": 20.0}
         if "ambient_temperature" in values:
             values["ambient_temperature"] = 20.0
+        if "coolant_temperature" in values:
+            values["coolant_temperature"] = 22.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
 
     def page(self, shown: Shown[SpindleModelFile]) -> SubModelPage:
@@ -282,7 +288,7 @@ def _undetermined(fit: SpindleFit, records: SpindleRecords) -> dict[str, Paramet
 
 def _facts(
     fit: SpindleFit,
-    scores: dict[int, float],
+    scores: dict[str, float],
     pieces: Sequence[StateSegment],
     settings: SpindleFitSettings,
 ) -> SpindleFitFacts:
@@ -291,7 +297,7 @@ def _facts(
         step_s=settings.step_s,
         nodes=fit.parameters.nodes,
         rmse_K=round(fit.rmse_K, 4),
-        rmse_days_left_out_K={str(n): round(s, 4) for n, s in scores.items()},
+        rmse_days_left_out_K={n: round(s, 4) for n, s in scores.items()},
         condition=round(fit.uncertainty.condition, 3)
         if np.isfinite(fit.uncertainty.condition)
         else None,
@@ -300,65 +306,6 @@ def _facts(
         seconds=round(sum(len(p.frame) * p.step for p in pieces)),
         bridged_s=round(sum(p.bridged * p.step for p in pieces)),
     )
-
-
-def _predicted(model: SpindleModel, case: Case, limits: SpindleLimits) -> Prediction:
-    """A day in windows and as a free run; nothing where it is no working day."""
-    state, step = case.load(), model.step_s
-
-    def pieces(bridge_s: float) -> list[StateSegment]:
-        found = spindle_stretches(
-            state, case.name, model.records, step=step, bridge_s=bridge_s, shortest_s=0.0
-        )
-        return list(found)
-
-    whole = pieces(np.inf)
-    known = sum((len(s.frame) - s.bridged) * s.step for s in whole)
-    if not whole or known < limits.working_day_s:
-        note = f"no working day: {known:.0f} s with speed, load and temperature"
-        return Prediction(frame=pd.DataFrame(), note=note)
-    free = whole[0]
-    index = free.frame.index
-    measured = free.frame[TARGET].to_numpy(float)
-    day_mean = float(free.frame[TARGET].mean())
-    physics, corrected = model.free_run(free)
-    # persistence of a free run is the first temperature that is compared
-    compared = np.isfinite(measured) & np.isfinite(corrected)
-    first = float(measured[compared][0]) if compared.any() else float("nan")
-    free_run = _rows(index, measured, corrected, FREE_RUN).assign(
-        baseline_persistence=first, baseline_physics=physics, baseline_day_mean=day_mean,
-        scored=compared,
-    )  # fmt: skip
-    columns = ("predicted", "baseline_physics", "baseline_persistence")
-    windows = _rows(index, measured, np.full(len(index), np.nan), WINDOWS).assign(
-        baseline_persistence=np.nan, baseline_physics=np.nan, baseline_day_mean=day_mean
-    )
-    windows.index = index
-    for stretch in pieces(limits.bridge_s):
-        physics, corrected, persistence = model.windows(stretch, limits.window_s)
-        for name, values in zip(columns, (corrected, physics, persistence), strict=True):
-            windows.loc[stretch.frame.index, name] = values
-    windows = windows.reset_index(drop=True)
-    known_here = windows[["measured", "predicted", "baseline_persistence"]].notna().all(axis=1)
-    windows["scored"] = known_here
-    seconds = int(known_here.sum()) * step
-    facts = {
-        "compared in windows": Fact(value=round(seconds), unit="s"),
-        "windows": Fact(value=int(np.ceil(seconds / limits.window_s)), unit="1"),
-        "compared running free": Fact(value=round(int(compared.sum()) * step), unit="s"),
-    }
-    return Prediction(frame=pd.concat([windows, free_run], ignore_index=True), facts=facts)
-
-
-def _rows(index: Any, measured: Any, predicted: Any, regime: str) -> pd.DataFrame:
-    """Rows of a day: ``t`` in seconds since midnight UTC."""
-    seconds = (index - index[0].normalize()).total_seconds()
-    return pd.DataFrame(
-        {
-            "quantity": TARGET, "unit": "CELSIUS", "regime": regime, "t": np.asarray(seconds),
-            "measured": measured, "predicted": predicted,
-        }
-    )  # fmt: skip
 
 
 SUBMODEL = Spindle()

@@ -208,13 +208,13 @@ def test_no_day_is_on_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
     data = noisy()
     marked = replace(data, x=np.column_stack([data.x, pd.factorize(data.day)[0]]))
     seen: list[set[float]] = []
-    plain = residual._forest
+    plain = residual.fitted_forest
 
     def watched(x: np.ndarray, error: np.ndarray, settings: ForestSettings) -> object:
         seen.append(set(x[:, -1]))
         return plain(x, error, settings)
 
-    monkeypatch.setattr(residual, "_forest", watched)
+    monkeypatch.setattr(residual, "fitted_forest", watched)
     train_residual_forest(marked, RECORDS, QUICK)
     *folds, everything = seen
     assert everything == {0.0, 1.0, 2.0}

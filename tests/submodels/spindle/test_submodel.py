@@ -15,16 +15,15 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Records, Roles, sources
 from pipeline.submodels.judge import Judged, judge
+from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS, SpindleLimits
 from pipeline.submodels.spindle.fit import SpindleFitSettings
+from pipeline.submodels.spindle.intervals import IntervalSettings
 from pipeline.submodels.spindle.residual import ForestSettings
 from pipeline.submodels.spindle.submodel import (
-    FREE_RUN,
     REMEDY,
     SUBMODEL,
-    WINDOWS,
     Fitting,
     Judging,
-    SpindleLimits,
 )
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.spindle import TARGET, SpindleModelFile
@@ -57,8 +56,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Records, Path, Spind
     records = records_of(tmp_path_factory.mktemp("clean"))
     folder = tmp_path_factory.mktemp("spindle")
     settings = Fitting(
-        identity=IDENTITY, roles=ROLES, spindle=RECORDS, spindle_fit=QUICK, residual_forest=FOREST
-    )
+        identity=IDENTITY, roles=ROLES, spindle=RECORDS, spindle_fit=QUICK, residual_forest=FOREST,
+        spindle_interval=IntervalSettings(folds=3),
+    )  # fmt: skip
     model = SUBMODEL.fit(SUBMODEL.cases(records, settings), settings, folder)
     write_json(model, folder / "model.json")
     return records, folder, model

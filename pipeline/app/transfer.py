@@ -1,0 +1,110 @@
+"""`kerf transfer`: what a sibling's first minutes add to a golden machine's spindle parameters."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.parameters import section_path, structure
+from pipeline.schema.golden import read_golden
+from pipeline.schema.store import read_json, write_json
+from pipeline.submodels.cases import Case, Records
+from pipeline.submodels.contract import sections
+from pipeline.submodels.spindle.submodel import SUBMODEL
+from pipeline.submodels.spindle.transfer import (
+    Transfer,
+    TransferSettings,
+    sensor_step,
+    transfer,
+)
+from pipeline.twin.spindle import TARGET, SpindleModelFile, spindle_stretches
+
+
+def transfer_curve(machine: str, golden: str, out: Path) -> Transfer:
+    """Write the curve of minutes of warm-up against error of ``machine`` into ``out``.
+
+    Parameters
+    ----------
+    machine, golden : str
+        As in conf/machine/: the sibling, and the machine whose parameters are the prior.
+    out : Path
+        JSON file to write.
+
+    Raises
+    ------
+    ValueError
+        When a file is missing, the machines do not record the same surrounds, or no day is left to
+        judge by.
+    """
+    if machine == golden:
+        raise ValueError(f"{machine} is both sibling and golden machine: name another one")
+    values = machine_parameters(machine)
+    machine_parameters(golden)  # refuses one that is not known
+    model = read_json(
+        DATA / "models" / golden / SUBMODEL.name / "model.json", SpindleModelFile,
+        f"run `dvc repro identify_{SUBMODEL.name}@{golden}`",
+    )  # fmt: skip
+    given: dict[str, Any] = {
+        name: structure(values, section_path(values, name, machine), kind)
+        for name, kind in sections(SUBMODEL.fitting).items()
+    }
+    settings = SUBMODEL.fitting(**given)
+    model = replace(model, records=_shared(model, settings, machine))
+    records = Records(
+        manifest=DATA / "signals" / machine / "manifest.json", clean=DATA / "clean" / machine
+    )
+    cases = SUBMODEL.cases(records, settings, read_golden(DATA / "golden" / f"{machine}.json"))
+    training = sorted(cases.of("training"), key=lambda case: case.name)
+
+    def pieces(chosen: list[Case], bridge_s: float) -> list[Any]:
+        fitting = settings.spindle_fit
+        return [
+            piece
+            for case in chosen
+            for piece in spindle_stretches(
+                case.load(), case.name, model.records, step=fitting.step_s, bridge_s=bridge_s,
+                shortest_s=fitting.shortest_s,
+            )
+        ]  # fmt: skip
+
+    measured = np.concatenate(
+        [case.load()[TARGET].to_numpy(float) for case in training] or [np.empty(0)]
+    )
+    found = transfer(
+        model, machine, settings.identity.origin,
+        pieces(training, settings.spindle_fit.bridge_s),
+        pieces(list(cases.of("held_out", "golden")), np.inf),
+        resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
+        settings=structure(values, "spindle_transfer", TransferSettings),
+    )  # fmt: skip
+    write_json(found, out)
+    return found
+
+
+def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:
+    """The golden machine's records as the sibling has them."""
+    theirs, own = model.records, settings.spindle
+    for name in ("ambient", "coolant"):
+        if getattr(theirs, name) and not getattr(own, name):
+            raise ValueError(
+                f"{model.machine} was identified with {name}_temperature, which {machine} does not "
+                "record: take another golden machine, or record it"
+            )
+    held = theirs.position_control and own.position_control
+    return replace(theirs, position_control=held, extra=())
+
+
+def transfer_table(found: Transfer) -> list[str]:
+    """The curve as lines of a table, with its sentence."""
+    simulated = f" ({found.origin})" if found.origin == "simulated" else ""
+    lines = [
+        f"{found.machine}{simulated} from {found.golden}: RMSE over free runs of "
+        f"{len(found.days_judged)} days not used [K]",
+        f"{'warm-up, min':>12}  {'pooled':>8}  {'own only':>8}  {'golden':>8}",
+    ]
+    for one in found.points:
+        own = "-" if one.own is None else f"{one.own:.2f}"
+        lines.append(f"{one.minutes:>12g}  {one.pooled:>8.2f}  {own:>8}  {one.golden:>8.2f}")
+    return [*lines, found.sentence]

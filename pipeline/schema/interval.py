@@ -1,0 +1,47 @@
+"""Calibrated prediction intervals as they are stored: half widths by regime."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+from pipeline.schema.ranges import Count, NotNegative, Range, Ranged
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band(Ranged, section="band"):
+    """90 % prediction interval of one regime: from predicted - lower to predicted + upper.
+
+    Parameters
+    ----------
+    lower, upper : float
+        Half widths, in the unit of the quantity.
+    n : int
+        Residuals that it was calibrated on.
+    groups : int
+        Groups that they are from.
+    """
+
+    lower: NotNegative
+    upper: NotNegative
+    n: Count
+    groups: Count
+
+
+Bands = Mapping[str, Band]
+"""Bands by regime; that of ``""``, over all regimes, serves regimes that have none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdaptiveSettings(Ranged, section="adaptive_interval"):
+    """How fast an interval follows the errors that have become known.
+
+    Parameters
+    ----------
+    step : float
+        Change of the factor on the half width by a sample outside [1]; 0 keeps it at 1.
+    delay_s : float
+        A measured value is known this long after its time [s].
+    """
+
+    step: Annotated[float, Range(least=0.0, most=1.0)] = 0.01
+    delay_s: NotNegative = 0.0

@@ -1,0 +1,293 @@
+"""A day of a spindle, predicted in windows and as a free run.
+
+In windows the temperature is measured at the start of each, then only speed, load and states are
+known; as a free run it is measured once, at the day's beginning.  The first hour after a start and
+the cooling of a spindle that stands are shown apart: there a model that only follows is wrong.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import NotNegative, Positive, Ranged, Share
+from pipeline.schema.verdict import Fact
+from pipeline.signals.windows import StateSegment
+from pipeline.submodels.cases import Case
+from pipeline.submodels.conformal import Labels, adaptive, interval
+from pipeline.submodels.contract import Prediction
+from pipeline.submodels.spindle.intervals import regimes
+from pipeline.twin.spindle import (
+    TARGET,
+    SpindleIntervals,
+    SpindleModel,
+    spindle_stretches,
+    window_starts,
+)
+
+WINDOWS, FREE_RUN = "windows", "free run"
+"""Regimes: from a measured temperature over a window; from the day's first temperature only."""
+FIRST_HOUR, COOLING = "first hour after a start", "cooling"
+"""Parts of a day that are shown apart, of both regimes."""
+APART = tuple(
+    f"{regime}, {part}" for regime in (WINDOWS, FREE_RUN) for part in (FIRST_HOUR, COOLING)
+)
+"""Regimes of the parts that are shown apart."""
+START_S = 3600.0
+"""Time after a start that is shown apart [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleLimits(Ranged, section="spindle_limits"):
+    """Limits on the errors of a spindle's temperature (Twin2026).
+
+    Parameters
+    ----------
+    window_s : float
+        Length of the windows that start from a measured temperature [s].
+    mae_K, rmse_K : float
+        Limits on every working day, in windows [K].
+    coverage_least, coverage_most : float
+        Limits on the share of samples inside the 90 % interval, over all days together [1].
+    working_day_s : float
+        A day is a working day when this much of it is known [s].
+    bridge_s : float
+        In windows, unknown inputs are held this long [s].
+    rest_s : float
+        A spindle that turns after this long at rest, or for the first time of a day, starts [s].
+    pause_s : float
+        A spindle that has stood this long cools [s].
+    """
+
+    window_s: Positive = 3600.0
+    mae_K: Positive = 2.0
+    rmse_K: Positive = 3.0
+    coverage_least: Share = 0.8
+    coverage_most: Share = 1.0
+    working_day_s: Positive = 3600.0
+    bridge_s: NotNegative = 600.0
+    rest_s: Positive = 3600.0
+    pause_s: Positive = 600.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """Predictions of one day in one regime, (T,) each, in steps; NaN where nothing is known.
+
+    Parameters
+    ----------
+    index : DatetimeIndex
+        UTC time of each step.
+    measured, predicted, physics, persistence : ndarray
+        Temperatures [degC]: measured, of the whole model, of the network alone, as it was given.
+    regime : ndarray of str
+        Of the prediction interval.
+    """
+
+    index: pd.DatetimeIndex
+    measured: Floats
+    predicted: Floats
+    physics: Floats
+    persistence: Floats
+    regime: Labels
+
+    @property
+    def seconds(self) -> Floats:
+        """Time since midnight UTC [s]."""
+        return np.asarray((self.index - self.index[0].normalize()).total_seconds(), dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DayRuns:
+    """A day's whole stretch, and its predictions in windows and as a free run."""
+
+    stretch: StateSegment
+    windows: Run
+    free_run: Run
+
+
+def stretches(
+    model: SpindleModel, state: pd.DataFrame, day: str, bridge_s: float
+) -> Iterator[StateSegment]:
+    """Stretches of a day, however short, over gaps of up to ``bridge_s`` [s]."""
+    yield from spindle_stretches(
+        state, day, model.records, step=model.step_s, bridge_s=bridge_s, shortest_s=0.0
+    )
+
+
+def runs_of(
+    model: SpindleModel,
+    state: pd.DataFrame,
+    day: str,
+    *,
+    window_s: float,
+    bridge_s: float,
+    intervals: SpindleIntervals,
+) -> DayRuns | None:
+    """A day in windows and as a free run; None where speed, load and temperature are never known.
+
+    Parameters
+    ----------
+    model : SpindleModel
+        That predicts.
+    state : DataFrame
+        State table of the day.
+    day : str
+        Its date.
+    window_s, bridge_s : float
+        Length of a window, and how long unknown inputs are held in windows [s].
+    intervals : SpindleIntervals
+        Says how regimes of the prediction interval are parted.
+    """
+    whole = list(stretches(model, state, day, np.inf))
+    if not whole:
+        return None
+    free = whole[0]
+    measured = free.frame[TARGET].to_numpy(float)
+    physics, corrected = model.free_run(free)
+    compared = np.isfinite(measured) & np.isfinite(corrected)
+    # persistence of a free run is the first temperature that is compared
+    first = float(measured[compared][0]) if compared.any() else float("nan")
+    since = np.arange(len(measured), dtype=np.float64) * np.float64(free.step)
+    index = pd.DatetimeIndex(free.frame.index)
+    free_run = Run(
+        index=index, measured=measured, predicted=corrected, physics=physics,
+        persistence=np.full(len(measured), first),
+        regime=regimes(physics, since, free.step, intervals, intervals.free_run_horizons_s),
+    )  # fmt: skip
+    columns = pd.DataFrame(
+        np.nan, index=index, columns=["predicted", "physics", "persistence", "since"]
+    )
+    for stretch in stretches(model, state, day, bridge_s):
+        alone, own, persistence = model.windows(stretch, window_s)
+        at = np.full(len(own), np.nan)
+        length = max(round(window_s / stretch.step), 1)
+        for start in window_starts(stretch.frame[TARGET].to_numpy(float), length):
+            part = at[start : start + length]
+            part[:] = np.arange(len(part)) * stretch.step
+        columns.loc[stretch.frame.index] = np.column_stack([own, alone, persistence, at])
+    windows = replace(
+        free_run,
+        predicted=columns["predicted"].to_numpy(), physics=columns["physics"].to_numpy(),
+        persistence=columns["persistence"].to_numpy(),
+        regime=regimes(
+            physics, columns["since"].to_numpy(), free.step, intervals,
+            intervals.windows_horizons_s,
+        ),
+    )  # fmt: skip
+    return DayRuns(stretch=free, windows=windows, free_run=free_run)
+
+
+def after_starts(frame: pd.DataFrame, step: float, rest_s: float) -> Bools:
+    """Whether the spindle started within the last hour, (T,).
+
+    A start is the first step that turns the spindle, or holds it in position, on a day or after
+    ``rest_s`` without either.
+    """
+    warmed = heated(frame)
+    at = np.arange(len(frame))
+    last = np.maximum.accumulate(np.where(warmed, at, -1))
+    before = np.concatenate([[-1], last[:-1]])
+    starts = warmed & ((before < 0) | ((at - before) * step > rest_s))
+    latest = np.maximum.accumulate(np.where(starts, at, -1))
+    found: Bools = (latest >= 0) & ((at - latest) * step < START_S)
+    return found
+
+
+def cooling(frame: pd.DataFrame, step: float, pause_s: float) -> Bools:
+    """Whether the spindle turned or was held earlier this day and has stood ``pause_s``, (T,)."""
+    at = np.arange(len(frame))
+    last = np.maximum.accumulate(np.where(heated(frame), at, -1))
+    found: Bools = (last >= 0) & ((at - last) * step > pause_s)
+    return found
+
+
+def heated(frame: pd.DataFrame) -> Bools:
+    """Whether the spindle turns or is held in position, (T,)."""
+    found: Bools = (frame[["bearing_friction", "position_hold"]] > 0).any(axis=1).to_numpy()
+    return found
+
+
+def predicted_day(
+    model: SpindleModel,
+    case: Case,
+    limits: SpindleLimits,
+    intervals: SpindleIntervals | None,
+    tried: SpindleModel | None = None,
+) -> Prediction:
+    """A day in windows and as a free run; nothing where it is no working day.
+
+    Parameters
+    ----------
+    model : SpindleModel
+        That serves.
+    case : Case
+        The day.
+    limits : SpindleLimits
+        How days are judged.
+    intervals : SpindleIntervals or None
+        Half widths of the 90 % intervals.
+    tried : SpindleModel or None
+        The network with its forest where the forest is not used: shown beside it.
+    """
+    state = case.load()
+    whole = list(stretches(model, state, case.name, np.inf))
+    known = sum((len(s.frame) - s.bridged) * s.step for s in whole)
+    day = other = None
+    if known >= limits.working_day_s:
+        how = intervals or SpindleIntervals()
+        day, other = (
+            None if one is None else runs_of(
+                one, state, case.name, window_s=limits.window_s, bridge_s=limits.bridge_s,
+                intervals=how,
+            )
+            for one in (model, tried)
+        )  # fmt: skip
+    if day is None:
+        note = f"no working day: {known:.0f} s with speed, load and temperature"
+        return Prediction(frame=pd.DataFrame(), note=note)
+    windows = _rows(day.windows, WINDOWS, None if other is None else other.windows)
+    free_run = _rows(day.free_run, FREE_RUN, None if other is None else other.free_run)
+    if intervals is not None:
+        own = day.windows
+        windows["low"], windows["high"] = adaptive(
+            own.seconds, own.measured, own.predicted, own.regime, intervals.windows,
+            intervals.follow,
+        )  # fmt: skip
+        own = day.free_run
+        free_run["low"], free_run["high"] = interval(own.predicted, own.regime, intervals.free_run)
+    frame, step = day.stretch.frame, day.stretch.step
+    parts = {
+        FIRST_HOUR: after_starts(frame, step, limits.rest_s),
+        COOLING: cooling(frame, step, limits.pause_s),
+    }
+    apart = [
+        rows[where].assign(regime=f"{regime}, {part}")
+        for regime, rows in ((WINDOWS, windows), (FREE_RUN, free_run))
+        for part, where in parts.items()
+        if where.any()
+    ]
+    seconds = int(windows["scored"].sum()) * step
+    facts = {
+        "compared in windows": Fact(value=round(seconds), unit="s"),
+        "windows": Fact(value=int(np.ceil(seconds / limits.window_s)), unit="1"),
+        "compared running free": Fact(value=round(int(free_run["scored"].sum()) * step), unit="s"),
+    }
+    return Prediction(frame=pd.concat([windows, free_run, *apart], ignore_index=True), facts=facts)
+
+
+def _rows(run: Run, regime: str, tried: Run | None) -> pd.DataFrame:
+    """Rows of a day: ``t`` in seconds since midnight UTC."""
+    known = [run.measured, run.predicted, *([run.persistence] if regime == WINDOWS else [])]
+    found = pd.DataFrame(
+        {
+            "quantity": TARGET, "unit": "CELSIUS", "regime": regime, "t": run.seconds,
+            "measured": run.measured, "predicted": run.predicted,
+            "baseline_persistence": run.persistence, "baseline_physics": run.physics,
+            "baseline_day_mean": float(np.nanmean(run.measured)),
+            "scored": np.isfinite(known).all(axis=0),
+        }
+    )  # fmt: skip
+    return found if tried is None else found.assign(baseline_forest=tried.predicted)

@@ -1,0 +1,97 @@
+"""90 % prediction intervals of a spindle's temperature: calibrated on training days left out.
+
+The regimes are what is known when a prediction is made: whether the network's free run warms, cools
+or is steady, and how long ago the temperature was measured.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged, Share
+from pipeline.submodels.conformal import Labels
+from pipeline.twin.spindle import SpindleIntervals
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntervalSettings(Ranged, section="spindle_interval"):
+    """How prediction intervals are calibrated.
+
+    Parameters
+    ----------
+    folds : int
+        Groups of training days that are left out in turn, at most one group a day.
+    trend_s, steady_K_h : float
+        Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
+        ``steady_K_h`` [K/h].
+    windows_horizons_s, free_run_horizons_s : tuple of float
+        Times since the last measured temperature that part the regimes, rising [s].
+    steps : tuple of float
+        Steps with which the width may follow earlier errors of a day; training days left out
+        choose, 0 for not at all.
+    """
+
+    folds: Annotated[int, Range(least=2)] = 5
+    trend_s: Positive = 600.0
+    steady_K_h: NotNegative = 1.0
+    windows_horizons_s: tuple[Positive, ...] = (600.0, 1800.0)
+    free_run_horizons_s: tuple[Positive, ...] = (3600.0, 14400.0)
+    steps: tuple[Share, ...] = (0.0, 0.003, 0.01, 0.03)
+
+
+def state_words(physics: Floats, step: float, how: SpindleIntervals) -> Labels:
+    """Whether a temperature warms, cools or is steady at each step, (T,), from its past.
+
+    Parameters
+    ----------
+    physics : ndarray, shape (T,)
+        Free run of the network [degC].
+    step : float
+        [s].
+    how : SpindleIntervals
+        Says over which time and how fast.
+    """
+    at = np.arange(len(physics))
+    before = np.maximum(at - max(round(how.trend_s / step), 1), 0)
+    hours = np.maximum(at - before, 1) * step / 3600
+    rate = (physics - physics[before]) / hours
+    words = np.where(rate > how.steady_K_h, "warming", "steady")
+    return np.where(rate < -how.steady_K_h, "cooling", words)
+
+
+def horizon_words(since: Floats, edges: tuple[float, ...]) -> Labels:
+    """How long ago the temperature was measured, (T,); empty where that is not known.
+
+    Examples
+    --------
+    >>> horizon_words(np.array([0.0, 700.0, 3000.0]), (600.0, 1800.0)).tolist()
+    ['up to 10 min', 'up to 30 min', 'over 30 min']
+    """
+    names = [f"up to {edge / 60:g} min" for edge in edges]
+    names.append(f"over {edges[-1] / 60:g} min" if edges else "")
+    found = np.array(names)[np.searchsorted(np.array(edges), np.nan_to_num(since), side="left")]
+    return np.where(np.isfinite(since), found, "")
+
+
+def regimes(
+    physics: Floats, since: Floats, step: float, how: SpindleIntervals, edges: tuple[float, ...]
+) -> Labels:
+    """Regime of the prediction interval at each step, (T,): state, then horizon.
+
+    Parameters
+    ----------
+    physics : ndarray, shape (T,)
+        Free run of the network [degC].
+    since : ndarray, shape (T,)
+        Time since the last measured temperature that the prediction looks at [s].
+    step : float
+        [s].
+    how : SpindleIntervals
+        Says what is warming and cooling.
+    edges : tuple of float
+        Of the horizons [s].
+    """
+    states = state_words(physics, step, how)
+    return np.char.add(np.char.add(states, ", "), horizon_words(since, edges)).astype(str)

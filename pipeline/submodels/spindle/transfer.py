@@ -1,0 +1,356 @@
+"""Transfer of a spindle's network to a sibling: partial pooling from its first minutes of warm-up.
+
+The parameters of a golden machine are where those of a sibling are expected (maximum a posteriori):
+the logarithm of each rate and heating coefficient is normal about the golden one's, its variance
+that of the golden fit plus a variance between machines.  So a short record moves what it shows and
+leaves the rest at the golden machine's (Gelman and Hill 2007, ch. 12).  Beside it stand a network
+fitted on that short record alone and the golden one as it is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
+from pipeline.schema.ranges import Positive, Ranged
+from pipeline.signals.windows import StateSegment
+from pipeline.submodels.spindle.days import heated
+from pipeline.submodels.spindle.fit import (
+    BOUNDS,
+    LOGARITHMIC,
+    Problem,
+    SpindleFitSettings,
+    excited,
+    solve,
+)
+from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
+from pipeline.twin.spindle import (
+    TARGET,
+    SpindleModelFile,
+    SpindleRecords,
+    ambient_of,
+    coolant_of,
+    free_run,
+    heat_of,
+)
+
+UNKNOWN_WIDTH = float(np.log(3))
+"""Standard deviation of the logarithm of a golden parameter that its records do not determine."""
+FARTHEST = float(np.log(30))
+"""Greatest logarithm of a sibling's parameter over the golden one's."""
+METHODS = ("pooled", "own", "golden")
+"""Parameters from both machines, from the sibling's short record alone, from the golden machine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferSettings(Ranged, section="spindle_transfer"):
+    """How parameters are pooled, and over which records that is shown.
+
+    Parameters
+    ----------
+    minutes : tuple of float
+        Lengths of the sibling's record, from its first start [min].
+    between_machines : float
+        Standard deviation of the logarithm of a rate or coefficient between machines of a type [1].
+    between_machines_K : float
+        Standard deviation of the surround's temperature between machines [K].
+    correlation_s : float
+        Residuals hang together this long: so much of a record counts as one measurement [s].
+    """
+
+    minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
+    between_machines: Positive = 0.3
+    between_machines_K: Positive = 2.0
+    correlation_s: Positive = 600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferPoint:
+    """RMSE over free runs of the days judged [K], with a record of ``minutes`` [min].
+
+    ``own`` is None where the record alone gives no network.
+    """
+
+    minutes: float
+    pooled: float
+    own: float | None
+    golden: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """The curve of minutes of warm-up against error, as it is stored.
+
+    Parameters
+    ----------
+    machine, golden, origin : str
+        The sibling, the machine that the prior is of, and of which kind the sibling's records are.
+    days_judged : tuple of str
+        Days of the sibling that no parameter saw.
+    resolution_K : float
+        Step of the sibling's temperature sensor [K].
+    points : tuple of TransferPoint
+        By rising length of the record.
+    pooled : mapping of str to float
+        Parameters from both machines with the longest record, by name, in the model's units.
+    sentence : str
+        Which parameters lead, where they lead.
+    """
+
+    machine: str
+    golden: str
+    origin: str
+    days_judged: tuple[str, ...]
+    resolution_K: float
+    points: tuple[TransferPoint, ...]
+    pooled: Mapping[str, float]
+    sentence: str
+
+
+def transfer(
+    golden: SpindleModelFile,
+    machine: str,
+    origin: str,
+    pieces: Sequence[StateSegment],
+    judged: Sequence[StateSegment],
+    *,
+    resolution_K: float,
+    fitting: SpindleFitSettings,
+    settings: TransferSettings,
+) -> Transfer:
+    """Error on days not used against minutes of the sibling's own record.
+
+    Parameters
+    ----------
+    golden : SpindleModelFile
+        Model of the golden machine.
+    machine, origin : str
+        The sibling, and of which kind its records are.
+    pieces : sequence of StateSegment
+        Of the sibling's training days, in the order of time.
+    judged : sequence of StateSegment
+        Of its days that are not used.
+    resolution_K : float
+        Step of its temperature sensor [K].
+    fitting : SpindleFitSettings
+        Of a network.
+    settings : TransferSettings
+        Of the pooling.
+
+    Raises
+    ------
+    ValueError
+        When no day can be judged, or the spindle never starts on the training days.
+    """
+    if not judged:
+        raise ValueError(
+            f"{machine} has no day beside its training days to judge the transfer by: record one"
+        )
+    records = golden.records
+    points, pooled = [], golden.network
+    for minutes in sorted(settings.minutes):
+        short = first_minutes(pieces, minutes)
+        pooled = pooled_network(golden, short, settings)
+        own = own_network(short, records, fitting, golden.network.nodes)
+        points.append(
+            TransferPoint(
+                minutes=minutes,
+                pooled=_rmse(judged, records, pooled),
+                own=None if own is None else _rmse(judged, records, own),
+                golden=_rmse(judged, records, golden.network),
+            )
+        )
+    return Transfer(
+        machine=machine, golden=golden.machine, origin=origin,
+        days_judged=tuple(sorted({piece.day for piece in judged})), resolution_K=resolution_K,
+        points=tuple(points), pooled=_values(pooled), sentence=leader(points, resolution_K),
+    )  # fmt: skip
+
+
+def first_minutes(pieces: Sequence[StateSegment], minutes: float) -> list[StateSegment]:
+    """The beginning of a record, up to ``minutes`` after the spindle's first start.
+
+    Raises
+    ------
+    ValueError
+        When the spindle never starts.
+    """
+    left = 0
+    for number, piece in enumerate(pieces):
+        turns = np.flatnonzero(heated(piece.frame))
+        if len(turns):
+            left = int(turns[0]) + max(round(60 * minutes / piece.step), 1)
+            pieces = pieces[number:]
+            break
+    if left == 0:
+        raise ValueError("the spindle never starts on the training days: record a warm-up")
+    found = []
+    for piece in pieces:
+        if left <= 0:
+            break
+        found.append(replace(piece, frame=piece.frame.iloc[:left]))
+        left -= len(piece.frame)
+    return found
+
+
+def pooled_network(
+    golden: SpindleModelFile, pieces: Sequence[StateSegment], settings: TransferSettings
+) -> SpindleThermalParameters:
+    """The network of maximum posterior: the golden machine's, moved by the sibling's record.
+
+    Parameters
+    ----------
+    golden : SpindleModelFile
+        Whose parameters and intervals are the prior.
+    pieces : sequence of StateSegment
+        The sibling's record.
+    settings : TransferSettings
+        Variance between machines.
+    """
+    from scipy.optimize import least_squares
+
+    records, start = golden.records, golden.network
+    surround = "ambient_offset" if records.ambient else "ambient"
+    rates = [name for name in LOGARITHMIC if getattr(start, name) > 0]
+    names = [*rates, *(name for name, value in start.heating.items() if value > 0), surround]
+    known = golden.parameters.get("", {})
+    width = np.array([
+        np.hypot(settings.between_machines_K, _deviation_K(known.get(name)))
+        if name == surround
+        else np.hypot(settings.between_machines, _deviation(known.get(name)))
+        for name in names
+    ])  # fmt: skip
+    noise = max(golden.fit.rmse_K, 0.1)
+    given = [
+        (heat_of(p.frame), p.frame[TARGET].to_numpy(float), p.step,
+         ambient_of(p.frame, records), coolant_of(p.frame, records))
+        for p in pieces
+    ]  # fmt: skip
+
+    def network(z: Floats) -> SpindleThermalParameters:
+        moved = dict(zip(names, z.tolist(), strict=True))
+        factors = {name: float(np.exp(moved[name])) for name in names if name != surround}
+        changed = {name: getattr(start, name) * factors[name] for name in rates}
+        heating = {name: value * factors.get(name, 1.0) for name, value in start.heating.items()}
+        changed[surround] = getattr(start, surround) + moved[surround]
+        return replace(start, heating=heating, **changed)
+
+    def residuals(z: Floats) -> Floats:
+        one, parts = network(z), [z / width]
+        for heat, measured, step, ambient, coolant in given:
+            found = temperatures(heat, measured[0], one, step, ambient=ambient, coolant=coolant)[0]
+            error = (found - measured)[np.isfinite(measured)]
+            parts.append(error / noise * np.sqrt(min(step / settings.correlation_s, 1.0)))
+        return np.concatenate(parts)
+
+    reach = np.where(np.array(names) == surround, np.ptp(BOUNDS[surround]), FARTHEST)
+    best = least_squares(residuals, np.zeros(len(names)), bounds=(-reach, reach), x_scale=width)
+    return network(best.x)
+
+
+def _deviation(golden: Parameter | None) -> float:
+    """Standard deviation of the logarithm of a golden parameter, from its 95 % interval [1]."""
+    if golden is None or golden.interval_95 is None or not golden.value:
+        return UNKNOWN_WIDTH
+    low, high = golden.interval_95
+    return min((high - low) / (2 * 1.96 * abs(golden.value)), UNKNOWN_WIDTH)
+
+
+def _deviation_K(golden: Parameter | None) -> float:
+    """Standard deviation of a golden surround, from its 95 % interval [K]."""
+    if golden is None or golden.interval_95 is None:
+        return 5.0
+    low, high = golden.interval_95
+    return (high - low) / (2 * 1.96)
+
+
+def own_network(
+    pieces: Sequence[StateSegment],
+    records: SpindleRecords,
+    fitting: SpindleFitSettings,
+    nodes: int,
+) -> SpindleThermalParameters | None:
+    """The network of a short record alone, with every source that it excites; None without any."""
+    sources = excited(pieces, [name for name in records.sources if name in SOURCES])
+    if not sources:
+        return None
+    problem = Problem(pieces, records, fitting, sources, nodes)
+    return solve(problem, [problem.start(t) for t in fitting.time_constants_s]).parameters
+
+
+def _rmse(
+    pieces: Sequence[StateSegment], records: SpindleRecords, network: SpindleThermalParameters
+) -> float:
+    """Over free runs of the days judged [K]."""
+    error = np.concatenate(
+        [
+            free_run(piece, records, network)[0] - piece.frame[TARGET].to_numpy(float)
+            for piece in pieces
+        ]
+    )
+    return float(f"{np.sqrt(np.nanmean(error**2)):.4g}")
+
+
+def _values(network: SpindleThermalParameters) -> dict[str, float]:
+    rates = {name: float(getattr(network, name)) for name in LOGARITHMIC}
+    found = {**rates, **network.heating, "ambient": network.ambient}
+    found["ambient_offset"] = network.ambient_offset
+    return {name: float(f"{value:.5g}") for name, value in found.items() if value}
+
+
+def sensor_step(measured: Floats) -> float:
+    """Step between the values that a sensor shows [K]: those it shows for 1 % of the time or more.
+
+    Values between them are of the interpolation between two observations.
+
+    Examples
+    --------
+    >>> sensor_step(np.array([20.0] * 50 + [20.3, 20.7] + [21.0] * 50))
+    1.0
+    """
+    values, count = np.unique(np.round(measured[np.isfinite(measured)], 3), return_counts=True)
+    often = values[count >= 0.01 * count.sum()]
+    steps = np.diff(often if len(often) > 1 else values)
+    return float(round(steps.min(), 3)) if len(steps) else 0.0
+
+
+def leader(points: Sequence[TransferPoint], resolution_K: float) -> str:
+    """Which parameters lead by more than the sensor's resolution, there and at all longer records.
+
+    One record length shows nothing: a lead needs a longer record that confirms it.
+
+    Parameters
+    ----------
+    points : sequence of TransferPoint
+        By rising length of the record.
+    resolution_K : float
+        Step of the sensor [K].
+    """
+    for number, point in enumerate(points[:-1]):
+        for name in METHODS:
+            if all(_leads(one, name, resolution_K) for one in points[number:]):
+                return (
+                    f"From {point.minutes:g} minutes of warm-up on, {_words(name)} lead the "
+                    f"others by more than the sensor's step of {resolution_K:g} K."
+                )
+    return (
+        f"None of the three leads by more than the sensor's step of {resolution_K:g} K at one "
+        "length of the record and at all longer ones."
+    )
+
+
+def _leads(point: TransferPoint, name: str, resolution_K: float) -> bool:
+    errors = {one: getattr(point, one) for one in METHODS}
+    mine = errors.pop(name)
+    others = [error for error in errors.values() if error is not None]
+    return mine is not None and mine + resolution_K < min(others)
+
+
+def _words(name: str) -> str:
+    return {
+        "pooled": "parameters pooled with the golden machine's",
+        "own": "parameters of the own record alone",
+        "golden": "the golden machine's parameters as they are",
+    }[name]

@@ -1,0 +1,206 @@
+"""Records of spindle growth: layout, zero, faults as the truth says them, and what ingest keeps."""
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import cattrs
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from pipeline.schema.identity import MachineIdentity
+from pipeline.shop.growth.records import write_growth
+from pipeline.signals.formats import RecordSource
+from pipeline.stages.ingest import ingest
+
+from .conftest import CONF, Simulated, digests, shop_parameters
+
+HEAD = 8
+TORN = {"mill01": 8, "mill02": 21}
+
+
+@pytest.fixture(scope="module")
+def tables(warm: Simulated) -> dict[int, np.ndarray]:
+    """Rows (R, 13) of each record by its number, read by a plain reader; NaN for no value."""
+    stand, found = warm.parameters.growth.instruments, {}
+    separator = ";" if stand.decimal == "," else ","
+    for told in warm.truth["files"]:
+        lines = (warm.folder / told["file"]).read_text(stand.encoding).splitlines()[HEAD:]
+        rows = [line.replace(separator, "|").replace(",", ".").split("|") for line in lines]
+        whole = [row for row in rows if len(row) == 13]
+        found[told["number"]] = np.array([[_number(c) for c in row] for row in whole])
+    return found
+
+
+def _number(cell: str) -> float:
+    return np.nan if cell in ("", "---") else float(cell)
+
+
+def _machine(warm: Simulated) -> dict[str, Any]:
+    path = CONF.parent / "machine" / f"{warm.parameters.machine}.yaml"
+    read: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return read
+
+
+def test_the_same_bytes_every_time(warm: Simulated, tmp_path: Path) -> None:
+    again = write_growth(tmp_path, shop_parameters(warm.parameters.machine))
+    assert digests(tmp_path) == digests(warm.folder)
+    assert [f["true_growth_um"] for f in again["files"]] == [
+        f["true_growth_um"] for f in warm.truth["files"]
+    ]
+
+
+def test_the_siblings_grow_differently(tmp_path: Path) -> None:
+    first, second = (shop_parameters(m).growth for m in ("mill01", "mill02"))
+    for part in ("body", "expansion", "paths", "season", "instruments"):
+        assert getattr(first, part) != getattr(second, part)
+
+
+def test_nothing_is_written_when_growth_is_not_recorded(tmp_path: Path) -> None:
+    silent = shop_parameters("mill01", growth={"recorded": False})
+    assert write_growth(tmp_path, silent) == {} and not list(tmp_path.iterdir())
+
+
+def test_names_units_and_one_row_a_minute(warm: Simulated, tables: dict[int, np.ndarray]) -> None:
+    stand = warm.parameters.growth.instruments
+    separator = ";" if stand.decimal == "," else ","
+    for told in warm.truth["files"]:
+        text = (warm.folder / told["file"]).read_text(stand.encoding)
+        lines = text.splitlines()
+        assert "simulated" in lines[0]
+        names = ["Time", "Speed", *(f"T{k}" for k in range(1, 10)), "Ambient", "Growth"]
+        assert lines[6].split(separator) == names
+        western = stand.encoding == "cp1252"
+        degrees, length = ("°C", "µm") if western else ("degC", "um")
+        assert lines[7].split(separator) == ["s", "1/min", *[degrees] * 10, length]
+        time = tables[told["number"]][:, 0]
+        assert len(time) == told["rows"] and 3 * 60 <= len(time) <= 8 * 60 + 1
+        np.testing.assert_array_equal(time, 60.0 * np.arange(len(time)))
+
+
+def test_both_roles_hold_all_kinds(warm: Simulated) -> None:
+    patterns = _machine(warm)["roles"]["training"]
+    kinds: dict[bool, list[str]] = {True: [], False: []}
+    for told in warm.truth["files"]:
+        training = any(fnmatchcase(told["file"], pattern) for pattern in patterns)
+        assert training == (told["number"] <= 14)
+        kinds[training].append(told["kind"])
+    assert (len(kinds[True]), len(kinds[False])) == (14, 12)
+    assert set(kinds[True]) == set(kinds[False]) and len(set(kinds[True])) == 6
+
+
+def test_growth_begins_at_zero_also_of_a_warm_machine(
+    warm: Simulated, tables: dict[int, np.ndarray]
+) -> None:
+    for told in warm.truth["files"]:
+        assert told["true_growth_um"][0] == 0.0
+        shown = tables[told["number"]]
+        assert abs(shown[0, 12]) < 2.0  # some standard deviations of the probe
+        above = shown[0, 9] - shown[0, 11]  # rear bearing, above the air
+        if told["kind"] == "warm-start":
+            assert above > 5.0 and min(told["true_growth_um"]) < -3.0
+
+
+def test_growth_is_the_true_one_with_the_probes_noise(
+    warm: Simulated, tables: dict[int, np.ndarray]
+) -> None:
+    noise = warm.parameters.growth.instruments.probe_noise
+    greatest = []
+    for told in warm.truth["files"]:
+        shown, true = tables[told["number"]][:, 12], np.array(told["true_growth_um"])
+        greatest.append(true.max())
+        error = shown - true[: len(shown)]
+        assert np.nanstd(error) == pytest.approx(noise, rel=0.25)
+        assert abs(np.nanmean(error)) < 2 * noise  # the zero is the mean of some readings
+        assert sum(told["parts_um"].values()) == pytest.approx(true[-1], abs=0.01)
+    assert 40 < max(greatest) < 75
+
+
+def test_sensors_drift_and_die_where_the_truth_says(
+    warm: Simulated, tables: dict[int, np.ndarray]
+) -> None:
+    truth, stand = warm.truth, warm.parameters.growth.instruments
+    drifting, dead = (int(truth[k]["column"][1:]) + 1 for k in ("drifting", "dead"))
+    still, beside = {}, {}
+    for told in truth["files"]:
+        number, table = told["number"], tables[told["number"]]
+        if number >= truth["dead"]["profile"]:
+            gone = table[:, 0] >= told["dead_from_s"]
+            values = table[gone, dead]
+            values = values[np.isfinite(values)]
+            expected = {"open": 850.0, "held": values[0]}[stand.dead_as]
+            np.testing.assert_array_equal(values, expected)
+            if number > truth["dead"]["profile"]:
+                assert gone.all()
+            else:
+                assert np.nanstd(table[~gone, dead]) > 1.0
+        else:
+            assert "dead_from_s" not in told and np.nanstd(table[:, dead]) > 0.5
+        if told["kind"] != "warm-start":  # cold: all sensors are within class A of one another
+            others = [k for k in range(2, 11) if k not in (drifting, dead)]
+            beside[number] = table[:3, drifting].mean() - np.nanmean(table[:3, others])
+            still[number] = told.get("drift_K", [0.0])[0]
+    before = np.mean([beside[k] for k in beside if k < truth["drifting"]["profile"]])
+    for number, offset in beside.items():
+        assert offset - before == pytest.approx(
+            still[number], abs=0.7
+        )  # the chiller runs before the record
+    last = truth["files"][-1]["drift_K"][1]
+    assert abs(last) > 3.0
+    assert truth["drifting"]["profile"] <= 14 >= truth["dead"]["profile"]
+
+
+def test_offsets_lie_within_class_a_and_readings_are_quantised(
+    warm: Simulated, tables: dict[int, np.ndarray]
+) -> None:
+    assert all(abs(s["offset_K"]) < 0.15 + 0.002 * 30 for s in warm.truth["sensors"])
+    step = warm.parameters.growth.instruments.resolution
+    values = np.concatenate([t[:, 2:12].ravel() for t in tables.values()])
+    counts = values[np.isfinite(values)] / step
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+
+
+def test_the_air_is_of_another_day_in_each_record(
+    warm: Simulated, tables: dict[int, np.ndarray]
+) -> None:
+    means = [float(np.nanmean(t[:, 11])) for t in tables.values()]
+    assert max(means) - min(means) > 4.0
+    assert max(float(np.ptp(t[np.isfinite(t[:, 11]), 11])) for t in tables.values()) > 2.0
+
+
+@pytest.fixture(scope="module")
+def ingested(warm: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The records as stage ``ingest`` reads them with the machine's own layout."""
+    machine, signals = _machine(warm), tmp_path_factory.mktemp("signals")
+    strict = cattrs.Converter(forbid_extra_keys=True)
+    identity = strict.structure(machine["identity"], MachineIdentity)
+    records = strict.structure(machine["records"], tuple[RecordSource, ...])
+    ingest(warm.folder, signals, identity=identity, records=records)
+    return signals
+
+
+def test_ingest_rejects_the_torn_row_alone(warm: Simulated, ingested: Path) -> None:
+    rejected = pq.read_table(ingested / "rejected.parquet").to_pylist()
+    torn = next(f for f in warm.truth["files"] if f["torn"])
+    assert torn["number"] == TORN[warm.parameters.machine]
+    assert [(r["file"], r["line"]) for r in rejected] == [(torn["file"], HEAD + torn["rows"] + 1)]
+    assert "13 columns" in rejected[0]["reason"]
+
+
+def test_ingest_keeps_values_and_says_nothing_where_there_is_none(
+    warm: Simulated, ingested: Path, tables: dict[int, np.ndarray]
+) -> None:
+    names = ["t", "spindle_speed", *(f"temperature_{k}" for k in range(1, 10)),
+             "ambient_temperature", "growth"]  # fmt: skip
+    for told in warm.truth["files"]:
+        name = told["file"].replace("/", "__")
+        table = pq.read_table(ingested / "traces" / f"{name}.parquet")
+        assert table.column_names == names
+        read = np.column_stack([c.to_numpy() for c in table.columns])
+        read[:, 12] *= 1e3  # MTConnect's unit of lengths is the millimetre
+        np.testing.assert_allclose(read, tables[told["number"]], rtol=1e-12, atol=1e-9)
+        blank = {(m["row"], m["column"]) for m in told["missing"]}
+        kept = {at for at in blank if at[0] < told["rows"]}
+        assert int(np.isnan(read).sum()) == len(kept)
