@@ -26,15 +26,20 @@ from pipeline.submodels.deformation.growth_facts import (
     Seen,
     SensorFault,
     condition,
+    judged_on,
+    made_from,
+    short,
+    um,
+    whole_um,
 )
-from pipeline.submodels.deformation.growth_words import judged_on, made_from, short, um, whole_um
-from pipeline.submodels.deformation.page_sections import compared_section, errors_section
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.sensors import DEAD
 
 
 def page(shown: Seen) -> SubModelPage:
     """Everything that a machine's page says of its spindle's growth."""
+    from pipeline.submodels.deformation.page_sections import compared_section, errors_section
+
     facts = GrowthFacts(shown=shown)
     return SubModelPage(
         verdict=_verdict(facts),

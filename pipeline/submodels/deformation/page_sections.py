@@ -21,8 +21,11 @@ from pipeline.submodels.deformation.growth_facts import (
     GOAL_MAX_UM,
     GrowthFacts,
     condition,
+    judged_on,
+    made_from,
+    short,
+    um,
 )
-from pipeline.submodels.deformation.growth_words import judged_on, made_from, short, um
 from pipeline.submodels.deformation.model import (
     COOLING,
     REGIMES,
