@@ -69,6 +69,8 @@ def winner_words(facts: GrowthFacts) -> str:
     )
     if ranked[0] == model.champion:
         said += f"On {where} it wins again, with an RMSE of {um(own.rmse_um, 2)}. "
+    elif um(best.rmse_um, 2) == um(own.rmse_um, 2):
+        said += f"On {where} “{best.label}” is level with it: RMSE {um(own.rmse_um, 2)}. "
     else:
         said += (
             f"On {where} “{best.label}” does better: RMSE {um(best.rmse_um, 2)} against "
