@@ -6,7 +6,7 @@ B-64694EN, 16.2 "System variables").  ``siemens`` is a subprogram that writes th
 position-independent temperature compensation value (SD43900 $SA_TEMP_COMP_ABS_VALUE, active with
 bit 0 of MD32750 $MA_TEMP_COMP_TYPE, its rate limited by MD32760: SINUMERIK 840D sl Function Manual
 Extended Functions, 6FC5397-1BP40-3BA1, K3 "Compensations", 4.2 "Temperature compensation").
-Neither maker has a public format of a table of temperatures, so both are programs.
+We know of no public format of a table of temperatures of either maker, so both are programs.
 """
 
 from collections.abc import Iterator, Mapping

@@ -13,7 +13,6 @@ from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.stages.__main__ import load_stage
 from pipeline.submodels.promotion import PromotionSettings
-from pipeline.submodels.spindle.transfer import TransferSettings
 from tests.test_architecture import imported
 
 ROOT = Path(__file__).parents[2]
@@ -23,9 +22,8 @@ BY_HAND: dict[str, Any] = {
     "machine.*.dynamics": TipModes,
     "machine.*.energy": EnergyParameters,
     "promotion": PromotionSettings,
-    "spindle_transfer": TransferSettings,
 }
-"""Sections that no stage reads, only ``kerf simulate``, ``promote``, ``transfer``; their types."""
+"""Sections that no stage reads, only ``kerf simulate`` and ``promote``; their types."""
 
 
 def listed(each: str, fleet: dict[str, Any]) -> list[str]:

@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.charts import default_section
-from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number, signed
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number
 from pipeline.charts.sections import (
-    Block,
     Compared,
     Figure,
     Figures,
@@ -19,42 +17,38 @@ from pipeline.charts.sections import (
     present,
 )
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
-from pipeline.nets.settings import FuzzyFilteredSettings
+from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.schema.verdict import Score
 from pipeline.signals.store import parquet_name
 from pipeline.submodels.deformation import figures
 from pipeline.submodels.deformation.growth_facts import (
-    GOAL_MAPE,
-    GOAL_MAX_UM,
     GrowthFacts,
     Seen,
     SensorFault,
     condition,
-)
-from pipeline.submodels.deformation.model import (
-    COOLING,
-    REGIMES,
-    WARMING,
-    MethodScore,
-    MethodsFile,
+    judged_on,
+    made_from,
+    short,
+    um,
+    whole_um,
 )
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
-
-FOLLOWED = "growth, interval follows the probe"
-"""Name of the same prediction with the interval that follows the probe."""
-CELSIUS = "°C"
-DEAD = "dead"
+from pipeline.submodels.deformation.sensors import DEAD
 
 
 def page(shown: Seen) -> SubModelPage:
     """Everything that a machine's page says of its spindle's growth."""
+    from pipeline.submodels.deformation.page_sections import compared_section, errors_section
+
     facts = GrowthFacts(shown=shown)
     return SubModelPage(
         verdict=_verdict(facts),
         key_figures=_key_figures(facts),
         notes=_notes(facts),
-        sections=[_expected(facts), *present_sections(_compared_section(facts), _errors(facts))],
+        sections=[
+            _expected(facts),
+            *present_sections(compared_section(facts), errors_section(facts)),
+        ],
         compared={
             "growth_rmse_um": _compared("Growth of the spindle, RMSE", facts.total, "rmse"),
             "growth_max_um": _compared("Growth of the spindle, largest error", facts.total, "max"),
@@ -71,23 +65,6 @@ def _compared(name: str, score: Score | None, error: str) -> Compared:
     return Compared(name=name, unit="um", value=None if score is None else getattr(score, error))
 
 
-def _um(value: float | None, decimals: int = 1) -> str:
-    return "not known" if value is None else f"{fixed(value, decimals)}{TOGETHER}µm"
-
-
-def _whole_um(value: float) -> str:
-    return f"{fixed(value, 0)}{TOGETHER}µm"
-
-
-def short(case: str) -> str:
-    """Name of a recording as a person says it: its file without folder and ending.
-
-    >>> short("growth/profile-18-warm-up.csv")
-    'profile-18-warm-up'
-    """
-    return case.rpartition("/")[2].rpartition(".")[0] or case
-
-
 # ---- in words
 
 
@@ -102,8 +79,8 @@ def _hour_words(facts: GrowthFacts) -> str:
         return ""
     at = f" at up to {_speed_words(hour.speed)}" if hour.speed is not None else ""
     return (
-        f"In its first hour{at} the spindle grows by up to {_whole_um(hour.growth)} (90 % "
-        f"interval {fixed(hour.low, 0)} to {_whole_um(hour.high)})"
+        f"In its first hour{at} the spindle grows by up to {whole_um(hour.growth)} (90 % "
+        f"interval {fixed(hour.low, 0)} to {whole_um(hour.high)})"
     )
 
 
@@ -115,7 +92,7 @@ def _warm_words(facts: GrowthFacts) -> str:
     at = f" at {_speed_words(hour.speed)}" if hour.speed is not None else ""
     return (
         f"warm up for {fixed(np.ceil(hour.settled_min), 0)}{TOGETHER}min{at} before finishing "
-        f"cuts (the rest of the hour then moves less than {_whole_um(hour.within_um)})"
+        f"cuts (the rest of the hour then moves less than {whole_um(hour.within_um)})"
     )
 
 
@@ -148,8 +125,8 @@ def _cost_words(facts: GrowthFacts) -> str:
         return ""
     as_is, replaced = facts.cost
     return (
-        f"Read as they are they would put the predicted growth off by up to {_whole_um(as_is)}; "
-        f"the model does without them and is off by up to {_um(replaced)}."
+        f"Read as they are they would put the predicted growth off by up to {whole_um(as_is)}; "
+        f"the model does without them and is off by up to {um(replaced)}."
     )
 
 
@@ -175,17 +152,17 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         return PartVerdict(
             status="failed",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of that growth failed on "
-            f"{_judged_on(facts)}: {_failure(facts)}.",
+            f"{judged_on(facts)}: {_failure(facts)}.",
             todo=f"{first}Load no correction from this model; "
             f"{warm or 'measure the growth before finishing cuts'}.",
         )
     command = f"kerf compensation --machine {shown.machine} --out FILE"
-    loads = f"load the correction (`{command}`), which leaves up to {_um(_largest(facts))}"
+    loads = f"load the correction (`{command}`), which leaves up to {um(_largest(facts))}"
     either = f"{warm[:1].upper()}{warm[1:]}, or " if warm else ""
     return PartVerdict(
         status="passed",
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
-        f"{_judged_on(facts)}: it is off by {_um(_largest(facts))} at most"
+        f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
         f"{_limit_words(facts)}.",
         todo=f"{first}{either}{loads if either else loads[:1].upper() + loads[1:]}.",
     )  # fmt: skip
@@ -195,18 +172,13 @@ def _failure(facts: GrowthFacts) -> str:
     """By how much and where it missed its limit; else the judge's gravest reason."""
     worst = max(facts.ranked(), key=lambda s: s.max or 0.0, default=None)
     if worst is not None and facts.limit is not None and (worst.max or 0.0) > facts.limit:
-        return f"it is off by up to {_um(worst.max)} in {short(worst.group)}{_limit_words(facts)}"
+        return f"it is off by up to {um(worst.max)} in {short(worst.group)}{_limit_words(facts)}"
     reasons = () if facts.shown.verdict is None else facts.shown.verdict.reasons
     return reasons[0] if reasons else "the judge gave no reason"
 
 
-def _judged_on(facts: GrowthFacts) -> str:
-    many = counted(len(facts.ranked()), "recording")
-    return f"{many} {'of its golden set' if facts.role == 'golden' else 'held out of its fit'}"
-
-
 def _limit_words(facts: GrowthFacts) -> str:
-    return "" if facts.limit is None else f" (limit {_um(facts.limit)})"
+    return "" if facts.limit is None else f" (limit {um(facts.limit)})"
 
 
 def _largest(facts: GrowthFacts) -> float | None:
@@ -216,12 +188,12 @@ def _largest(facts: GrowthFacts) -> float | None:
 def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
     found = []
     if (hour := facts.first_hour) is not None:
-        aside = f"90 %: {fixed(hour.low, 0)} to {_whole_um(hour.high)}"
+        aside = f"90 %: {fixed(hour.low, 0)} to {whole_um(hour.high)}"
         if hour.speed is not None:
             aside += f", at up to {_speed_words(hour.speed)}"
-        found.append(("Growth in the first hour", _whole_um(hour.growth), aside))
+        found.append(("Growth in the first hour", whole_um(hour.growth), aside))
     if facts.total is not None:
-        found.append(("Largest error of growth", _um(_largest(facts)),
+        found.append(("Largest error of growth", um(_largest(facts)),
                       f"recordings held out{_limit_words(facts)}"))  # fmt: skip
     if facts.faults:
         lasting = ", ".join(one.sensor for one in facts.faults)
@@ -238,10 +210,6 @@ def _notes(facts: GrowthFacts) -> list[str]:
 
 
 # ---- what to expect
-
-
-def _made(facts: GrowthFacts, *files: str) -> list[Source]:
-    return sources(facts.shown.shelf, *(facts.shown.folder / file for file in files))
 
 
 def _expected(facts: GrowthFacts) -> Section:
@@ -262,9 +230,9 @@ def _expected(facts: GrowthFacts) -> Section:
     if (hour := facts.first_hour) is not None:
         text.append(
             f"{_hour_words(facts)}: the largest of {counted(hour.others, 'recording')} that last "
-            f"an hour, {short(hour.case)}, where the probe read {_whole_um(hour.measured)} at that "
+            f"an hour, {short(hour.case)}, where the probe read {whole_um(hour.measured)} at that "
             f"time. From minute {fixed(hour.settled_min, 0)} the rest of that hour moves less than "
-            f"{_whole_um(hour.within_um)}."
+            f"{whole_um(hour.within_um)}."
         )
     if shown.verdict is not None and shown.verdict.reasons:
         text.append("Reasons as the judge gave them: " + "; ".join(shown.verdict.reasons) + ".")
@@ -290,7 +258,7 @@ def _sensors_table(facts: GrowthFacts) -> Table | None:
         Column("what to do", _sensor_todo),
     ]  # fmt: skip
     return tabulated("Faulty temperature sensors", facts.faults, columns,
-                     _made(facts, "verdict.json"), note=_cost_words(facts))  # fmt: skip
+                     made_from(facts, "verdict.json"), note=_cost_words(facts))  # fmt: skip
 
 
 def _sensor_todo(one: SensorFault) -> str:
@@ -315,17 +283,17 @@ def _recordings(facts: GrowthFacts) -> Figures | None:
         speed = condition(facts.shown.verdict, score.group, "highest speed")
         at = "" if speed is None else f", up to {_speed_words(speed)}"
         caption = (
-            f"{words}, {short(score.group)}{at}: RMSE {_um(score.rmse, 2)}, largest error "
-            f"{_um(score.max)}."
+            f"{words}, {short(score.group)}{at}: RMSE {um(score.rmse, 2)}, largest error "
+            f"{um(score.max)}."
         )
         drawn.append(Figure(
             svg=figures.recording_figure(one, facts.limit, caption), caption=caption,
-            sources=[*_made(facts, "predictions.parquet"), *_trace_source(facts, score.group)],
+            sources=[*made_from(facts, "predictions.parquet"), *_trace_source(facts, score.group)],
         ))  # fmt: skip
     legend = [("l-measured", "growth measured", "line"), ("l-window", "growth modelled", "line"),
               ("s-band", "its 90 % interval", "box")]  # fmt: skip
     if facts.limit is not None:
-        legend.append(("l-limit", f"limit of the largest error, ±{_um(facts.limit)}", "dots"))
+        legend.append(("l-limit", f"limit of the largest error, ±{um(facts.limit)}", "dots"))
     if with_sensors:
         legend += [
             (f"l-{css}", f"sensors, {name}", "line")
@@ -385,268 +353,3 @@ def _trace(facts: GrowthFacts, group: str) -> Path:
 
 def _trace_source(facts: GrowthFacts, group: str) -> list[Source]:
     return [] if facts.shown.signals is None else sources(facts.shown.shelf, _trace(facts, group))
-
-
-# ---- which method
-
-
-def _compared_section(facts: GrowthFacts) -> Section | None:
-    """All methods beside each other, and who wins."""
-    model = facts.shown.model
-    if model is None:
-        return None
-    return Section(
-        key="growth-methods",
-        title="Spindle growth: methods compared",
-        text=[winner_words(facts), _goal_words(facts)],
-        blocks=present(_methods_table(facts), _network(facts)),
-    )
-
-
-def winner_words(facts: GrowthFacts) -> str:
-    """Which method serves, which is best, and where the fuzzy-filtered network stands."""
-    model = facts.shown.model
-    if model is None:
-        return ""
-    table = facts.methods or dict(model.compared)
-    ranked = sorted(table, key=lambda name: table[name].rmse_um)
-    own, best = table[model.champion], table[ranked[0]]
-    where = _judged_on(facts) if facts.methods else "training recordings left out in turn"
-    said = (
-        f"“{own.label}” serves: of {counted(len(model.compared), 'method')} it errs least on "
-        "training recordings left out in turn. "
-    )
-    if ranked[0] == model.champion:
-        said += f"On {where} it wins again, with an RMSE of {_um(own.rmse_um, 2)}. "
-    else:
-        said += (
-            f"On {where} “{best.label}” does better: RMSE {_um(best.rmse_um, 2)} against "
-            f"{_um(own.rmse_um, 2)}. "
-        )
-    networks = [n for n in ranked if n.startswith("ffnn") and n != "ffnn_classic"]
-    if networks and networks[0] != ranked[0]:
-        place = ranked.index(networks[0]) + 1
-        said += (
-            f"The best improved fuzzy-filtered network, “{table[networks[0]].label}”, comes "
-            f"{place}{_ordinal(place)} with {_um(table[networks[0]].rmse_um, 2)}: on these "
-            "recordings it does not win."
-        )
-    elif networks:
-        said += "It is the improved fuzzy-filtered network."
-    return said.strip()
-
-
-def _ordinal(place: int) -> str:
-    return {1: "st", 2: "nd", 3: "rd"}.get(place if place < 20 else place % 10, "th")
-
-
-def _goal_words(facts: GrowthFacts) -> str:
-    """Goals of the paper beside what the method that serves reaches."""
-    model = facts.shown.model
-    own = None if model is None else facts.methods.get(model.champion)
-    goals = (
-        f"Goals (FFNN2015): largest error below {_um(GOAL_MAX_UM)} and relative error (MAPE, "
-        f"growth below 5 µm counting as 5 µm) below {fixed(GOAL_MAPE, 1)} %."
-    )
-    if own is None:
-        return goals
-    largest = "met" if own.max_um < GOAL_MAX_UM else "missed"
-    relative = "met" if own.mape_percent < GOAL_MAPE else "missed"
-    return (
-        f"{goals} The method that serves: largest error {_um(own.max_um)}, {largest}; relative "
-        f"error {fixed(own.mape_percent, 1)} %, {relative}. The published figures rest on a test "
-        "run that may be the training run."
-    )
-
-
-def _methods_table(facts: GrowthFacts) -> Table | None:
-    """Errors of all methods on the recordings that decide."""
-    model = facts.shown.model
-    if model is None:
-        return None
-    judged = facts.methods
-    things = list((judged or dict(model.compared)).items())
-    if not judged:
-        things.sort(key=lambda one: one[1].rmse_um)
-    where = "Held out" if judged else "Left out"
-    columns: list[Column[tuple[str, MethodScore]]] = [
-        Column("Method", lambda one: one[1].label + (" (serves)" if one[0] == model.champion
-                                                     else "")),
-        Column("RMSE", lambda one: fixed(one[1].rmse_um, 2), unit="µm", group=where),
-        Column("largest error", lambda one: _goal(one[1].max_um, GOAL_MAX_UM), unit="µm",
-               group=where),
-        Column("R", lambda one: "–" if one[1].r is None else fixed(one[1].r, 4), unit="",
-               group=where),
-        Column("MAPE", lambda one: _goal(one[1].mape_percent, GOAL_MAPE), unit="%", group=where),
-        Column("RMSE of single seeds", lambda one: _seeds(one[1]), unit="µm", group=where),
-    ]  # fmt: skip
-    if judged:
-        columns.append(Column(
-            "RMSE", lambda one: fixed(model.compared[one[0]].rmse_um, 2), unit="µm",
-            group="Left out",
-        ))  # fmt: skip
-    return tabulated(
-        "All methods on whole recordings that their fit did not see", things, columns,
-        _made(facts, "model.json", "predictions.parquet"),
-        note="Held out: recordings that decide. Left out: training recordings, each predicted by "
-        "a fit of others. Green where the goal is met. A method that depends on chance is the mean "
-        "of its seeds; the last but one column is the range of single ones." if judged else "",
-    )  # fmt: skip
-
-
-def _goal(value: float, goal: float) -> Cell:
-    """A value that is ticked where it meets its goal."""
-    return Cell(text=fixed(value, 1), status="passed" if value < goal else "")
-
-
-def _seeds(one: MethodScore) -> str:
-    low, high = one.seed_rmse_um
-    return "–" if one.seeds == 1 else f"{fixed(low, 2)} to {fixed(high, 2)}"
-
-
-def _network(facts: GrowthFacts) -> Figures | None:
-    """Bands of the best improved network over the sensors, and the groups of sensors."""
-    shown = facts.shown
-    if shown.model is None:
-        return None
-    path = shown.folder / "methods.json"
-    stored = shown.shelf.read(path, MethodsFile, "the training recordings")
-    weights = np.array(shown.model.inputs.weights)
-    table = facts.methods or dict(shown.model.compared)
-    improved = [] if stored is None else [
-        name for name in sorted(table, key=lambda n: table[n].rmse_um)
-        if (docs := stored.documents.get(name, ()))
-        and docs[0].get("kind") == FuzzyFilteredSettings.kind
-    ]  # fmt: skip
-    bands = None
-    words = "Weight of each sensor in the temperatures of front, middle and rear (fuzzy c-means)"
-    if stored is not None and improved:
-        bands = figures.network_bands(stored.documents[improved[0]][0], weights.shape[1])
-        centres = joined([fixed(c + 1, 1) for c, _ in bands])
-        words = (
-            f"Above: bands of “{table[improved[0]].label}” (first seed) over the sensors, centred "
-            f"at sensor {centres}. Below: weight of each sensor in the temperatures of front, "
-            "middle and rear (fuzzy c-means)"
-        )
-    names = "; ".join(f"{k + 1} {name}" for k, name in enumerate(shown.model.sensors.sensors))
-    caption = f"{words}. Sensors: {names}."
-    figure = Figure(svg=figures.network_figure(bands, weights, caption), caption=caption,
-                    sources=_made(facts, "model.json", "methods.json"))  # fmt: skip
-    legend = [
-        (f"s-{css}", name, "box")
-        for css, name in zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)
-    ]
-    return Figures(figures=[figure], legend=legend, kind="one",
-                   folded="How the sensors are grouped, and what the network looks at")  # fmt: skip
-
-
-# ---- where it errs
-
-
-def _errors(facts: GrowthFacts) -> Section | None:
-    """Errors by regime, after starts and stops, by recording."""
-    shown = facts.shown
-    if shown.verdict is None:
-        return None
-    made = _made(facts, "verdict.json")
-    blocks: list[Block | None] = [
-        _regimes_table(facts, made),
-        _transitions(facts),
-        _recordings_table(facts, made),
-        default_section.outside_table(shown.verdict, made),
-        default_section.left_out_table(shown.verdict, made),
-    ]
-    if shown.model is not None:
-        blocks.append(default_section.training_table(shown.model, _made(facts, "model.json")))
-    return Section(
-        key="growth-errors",
-        title="Spindle growth: where the model errs",
-        text=[
-            "A growth that is right when the spindle is warm may be wrong while it warms or cools, "
-            "so the errors stand apart. The fixed interval is that of the temperatures alone; the "
-            "other one follows the probe where one is left in the machine.",
-        ],
-        blocks=present(*blocks),
-    )
-
-
-def _regimes_table(facts: GrowthFacts, made: list[Source]) -> Table | None:
-    """Errors and coverage while warming, cooling and steady."""
-    things = [(name, score) for name in REGIMES if (score := facts.of_all(name)) is not None]
-
-    def followed(name: str) -> str:
-        score = facts.of_all(name, FOLLOWED)
-        return _percent(None if score is None else score.coverage_90)
-
-    columns: list[Column[tuple[str, Score]]] = [
-        Column("While the spindle is", lambda one: one[0]),
-        Column("samples", lambda one: number(one[1].n), unit=""),
-        Column("MAE", lambda one: fixed(one[1].mae, 2), unit="µm"),
-        Column("RMSE", lambda one: fixed(one[1].rmse, 2), unit="µm"),
-        Column("largest error", lambda one: fixed(one[1].max, 1), unit="µm"),
-        Column("fixed", lambda one: _percent(one[1].coverage_90), unit="%",
-               group="Inside the 90 % interval"),
-        Column("follows the probe", lambda one: followed(one[0]), unit="%",
-               group="Inside the 90 % interval"),
-    ]  # fmt: skip
-    return tabulated(f"Errors by regime, {_judged_on(facts)}", things, columns, made)
-
-
-def _recordings_table(facts: GrowthFacts, made: list[Source]) -> Table | None:
-    """Errors of the model that serves, recording by recording, the worst first."""
-    verdict = facts.shown.verdict
-    faulty = {} if verdict is None else {
-        c.case: joined([str(f.value).split()[1] for name, f in c.facts.items()
-                        if name.startswith("faulty")] or ["–"])
-        for c in verdict.cases
-    }  # fmt: skip
-
-    def speed(one: Score) -> str:
-        value = condition(verdict, one.group, "highest speed")
-        return "–" if value is None else number(round(value))
-
-    columns: list[Column[Score]] = [
-        Column("Recording", lambda one: code(short(one.group))),
-        Column("highest speed", speed, unit="rev/min"),
-        Column("samples", lambda one: number(one.n), unit=""),
-        Column("MAE", lambda one: fixed(one.mae, 2), unit="µm"),
-        Column("RMSE", lambda one: fixed(one.rmse, 2), unit="µm"),
-        Column("largest error", lambda one: fixed(one.max, 1), unit="µm"),
-        Column("bias", lambda one: signed(one.bias, 2), unit="µm"),
-        Column("inside 90 % interval", lambda one: _percent(one.coverage_90), unit="%"),
-        Column("faulty sensors", lambda one: faulty.get(one.group, "–")),
-    ]  # fmt: skip
-    things = facts.ranked()[::-1]
-    return tabulated(f"Errors by recording ({len(things)})", things, columns, made,
-                     most=MOST_ROWS, folded=True)  # fmt: skip
-
-
-def _percent(share: float | None) -> str:
-    return "–" if share is None else fixed(100 * share, 1)
-
-
-def _transitions(facts: GrowthFacts) -> Figures | None:
-    """Errors over the time since the spindle began to warm, and since it began to cool."""
-    found = {
-        regime: one for regime in (WARMING, COOLING)
-        if (one := figures.transitions(facts.runs(regime))) is not None
-    }  # fmt: skip
-    if not found:
-        return None
-    reach = 1.1 * max([facts.limit or 0.1, *(one.widest for one in found.values())])
-    drawn = []
-    for regime, one in found.items():
-        verb = "start or a higher speed" if regime == WARMING else "stop or a lower speed"
-        caption = (
-            f"After a {verb}: error of the model since the spindle began "
-            f"{'to warm' if regime == WARMING else 'to cool'}, over {counted(one.count, 'time')}; "
-            f"90 % of the samples lie within {_um(one.widest)}."
-        )
-        drawn.append(Figure(
-            svg=figures.transition_figure(one, reach, facts.limit, caption), caption=caption,
-            sources=_made(facts, "predictions.parquet"),
-        ))  # fmt: skip
-    legend = [("l-window", "median", "line"), ("s-band", "90 % of the samples", "box")]
-    if facts.limit is not None:
-        legend.append(("l-limit", f"limit of the largest error, ±{_um(facts.limit)}", "dots"))
-    return Figures(figures=drawn, legend=legend)
