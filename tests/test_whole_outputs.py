@@ -252,7 +252,7 @@ def test_a_signal_at_any_moment(
         checked(project, command, old, new)
         assert "Traceback" not in said or done.returncode in (-2, 1, 130), said
         if number != signal.SIGKILL:
-            assert not unfinished(project), (number, said)
+            assert not unfinished(project), (number, done.returncode, said)
         if number == signal.SIGTERM:  # -15 before the command has begun
             assert done.returncode in (0, 143, -15), said
     record_property("measured", f"{name}: {length:.1f} s, {MOMENTS} signals, {writing} while a "
