@@ -4,6 +4,7 @@ import glob
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from fnmatch import fnmatchcase
@@ -15,7 +16,7 @@ import yaml
 
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
-from pipeline.schema.files import beside, replacing
+from pipeline.schema.files import NotWrittenError, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, source_of
@@ -384,11 +385,16 @@ def _check_writable(path: Path) -> None:
     try:
         if path.exists():
             path.open("ab").close()
-        place = beside(path.resolve())
-        place.open("xb").close()
-        place.unlink()
+        with suppress(_TriedError), replacing(path) as part:
+            part.open("xb").close()
+            raise _TriedError
     except OSError as error:
+        cause = error.__cause__ if isinstance(error, NotWrittenError) else error
+        reason = getattr(cause, "strerror", None) or error
         raise ValueError(
-            f"{path} cannot be written ({error.strerror}): name a file in a folder that you may "
-            "write to"
+            f"{path} cannot be written ({reason}): name a file in a folder that you may write to"
         ) from error
+
+
+class _TriedError(Exception):
+    """A file beside could be begun; it is removed, as after any error."""

@@ -157,15 +157,20 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
             f"{warm or 'measure the growth before finishing cuts'}.",
         )
     command = f"kerf compensation --machine {shown.machine} --out FILE"
-    loads = f"load the correction (`{command}`), which leaves up to {um(_largest(facts))}"
-    either = f"{warm[:1].upper()}{warm[1:]}, or " if warm else ""
+    loads = f"load the correction ({command}), which leaves up to {um(_largest(facts))}"
+    advice = f"{warm}, or {loads}" if warm else loads
     return PartVerdict(
         status="passed",
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
         f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
-        f"{_limit_words(facts)}.",
-        todo=f"{first}{either}{loads if either else loads[:1].upper() + loads[1:]}.",
-    )  # fmt: skip
+        f"{_limit_words(facts)}. {_sentence(advice)}",
+        todo=f"{mend}; until then the model does without." if mend else _sentence(advice),
+        reserved=bool(mend),
+    )
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}."
 
 
 def _failure(facts: GrowthFacts) -> str:
