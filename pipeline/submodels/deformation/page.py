@@ -149,12 +149,15 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         )
     warm = _warm_words(facts)
     if verdict.status == "failed":
+        advice = (
+            "Load no correction from this model; "
+            f"{warm or 'measure the growth before finishing cuts'}."
+        )
         return PartVerdict(
             status="failed",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of that growth failed on "
-            f"{judged_on(facts)}: {_failure(facts)}.",
-            todo=f"{first}Load no correction from this model; "
-            f"{warm or 'measure the growth before finishing cuts'}.",
+            f"{judged_on(facts)}: {_failure(facts)}. {advice}",
+            todo=f"{first}{advice}",
         )
     command = f"kerf compensation --machine {shown.machine} --out FILE"
     loads = f"load the correction ({command}), which leaves up to {um(_largest(facts))}"
@@ -209,7 +212,8 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
 def _notes(facts: GrowthFacts) -> list[str]:
     said = []
     if facts.faults:
-        said.append(f"Temperature sensors: {'; '.join(map(sensor_words, facts.faults))}. "
+        todo = _mend(facts.faults) or "Temperature sensors"
+        said.append(f"{todo}: {'; '.join(map(sensor_words, facts.faults))}. "
                     f"{_cost_words(facts)}".rstrip())  # fmt: skip
     return said
 
