@@ -110,7 +110,7 @@ def write_compensation(
     )  # fmt: skip
     lines = table_lines(done) if kind == "csv" else control_lines(done, CONTROLS[kind])
     with replacing(out) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="ascii", errors="replace")
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return done
 
 
@@ -206,7 +206,7 @@ def table_lines(done: Written) -> Iterator[str]:
         first, second = (*term.lags_s, 0.0, 0.0)[:2]
         one = found.ranges[term.input]
         unit = "(1000 rev/min)^2" if term.input == SPEED else "K"
-        yield (f"rise,{term.input},{unit},{first:g},{second:g},{term.um!r},{one.low:g},"
+        yield (f"rise,{_quoted(term.input)},{unit},{first:g},{second:g},{term.um!r},{one.low:g},"
                f"{one.high:g},{one.unit}")  # fmt: skip
     for start in found.starts:
         constant = start.input == ONE
@@ -214,8 +214,13 @@ def table_lines(done: Written) -> Iterator[str]:
             f",{found.ranges[start.input].low:g},{found.ranges[start.input].high:g},"
             f"{found.ranges[start.input].unit}"
         )  # fmt: skip
-        yield (f"start,{start.input},{'1' if constant else 'degC'},{start.lag_s:g},0,{start.um!r}"
-               f"{span}")  # fmt: skip
+        yield (f"start,{_quoted(start.input)},{'1' if constant else 'degC'},{start.lag_s:g},0,"
+               f"{start.um!r}{span}")  # fmt: skip
+
+
+def _quoted(name: str) -> str:
+    """A name as a field of CSV: quoted where it holds a comma or a quotation mark."""
+    return name if not set(name) & set(',"') else '"' + name.replace('"', '""') + '"'
 
 
 # ---- text of a control
@@ -439,6 +444,7 @@ def _decimal(value: float) -> str:
 def _plain(line: str, on: Control) -> str:
     """A comment in letters that every control reads; a percent sign ends a Fanuc's program."""
     line = line.replace("(", "").replace(")", "").replace("%", "percent")
+    line = line.encode("ascii", "replace").decode()
     return line.replace("_", " ").upper() if on.comment.startswith("(") else line
 
 

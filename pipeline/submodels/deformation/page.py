@@ -32,6 +32,7 @@ from pipeline.submodels.deformation.growth_facts import (
     um,
     whole_um,
 )
+from pipeline.submodels.deformation.model import KEPT
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.sensors import DEAD
 
@@ -119,11 +120,22 @@ def _mend(faults: Sequence[SensorFault]) -> str:
     return f"{said[:1].upper()}{said[1:]}"
 
 
+def _kept(facts: GrowthFacts) -> bool:
+    """Whether the model reads faulty sensors as they are."""
+    model = facts.shown.model
+    return model is not None and model.treatment.chosen == KEPT
+
+
 def _cost_words(facts: GrowthFacts) -> str:
     """What the faulty sensors cost as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
     as_is, replaced = facts.cost
+    if _kept(facts):
+        return (
+            f"The model reads them as they are and is off by up to {um(as_is)}: on recordings left "
+            "out of its fit that was better than replacing them."
+        )
     return (
         f"Read as they are they would put the predicted growth off by up to {whole_um(as_is)}; "
         f"the model does without them and is off by up to {um(replaced)}."
@@ -167,7 +179,9 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
         f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
         f"{_limit_words(facts)}. {_sentence(advice)}",
-        todo=f"{mend}; until then the model does without." if mend else _sentence(advice),
+        todo=f"{mend}{'.' if _kept(facts) else '; until then the model does without.'}"
+        if mend
+        else _sentence(advice),
         reserved=bool(mend),
     )
 

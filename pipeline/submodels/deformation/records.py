@@ -25,6 +25,8 @@ KELVIN = 273.15
 """Zero of the Celsius scale [K]."""
 UM = 1e-6
 """One micrometre [m]."""
+OFFSET_UM = 10.0
+"""First reading up to which a probe may have been zeroed [um], beside what it moves."""
 FEWEST_SENSORS = 3
 """Fewest temperature sensors [1]: front, middle and rear of the spindle."""
 FEWEST_SAMPLES = 10
@@ -202,12 +204,28 @@ def read_profiles(
         section="deformation_records.recordings",
     )  # fmt: skip
     outputs = json.loads((signals / "manifest.json").read_text())["files"]
-    return [
+    recordings = [
         _of_log(one, signals / str(outputs[one.name]["output"]), records)
         if str(outputs[one.name].get("output")).startswith("observations/")
         else _growth_recording(one, records)
         for one in found
     ]
+    return [_zeroed(one, records) for one in recordings]
+
+
+def _zeroed(one: GrowthRecording, records: DeformationRecords) -> GrowthRecording:
+    """A recording; left out where the probe begins farther from zero than it ever moves."""
+    if one.profile is None or not records.probe_is_zeroed:
+        return one
+    known = one.profile.growth[np.isfinite(one.profile.growth)]
+    first, moved = float(known[0]), float(np.ptp(known))
+    if abs(first) <= OFFSET_UM + moved:
+        return one
+    reason = (
+        f"its probe begins at {first:.4g} um and moves by {moved:.4g} um: set "
+        "deformation_records.probe_is_zeroed: false"
+    )
+    return GrowthRecording(name=one.name, reason=reason)
 
 
 def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthRecording:
@@ -215,6 +233,16 @@ def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthReco
         return GrowthRecording(name=one.name, reason=one.reason)
     samples = one.load()
     declared = (*records.temperatures, GROWTH, *(n for n in (SPEED, AMBIENT) if n in one.declared))
+    apart = float(np.median(np.diff(np.sort(samples.time[np.isfinite(samples.time)])))) if (
+        np.isfinite(samples.time).sum() > 1
+    ) else 0.0  # fmt: skip
+    if apart > records.longest_gap_s:
+        reason = (
+            f"its rows are {apart:g} s apart, deformation_records.longest_gap_s = "
+            f"{records.longest_gap_s:g}: set period_s to {apart:g} and longest_gap_s to "
+            f"{3 * apart:g}"
+        )
+        return GrowthRecording(name=one.name, reason=reason)
     empty = [n for n in records.temperatures if "holds no value" in samples.lacking.get(n, "")]
     lacking = [n for n in declared if n in samples.lacking and n not in empty]
     if lacking:
@@ -248,8 +276,8 @@ def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRe
         # where an item was unavailable it stays so until its next value
         numbers[name] = np.where(np.cumsum(rows) > 0, values[last], np.nan)
     samples = Samples(time=seconds, channels=numbers)
-    none = [False] * len(records.temperatures)
-    return _checked(_profile(one.name, samples, replace(records, longest_gap_s=1e9), none))
+    none = [not np.isfinite(numbers[name]).any() for name in records.temperatures]
+    return _checked(_profile(one.name, samples, records, none, holds=True))
 
 
 def _checked(profile: Profile) -> GrowthRecording:
@@ -261,25 +289,37 @@ def _checked(profile: Profile) -> GrowthRecording:
 
 
 def _profile(
-    name: str, samples: Samples, records: DeformationRecords, empty: list[bool]
-) -> Profile:
-    """Channels of a recording on the grid; a sensor that is ``empty`` gives no value at all."""
+    name: str, samples: Samples, records: DeformationRecords, empty: list[bool], *,
+    holds: bool = False,
+) -> Profile:  # fmt: skip
+    """Channels of a recording on the grid; a sensor that is ``empty`` gives no value at all.
+
+    The recording starts when the sensors have given their first values, a gap after the first of
+    them at most.  In a log a value ``holds`` until the next, also one that is not available.
+    """
     rows = np.isfinite(samples.time)
     clock = samples.time[rows]
     order = np.argsort(clock, kind="stable")
     clock = clock[order] - clock[order][0]
-    grid = np.arange(0.0, clock[-1] + 1e-9 * records.period_s, records.period_s)
+    sensors = [s for s, gone in zip(records.temperatures, empty, strict=True) if not gone]
+    known = [np.isfinite(samples.channels[s][rows][order]) for s in sensors]
+    firsts = [float(clock[np.argmax(one)]) for one in known if one.any()]
+    latest = min(firsts, default=0.0) + records.longest_gap_s
+    start = max((first for first in firsts if first <= latest), default=0.0)
+    grid = np.arange(start, clock[-1] + 1e-9 * records.period_s, records.period_s)
 
     def held(channel: str, factor: float = 1.0, offset: float = 0.0) -> Floats:
-        values = samples.channels[channel][rows][order]
-        return on_grid(clock, factor * values + offset, grid, records.longest_gap_s)
+        values = factor * samples.channels[channel][rows][order] + offset
+        if holds:
+            return values[np.searchsorted(clock, grid + 1e-6, side="right") - 1]
+        return on_grid(clock, values, grid, records.longest_gap_s)
 
     temperatures = np.column_stack([
         np.full(len(grid), np.nan) if gone else held(sensor, offset=-KELVIN)
         for sensor, gone in zip(records.temperatures, empty, strict=True)
     ])  # fmt: skip
     growth = held(GROWTH, 1 / UM)
-    if not records.probe_is_zeroed and np.isfinite(growth).any():
+    if (start > 0 or not records.probe_is_zeroed) and np.isfinite(growth).any():
         growth = growth - growth[np.isfinite(growth)][0]
     speed = held(SPEED, RPM) if records.speed else np.zeros(len(grid))
     ambient = held(AMBIENT, offset=-KELVIN) if records.ambient else np.full(len(grid), np.nan)
@@ -394,8 +434,13 @@ def state_of_table(table: Any, names: list[str], period: float, *, speed: bool) 
             columns[name] = table[name].to_numpy(float)
         except (TypeError, ValueError) as error:
             raise ValueError(f"column {name} holds words: give numbers") from error
+    for name in (n for n in wanted if n in (AMBIENT, SPEED)):
+        if not np.isfinite(columns[name][0]):
+            raise ValueError(f"{name} is not known in row 1: start where it was measured")
     rows = len(table)
     temperatures = np.column_stack([columns[name] for name in names if name != AMBIENT])
+    if not np.isfinite(temperatures[0]).any():
+        raise ValueError("no sensor has a temperature in row 1: start where they were measured")
     ambient = np.full(rows, np.nan)
     if AMBIENT in names:
         ambient = filled(columns[AMBIENT], coldest_at_start(temperatures))

@@ -141,6 +141,9 @@ class SensorModel:
         [K^2].
     tolerance_K : tuple of float, length S
         Departure from which a sensor is faulty [K].
+    held_s : tuple of float, length S
+        How long each may show the same value while the others move [s]: longer than a sensor of
+        its resolution usually does; empty for ``settings.held_s``.
     settings : SensorSettings
         Of the check.
     """
@@ -152,6 +155,7 @@ class SensorModel:
     covariance: tuple[tuple[float, ...], ...]
     tolerance_K: tuple[float, ...]
     settings: SensorSettings = field(default_factory=SensorSettings)
+    held_s: tuple[float, ...] = ()
 
     @cached_property
     def _arrays(self) -> tuple[Floats, Floats]:
@@ -243,7 +247,7 @@ class SensorModel:
         unlike those of the training recordings, and no sensor is blamed.
         """
         settings = self.settings
-        holes = holes_of(state, settings)
+        holes = holes_of(state, settings, self.held_s)
         dead = _dead_since(holes, max(1, round(settings.dead_s / self.period_s)))
         gone = {self.sensors.index(name): 0 for name in ignored}
         faults: list[Fault] = []
@@ -326,11 +330,15 @@ def _bridged(temperatures: Floats, holes: Bools) -> Floats:
 
 
 def _dead_since(holes: Bools, samples: int) -> dict[int, int]:
-    """First sample at which a sensor has given no value for ``samples``; those that never do."""
+    """First sample at which a sensor has given no value for ``samples``; those that never do.
+
+    Samples at which no sensor gives a value are a gap of the recording and no fault of a sensor.
+    """
     found = {}
+    silent = holes.all(axis=1)
     for sensor in np.flatnonzero(holes.any(axis=0)):
         run = 0
-        for at, hole in enumerate(holes[:, sensor]):
+        for at, hole in enumerate(holes[:, sensor] & ~silent):
             run = run + 1 if hole else 0
             if run >= samples or (hole and at == run - 1 == 0):
                 found[int(sensor)] = at
@@ -338,8 +346,10 @@ def _dead_since(holes: Bools, samples: int) -> dict[int, int]:
     return found
 
 
-def holes_of(state: State, settings: SensorSettings) -> Bools:
+def holes_of(state: State, settings: SensorSettings, held_s: Sequence[float] = ()) -> Bools:
     """Samples that are no temperature: absent, out of range, or held while the others move.
+
+    ``held_s`` says of each sensor how long it may show one value, ``settings`` unless given.
 
     Returns
     -------
@@ -348,8 +358,11 @@ def holes_of(state: State, settings: SensorSettings) -> Bools:
     values = state.temperatures
     low, high = settings.range_degC
     holes = ~np.isfinite(values) | (values < low) | (values > high)
-    least = round(settings.held_s / state.period)
     for sensor in range(values.shape[1]):
+        hold = held_s[sensor] if held_s else settings.held_s
+        if np.isinf(hold):
+            continue
+        least = round(hold / state.period)
         same = np.diff(values[:, sensor], prepend=np.nan) == 0
         began = np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
         long = np.flatnonzero(np.arange(len(values)) - began >= least)
@@ -361,6 +374,27 @@ def holes_of(state: State, settings: SensorSettings) -> Bools:
         for at in long[far]:  # the samples since it began are held as well: known from now on only
             holes[at, sensor] = True
     return holes
+
+
+def usual_holds(states: Sequence[State], settings: SensorSettings) -> tuple[float, ...]:
+    """How long each sensor may show one value [s], by its resolution.
+
+    Half as long again as the median, over the recordings, of its longest hold while the others
+    moved; ``settings.held_s`` at least.  A sensor that is stuck in fewer than half of the
+    recordings does not raise it.
+    """
+    longest = np.zeros((len(states), states[0].temperatures.shape[1]))
+    for k, state in enumerate(states):
+        values = state.temperatures
+        absent = holes_of(state, settings, (np.inf,) * values.shape[1])
+        held = holes_of(state, settings) & ~absent
+        for sensor in range(values.shape[1]):
+            same = np.diff(values[:, sensor], prepend=np.nan) == 0
+            began = np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
+            ages = (np.arange(len(values)) - began)[held[:, sensor]]
+            longest[k, sensor] = ages.max(initial=0) * state.period
+    usual = 1.5 * np.median(longest, axis=0)
+    return tuple(np.maximum(usual, settings.held_s).tolist())
 
 
 def fit_sensors(
@@ -386,7 +420,8 @@ def fit_sensors(
         When fewer than two recordings have all sensors.
     """
     states = [one.state for one in profiles]
-    holes = [holes_of(state, settings) for state in states]
+    held_s = usual_holds(states, settings)
+    holes = [holes_of(state, settings, held_s) for state in states]
     # a sensor that is silent for long was not sound before either: its recording waits
     whole = [
         replace(state, temperatures=_bridged(state.temperatures, none))
@@ -401,8 +436,9 @@ def fit_sensors(
     model = _fitted(_agreeing(whole, sensors, settings), sensors, settings)
     for _ in range(ROUNDS):
         # what a faulty sensor said teaches nothing: what the others say of it stands there
-        model = _fitted([model.check(state).states[-1] for state in states], sensors, settings)
-    return model
+        checked = [replace(model, held_s=held_s).check(state) for state in states]
+        model = _fitted([one.states[-1] for one in checked], sensors, settings)
+    return replace(model, held_s=held_s)
 
 
 def _agreeing(

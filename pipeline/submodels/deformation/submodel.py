@@ -16,10 +16,16 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.conformal import AdaptiveSettings, adaptive, interval
+from pipeline.submodels.conformal import (
+    ALL_REGIMES,
+    MANY_GROUPS,
+    AdaptiveSettings,
+    adaptive,
+    interval,
+)
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.deformation.comparison import GROWTH, columns_of, errors_of
-from pipeline.submodels.deformation.fit import fit_growth
+from pipeline.submodels.deformation.fit import FEWEST_PROFILES, fit_growth
 from pipeline.submodels.deformation.methods import SIMPLE
 from pipeline.submodels.deformation.model import (
     KEPT,
@@ -62,7 +68,9 @@ class DeformationLimits(Ranged, section="deformation_limits"):
         Least and greatest share of samples inside the 90 % interval that follows the probe [1].
         The aim is 0.88 to 0.92.  Samples of a recording hang together, so that a dozen recordings
         are hardly more than a dozen draws: an interval that is right covers them with a standard
-        deviation of 0.02 to 0.05, and a narrower limit would decide by chance.
+        deviation of 0.02 to 0.05, and a narrower limit would decide by chance.  The upper one
+        decides from ``MANY_GROUPS`` training recordings on: with fewer the width is that of the
+        worst of them, wider than 90 % by design.
     """
 
     max_um: Positive = 6.0
@@ -124,6 +132,8 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         beaten = tuple(name for name in SIMPLE if name in others)
         of_regime = {"max": limits.max_um, "rmse": limits.rmse_um}
         least, most = limits.coverage
+        if model.bands[ALL_REGIMES].groups < MANY_GROUPS:
+            most = 1.0  # the width of so few recordings is the worst of them: it holds more
         return (
             Target(
                 quantity=GROWTH, unit="um", baselines=others,
@@ -176,6 +186,13 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         """Every method fitted on the training recordings; the one that serves is named."""
         training, wanted = cases.of("training"), settings.deformation_records
         fitting = settings.deformation_fit
+        if len(training) < FEWEST_PROFILES and cases.left_out:
+            first, more = cases.left_out[0], len(cases.left_out) - 1
+            others = f", and {more} more are of no use" if more else ""
+            raise ValueError(
+                f"{len(training)} training recordings of growth are of use, {FEWEST_PROFILES} are "
+                f"the least; {first.case}: {first.reason}{others}"
+            )
         found = fit_growth([c.load() for c in training], list(wanted.temperatures), fitting)
         documents = {
             name: tuple(one.document() for one in ensemble.members)

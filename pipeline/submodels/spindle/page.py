@@ -45,6 +45,7 @@ from pipeline.submodels.spindle.tables import (
 )
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
+SAMPLE_S = 10.0  # between two rows, where no model says it
 MOST_GOLDEN = 14  # days drawn; more days stand in the table only
 RATES = ("cooling_rate", "coupling_rate", "body_cooling_rate")
 MEANINGS = {
@@ -345,11 +346,12 @@ def _judged_section(seen: Seen) -> Section:
         path = seen.folder / "predictions.parquet"
         text.append(absent(path, "Without it no day can be drawn; the errors stand below."))
     made = _made(seen, "verdict.json")
+    step_s = SAMPLE_S if seen.model is None else seen.model.fit.step_s
     blocks = present(
         _figures(seen),
-        _errors_table(v, made, WINDOWS, "in windows, each started from its first value"),
-        _errors_table(v, made, FREE_RUN, "running free, each day from its first value"),
-        parts_table(v, made),
+        _errors_table(v, made, WINDOWS, "in windows, each started from its first value", step_s),
+        _errors_table(v, made, FREE_RUN, "running free, each day from its first value", step_s),
+        parts_table(v, made, step_s),
         default_section.outside_table(v, made),
         default_section.left_out_table(v, made),
     )
@@ -367,7 +369,9 @@ def _rules(v: Verdict) -> str:
     )
 
 
-def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -> Table | None:
+def _errors_table(
+    v: Verdict, made: Sequence[Source], regime: str, words: str, step_s: float
+) -> Table | None:
     """Errors by judged day of model, physics alone, persistence and the day's mean."""
     scores = _of_days(v, regime)
     if not scores:
@@ -388,20 +392,22 @@ def _errors_table(v: Verdict, made: Sequence[Source], regime: str, words: str) -
     return Table(
         caption=f"Errors {words}, by day",
         heads=[*heads, *names("beats persistence", *(["verdict"] if judged else []))],
-        rows=[_errors_row(word, s, judges, status, judged) for word, s, status in every],
+        rows=[_errors_row(word, s, judges, status, judged, step_s) for word, s, status in every],
         sources=list(made),
     )
 
 
 def _errors_row(
-    word: str, score: Score, judges: Sequence[tuple[str, str]], status: str, judged: bool
-) -> list[Cell]:
+    word: str, score: Score, judges: Sequence[tuple[str, str]], status: str, judged: bool,
+    step_s: float,
+) -> list[Cell]:  # fmt: skip
     found: list[Errors] = [score, *(score.baselines.get(k, Errors()) for k, _ in judges)]
     errors = [fixed(value, 2) for one in found for value in (one.mae, one.rmse, one.max)]
     shown = {"passed": "passed", "failed": "failed"}.get(status, "unknown")
     words = "not known" if shown == "unknown" else shown
     verdict = [Cell(text=words, status=shown)] if judged else []
-    return cells(word, hours(10.0 * score.n), *errors, "no" if _beaten(score) else "yes", *verdict)
+    beats = "no" if _beaten(score) else "yes"
+    return cells(word, hours(step_s * score.n), *errors, beats, *verdict)
 
 
 def _figures(seen: Seen) -> Figures | None:

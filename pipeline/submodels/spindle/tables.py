@@ -74,7 +74,7 @@ def intervals_table(model: SpindleModelFile, made: Sequence[Source]) -> Table | 
     )  # fmt: skip
 
 
-def parts_table(v: Verdict, made: Sequence[Source]) -> Table | None:
+def parts_table(v: Verdict, made: Sequence[Source], step_s: float) -> Table | None:
     """Errors over all days of the first hour after a start and of cooling, with the interval."""
     every = [(one, score_of(v, one)) for one in (WINDOWS, FREE_RUN, *APART)]
     rows = [(one, score) for one, score in every if score is not None]
@@ -90,7 +90,7 @@ def parts_table(v: Verdict, made: Sequence[Source]) -> Table | None:
         heads=heads,
         rows=[
             cells(
-                one, hours(10.0 * score.n),
+                one, hours(step_s * score.n),
                 *(
                     fixed(value, 2)
                     for found in (score, *(score.baselines.get(k, Errors()) for k, _ in judges))

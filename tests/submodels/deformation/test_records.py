@@ -121,3 +121,28 @@ def test_the_warmth_at_the_start_is_known_with_a_broken_sensor(tmp_path: Path) -
         if one.profile is not None
     ]
     assert abs(float(warmth[0] or 0)) < 1.0 < 3.0 < float(warmth[1] or 0) < 30.0
+
+
+def test_a_recording_starts_with_the_first_values_of_its_sensors(tmp_path: Path) -> None:
+    one = made(8, minutes=40)
+    one.temperatures[0, [1, 3]] = np.nan
+    (found,) = read_profiles(signals_of(tmp_path, {"a": one}), RECORDS, lambda name: True)
+    assert found.profile is not None
+    state = found.profile.state
+    assert np.isfinite(state.temperatures[0]).all() and len(state.temperatures) == 39
+    assert found.profile.growth[0] == 0.0
+
+
+def test_rows_farther_apart_than_the_longest_gap_say_what_to_set(tmp_path: Path) -> None:
+    one = made(9, minutes=40)
+    slow = replace(RECORDS, period_s=10.0, longest_gap_s=30.0)
+    (found,) = read_profiles(signals_of(tmp_path, {"a": one}), slow, lambda name: True)
+    assert found.profile is None and "rows are 60 s apart" in found.reason
+    assert "set period_s to 60" in found.reason
+
+
+def test_a_probe_that_begins_far_from_zero_names_the_setting(tmp_path: Path) -> None:
+    one = made(10, minutes=40)
+    signals = signals_of(tmp_path, {"a": replace(one, growth=one.growth + 500.0)})
+    (found,) = read_profiles(signals, RECORDS, lambda name: True)
+    assert found.profile is None and "probe_is_zeroed: false" in found.reason

@@ -117,3 +117,26 @@ def test_a_sensor_that_is_dead_in_all_recordings_is_to_be_left_out() -> None:
     some = [replace(one, state=broken(one.state, 3, "open")) for one in TRAINING]
     with pytest.raises(ValueError, match="leave the dead sensor out"):
         fit_sensors(some, NAMES, SensorSettings())
+
+
+def test_samples_without_any_sensor_are_a_gap_and_no_fault(model: SensorModel) -> None:
+    state = profile(8).state
+    values = state.temperatures.copy()
+    values[30:60] = np.nan
+    assert model.check(replace(state, temperatures=values)).faults == ()
+
+
+def test_a_sensor_that_shows_whole_kelvins_may_hold_a_value_longer() -> None:
+    whole = []
+    for one in TRAINING:
+        values = one.state.temperatures.copy()
+        values[:, 4] = np.round(values[:, 4])
+        whole.append(replace(one, state=replace(one.state, temperatures=values)))
+    found = fit_sensors(whole, NAMES, SensorSettings())
+    assert found.held_s[4] > max(found.held_s[:4])
+    plain = replace(found, held_s=())
+    dead = [
+        sum(fault.kind == DEAD for one in whole for fault in each.check(one.state).faults)
+        for each in (found, plain)
+    ]
+    assert dead[0] < dead[1] / 2
