@@ -29,8 +29,9 @@ def look(browser, page: Path, width: int, scheme: str) -> None:
 def requests(browser) -> list[str]:
     events = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
     sent = [e["params"] for e in events if e["method"] == "Network.requestWillBeSent"]
-    # The browser's own first tab, not a page of the report, asks for chrome:// addresses.
-    return [p["request"]["url"] for p in sent if not p["documentURL"].startswith("chrome://")]
+    # The browser's own first tab, not a page of the report, asks for addresses of its own.
+    own = ("chrome://", "chrome-untrusted://")
+    return [p["request"]["url"] for p in sent if not p["documentURL"].startswith(own)]
 
 
 def foreign(urls: list[str]) -> list[str]:

@@ -243,7 +243,7 @@ def test_modes_along_one_axis_are_warned_of(project: Path) -> None:
 @pytest.mark.parametrize(
     ("outputs", "said"),
     [
-        (("--json", "tools.yaml"), "tools.yaml is read for the cut"),
+        (("--json", "tools.yaml"), "tools.yaml is read: name another file"),
         (("--json", "conf/new.yaml"), "which is read"),
         (("--json", "a.json", "--page", "./a.json"), "a.json is named for two outputs"),
         (("--json", "a.json", "--page", "/proc/x.html"), "/proc/x.html cannot be written"),

@@ -151,13 +151,15 @@ def transfer(
     between: Annotated[
         float, typer.Option(help="Relative spread of a parameter between machines of a type.")
     ] = 0.3,
+    page: Annotated[Path | None, typer.Option(help="HTML page of the curve.")] = None,
 ) -> None:
     """Pool MACHINE's first minutes of warm-up with a golden machine's spindle parameters."""
     from pipeline.app.transfer import transfer_curve, transfer_table
 
     with one_sentence():
-        found = transfer_curve(machine, golden, out, between)
+        found = transfer_curve(machine, golden, out, between, page)
     typer.echo("\n".join(transfer_table(found)))
+    typer.echo(f"wrote {', '.join(str(path) for path in (out, page) if path is not None)}")
 
 
 @app.command()

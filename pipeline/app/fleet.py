@@ -330,13 +330,13 @@ def write_report(out: Path) -> Path:
     return out / "index.html"
 
 
-def check_outputs(program: Path, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
+def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
     """Refuse files that cannot be written, or would replace what is read or each other.
 
     Parameters
     ----------
-    program : Path
-        Part program.
+    program : Path or None
+        Part program, where one is read.
     *outputs : Path or None
         Files to write.
     inputs : sequence of Path
@@ -350,14 +350,14 @@ def check_outputs(program: Path, *outputs: Path | None, inputs: Sequence[Path] =
     for path in outputs:
         if path is None:
             continue
-        if _same(path, program):
+        if program is not None and _same(path, program):
             raise ValueError(f"{path} is the program itself: name another file to write")
         if path.is_dir():
             raise ValueError(f"{path} is a folder: name a file in it")
         if not path.parent.is_dir():
             raise ValueError(f"{path.parent} does not exist: make that folder first")
         if any(_same(path, read) for read in inputs):
-            raise ValueError(f"{path} is read for the cut: name another file to write")
+            raise ValueError(f"{path} is read: name another file to write")
         if CONF.resolve() in path.resolve().parents:
             raise ValueError(f"{path} is in {CONF}, which is read: name a file elsewhere")
     written = [path for path in outputs if path is not None]

@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.fleet import DATA, check_outputs, machine_parameters
+from pipeline.app.transfer_page import write_transfer_page
 from pipeline.parameters import section_path, structure
+from pipeline.report.standalone_page import source_of
+from pipeline.schema.files import together
 from pipeline.schema.golden import read_golden
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
@@ -27,8 +31,11 @@ def transfer_curve(
     golden: str,
     out: Path,
     between: float = 0.3,
+    page: Path | None = None,
 ) -> Transfer:
     """Write the curve of minutes of warm-up against error of ``machine`` into ``out``.
+
+    The files are written together or not at all.
 
     Parameters
     ----------
@@ -38,20 +45,27 @@ def transfer_curve(
         JSON file to write.
     between : float
         Standard deviation of the logarithm of a parameter between machines of a type [1].
+    page : Path, optional
+        HTML page of the curve to write.
 
     Raises
     ------
     ValueError
-        When a file is missing, the machines do not record the same surrounds, or no day is left to
-        judge by.
+        When a file is missing or cannot be written, one to write is read, the machines do not
+        record the same surrounds, or no day is left to judge by.
     """
     if machine == golden:
         raise ValueError(f"{machine} is both sibling and golden machine: name another one")
     values = machine_parameters(machine)
-    machine_parameters(golden)  # refuses one that is not known
+    theirs = machine_parameters(golden)
+    path = DATA / "models" / golden / SUBMODEL.name / "model.json"
+    manifest, clean = DATA / "signals" / machine / "manifest.json", DATA / "clean" / machine
+    sets = DATA / "golden" / f"{machine}.json"
+    check_outputs(
+        None, out, page, inputs=[path, manifest, sets, *sorted(clean.rglob("*.parquet"))]
+    )  # fmt: skip
     model = read_json(
-        DATA / "models" / golden / SUBMODEL.name / "model.json", SpindleModelFile,
-        f"run `dvc repro identify_{SUBMODEL.name}@{golden}`",
+        path, SpindleModelFile, f"run `dvc repro identify_{SUBMODEL.name}@{golden}`"
     )  # fmt: skip
     given: dict[str, Any] = {
         name: structure(values, section_path(values, name, machine), kind)
@@ -59,10 +73,8 @@ def transfer_curve(
     }
     settings = SUBMODEL.fitting(**given)
     model = replace(model, records=_shared(model, settings, machine))
-    records = Records(
-        manifest=DATA / "signals" / machine / "manifest.json", clean=DATA / "clean" / machine
-    )
-    cases = SUBMODEL.cases(records, settings, read_golden(DATA / "golden" / f"{machine}.json"))
+    records = Records(manifest=manifest, clean=clean)
+    cases = SUBMODEL.cases(records, settings, read_golden(sets))
     training = sorted(cases.of("training"), key=lambda case: case.name)
 
     def pieces(chosen: list[Case], bridge_s: float) -> list[Any]:
@@ -86,8 +98,20 @@ def transfer_curve(
         own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
         settings=TransferSettings(between_machines=between),
     )  # fmt: skip
-    write_json(found, out)
+    with together():
+        write_json(found, out)
+        if page is not None:
+            sources = [source_of(one) for one in (out, path, manifest)]
+            credits = [_credit(values, machine), _credit(theirs, golden)]
+            credit = "; ".join(dict.fromkeys(one for one in credits if one))
+            write_transfer_page(found, page, sources, credit)
     return found
+
+
+def _credit(values: dict[str, Any], machine: str) -> str:
+    """Whom to credit for a machine's records, without the full stop."""
+    identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
+    return identity.credit.strip().removesuffix(".")
 
 
 def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:

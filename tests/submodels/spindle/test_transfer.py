@@ -139,8 +139,9 @@ def test_who_leads_does_so_beyond_the_sensor_and_at_all_longer_records() -> None
     assert leader(points((2.0, 2.0, 2.0), (0.1, 3.0, 3.0)), 1.0).startswith(none)
 
 
-def test_the_command_writes_the_curve_and_prints_it(tmp_path: Path) -> None:
-    project = with_conf(tmp_path / "project")
+def small_transfer(project: Path) -> Path:
+    """A project in which ``kerf transfer mill02 --golden mill01`` has all that it reads."""
+    with_conf(project)
     write_json(GOLDEN, project / "data/models/mill01/spindle/model.json")
     state = project / "data/clean/mill02/state"
     state.mkdir(parents=True)
@@ -150,6 +151,11 @@ def test_the_command_writes_the_curve_and_prints_it(tmp_path: Path) -> None:
         table.reset_index().to_parquet(state / f"{day}.parquet")
         files[f"{day}.txt"] = {"sha256": "0" * 64, "last": f"{day}T16:00:00Z"}
     write_json({"files": files}, project / "data/signals/mill02/manifest.json")
+    return project
+
+
+def test_the_command_writes_the_curve_and_prints_it(tmp_path: Path) -> None:
+    project = small_transfer(tmp_path / "project")
     words = ["transfer", "mill02", "--golden", "mill01", "--out"]
     with inside(project):
         done = CliRunner().invoke(app, [*words, "curve.json"])
