@@ -1,0 +1,135 @@
+"""Checkpoints of a training on windows: what goes on from one ends in the same bits.
+
+A file holds the network, its best state so far, Adam's moments, the random numbers and the history,
+as arrays and JSON in numpy's archive; no pickle is written or read.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from pipeline.schema.store import write_bytes
+
+
+@dataclass(kw_only=True)
+class Checkpoint:
+    """Where a training stands, beside the network and Adam.
+
+    Parameters
+    ----------
+    history : list of (float, float, float)
+        Epochs up to then [1], RMSE of the scaled training and validation windows [1].
+    best, best_at : float, int
+        Least of the latter, and its epoch.
+    best_state : mapping of str to Tensor
+        The network's then.
+    generator : Tensor
+        State of the random numbers.
+    """
+
+    history: list[tuple[float, float, float]]
+    best: float
+    best_at: int
+    best_state: dict[str, Tensor]
+    generator: Tensor = field(default_factory=lambda: torch.Generator().get_state())
+
+
+def write_checkpoint(
+    path: Path, fingerprint: str, at: Checkpoint, built: nn.Module, adam: torch.optim.Optimizer
+) -> None:
+    """Store where a training stands; the file is whole at every time.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    fingerprint : str
+        Of the training.
+    at : Checkpoint
+        Where it stands.
+    built : Module
+        Its network.
+    adam : Optimizer
+        Of the network.
+    """
+    moments = adam.state_dict()["state"]
+    told = {
+        "fingerprint": fingerprint, "history": at.history, "best": at.best, "best_at": at.best_at,
+    }  # fmt: skip
+    arrays = {
+        "told": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8),
+        "generator": at.generator.numpy(),
+        **{f"network/{k}": _array(v) for k, v in built.state_dict().items()},
+        **{f"best/{k}": _array(v) for k, v in at.best_state.items()},
+        **{f"adam/{k}/{n}": _array(v) for k, some in moments.items() for n, v in some.items()},
+    }
+    data = BytesIO()
+    np.savez(data, **arrays)  # type: ignore[arg-type]
+    write_bytes(data.getvalue(), path)
+
+
+def read_checkpoint(
+    path: Path, fingerprint: str, built: nn.Module, adam: torch.optim.Optimizer
+) -> Checkpoint:
+    """Where a training stood; its network and Adam are brought there.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    fingerprint : str
+        Of the training that is to go on.
+    built : Module
+        Its network.
+    adam : Optimizer
+        Of the network.
+
+    Raises
+    ------
+    ValueError
+        When the file is broken, or of another training.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays: Mapping[str, Any] = {name: archive[name] for name in archive.files}
+        told = json.loads(arrays["told"].tobytes())
+        if told["fingerprint"] != fingerprint:
+            raise ValueError(
+                f"checkpoint {path} is of another training (other windows, settings, seed or "
+                "version of torch): remove it, or give another path"
+            )
+        moments: dict[int, dict[str, Tensor]] = {}
+        for name, values in _below("adam/", arrays).items():
+            number, _, moment = name.partition("/")
+            moments.setdefault(int(number), {})[moment] = values
+        built.load_state_dict(_below("network/", arrays))
+        adam.load_state_dict({**adam.state_dict(), "state": moments})
+        return Checkpoint(
+            history=[(float(k), float(a), float(b)) for k, a, b in told["history"]],
+            best=told["best"], best_at=told["best_at"], best_state=_below("best/", arrays),
+            generator=torch.from_numpy(arrays["generator"]),
+        )  # fmt: skip
+    except (BadZipFile, KeyError, EOFError, OSError, RuntimeError, UnicodeDecodeError) as error:
+        raise ValueError(f"checkpoint {path} cannot be read ({error}): remove it") from error
+    except json.JSONDecodeError as error:
+        raise ValueError(f"checkpoint {path} cannot be read ({error}): remove it") from error
+
+
+def _array(values: Tensor) -> "np.ndarray[Any, Any]":
+    return values.detach().cpu().numpy()
+
+
+def _below(prefix: str, arrays: Mapping[str, Any]) -> dict[str, Tensor]:
+    return {
+        name.removeprefix(prefix): torch.from_numpy(values)
+        for name, values in arrays.items()
+        if name.startswith(prefix)
+    }

@@ -1,0 +1,257 @@
+"""Networks on windows of signals: CNN-LSTM with attention, and what it is held against.
+
+All take scaled windows, shape (B, T, C), the newest row last, and give the scaled output, shape
+(B,) or (B, H) (:mod:`pipeline.nets.window_model` scales).  Convolutions see the past alone: each
+row of what they give depends on no later row.
+
+Sources: Feed2025 (Conv1D, LSTM, additive attention over time, dense layer); Bahdanau, Cho and
+Bengio 2015 (additive attention); Bai, Kolter and Koltun 2018 (TCN).
+"""
+
+from abc import ABC, abstractmethod
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pipeline.nets.sequence_settings import (
+    ArxSettings,
+    CnnLstmAttentionSettings,
+    CnnLstmSettings,
+    LstmSettings,
+    SequenceSettings,
+    TcnSettings,
+)
+
+
+class SequenceNetwork(nn.Module, ABC):
+    """A network whose last step is a dense layer on features of the window.
+
+    Parameters
+    ----------
+    features : int
+        Of a window.
+    outputs : int or None
+        H; None for one output without a dimension of its own.
+    """
+
+    def __init__(self, features: int, outputs: int | None) -> None:
+        super().__init__()
+        self.outputs = outputs
+        self.dense = nn.Linear(features, outputs or 1)
+
+    @abstractmethod
+    def features(self, x: Tensor) -> Tensor:
+        """Features of windows, shape (B, F)."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Scaled output, shape (B,) or (B, H)."""
+        y: Tensor = self.dense(self.features(x))
+        return y[:, 0] if self.outputs is None else y
+
+
+class CausalConvolution(nn.Module):
+    """Convolution over time that sees a row and those before it, zeros before the first.
+
+    Parameters
+    ----------
+    inputs, filters, kernel, dilation : int
+        Of the convolution.
+    """
+
+    def __init__(self, inputs: int, filters: int, kernel: int, dilation: int = 1) -> None:
+        super().__init__()
+        self.before = (kernel - 1) * dilation
+        self.convolution = nn.Conv1d(inputs, filters, kernel, dilation=dilation)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Rows of shape (B, C, T) become (B, filters, T)."""
+        y: Tensor = self.convolution(functional.pad(x, (self.before, 0)))
+        return y
+
+
+class Lstm(SequenceNetwork):
+    """A plain LSTM; its last state enters the dense layer."""
+
+    def __init__(self, settings: LstmSettings, channels: int, outputs: int | None) -> None:
+        super().__init__(settings.units, outputs)
+        self.lstm = nn.LSTM(channels, settings.units)
+
+    def features(self, x: Tensor) -> Tensor:
+        """Last state, shape (B, units)."""
+        states: Tensor = self.lstm(x.transpose(0, 1))[0]
+        return states[-1]
+
+
+class CnnLstm(SequenceNetwork):
+    """Convolution, ReLU, max-pool, LSTM; its last state enters the dense layer."""
+
+    def __init__(self, settings: CnnLstmSettings, channels: int, outputs: int | None) -> None:
+        super().__init__(settings.units, outputs)
+        self.pool = settings.pool
+        self.convolution = CausalConvolution(channels, settings.filters, settings.kernel)
+        self.lstm = nn.LSTM(settings.filters, settings.units)
+
+    def states(self, x: Tensor) -> Tensor:
+        """States of the LSTM, shape (T // pool, B, units); the oldest rows left over are dropped.
+
+        A window shorter than the pool is one row.
+        """
+        found = torch.relu(self.convolution(x.transpose(1, 2)))
+        if self.pool > 1:
+            pool = min(self.pool, x.shape[1])
+            found = functional.max_pool1d(found[..., x.shape[1] % pool :], pool)
+        states: Tensor = self.lstm(found.permute(2, 0, 1))[0]
+        return states
+
+    def features(self, x: Tensor) -> Tensor:
+        """Last state, shape (B, units)."""
+        return self.states(x)[-1]
+
+
+class CnnLstmAttention(CnnLstm):
+    """Convolution, LSTM, and the mean of its states with weights that depend on them."""
+
+    def __init__(
+        self, settings: CnnLstmAttentionSettings, channels: int, outputs: int | None
+    ) -> None:
+        super().__init__(settings, channels, outputs)
+        rows = settings.attention or settings.units
+        self.score = nn.Linear(settings.units, rows)
+        self.direction = nn.Linear(rows, 1, bias=False)
+
+    def weights(self, states: Tensor) -> Tensor:
+        """Softmax over time of e_t = v' tanh(W h_t + b), shape (T', B, 1)."""
+        e: Tensor = self.direction(torch.tanh(self.score(states)))
+        return torch.softmax(e, dim=0)
+
+    def attention(self, x: Tensor) -> Tensor:
+        """Weights of the states in time, shape (B, T'); those of a window add up to 1."""
+        return self.weights(self.states(x))[..., 0].T
+
+    def features(self, x: Tensor) -> Tensor:
+        """Weighted mean of the states, shape (B, units)."""
+        states = self.states(x)
+        return (self.weights(states) * states).sum(0)
+
+
+class ResidualBlock(nn.Module):
+    """Two causal convolutions of one dilation, and what enters them added to what they give."""
+
+    def __init__(self, inputs: int, filters: int, kernel: int, dilation: int) -> None:
+        super().__init__()
+        self.first = CausalConvolution(inputs, filters, kernel, dilation)
+        self.second = CausalConvolution(filters, filters, kernel, dilation)
+        self.beside = nn.Conv1d(inputs, filters, 1) if inputs != filters else nn.Identity()
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Rows of shape (B, C, T) become (B, filters, T)."""
+        found = torch.relu(self.second(torch.relu(self.first(x))))
+        return torch.relu(found + self.beside(x))
+
+
+class Tcn(SequenceNetwork):
+    """Residual blocks of dilated causal convolutions; their last row enters the dense layer."""
+
+    def __init__(self, settings: TcnSettings, channels: int, outputs: int | None) -> None:
+        super().__init__(settings.filters, outputs)
+        wide = [channels] + [settings.filters] * settings.blocks
+        self.blocks = nn.Sequential(
+            *(
+                ResidualBlock(wide[k], wide[k + 1], settings.kernel, 2**k)
+                for k in range(settings.blocks)
+            )
+        )
+
+    def rows(self, x: Tensor) -> Tensor:
+        """What the blocks give at each time, shape (B, T, filters)."""
+        found: Tensor = self.blocks(x.transpose(1, 2))
+        return found.transpose(1, 2)
+
+    def features(self, x: Tensor) -> Tensor:
+        """Last row, shape (B, filters)."""
+        return self.rows(x)[:, -1]
+
+
+class Arx(SequenceNetwork):
+    """Linear in the last rows of the window; :meth:`solve` finds its coefficients."""
+
+    def __init__(
+        self, settings: ArxSettings, length: int, channels: int, outputs: int | None
+    ) -> None:
+        self.lags = min(settings.lags or length, length)
+        super().__init__(self.lags * channels, outputs)
+        self.ridge = settings.ridge
+        self.to(torch.float64)
+
+    def features(self, x: Tensor) -> Tensor:
+        """Last rows one after another, shape (B, lags C)."""
+        return x[:, -self.lags :].flatten(1)
+
+    @torch.no_grad()
+    def solve(self, x: Tensor, y: Tensor) -> None:
+        """Set the coefficients: least mean((A b + a - y)^2) + ridge b'b, the constant a free."""
+        a, y = self.features(x), y.reshape(len(y), -1)
+        a_mean, y_mean = a.mean(0), y.mean(0)
+        a, y = a - a_mean, y - y_mean
+        diagonal = self.ridge * torch.eye(a.shape[1], dtype=a.dtype)
+        factor = torch.linalg.cholesky(a.T @ a / len(y) + diagonal)
+        b = torch.cholesky_solve(a.T @ y / len(y), factor)
+        self.dense.weight.copy_(b.T)
+        self.dense.bias.copy_(y_mean - a_mean @ b)
+
+
+def sequence_network(
+    settings: SequenceSettings, length: int, channels: int, outputs: int | None,
+    generator: torch.Generator,
+) -> SequenceNetwork:  # fmt: skip
+    """The network of a kind's settings for windows of T rows and C channels, not yet trained.
+
+    Initial weights are uniform within 1 / sqrt(inputs of the node), in an LSTM within
+    1 / sqrt(units) with 1 added for its forget gates; torch's global random numbers are not used.
+
+    Raises
+    ------
+    ValueError
+        When windows are empty, or the settings are of no network.
+    """
+    if length < 1 or channels < 1 or (outputs is not None and outputs < 1):
+        raise ValueError(
+            f"a network on windows of {length} rows and {channels} channels with {outputs} outputs "
+            "cannot be built: give at least one of each"
+        )
+    with torch.device("meta"):  # without torch's own initial weights
+        built = _built(settings, length, channels, outputs)
+    built.to_empty(device="cpu")
+    with torch.no_grad():
+        for module in built.modules():
+            if isinstance(module, nn.Linear | nn.Conv1d):
+                reach = module.weight[0].numel() ** -0.5
+            elif isinstance(module, nn.LSTM):
+                reach = module.hidden_size**-0.5
+            else:
+                continue
+            for values in module.parameters():
+                values.uniform_(-reach, reach, generator=generator)
+            if isinstance(module, nn.LSTM):
+                forget = slice(module.hidden_size, 2 * module.hidden_size)
+                module.bias_ih_l0[forget] += 1.0
+    return built
+
+
+def _built(
+    settings: SequenceSettings, length: int, channels: int, outputs: int | None
+) -> SequenceNetwork:
+    if isinstance(settings, CnnLstmAttentionSettings):
+        return CnnLstmAttention(settings, channels, outputs)
+    if isinstance(settings, CnnLstmSettings):
+        return CnnLstm(settings, channels, outputs)
+    if isinstance(settings, LstmSettings):
+        return Lstm(settings, channels, outputs)
+    if isinstance(settings, TcnSettings):
+        return Tcn(settings, channels, outputs)
+    if isinstance(settings, ArxSettings):
+        return Arx(settings, length, channels, outputs)
+    raise ValueError(
+        f"{type(settings).__name__} is of no network on windows: give one of nets.sequence_settings"
+    )

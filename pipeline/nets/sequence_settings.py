@@ -1,0 +1,153 @@
+"""Settings of the networks on windows and of their training, which need no torch to be read."""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from pipeline.nets.settings import Whole
+from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
+
+PRECISIONS = ("float32", "bfloat16")
+"""Precisions of a training; a trained network always predicts in float32."""
+
+
+class SequenceSettings(Ranged):
+    """Base of the kinds of network on windows; ``kind`` names one in files."""
+
+    kind: ClassVar[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LstmSettings(SequenceSettings, section="lstm"):
+    """Settings of a plain LSTM whose last state gives the output.
+
+    Parameters
+    ----------
+    units : int
+        Of the LSTM: 50 to 100 in Feed2025.
+    """
+
+    kind: ClassVar[str] = "lstm"
+    units: Count = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class CnnLstmSettings(SequenceSettings, section="cnn_lstm"):
+    """Settings of a convolution over time before an LSTM.
+
+    Parameters
+    ----------
+    filters, kernel : int
+        Filters of the convolution, and samples that each of them sees.
+    pool : int
+        Samples of which the greatest is passed on; 1 as published, which does nothing.
+    units : int
+        Of the LSTM.
+    """
+
+    kind: ClassVar[str] = "cnn_lstm"
+    filters: Count = 16
+    kernel: Count = 3
+    pool: Count = 1
+    units: Count = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class CnnLstmAttentionSettings(CnnLstmSettings, section="cnn_lstm_attention"):
+    """Settings of convolution, LSTM and additive attention over time (Feed2025).
+
+    Parameters
+    ----------
+    attention : int or None
+        Rows of W in e_t = v' tanh(W h_t + b); None for as many as the LSTM has units.
+    """
+
+    kind: ClassVar[str] = "cnn_lstm_attention"
+    attention: Count | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TcnSettings(SequenceSettings, section="tcn"):
+    """Settings of a temporal convolutional network (Bai, Kolter and Koltun 2018).
+
+    Parameters
+    ----------
+    filters, kernel : int
+        Of each convolution.
+    blocks : int
+        Residual blocks of two convolutions with dilation 1, 2, 4, ...; an output sees
+        1 + 2 (kernel - 1) (2^blocks - 1) samples.
+    """
+
+    kind: ClassVar[str] = "tcn"
+    filters: Count = 16
+    kernel: Count = 3
+    blocks: Annotated[int, Range(least=1, most=12)] = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArxSettings(SequenceSettings, section="arx"):
+    """Settings of the linear model with lagged inputs, solved by ridge least squares.
+
+    A measurement among the inputs, older than the horizon, is its autoregressive part.
+
+    Parameters
+    ----------
+    lags : int or None
+        Last rows of a window that it sees; None for all of them.
+    ridge : float
+        Penalty on the squares of the scaled coefficients, as a share of the variance of the
+        scaled output [1].
+    """
+
+    kind: ClassVar[str] = "arx"
+    lags: Count | None = None
+    ridge: Annotated[float, Range(least=1e-12)] = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowTraining(Ranged, section="window_training"):
+    """Budget of a training on windows and its settings, the same for every network.
+
+    Parameters
+    ----------
+    epochs : int
+        Passes over the training windows at most.
+    patience : int
+        Epochs without a lower error on the validation recordings after which a training ends.
+    learning_rate : float
+        Of Adam: 0.001 to 0.01 in Feed2025.
+    l2 : float
+        Penalty on the squares of the weights, biases left out [1]: 0.0001 to 0.1 in Feed2025.
+    batch : int
+        Windows of a step.
+    validation : float
+        Share of the recordings that are kept for early stopping, whole, at least one; with 0 all
+        are learnt from, and the state with the least training error is kept.
+    precision : str
+        ``float32`` or ``bfloat16``: products of a training in half the bits where the processor
+        has them, float32 where it has not.
+    seed : int
+        Of initial weights, order of windows, choice of validation recordings.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range, or the precision is none of these.
+    """
+
+    epochs: Count = 100
+    patience: Count = 20
+    learning_rate: Positive = 0.003
+    l2: NotNegative = 0.0
+    batch: Count = 64
+    validation: Annotated[float, Range(least=0.0, below=1.0)] = 0.2
+    precision: str = "float32"
+    seed: Whole = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.precision not in PRECISIONS:
+            raise ValueError(
+                f"window_training.precision = {self.precision!r} must be one of "
+                f"{', '.join(PRECISIONS)}"
+            )

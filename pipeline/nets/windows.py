@@ -1,0 +1,255 @@
+"""Windows of recordings, with a guard against inputs that could not be known yet.
+
+A window predicts the target at its last time t.  What is known before the motion (commands, states
+of a model) may stand in it up to t; a measurement only as far as it is older than the horizon, so
+that its column ends at t less its age.  No window crosses from one recording into the next.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import ceil, inf, isfinite
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.ranges import Positive, Range, Ranged
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording(Ranged):
+    """Signals of one run, sampled at even times.
+
+    Parameters
+    ----------
+    name : str
+        Of the recording, which is the group of its windows.
+    step_s : float
+        Between samples [s].
+    signals : mapping of str to ndarray, shape (N,)
+        All with as many samples.
+    measured : frozenset of str
+        Signals that are measured, or made of what is measured; they are not known before the
+        motion, whatever an input declares.
+
+    Raises
+    ------
+    ValueError
+        When signals differ in length or shape, or the step is not positive.
+    """
+
+    name: str
+    step_s: Positive
+    signals: Mapping[str, Floats]
+    measured: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.step_s) and self.step_s > 0):
+            raise ValueError(f"step_s of recording {self.name} = {self.step_s} s must be positive")
+        shapes = {name: np.shape(values) for name, values in self.signals.items()}
+        if len(set(shapes.values())) > 1 or any(len(shape) != 1 for shape in shapes.values()):
+            raise ValueError(
+                f"signals of recording {self.name} have shapes {shapes}: give one dimension and as "
+                "many samples of each"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowInput(Ranged, section="input"):
+    """An input of windows, and since when it is known.
+
+    Parameters
+    ----------
+    name : str
+        Of the signal.
+    older_than_s : float or None
+        A measurement that is used when it is at least this old [s]; None for what is known before
+        the motion.
+    """
+
+    name: str
+    older_than_s: Annotated[float | None, Range(least=0.0, unit="s")] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Windows:
+    """Windows with what they predict.
+
+    Parameters
+    ----------
+    x : ndarray, shape (B, T, C)
+        Inputs, the newest row last.
+    y : ndarray, shape (B,) or (B, H)
+        Target.
+    group : ndarray of str, shape (B,)
+        Recording that each is of.
+    at : ndarray of int, shape (B,)
+        Sample of the recording whose target is predicted, the last one of H; -1 where not known.
+    inputs : tuple of WindowInput
+        Of the C channels.
+    leaks : tuple of str
+        Inputs that could not be known yet, where they were asked for; empty otherwise.
+    """
+
+    x: Floats
+    y: Floats
+    group: NDArray[np.str_]
+    at: Ints = field(default_factory=lambda: np.array(-1))
+    inputs: tuple[WindowInput, ...] = ()
+    leaks: tuple[str, ...] = ()
+
+    def of(self, *names: str) -> "Windows":
+        """Those of the recordings ``names``."""
+        rows = np.isin(self.group, names)
+        at = np.broadcast_to(self.at, rows.shape)
+        return Windows(
+            x=self.x[rows], y=self.y[rows], group=self.group[rows], at=at[rows],
+            inputs=self.inputs, leaks=self.leaks,
+        )  # fmt: skip
+
+
+def windows_of(
+    recordings: Sequence[Recording], inputs: Sequence[WindowInput], target: str, length: int,
+    horizon_s: float, *, outputs: int | None = None, every: int = 1, allow_leaks: bool = False,
+) -> Windows:  # fmt: skip
+    """All windows of recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        One name each.
+    inputs : sequence of WindowInput
+        Channels of the windows, in this order.
+    target : str
+        Signal that is predicted.
+    length : int
+        Rows T of a window.
+    horizon_s : float
+        Time [s] by which a prediction comes before what it predicts; infinite for a prediction
+        before the motion, which no measurement may enter.
+    outputs : int or None
+        H: the last H samples of the target up to t at once; None for the one at t.
+    every : int
+        Samples from one window to the next.
+    allow_leaks : bool
+        Whether inputs that could not be known yet are let in and named in ``leaks``, to show what
+        a leak would seem to gain.
+
+    Raises
+    ------
+    ValueError
+        When an input could not be known yet: a measurement younger than the horizon (with H
+        outputs, than the horizon before the first of them), a measurement or the target that is
+        declared as known before the motion, or an input that holds the very values of the target.
+        Also when a signal is missing or not finite, two recordings have one name, or none is long
+        enough for a window.
+    """
+    _check(recordings, inputs, target, length, horizon_s)
+    if min(every, outputs or 1) < 1 or (outputs or 1) > length:
+        raise ValueError(
+            f"every = {every} and outputs = {outputs}: give at least 1, and no more outputs than "
+            f"the window has rows ({length})"
+        )
+    leaks = []
+    for one in inputs:
+        said = _leak(one, recordings, target, horizon_s, outputs or 1)
+        if said and not allow_leaks:
+            raise ValueError(said)
+        if said:
+            leaks.append(one.name)
+    parts = [_of_recording(one, inputs, target, length, outputs, every) for one in recordings]
+    if not any(len(part.at) for part in parts):
+        raise ValueError(
+            f"no recording of {', '.join(one.name for one in recordings)} is long enough for a "
+            f"window of {length} samples and the ages of its inputs: shorten them"
+        )
+    return Windows(
+        x=np.concatenate([part.x for part in parts]), y=np.concatenate([part.y for part in parts]),
+        group=np.concatenate([part.group for part in parts]),
+        at=np.concatenate([part.at for part in parts]), inputs=tuple(inputs), leaks=tuple(leaks),
+    )  # fmt: skip
+
+
+def _check(
+    recordings: Sequence[Recording], inputs: Sequence[WindowInput], target: str, length: int,
+    horizon_s: float,
+) -> None:  # fmt: skip
+    """Refuse what cannot be made windows of."""
+    if not recordings or not inputs:
+        raise ValueError("windows need a recording and an input: give at least one of each")
+    if length < 1 or not horizon_s >= 0:
+        raise ValueError(
+            f"windows of {length} rows and a horizon of {horizon_s} s cannot be made: give at "
+            "least one row and a horizon that is not negative"
+        )
+    names = [one.name for one in recordings]
+    double = sorted({name for name in names if names.count(name) > 1})
+    if double:
+        raise ValueError(
+            f"recording {double[0]} is given {names.count(double[0])} times: give each a name of "
+            "its own, for groups are split by name"
+        )
+    for one in recordings:
+        for name in [*(i.name for i in inputs), target]:
+            if name not in one.signals:
+                raise ValueError(
+                    f"recording {one.name} has no signal {name!r}; it has "
+                    f"{', '.join(sorted(one.signals))}"
+                )
+            wrong = ~np.isfinite(one.signals[name])
+            if wrong.any():
+                raise ValueError(
+                    f"signal {name!r} of recording {one.name} has {int(wrong.sum())} values that "
+                    f"are not finite, the first at sample {int(wrong.argmax())}: fill them, or cut "
+                    "the recording there"
+                )
+
+
+def _leak(
+    given: WindowInput, recordings: Sequence[Recording], target: str, horizon_s: float, outputs: int
+) -> str:
+    """What is wrong with an input that could not be known yet; empty where nothing is."""
+    age = given.older_than_s
+    if age is not None:
+        needed = horizon_s + (outputs - 1) * max(one.step_s for one in recordings)
+        if age < needed * (1.0 - 1e-12) or needed == inf:
+            most = "that no measurement may enter" if needed == inf else f"of {needed:g} s"
+            return (
+                f"input {given.name!r} is a measurement that may be {age:g} s old, younger than "
+                f"the horizon {most}: raise its older_than_s, or leave it out"
+            )
+        return ""
+    if given.name == target or any(given.name in one.measured for one in recordings):
+        return (
+            f"input {given.name!r} is measured, but declared as known before the motion: give its "
+            "older_than_s, or leave it out"
+        )
+    if all(np.array_equal(one.signals[given.name], one.signals[target]) for one in recordings):
+        return (
+            f"input {given.name!r} holds the very values of the target {target!r}: leave it out, "
+            "or give its older_than_s"
+        )
+    return ""
+
+
+def _of_recording(
+    recording: Recording, inputs: Sequence[WindowInput], target: str, length: int,
+    outputs: int | None, every: int,
+) -> Windows:  # fmt: skip
+    """Windows of one recording; there may be none."""
+    lags = [
+        0 if one.older_than_s is None else ceil(one.older_than_s / recording.step_s * (1 - 1e-12))
+        for one in inputs
+    ]
+    truth = np.asarray(recording.signals[target], dtype=np.float64)
+    at = np.arange(length - 1 + max(lags), len(truth), every)
+    rows = at[:, None] + np.arange(1 - length, 1)
+    columns = [
+        np.asarray(recording.signals[one.name], dtype=np.float64)[rows - lag]
+        for one, lag in zip(inputs, lags, strict=True)
+    ]
+    ends = at if outputs is None else at[:, None] + np.arange(1 - outputs, 1)
+    return Windows(
+        x=np.stack(columns, axis=-1), y=truth[ends], group=np.full(len(at), recording.name), at=at
+    )
