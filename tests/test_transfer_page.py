@@ -95,7 +95,7 @@ def test_the_figure_has_a_curve_through_every_point_of_each_parameters(
 
 def test_points_stand_by_the_logarithm_of_minutes_and_by_the_error(tmp_path: Path) -> None:
     page = written(transferred((1.0, 9.0, 4.0), (2.0, 8.0, 5.0), (4.0, 6.0, 6.0)), tmp_path)
-    found = re.findall(r'<circle cx="(.*?)%" cy="(.*?)" r="4" class="point p-after">',
+    found = re.findall(r'<circle cx="([0-9.]+)%" cy="([0-9.]+)" r="4" class="point p-after">',
                        page.read_text())  # fmt: skip
     x, y = ([float(one) for one in ends] for ends in zip(*found, strict=True))
     assert x == pytest.approx([0.0, 50.0, 100.0])  # 15, 30 and 60 minutes
