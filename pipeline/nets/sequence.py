@@ -69,6 +69,15 @@ class CausalConvolution(nn.Module):
         y: Tensor = self.convolution(functional.pad(x, (self.before, 0)))
         return y
 
+    def in_time(self, x: Tensor) -> Tensor:
+        """Rows of shape (T, B, C) become (T, B, filters), without dilation.
+
+        As one product, which for few channels takes a fraction of the time of a convolution.
+        """
+        weight, bias = self.convolution.weight, self.convolution.bias
+        rows = functional.pad(x, (0, 0, 0, 0, self.before, 0)).unfold(0, self.before + 1, 1)
+        return functional.linear(rows.flatten(2), weight.flatten(1), bias)
+
 
 class Lstm(SequenceNetwork):
     """A plain LSTM; its last state enters the dense layer."""
@@ -97,11 +106,11 @@ class CnnLstm(SequenceNetwork):
 
         A window shorter than the pool is one row.
         """
-        found = torch.relu(self.convolution(x.transpose(1, 2)))
+        found = torch.relu(self.convolution.in_time(x.transpose(0, 1)))
         if self.pool > 1:
-            pool = min(self.pool, x.shape[1])
-            found = functional.max_pool1d(found[..., x.shape[1] % pool :], pool)
-        states: Tensor = self.lstm(found.permute(2, 0, 1))[0]
+            pool = min(self.pool, len(found))
+            found = found[len(found) % pool :].unflatten(0, (-1, pool)).amax(1)
+        states: Tensor = self.lstm(found)[0]
         return states
 
     def features(self, x: Tensor) -> Tensor:
@@ -231,11 +240,10 @@ def sequence_network(
                 reach = module.hidden_size**-0.5
             else:
                 continue
-            for values in module.parameters():
+            for name, values in module.named_parameters():
                 values.uniform_(-reach, reach, generator=generator)
-            if isinstance(module, nn.LSTM):
-                forget = slice(module.hidden_size, 2 * module.hidden_size)
-                module.bias_ih_l0[forget] += 1.0
+                if name == "bias_ih_l0":  # of an LSTM: input, forget, cell and output gates
+                    values.unflatten(0, (4, -1))[1] += 1.0
     return built
 
 

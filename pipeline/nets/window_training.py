@@ -12,6 +12,7 @@ from hashlib import sha256
 from math import inf, isfinite
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import torch
@@ -25,6 +26,7 @@ from pipeline.nets.trained import reproducible, samples
 from pipeline.nets.training import validation_groups
 from pipeline.nets.window_model import ROWS, TrainedSequence, WindowScaling
 from pipeline.nets.windows import Windows
+from pipeline.schema.arrays import Bools
 
 Samples = tuple[Tensor, Tensor]
 """Scaled windows and targets."""
@@ -106,18 +108,13 @@ def train_windows(
         built = sequence_network(kind, x.shape[1], x.shape[2], outputs, generator)
         dtype = built.dense.weight.dtype
         scaled = scaling.inputs(x, dtype), scaling.output(y, dtype)
-        training, validation = (
-            tuple(part[torch.from_numpy(rows)] for part in scaled) for rows in (~held, held)
-        )
+        training, validation = (_chosen(scaled, rows, device) for rows in (~held, held))
         if isinstance(built, Arx):
             precision = "float64"
             built.solve(*training)
             least = _rmse(built, training)
             history = [(1.0, least, _rmse(built, validation) if kept else least)]
         else:
-            training, validation = (
-                tuple(part.to(device) for part in parts) for parts in (training, validation)
-            )
             loop = _Loop(built.to(device), settings, precision, generator, scaling.y_scale)
             told = (kind, windows.inputs, scaled, held, precision, device)
             loop.run(training, validation, watch, checkpoint, _fingerprint(settings, *told))
@@ -187,7 +184,7 @@ class _Loop:
         self.generator, self.unit = generator, unit
         weights = [p for name, p in built.named_parameters() if "bias" not in name]
         biases = [p for name, p in built.named_parameters() if "bias" in name]
-        groups = [
+        groups: list[dict[str, Any]] = [
             {"params": weights, "weight_decay": 2.0 * settings.l2},  # gradient of l2 w^2
             {"params": biases},
         ]
@@ -251,6 +248,11 @@ class _Loop:
             number=done, of=self.settings.epochs, training=self.unit * learnt,
             validation=self.unit * error, seconds=seconds, left_s=left,
         )  # fmt: skip
+
+
+def _chosen(scaled: Samples, rows: Bools, device: str) -> Samples:
+    x, y = (part[torch.from_numpy(rows)].to(device) for part in scaled)
+    return x, y
 
 
 @torch.no_grad()
