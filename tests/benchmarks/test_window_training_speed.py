@@ -40,5 +40,4 @@ def test_epoch(benchmark, kind: SequenceSettings, precision: str) -> None:
     benchmark.pedantic(train, rounds=1, warmup_rounds=0)
     least = np.diff(times).min() / 1500
     benchmark.extra_info["us_a_window_and_epoch"] = 1e6 * least
-    print(f"{kind.kind} {precision}: {1e6 * least:.1f} µs a window and epoch")
     assert least < 100e-6
