@@ -8,4 +8,7 @@ starts without it.
 Sources: FFNN2015; Sun and Jang 1993 (filters over channels); Golub and Pereyra 1973.
 """
 
-__all__ = ["ffnn", "settings", "trained", "training"]
+__all__ = [
+    "ffnn", "sequence_settings", "settings", "trained", "training", "window_model",
+    "window_training", "windows",
+]  # fmt: skip

@@ -101,26 +101,34 @@ def read_checkpoint(
         with np.load(path, allow_pickle=False) as archive:
             arrays: Mapping[str, Any] = {name: archive[name] for name in archive.files}
         told = json.loads(arrays["told"].tobytes())
-        if told["fingerprint"] != fingerprint:
-            raise ValueError(
-                f"checkpoint {path} is of another training (other windows, settings, seed or "
-                "version of torch): remove it, or give another path"
-            )
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, values in _below("adam/", arrays).items():
-            number, _, moment = name.partition("/")
-            moments.setdefault(int(number), {})[moment] = values
-        built.load_state_dict(_below("network/", arrays))
-        adam.load_state_dict({**adam.state_dict(), "state": moments})
-        return Checkpoint(
-            history=[(float(k), float(a), float(b)) for k, a, b in told["history"]],
-            best=told["best"], best_at=told["best_at"], best_state=_below("best/", arrays),
+        theirs, history = told["fingerprint"], told["history"]
+        at = Checkpoint(
+            history=[(float(k), float(a), float(b)) for k, a, b in history], best=told["best"],
+            best_at=told["best_at"], best_state=_below("best/", arrays),
             generator=torch.from_numpy(arrays["generator"]),
         )  # fmt: skip
-    except (BadZipFile, KeyError, EOFError, OSError, RuntimeError, UnicodeDecodeError) as error:
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        EOFError,
+        OSError,
+        BadZipFile,
+    ) as error:
         raise ValueError(f"checkpoint {path} cannot be read ({error}): remove it") from error
-    except json.JSONDecodeError as error:
-        raise ValueError(f"checkpoint {path} cannot be read ({error}): remove it") from error
+    if theirs != fingerprint:
+        raise ValueError(
+            f"checkpoint {path} is of another training (other windows, settings, seed or version "
+            "of torch): remove it, or give another path"
+        )
+    moments: dict[int, dict[str, Tensor]] = {}
+    for name, values in _below("adam/", arrays).items():
+        number, _, moment = name.partition("/")
+        moments.setdefault(int(number), {})[moment] = values
+    built.load_state_dict(_below("network/", arrays))
+    adam.load_state_dict({**adam.state_dict(), "state": moments})
+    return at
 
 
 def _array(values: Tensor) -> "np.ndarray[Any, Any]":

@@ -1,0 +1,295 @@
+"""Training on windows: what can be learnt is, recordings stay whole, bits and checkpoints hold."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.nets.sequence_settings import (
+    ArxSettings,
+    CnnLstmAttentionSettings,
+    CnnLstmSettings,
+    LstmSettings,
+    SequenceSettings,
+    TcnSettings,
+    WindowTraining,
+)
+from pipeline.nets.window_model import TrainedSequence, restore_sequence
+from pipeline.nets.window_training import Epoch, autocast, train_windows, usable_precision
+from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
+
+NETWORKS: tuple[SequenceSettings, ...] = (
+    CnnLstmAttentionSettings(units=12),
+    CnnLstmSettings(units=12, pool=2),
+    LstmSettings(units=12),
+    TcnSettings(filters=8, blocks=3),
+)
+KINDS = (*NETWORKS, ArxSettings())
+SHORT = WindowTraining(epochs=5, patience=5)
+
+
+def delayed(many: int = 5, samples: int = 90, every: int = 1) -> Windows:
+    """A product of two inputs, each with a delay of its own: nothing for a linear model."""
+    rng = np.random.default_rng(0)
+    recordings = []
+    for k in range(many):
+        u, v = rng.uniform(-1.0, 1.0, (2, samples))
+        y = np.zeros(samples)
+        y[4:] = 3.0 + 20.0 * u[1:-3] * v[2:-2]
+        recordings.append(Recording(name=f"r{k}", step_s=0.01, signals={"u": u, "v": v, "y": y}))
+    inputs = [WindowInput(name="u"), WindowInput(name="v")]
+    return windows_of(recordings, inputs, "y", 10, np.inf, every=every)
+
+
+DATA = delayed()
+
+
+def trained(
+    kind: SequenceSettings, data: Windows = DATA, settings: WindowTraining = SHORT, **more: object
+) -> TrainedSequence:
+    return train_windows(kind, data, settings=settings, **more)  # type: ignore[arg-type]
+
+
+def rmse(found: TrainedSequence, data: Windows) -> float:
+    return float(np.sqrt(np.mean((found.predict(data.x) - data.y) ** 2)))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=repr)
+def test_each_overfits_twenty_windows(kind: SequenceSettings) -> None:
+    data = Windows(x=DATA.x[:20], y=DATA.y[:20], group=DATA.group[:20])
+    settings = WindowTraining(
+        epochs=400, patience=400, validation=0.0, batch=10, learning_rate=0.01
+    )
+    assert rmse(trained(kind, data, settings), data) < 0.05 * data.y.std()
+
+
+@pytest.mark.parametrize("kind", [NETWORKS[0], NETWORKS[3]], ids=repr)
+def test_a_delayed_product_is_learnt_where_a_linear_model_learns_nothing(
+    kind: SequenceSettings,
+) -> None:
+    """On recordings that no training saw."""
+    data = delayed(many=12, samples=160)
+    learnt, unseen = data.of(*(f"r{k}" for k in range(9))), data.of("r9", "r10", "r11")
+    settings = WindowTraining(epochs=60, learning_rate=0.01)
+    linear = rmse(trained(ArxSettings(), learnt, settings), unseen)
+    assert linear > 0.9 * unseen.y.std()
+    assert rmse(trained(kind, learnt, settings), unseen) < 0.4 * linear
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=repr)
+def test_two_trainings_are_the_same_bits_and_another_seed_is_another(
+    kind: SequenceSettings,
+) -> None:
+    one, two = trained(kind), trained(kind)
+    assert json.dumps(one.document()) == json.dumps(two.document())
+    other = trained(kind, settings=replace(SHORT, seed=1))
+    assert other.history.tobytes() != one.history.tobytes()
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=repr)
+def test_a_restored_network_predicts_the_same_bits(kind: SequenceSettings) -> None:
+    one = trained(kind)
+    again = restore_sequence(json.loads(json.dumps(one.document(), allow_nan=False)))
+    assert again.predict(DATA.x).tobytes() == one.predict(DATA.x).tobytes()
+    assert again.document() == one.document()
+    assert (again.kind, again.settings, again.inputs) == (kind, SHORT, DATA.inputs)
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+@pytest.mark.parametrize("kind", NETWORKS, ids=repr)
+@pytest.mark.parametrize("at", [1, 3])
+def test_what_goes_on_from_a_checkpoint_ends_in_the_same_bits(
+    kind: SequenceSettings, at: int, tmp_path: Path
+) -> None:
+    whole = trained(kind)
+    path = tmp_path / "checkpoint.npz"
+
+    def power_cut(epoch: Epoch) -> None:
+        if epoch.number == at:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        trained(kind, checkpoint=path, watch=power_cut)
+    seen: list[int] = []
+    resumed = trained(kind, checkpoint=path, watch=lambda epoch: seen.append(epoch.number))
+    assert seen == list(range(at + 1, 6))
+    assert json.dumps(resumed.document()) == json.dumps(whole.document())
+    assert json.dumps(trained(kind, checkpoint=path).document()) == json.dumps(whole.document())
+
+
+def test_more_epochs_go_on_from_a_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    trained(NETWORKS[2], settings=replace(SHORT, epochs=2), checkpoint=path)
+    assert trained(NETWORKS[2], checkpoint=path).history.tobytes() == (
+        trained(NETWORKS[2]).history.tobytes()
+    )
+
+
+def test_a_checkpoint_of_another_training_or_a_broken_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    trained(NETWORKS[2], checkpoint=path)
+    for kind, data, settings in (
+        (NETWORKS[1], DATA, SHORT),
+        (NETWORKS[2], replace_y(DATA), SHORT),
+        (NETWORKS[2], DATA, replace(SHORT, learning_rate=0.1)),
+    ):
+        with pytest.raises(ValueError, match="of another training"):
+            trained(kind, data, settings, checkpoint=path)
+    whole = path.read_bytes()
+    for broken in (b"", b"no archive", whole[: len(whole) // 2]):
+        path.write_bytes(broken)
+        with pytest.raises(ValueError, match="cannot be read"):
+            trained(NETWORKS[2], checkpoint=path)
+
+
+def replace_y(data: Windows) -> Windows:
+    return Windows(x=data.x, y=data.y**2, group=data.group, inputs=data.inputs)
+
+
+def test_an_object_in_a_checkpoint_is_not_unpickled(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    np.savez(path, told=np.array([{"an": "object"}], dtype=object))
+    with pytest.raises(ValueError, match="cannot be read"):
+        trained(NETWORKS[2], checkpoint=path)
+
+
+def test_validation_recordings_are_whole_and_never_learnt_from() -> None:
+    one = trained(NETWORKS[0])
+    assert len(one.validation_groups) == 1
+    held = np.isin(DATA.group, one.validation_groups)
+    x, y = np.where(held[:, None, None], 99.0, DATA.x), np.where(held, -DATA.y, DATA.y)
+    for kind in KINDS:
+        one = trained(kind)
+        two = trained(kind, Windows(x=x, y=y, group=DATA.group))
+        assert two.validation_groups == one.validation_groups
+        np.testing.assert_array_equal(two.history[:, 1], one.history[: len(two.history), 1])
+        np.testing.assert_array_equal(two.scaling.x_scale, one.scaling.x_scale)
+
+
+@pytest.mark.parametrize("kind", NETWORKS, ids=repr)
+def test_the_best_state_is_kept_and_patience_ends_a_training(kind: SequenceSettings) -> None:
+    settings = WindowTraining(epochs=200, patience=3, learning_rate=0.05)
+    found = trained(kind, settings=settings)
+    best = found.history[:, 2].argmin()
+    assert found.epochs == best + 1 + 3 < 200
+    assert rmse(found, DATA.of(*found.validation_groups)) == pytest.approx(
+        found.history[best, 2], rel=1e-5
+    )
+
+
+def test_whoever_watches_is_told_and_can_end_a_training() -> None:
+    told: list[Epoch] = []
+
+    def watch(epoch: Epoch) -> bool:
+        told.append(epoch)
+        return epoch.number == 3
+
+    found = trained(NETWORKS[2], watch=watch)
+    assert [(e.number, e.of) for e in told] == [(1, 5), (2, 5), (3, 5)]
+    np.testing.assert_allclose(found.history, [(e.number, e.training, e.validation) for e in told])
+    for e in told:
+        assert e.left_s == pytest.approx(e.seconds / e.number * (5 - e.number))
+
+
+def test_the_penalty_makes_weights_small_and_leaves_biases() -> None:
+    free, held = (
+        trained(NETWORKS[2], settings=replace(SHORT, epochs=40, patience=40, l2=l2, validation=0.0))
+        for l2 in (0.0, 0.1)
+    )
+    sizes = [
+        sum(
+            float((v.detach() ** 2).sum())
+            for k, v in one.network.named_parameters()
+            if "weight" in k
+        )
+        for one in (free, held)
+    ]
+    assert sizes[1] < 0.2 * sizes[0]
+    bias = held.network.state_dict()["lstm.bias_ih_l0"]
+    assert bias[12:24].mean() > 0.5  # forget gates began at 1
+
+
+BF16 = pytest.mark.skipif(
+    usable_precision("bfloat16") == "float32", reason="this processor has no bfloat16"
+)
+
+
+@BF16
+@pytest.mark.parametrize("kind", NETWORKS, ids=repr)
+def test_bfloat16_trains_to_what_float32_does(kind: SequenceSettings) -> None:
+    one = trained(kind, settings=replace(SHORT, epochs=15, patience=15))
+    settings = replace(SHORT, epochs=15, patience=15, precision="bfloat16")
+    two, again = trained(kind, settings=settings), trained(kind, settings=settings)
+    assert (one.precision, two.precision) == ("float32", "bfloat16")
+    assert json.dumps(two.document()) == json.dumps(again.document())
+    assert two.history[:, 1].tobytes() != one.history[:, 1].tobytes()
+    np.testing.assert_allclose(two.history[:, 1:], one.history[:, 1:], rtol=0.05)
+    x = one.scaling.inputs(DATA.x, torch.float32)
+    with torch.no_grad():
+        exact = one.network(x)
+        with autocast("bfloat16", "cpu"):
+            short = one.network(x).float()
+    # eight bits of a mantissa
+    assert (short - exact).abs().max() < 0.05 * exact.abs().max()
+    assert not torch.equal(short, exact)
+
+
+def test_float32_stands_in_where_there_is_no_bfloat16(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = trained(NETWORKS[2])
+    monkeypatch.setattr(torch.cpu, "get_capabilities", dict)
+    found = trained(NETWORKS[2], settings=replace(SHORT, precision="bfloat16"))
+    assert found.precision == "float32"
+    assert found.history.tobytes() == wanted.history.tobytes()
+
+
+def test_several_outputs_are_learnt_at_once() -> None:
+    y = np.stack([DATA.x[:, -1, 0], 5.0 * DATA.x[:, -3, 1]], axis=1)
+    found = trained(ArxSettings(), Windows(x=DATA.x, y=y, group=DATA.group))
+    np.testing.assert_allclose(found.predict(DATA.x), y, atol=1e-3)
+    assert trained(NETWORKS[0], Windows(x=DATA.x, y=y, group=DATA.group)).predict(DATA.x).shape == (
+        len(y),
+        2,
+    )
+
+
+def test_attention_of_windows_adds_up_to_one() -> None:
+    found = trained(NETWORKS[0])
+    weights = found.attention(DATA.x)
+    assert weights.shape == DATA.x.shape[:2]
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
+    with pytest.raises(ValueError, match="a lstm network has no attention"):
+        trained(NETWORKS[2]).attention(DATA.x)
+
+
+def test_units_do_not_matter() -> None:
+    one = trained(ArxSettings(), delayed())
+    scaled = Windows(x=1e3 * DATA.x + 5.0, y=1e-6 * DATA.y, group=DATA.group)
+    two = trained(ArxSettings(), scaled)
+    np.testing.assert_allclose(two.predict(scaled.x), 1e-6 * one.predict(DATA.x), rtol=1e-6)
+
+
+def test_what_cannot_be_learnt_from_is_refused() -> None:
+    one = DATA.of("r0")
+    with pytest.raises(ValueError, match="there is one recording, 'r0'"):
+        trained(NETWORKS[2], one)
+    with pytest.raises(ValueError, match="nothing to learn from"):
+        trained(NETWORKS[2], DATA.of())
+    with pytest.raises(ValueError, match="as many windows of each"):
+        trained(NETWORKS[2], Windows(x=DATA.x, y=DATA.y[1:], group=DATA.group))
+    with pytest.raises(ValueError, match="lower window_training"):
+        trained(NETWORKS[2], settings=replace(SHORT, learning_rate=1e30))
+    found = trained(NETWORKS[2])
+    with pytest.raises(ValueError, match="takes 10 rows of 2 channels"):
+        found.predict(DATA.x[:, 1:])
+    assert found.predict(np.empty((0, 10, 2))).shape == (0,)
+    document = found.document()
+    with pytest.raises(ValueError, match="'scaling'"):
+        restore_sequence({k: v for k, v in document.items() if k != "scaling"})
+    with pytest.raises(ValueError, match="does not fit together"):
+        restore_sequence({**document, "network": {"units": 13}})
