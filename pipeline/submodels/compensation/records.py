@@ -1,0 +1,359 @@
+"""Recordings of axes for what the drives' model leaves over: following errors on an even grid.
+
+A recording holds, for each axis, commanded and measured position, or the control's own position
+error; the torque command where it was recorded.  Words in columns of a table (a tool, a cut) may
+tell parts of it apart, and the end of a recording may be held out by time: each part is a case of
+its own, with the hash of its own samples, so that no part is judged under another name.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
+from pipeline.signals.sampling import UniformSegment, uniform_segments
+
+PART = "#"
+"""Between the name of a raw file and that of a part of it."""
+MOTION = ("reference", "position", "error")
+"""Channels of an axis that are lengths."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorChannels(Ranged, section="compensation_records.axes"):
+    """Channels of one axis.
+
+    Parameters
+    ----------
+    reference, position : Channel or None
+        Commanded and measured position, of the same frame.
+    error : Channel or None
+        Commanded less measured position, where the control records it itself.
+    command : Channel or None
+        Torque command or current of the drive: a measurement, which only estimation may use.
+    lead_mm : float or None
+        Of the screw [mm], where errors that return with each turn are to be learnt; positions are
+        then those of the machine's frame.
+
+    Raises
+    ------
+    ValueError
+        When neither both positions nor the error are named.
+    """
+
+    reference: Channel | None = None
+    position: Channel | None = None
+    error: Channel | None = None
+    command: Channel | None = None
+    lead_mm: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.error is None and (self.reference is None or self.position is None):
+            raise ValueError(
+                "compensation_records: an axis names neither its error nor both its commanded and "
+                "its measured position: name them"
+            )
+
+    @property
+    def channels(self) -> dict[str, Channel]:
+        """Those that are named, lengths as such."""
+        named = {name: getattr(self, name) for name in (*MOTION, "command")}
+        return {
+            name: replace(one, quantity="position")
+            if name in MOTION and not one.quantity else one
+            for name, one in named.items()
+            if one is not None
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensationRecords(Ranged, section="compensation_records"):
+    """Recordings that show following errors.
+
+    Parameters
+    ----------
+    recordings : tuple of str
+        Patterns of raw files below the machine's folder.
+    axes : mapping of str to ErrorChannels
+        By the axis' letter.
+    parts : tuple of str
+        Columns whose values tell the parts of a table apart; each part is a recording of its own,
+        called ``<file>#<column>=<value>,…`` in section ``roles``.
+    group : str
+        One of ``parts`` by which recordings belong together in splits, such as the tool.
+    last_share : float
+        Share of each training recording, its end, that is held out [1]: for a machine of which
+        one recording exists.
+
+    Raises
+    ------
+    ValueError
+        When no axis is named, or ``group`` is none of ``parts``.
+    """
+
+    recordings: tuple[str, ...]
+    axes: Mapping[str, ErrorChannels]
+    parts: tuple[str, ...] = ()
+    group: str = ""
+    last_share: Annotated[float, Range(least=0.0, below=1.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.axes:
+            raise ValueError("compensation_records.axes is empty: name an axis and its channels")
+        if self.group and self.group not in self.parts:
+            raise ValueError(
+                f"compensation_records.group = {self.group!r} is none of compensation_records.parts"
+                f" = {list(self.parts)}: name it there"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisRun:
+    """One axis in one recording, T even samples in SI.
+
+    Parameters
+    ----------
+    error : ndarray, shape (T,)
+        Measured following error, commanded less measured position [m].
+    reference : ndarray, shape (T,), or None
+        Commanded position [m].
+    command : ndarray, shape (T,), or None
+        Torque command, in the recording's unit.
+    """
+
+    error: Floats
+    reference: Floats | None = None
+    command: Floats | None = None
+
+    def within(self, rows: slice) -> "AxisRun":
+        """Some of its samples."""
+        return AxisRun(
+            error=self.error[rows],
+            reference=None if self.reference is None else self.reference[rows],
+            command=None if self.command is None else self.command[rows],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """One recording, or a part of one.
+
+    Parameters
+    ----------
+    name, file : str
+        Its name, and the raw file that it is of.
+    group : str
+        What belongs together in splits.
+    sha256 : str
+        Of the raw bytes; of the samples where it is a part of a file.
+    period : float
+        Between samples [s].
+    axes : mapping of str to AxisRun
+        Axes that it shows, by letter.
+    lacking : mapping of str to str
+        Axes that it does not show, with the reason.
+    start : float
+        Of its first sample in the recording [s].
+    last : bool
+        Whether it is the end of a training recording, held out by time.
+    """
+
+    name: str
+    file: str
+    group: str
+    sha256: str
+    period: float = float("nan")
+    axes: Mapping[str, AxisRun] = field(default_factory=dict)
+    lacking: Mapping[str, str] = field(default_factory=dict)
+    start: float = 0.0
+    last: bool = False
+
+    @property
+    def samples(self) -> int:
+        """T [1]."""
+        return max((len(one.error) for one in self.axes.values()), default=0)
+
+
+def read_runs(
+    signals: Path, records: CompensationRecords, is_training: Callable[[str], bool]
+) -> list[Run]:
+    """Recordings that ``records`` names, with their parts, in the order of their names.
+
+    Parameters
+    ----------
+    signals : Path
+        ``data/signals/<machine>``.
+    records : CompensationRecords
+        Of the machine's file.
+    is_training : callable
+        Whether a recording, or a part of one, is learnt from.
+
+    Raises
+    ------
+    ValueError
+        When ``signals`` has no manifest, or none of its files fits the patterns.
+    """
+    declared = {
+        f"{letter} {name}": channel
+        for letter, one in records.axes.items()
+        for name, channel in one.channels.items()
+    }
+    files = read_recordings(
+        signals, declared, patterns=records.recordings, preferred=is_training,
+        section="compensation_records.recordings",
+    )  # fmt: skip
+    found: list[Run] = []
+    for file in files:
+        for run in _of_file(file, records):
+            share = records.last_share if is_training(run.name) else 0.0
+            found += _split(run, share) if share and run.axes else [run]
+    return found
+
+
+def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
+    """Parts of one file, each on an even grid, the longest stretch without a gap."""
+    blank = Run(name=file.name, file=file.name, group=file.name, sha256=file.sha256)
+    if file.file is None:
+        return [_nothing(blank, records, file.reason)]
+    samples = file.load()
+    try:
+        labels = _labels(file, records)
+    except ValueError as error:
+        return [_nothing(blank, records, str(error))]
+    if labels is None:
+        return _stretches(samples, np.ones(len(samples.time), bool), blank, records)
+    found = []
+    for values, rows in labels:
+        named = [f"{key}={value}" for key, value in zip(records.parts, values, strict=True)]
+        by = values[records.parts.index(records.group)] if records.group else ""
+        part = replace(
+            blank, name=f"{file.name}{PART}{','.join(named)}",
+            group=f"{records.group} {by}" if by else f"{file.name}{PART}{','.join(named)}",
+        )  # fmt: skip
+        found += _stretches(samples, rows, part, records)
+    return found
+
+
+def _labels(
+    file: Recording, records: CompensationRecords
+) -> list[tuple[tuple[str, ...], Any]] | None:
+    """Values of the columns that tell parts apart, and the rows of each; None without such."""
+    if not records.parts:
+        return None
+    assert file.file is not None
+    names = pq.read_schema(file.file).names
+    for name in records.parts:
+        if name not in names:
+            raise ValueError(
+                f"it has no column {name!r}, which compensation_records.parts names: correct it"
+            )
+    table = pq.read_table(file.file, columns=list(records.parts))
+    columns = [_words(table[name]) for name in records.parts]
+    joined = np.array(["\x1f".join(row) for row in zip(*columns, strict=True)])
+    kinds, first = np.unique(joined, return_index=True)
+    return [
+        (tuple(kinds[k].split("\x1f")), joined == kinds[k]) for k in np.argsort(first).tolist()
+    ]
+
+
+def _words(column: pa.ChunkedArray) -> list[str]:
+    """Values as words; whole numbers without a fraction."""
+    return [
+        "" if value is None
+        else f"{value:g}" if isinstance(value, float) and abs(value) < 1e6
+        else f"{value:.0f}" if isinstance(value, float) and value == int(value)
+        else str(value)
+        for value in column.to_pylist()
+    ]  # fmt: skip
+
+
+def _stretches(
+    samples: Samples, rows: Any, blank: Run, records: CompensationRecords
+) -> list[Run]:
+    """Stretches without a gap of the rows of one recording, each with the axes that it shows."""
+    lacking, shown = {}, {}
+    for letter, one in records.axes.items():
+        needed = [f"{letter} {name}" for name in one.channels]
+        absent = [samples.lacking[name] for name in needed if name in samples.lacking]
+        empty = [
+            name for name in needed
+            if name in samples.channels and not np.isfinite(samples.channels[name][rows]).any()
+        ]  # fmt: skip
+        if absent:
+            lacking[letter] = absent[0]
+        elif empty:
+            lacking[letter] = f"its channel {empty[0].partition(' ')[2]} holds no value there"
+        else:
+            shown[letter] = needed
+    if not shown:
+        return [replace(blank, lacking=lacking)]
+    whole = samples.complete([name for names in shown.values() for name in names]) & rows
+    at = np.flatnonzero(whole)
+    try:
+        pieces = uniform_segments(samples.time[at])
+    except ValueError as error:
+        return [_nothing(blank, records, str(error))]
+    found = []
+    for number, piece in enumerate(pieces, start=1):
+        axes = {
+            letter: _axis(letter, records.axes[letter], samples, piece, at) for letter in shown
+        }
+        name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
+        run = replace(
+            blank, name=name, period=piece.period, axes=axes, lacking=lacking, start=piece.start
+        )
+        alone = len(pieces) == 1 and bool(rows.all())
+        found.append(run if alone else replace(run, sha256=content_hash(run)))
+    return found or [_nothing(blank, records, "it has more gaps than rows")]
+
+
+def _axis(
+    letter: str, channels: ErrorChannels, samples: Samples, piece: UniformSegment, at: Any
+) -> AxisRun:
+    grid = {
+        name: piece.on_grid(samples.channels[f"{letter} {name}"][at]) for name in channels.channels
+    }
+    error = grid.get("error")
+    return AxisRun(
+        error=grid["reference"] - grid["position"] if error is None else error,
+        reference=grid.get("reference"), command=grid.get("command"),
+    )  # fmt: skip
+
+
+def _nothing(blank: Run, records: CompensationRecords, reason: str) -> Run:
+    return replace(blank, lacking=dict.fromkeys(records.axes, reason))
+
+
+def _split(run: Run, share: float) -> list[Run]:
+    """A training recording without its end, and the end, each with the hash of its own samples."""
+    cut = round(run.samples * (1.0 - share))
+    parts = []
+    for word, rows, last in (("begin", slice(0, cut), False), ("end", slice(cut, None), True)):
+        axes = {letter: one.within(rows) for letter, one in run.axes.items()}
+        part = replace(
+            run, name=f"{run.name}{PART}{word}", group=f"{run.group}{PART}{word}", axes=axes,
+            start=run.start + (cut * run.period if last else 0.0), last=last,
+        )  # fmt: skip
+        parts.append(replace(part, sha256=content_hash(part)))
+    return parts
+
+
+def content_hash(run: Run) -> str:
+    """SHA-256 of the samples of a run: a copy of it has the same, whatever it is called."""
+    digest = sha256()
+    for letter, one in sorted(run.axes.items()):
+        digest.update(letter.encode())
+        for values in (one.error, one.reference, one.command):
+            if values is not None:
+                digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return digest.hexdigest()
