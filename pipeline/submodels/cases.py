@@ -38,12 +38,17 @@ class Roles:
 
 @dataclass(frozen=True, kw_only=True)
 class Records:
-    """Folders and files of one machine; a sub-model names those that it reads, others are None."""
+    """Folders and files of one machine; a sub-model names those that it reads, others are None.
+
+    ``drive`` is the folder of the identified drives, for what builds on them; it holds no
+    ``model.json`` where a machine has none.
+    """
 
     raw: Path | None = None
     signals: Path | None = None
     clean: Path | None = None
     manifest: Path | None = None
+    drive: Path | None = None
 
     @property
     def files(self) -> Mapping[str, Mapping[str, Any]]:

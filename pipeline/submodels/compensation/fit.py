@@ -1,0 +1,320 @@
+"""Training and comparison: networks on folds of the training recordings, the best one serves.
+
+Every kind is trained on all but one fold, and predicts that fold; the kind with the least error
+there serves, as the mean of its networks, and its errors there calibrate the 90 % interval.  Where
+there are fewer recordings than folds, stretches of time take their place, which is said.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from pipeline.nets.sequence_settings import WindowTraining
+from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
+from pipeline.parallel import mapped
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, Features, inputs_of
+from pipeline.submodels.compensation.model import (
+    ESTIMATION,
+    PERSISTENCE,
+    PREDICTION,
+    TWIN,
+    CompensationFitSettings,
+    KindScore,
+    LeakShown,
+    UseModel,
+    key_of,
+)
+from pipeline.submodels.conformal import Residuals, bands, splits
+
+UM = 1e6
+"""Micrometres of a metre."""
+LEFT_OUT = 6000
+"""Windows of a recording left out by which kinds are compared, at most, evenly [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampled:
+    """All windows of one axis in one use, with what they are sampled and judged by.
+
+    Parameters
+    ----------
+    windows : Windows
+        Whose groups are those of splits.
+    regime : ndarray of str, shape (B,)
+        Of each window's last row.
+    time : ndarray, shape (B,)
+        Of that row in its recording [s].
+    """
+
+    windows: Windows
+    regime: Any
+    time: Floats
+
+    @property
+    def groups(self) -> list[str]:
+        """Names in order."""
+        return list(dict.fromkeys(self.windows.group.tolist()))
+
+
+def sampled(
+    features: Sequence[Features], inputs: Sequence[WindowInput], use: str,
+    settings: CompensationFitSettings, *, allow_leaks: bool = False,
+) -> Sampled:  # fmt: skip
+    """Windows of recordings after the time in which the drives' model settles."""
+    horizon = inf if use == PREDICTION else settings.horizon_s
+    found = windows_of(
+        [one.recording for one in features], inputs, RESIDUAL, settings.length, horizon,
+        allow_leaks=allow_leaks,
+    )  # fmt: skip
+    by_name = {one.recording.name: one for one in features}
+    keep = np.zeros(len(found.y), bool)
+    regime = np.empty(len(found.y), object)
+    time, group = np.zeros(len(found.y)), found.group.astype(object)
+    for name, one in by_name.items():
+        rows = found.group == name
+        at = found.at[rows]
+        keep[rows] = at * one.recording.step_s >= settings.settle_s
+        regime[rows], time[rows], group[rows] = one.regime[at], one.time[at], one.group
+    regrouped = replace(found, group=group.astype(str))
+    return Sampled(
+        windows=chosen(regrouped, keep), regime=regime[keep].astype(str), time=time[keep]
+    )
+
+
+def chosen(windows: Windows, rows: Any) -> Windows:
+    """Some of the windows."""
+    return replace(
+        windows, x=windows.x[rows], y=windows.y[rows], group=windows.group[rows],
+        at=np.broadcast_to(windows.at, windows.group.shape)[rows],
+    )  # fmt: skip
+
+
+def stratified(regime: Any, among: Any, many: int, seed: int) -> Any:
+    """Rows, ``many`` at most: as many of each regime, the rest from those that have more."""
+    random = np.random.default_rng(seed)
+    found: list[Any] = []
+    kinds = sorted(
+        np.unique(regime[among]).tolist(), key=lambda kind: int((among & (regime == kind)).sum())
+    )
+    for k, kind in enumerate(kinds):
+        rows = random.permutation(np.flatnonzero(among & (regime == kind)))
+        share = (many - sum(map(len, found))) // (len(kinds) - k)
+        found.append(rows[:share])
+    return np.sort(np.concatenate(found)) if found else np.zeros(0, int)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A network to be trained, and windows to predict then."""
+
+    kind: str
+    windows: Windows
+    others: Floats
+    settings: CompensationFitSettings
+    training: WindowTraining
+
+
+def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
+    """Document of the network, and what it predicts of the others [m]."""
+    from pipeline.nets.window_training import train_windows
+
+    training = task.training
+    if len(set(task.windows.group.tolist())) < 2:
+        training = replace(training, validation=0.0)
+    found = train_windows(task.settings.network(task.kind), task.windows, settings=training)
+    return found.document(), found.predict(task.others)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UseFit:
+    """One use on one axis with its networks' documents by kind."""
+
+    model: UseModel
+    documents: Mapping[str, tuple[Mapping[str, Any], ...]]
+
+
+def fit_axes(
+    axes: Mapping[str, Sequence[Features]], settings: CompensationFitSettings
+) -> dict[tuple[str, str], UseFit]:
+    """Every use of every axis, by letter and use.
+
+    Parameters
+    ----------
+    axes : mapping of str to sequence of Features
+        Training recordings of each axis.
+    settings : CompensationFitSettings
+        Of the fit.
+
+    Raises
+    ------
+    ValueError
+        When no recording is long enough for a window.
+    """
+    parts: dict[tuple[str, str], tuple[Sampled, bool]] = {}
+    for letter, features in axes.items():
+        cut, by_time = enough(features, settings)
+        for use, horizon in ((PREDICTION, None), (ESTIMATION, settings.horizon_s)):
+            inputs = inputs_of(cut, horizon)
+            if inputs:
+                parts[letter, use] = sampled(cut, inputs, use, settings), by_time
+    tasks, places = [], []
+    for (letter, use), (part, _) in parts.items():
+        kinds = settings.kinds if use == PREDICTION else settings.estimators
+        for fold, (task, _) in enumerate(_folds(part, settings)):
+            for kind in kinds:
+                tasks.append(replace(task, kind=kind))
+                places.append((letter, use, kind, fold))
+    done = dict(zip(places, mapped(_trained, tasks), strict=True))
+    return {
+        place: _use_fit(part, place, by_time, settings, done)
+        for place, (part, by_time) in parts.items()
+    }
+
+
+def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task, Any]]:
+    """For each fold a task without its kind, and the rows that it leaves out."""
+    groups = part.groups
+    order = [name for k in range(settings.folds) for name in groups[k :: settings.folds]]
+    found = []
+    for fold, (fitted, out) in enumerate(splits(order, settings.folds)):
+        among = np.isin(part.windows.group, fitted)
+        rows = stratified(part.regime, among, settings.windows, settings.training.seed + fold)
+        left = _thinned(part, out)
+        training = replace(settings.training, seed=settings.training.seed + fold)
+        task = _Task(
+            kind="", windows=chosen(part.windows, rows), others=part.windows.x[left],
+            settings=settings, training=training,
+        )  # fmt: skip
+        found.append((task, left))
+    return found
+
+
+def _thinned(part: Sampled, groups: Sequence[str]) -> Any:
+    """Rows of recordings left out, evenly, so that no long one costs all the time."""
+    found = []
+    for name in groups:
+        rows = np.flatnonzero(part.windows.group == name)
+        found.append(rows[:: max(-(-len(rows) // LEFT_OUT), 1)])
+    return np.concatenate(found)
+
+
+def _use_fit(
+    part: Sampled, place: tuple[str, str], by_time: bool, settings: CompensationFitSettings,
+    done: Mapping[tuple[str, str, str, int], tuple[Mapping[str, Any], Floats]],
+) -> UseFit:  # fmt: skip
+    """Champion and interval from what was left out."""
+    letter, use = place
+    kinds = settings.kinds if use == PREDICTION else settings.estimators
+    lefts = [left for _, left in _folds(part, settings)]
+    rows = np.concatenate(lefts)
+    y = part.windows.y
+    base = TWIN if use == PREDICTION else PERSISTENCE
+    errors = {base: [y[left] - _baseline(part, base, left) for left in lefts]}
+    documents = {}
+    for kind in kinds:
+        found = [done[letter, use, kind, fold] for fold in range(len(lefts))]
+        documents[kind] = tuple(document for document, _ in found)
+        errors[kind] = [y[left] - got for left, (_, got) in zip(lefts, found, strict=True)]
+    scores = {kind: _score(some) for kind, some in errors.items()}
+    champion = min(scores, key=lambda kind: scores[kind].rmse_um)
+    left_out = Residuals(
+        error=UM * np.concatenate(errors[champion]), regime=part.regime[rows],
+        group=part.windows.group[rows], t=part.time[rows],
+    )  # fmt: skip
+    model = UseModel(
+        champion=champion, scores=scores, bands=bands(left_out), inputs=part.windows.inputs,
+        by_time=by_time,
+    )  # fmt: skip
+    return UseFit(model=model, documents={key_of(*place, k): d for k, d in documents.items()})
+
+
+def _baseline(part: Sampled, name: str, rows: Any) -> Floats:
+    if name == TWIN:
+        return np.zeros(len(rows))
+    names = [one.name for one in part.windows.inputs]
+    return part.windows.x[rows, -1, names.index(RESIDUAL)]
+
+
+def _score(errors: Sequence[Floats]) -> KindScore:
+    every = np.concatenate(errors)
+    each = [float(np.sqrt(np.mean(one**2))) for one in errors]
+    return KindScore(
+        rmse_um=_rounded(UM * np.sqrt(np.mean(every**2))),
+        max_um=_rounded(UM * np.abs(every).max()), spread_um=_rounded(UM * np.std(each)),
+    )  # fmt: skip
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.5g}")
+
+
+def enough(
+    features: Sequence[Features], settings: CompensationFitSettings
+) -> tuple[list[Features], bool]:
+    """Recordings, or stretches of them where they are of fewer groups than there are folds.
+
+    Returns
+    -------
+    list of Features
+        With as many groups as folds at least, and one more to stop a training by.
+    bool
+        Whether they are stretches.
+    """
+    many = len({one.group for one in features})
+    if many > settings.folds:
+        return list(features), False
+    pieces = -(-(settings.folds + 1) // many)
+    return [part for one in features for part in _stretches(one, pieces)], True
+
+
+def _stretches(one: Features, many: int) -> list[Features]:
+    """Equal stretches of time of a recording, each a group of its own."""
+    edges = np.linspace(0, len(one.time), many + 1).astype(int)
+    found = []
+    for k in range(many):
+        rows = slice(int(edges[k]), int(edges[k + 1]))
+        name = f"{one.recording.name}, stretch {k + 1}"
+        recording = replace(
+            one.recording, name=name,
+            signals={key: values[rows] for key, values in one.recording.signals.items()},
+        )  # fmt: skip
+        found.append(
+            Features(
+                recording=recording, group=f"{one.group}, stretch {k + 1}", time=one.time[rows],
+                measured=one.measured[rows], modelled=one.modelled[rows], regime=one.regime[rows],
+            )
+        )  # fmt: skip
+    return found
+
+
+def leak_shown(
+    letter: str, features: Sequence[Features], settings: CompensationFitSettings, honest: KindScore
+) -> LeakShown:
+    """What the published inputs would seem to gain on one axis: the measured error among them.
+
+    Feed2025 gives the network the measured displacement beside the modelled one, of which the
+    target is the difference.
+    """
+    kind = settings.searched or settings.kinds[0]
+    cut, _ = enough(features, settings)
+    told = (*inputs_of(cut, None), WindowInput(name="measured error"))
+    leaky = [replace(one, recording=_with_measured(one)) for one in cut]
+    part = sampled(leaky, told, PREDICTION, settings, allow_leaks=True)
+    errors = []
+    for task, left in _folds(part, settings):
+        errors.append(part.windows.y[left] - _trained(replace(task, kind=kind))[1])
+    score = _score(errors)
+    return LeakShown(
+        axis=letter, kind=kind, inputs=part.windows.leaks, rmse_um=score.rmse_um,
+        honest_um=honest.rmse_um, max_um=score.max_um, honest_max_um=honest.max_um,
+    )  # fmt: skip
+
+
+def _with_measured(one: Features) -> Recording:
+    signals = {**one.recording.signals, "measured error": one.measured}
+    measured = MEASURED | {"measured error"}
+    return replace(one.recording, signals=signals, measured=measured)

@@ -1,0 +1,363 @@
+"""The stored model of what the drives' model leaves over, and the object that predicts from it.
+
+For each axis and use, networks of each kind are kept as they were trained on all but one fold of
+the training recordings; what serves is the mean of those of the champion.  ``load_residual`` gives
+the prediction before the motion for the twin.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+
+from pipeline.nets.sequence_settings import (
+    ArxSettings,
+    CnnLstmAttentionSettings,
+    CnnLstmSettings,
+    LstmSettings,
+    SequenceSettings,
+    TcnSettings,
+    WindowTraining,
+)
+from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
+from pipeline.schema.arrays import Floats
+from pipeline.schema.interval import Band
+from pipeline.schema.model import Model
+from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
+from pipeline.schema.store import read_json
+from pipeline.submodels.compensation.features import (
+    MEASURED,
+    RESIDUAL,
+    before_motion,
+    regimes,
+)
+from pipeline.submodels.conformal import half_widths
+
+if TYPE_CHECKING:
+    from pipeline.nets.window_model import TrainedSequence
+
+PREDICTION, ESTIMATION = "prediction", "estimation"
+"""Before the motion, from commands and the drives' model; with measurements of before."""
+USES = (PREDICTION, ESTIMATION)
+TWIN, PERSISTENCE = "twin alone", "persistence"
+"""No network; the last measured residual that is known."""
+KINDS: dict[str, type[SequenceSettings]] = {
+    "arx": ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
+    "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,
+}  # fmt: skip
+NAMES = {
+    "arx": "ARX", "lstm": "LSTM", "cnn_lstm": "CNN-LSTM",
+    "cnn_lstm_attention": "CNN-LSTM with attention", "tcn": "TCN",
+    TWIN: "drive model alone", PERSISTENCE: "persistence",
+}  # fmt: skip
+"""Kinds of network by their name in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensationFitSettings(Ranged, section="compensation_fit"):
+    """How the networks are trained and compared.
+
+    Parameters
+    ----------
+    step_s : float
+        From row to row of a window [s]; the nearest whole number of samples.
+    length : int
+        Rows of a window.
+    horizon_s : float
+        Age of the youngest measurement that an estimation uses [s].
+    settle_s : float
+        Begin of each recording that is left out, in which the drives' model settles [s].
+    windows : int
+        Of one training; as many of each regime as there are, so that reversals weigh as much as
+        the long stretches at constant speed.
+    folds : int
+        Parts of the training recordings that are left out in turn.
+    kinds, estimators : tuple of str
+        Networks of the prediction, and of the estimation.
+    units, filters : int
+        Of the LSTMs; of the convolutions.
+    ridge : float
+        Of the linear model, as a share of the variance of its output.
+    training : WindowTraining
+        Of each network.
+    searched : str
+        Kind whose learning rate, units and penalty are searched on the first axis; "" for none.
+
+    Raises
+    ------
+    ValueError
+        When a kind is none of those that there are.
+    """
+
+    step_s: Positive = 0.002
+    length: Count = 48
+    horizon_s: Annotated[float, Range(least=0.001)] = 0.02
+    settle_s: NotNegative = 0.3
+    windows: Count = 1500
+    folds: Annotated[int, Range(least=2, most=20)] = 3
+    kinds: tuple[str, ...] = tuple(KINDS)
+    estimators: tuple[str, ...] = ("arx", "cnn_lstm_attention")
+    units: Count = 50
+    filters: Count = 16
+    ridge: Positive = 1e-3
+    training: WindowTraining = field(default_factory=WindowTraining)
+    searched: str = "cnn_lstm_attention"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        named = (*self.kinds, *self.estimators, *([self.searched] if self.searched else []))
+        for kind in named:
+            if kind not in KINDS:
+                raise ValueError(
+                    f"compensation_fit names the network {kind!r}: choose among {', '.join(KINDS)}"
+                )
+        if not self.kinds or not self.estimators:
+            raise ValueError("compensation_fit.kinds and .estimators need one network at least")
+
+    def network(self, kind: str) -> SequenceSettings:
+        """Settings of a kind."""
+        if kind == "arx":
+            return ArxSettings(ridge=self.ridge)
+        if kind == "tcn":
+            return TcnSettings(filters=self.filters)
+        if kind == "lstm":
+            return LstmSettings(units=self.units)
+        made = CnnLstmAttentionSettings if kind == "cnn_lstm_attention" else CnnLstmSettings
+        return made(filters=self.filters, units=self.units)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KindScore:
+    """A kind on training recordings left out.
+
+    Parameters
+    ----------
+    rmse_um, max_um : float
+        Over all samples left out [um].
+    spread_um : float
+        Standard deviation over the networks of the folds of the RMSE of what each left out [um].
+    """
+
+    rmse_um: float
+    max_um: float
+    spread_um: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class UseModel:
+    """One use on one axis.
+
+    Parameters
+    ----------
+    champion : str
+        Kind with the least RMSE on training recordings left out, or the baseline where none is
+        better.
+    scores : mapping of str to KindScore
+        By kind, and of the baseline.
+    bands : mapping of str to Band
+        Half widths of the 90 % interval by regime [um].
+    inputs : tuple of WindowInput
+        Of the networks.
+    by_time : bool
+        Whether folds are stretches of time of the recordings, of which there are too few to leave
+        whole ones out.
+    """
+
+    champion: str
+    scores: Mapping[str, KindScore]
+    bands: Mapping[str, Band]
+    inputs: tuple[WindowInput, ...]
+    by_time: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchFacts:
+    """What a search of the settings found.
+
+    Parameters
+    ----------
+    kind, axis, method : str
+        Network and axis that it was made on; the search.
+    candidates, pruned : int
+        Trained; stopped early as worse than half of the others.
+    history_um : tuple of float
+        Least validation RMSE after each generation [um].
+    chosen : mapping of str to float
+        Settings that it found.
+    bounds_hit : mapping of str to str
+        Settings whose best value lies on a bound, and which.
+    """
+
+    kind: str
+    axis: str
+    method: str
+    candidates: int
+    pruned: int
+    history_um: tuple[float, ...]
+    chosen: Mapping[str, float]
+    bounds_hit: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeakShown:
+    """What the published inputs would seem to gain: they hold the measured position.
+
+    Parameters
+    ----------
+    axis, kind : str
+        On which it is shown.
+    inputs : tuple of str
+        That could not be known yet.
+    rmse_um, honest_um : float
+        RMSE on training recordings left out, with them and without [um].
+    max_um, honest_max_um : float
+        Greatest errors there [um].
+    """
+
+    axis: str
+    kind: str
+    inputs: tuple[str, ...]
+    rmse_um: float
+    honest_um: float
+    max_um: float
+    honest_max_um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensationModel(Model):
+    """``model.json``; the networks stand in ``networks.json`` beside it.
+
+    Parameters
+    ----------
+    axes : mapping of str to mapping of str to UseModel
+        By letter and use.
+    step_s, horizon_s, settle_s : float
+        As in the settings [s].
+    length : int
+        As in the settings.
+    lead_mm : mapping of str to float
+        Of the screws whose turn is an input [mm].
+    with_drive : bool
+        Whether there is a model of the drives; else the error itself is learnt.
+    search : SearchFacts or None
+        Of the settings.
+    leak : LeakShown or None
+        For comparison; nothing else uses it.
+    """
+
+    axes: Mapping[str, Mapping[str, UseModel]]
+    step_s: float
+    horizon_s: float
+    settle_s: float
+    length: int
+    lead_mm: Mapping[str, float] = field(default_factory=dict)
+    with_drive: bool = True
+    search: SearchFacts | None = None
+    leak: LeakShown | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworksFile:
+    """``networks.json``: documents of the networks by ``<axis> <use> <kind>``, one a fold."""
+
+    documents: Mapping[str, tuple[Mapping[str, Any], ...]]
+
+
+def key_of(letter: str, use: str, kind: str) -> str:
+    """Name of a kind's networks in ``networks.json``."""
+    return f"{letter} {use} {kind}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compensation:
+    """The model with its networks, restored when they are first asked for."""
+
+    file: CompensationModel
+    documents: Mapping[str, tuple[Mapping[str, Any], ...]]
+    restored: dict[str, "tuple[TrainedSequence, ...]"] = field(default_factory=dict)
+
+    def networks(self, letter: str, use: str, kind: str) -> "tuple[TrainedSequence, ...]":
+        """Networks of the folds."""
+        from pipeline.nets.window_model import restore_sequence
+
+        key = key_of(letter, use, kind)
+        if key not in self.restored:
+            self.restored[key] = tuple(restore_sequence(one) for one in self.documents[key])
+        return self.restored[key]
+
+    def windows(self, letter: str, use: str, recording: Recording) -> Windows:
+        """All windows of a recording, as a use looks at it."""
+        horizon = inf if use == PREDICTION else self.file.horizon_s
+        return windows_of(
+            [recording], self.file.axes[letter][use].inputs, RESIDUAL, self.file.length, horizon
+        )
+
+    def predicted(self, letter: str, use: str, kind: str, windows: Windows) -> Floats:
+        """Residual of windows [m] by the mean of a kind's networks, shape (B,)."""
+        if kind == TWIN:
+            return np.zeros(len(windows.x))
+        if kind == PERSISTENCE:
+            names = [one.name for one in windows.inputs]
+            return windows.x[:, -1, names.index(RESIDUAL)]
+        found = [one.predict(windows.x) for one in self.networks(letter, use, kind)]
+        mean: Floats = np.mean(found, axis=0)
+        return mean
+
+    def residual(
+        self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,
+        period: float,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """Residual before the motion and the half width of its 90 % interval, each (T,) [m].
+
+        Parameters
+        ----------
+        letter : str
+            Of an axis that was learnt; zero and the width of the drives' model where the champion
+            is the drives' model alone.
+        reference : ndarray, shape (T,)
+            Commanded position [m], the axis at rest before it.
+        modelled_error, modelled_command : ndarray, shape (T,)
+            Of the drives' model [m], in the drive's unit.
+        period : float
+            Between samples [s].
+        """
+        one = self.file.axes[letter][PREDICTION]
+        lead = self.file.lead_mm.get(letter)
+        signals = before_motion(reference, period, (modelled_error, modelled_command), lead)
+        t = period * np.arange(len(reference))
+        grid = np.arange(0.0, t[-1] + 0.5 * self.file.step_s, self.file.step_s)
+        regime = regimes(signals)[np.minimum(np.rint(grid / period).astype(int), len(t) - 1)]
+        stood = self.file.length - 1
+        on_grid = {
+            name: np.concatenate([np.full(stood, values[0]), np.interp(grid, t, values)])
+            for name, values in signals.items()
+        }
+        on_grid[RESIDUAL] = np.zeros(stood + len(grid))
+        recording = Recording(
+            name="command", step_s=self.file.step_s, signals=on_grid, measured=MEASURED
+        )
+        windows = self.windows(letter, PREDICTION, recording)
+        found = self.predicted(letter, PREDICTION, one.champion, windows)
+        _, upper = half_widths(regime, one.bands)
+        return np.interp(t, grid, found), np.interp(t, grid, 1e-6 * upper)
+
+
+def load_compensation(folder: Path) -> Compensation:
+    """The model in a folder.
+
+    Raises
+    ------
+    StoreError
+        When a file is missing, broken or of another form.
+    """
+    return Compensation(
+        file=read_json(folder / "model.json", CompensationModel),
+        documents=read_json(folder / "networks.json", NetworksFile).documents,
+    )
+
+
+load_residual = load_compensation
+"""What the twin takes for its corrected commands."""

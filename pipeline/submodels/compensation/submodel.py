@@ -1,0 +1,372 @@
+"""Compensation of feed axes as a sub-model: cases are recordings, judged by the following error."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from pipeline.nets.sequence_settings import TuningSettings
+from pipeline.schema.arrays import Floats
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.model import LeftOut, SourceFile
+from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import Fact
+from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
+from pipeline.submodels.compensation.features import RESIDUAL, Features, features_of
+from pipeline.submodels.compensation.fit import UM, fit_axes, leak_shown, searched
+from pipeline.submodels.compensation.model import (
+    ESTIMATION,
+    PERSISTENCE,
+    PREDICTION,
+    TWIN,
+    Compensation,
+    CompensationFitSettings,
+    CompensationModel,
+    NetworksFile,
+    load_compensation,
+)
+from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
+from pipeline.submodels.conformal import interval
+from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.twin.drive import IdentifiedDrive, read_drives
+
+FOLLOWING = "following error"
+"""Quantity of a prediction before the motion, followed by the axis' letter."""
+ESTIMATED = "following error, estimated"
+"""The same from measurements that are older than the horizon."""
+QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensationLimits(Ranged, section="compensation_limits"):
+    """Limits on recordings that no network was trained on.
+
+    Parameters
+    ----------
+    coverage : (float, float)
+        Least and greatest share of samples inside the 90 % interval over all recordings [1].  The
+        aim is 0.9; samples of a recording hang together, and a dozen recordings are hardly more
+        than a dozen draws.
+    """
+
+    coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.8, 1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
+            raise ValueError(
+                f"compensation_limits.coverage = {list(self.coverage)} must be the least and the "
+                "greatest share"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """Sections of params.yaml that the fit reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    compensation_records: CompensationRecords
+    compensation_fit: CompensationFitSettings
+    tuning: TuningSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judging:
+    """Sections of params.yaml that the judgement reads."""
+
+    identity: MachineIdentity
+    roles: Roles
+    compensation_records: CompensationRecords
+    compensation_limits: CompensationLimits
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Driven:
+    """A recording, and the identified drives of its axes; none where the machine has no model."""
+
+    run: Run
+    drives: Mapping[str, IdentifiedDrive]
+    records: CompensationRecords
+
+    def features(self, letter: str, step_s: float) -> Features:
+        """One axis as the networks see it."""
+        return features_of(
+            self.run, letter, self.drives.get(letter), step_s=step_s,
+            lead_mm=self.records.axes[letter].lead_mm,
+        )
+
+
+class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
+    """What the drives' model leaves over of the following error."""
+
+    name: ClassVar[str] = "compensation"
+    title: ClassVar[str] = "following error that the drive model leaves over"
+    needs: ClassVar[str] = (
+        "commanded and measured position of each axis at 500 Hz or more, in five recordings or "
+        "more of motions like those that shall be predicted"
+    )
+    reads: ClassVar[tuple[str, ...]] = ("signals", "drive")
+    model: ClassVar[type] = CompensationModel
+    fitting: ClassVar[type] = Fitting
+    judging: ClassVar[type] = Judging
+    inputs: ClassVar[tuple[Input, ...]] = (
+        Input(name="commanded position", unit="m"),
+        Input(name="state of the drive model", unit="m"),
+        Input(name="following error", unit="m", older_than_s=0.001),
+        Input(name="torque command", unit="1", older_than_s=0.001),
+    )
+
+    def targets(self, settings: Judging, model: CompensationModel) -> tuple[Target, ...]:
+        """Following error of each axis, predicted and estimated."""
+        least, most = settings.compensation_limits.coverage
+        found = []
+        for letter, uses in model.axes.items():
+            for use, one in uses.items():
+                base = TWIN if use == PREDICTION else PERSISTENCE
+                others = tuple(name for name in one.scores if name != one.champion)
+                found.append(
+                    Target(
+                        quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
+                        must_beat=(base,) if base in others else (), coverage=(least, most),
+                    )
+                )  # fmt: skip
+        return tuple(found)
+
+    def cases(
+        self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
+    ) -> Cases:
+        """Recordings of axes, and parts of them.
+
+        Raises
+        ------
+        ValueError
+            When a pattern fits no file, or the drives' model is broken.
+        """
+        if records.signals is None or records.drive is None:
+            raise ValueError("recordings stand in the signals, drives in theirs: name both in reads")
+        wanted = settings.compensation_records
+        path = records.drive / "model.json"
+        drives = read_drives(path) if path.exists() else {}
+
+        def role(name: str, file: str) -> Any:
+            return role_of([name, file], settings.roles, sets)
+
+        cases, left_out = [], []
+        runs = read_runs(
+            records.signals, wanted,
+            lambda name: role(name, name.partition("#")[0]) == "training",
+        )  # fmt: skip
+        for run in runs:
+            if not run.axes:
+                reasons = "; ".join(sorted(set(run.lacking.values())))
+                left_out.append(LeftOut(case=run.name, reason=reasons))
+                continue
+            of_run = "held_out" if run.last else role(run.name, run.file)
+            driven = Driven(run=run, drives=drives, records=wanted)
+            cases.append(
+                Case(
+                    name=run.name, group=run.group, role=of_run, load=_constant(driven),
+                    files=(SourceFile(file=run.file, sha256=run.sha256),),
+                    conditions={} if of_run == "sealed" else _conditions(run),
+                )
+            )  # fmt: skip
+        return Cases(cases=tuple(cases), left_out=tuple(left_out))
+
+    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> CompensationModel:
+        """Networks of every axis; what serves is chosen on training recordings left out."""
+        training, fitting = cases.of("training"), settings.compensation_fit
+        driven: list[Driven] = [case.load() for case in training]
+        if not driven:
+            why = f"; {cases.left_out[0].case}: {cases.left_out[0].reason}" if cases.left_out else ""
+            raise ValueError(
+                f"no training recording shows a following error{why}: name one in roles.training"
+            )
+        axes = {
+            letter: features
+            for letter in settings.compensation_records.axes
+            if (features := [
+                one.features(letter, fitting.step_s) for one in driven if letter in one.run.axes
+            ])
+        }  # fmt: skip
+        fitting, search = searched(axes, fitting, settings.tuning)
+        found = fit_axes(axes, fitting)
+        if not found:
+            raise ValueError(
+                "no axis has an input to learn from: record its commanded position or its torque "
+                "command"
+            )
+        first = next(iter(axes))
+        leak = None
+        if (first, PREDICTION) in found and fitting.searched in fitting.kinds:
+            honest = found[first, PREDICTION].model.scores[fitting.searched]
+            leak = leak_shown(first, axes[first], fitting, honest)
+        documents = {key: value for one in found.values() for key, value in one.documents.items()}
+        write_json(NetworksFile(documents=documents), folder / "networks.json")
+        steps = [one.recording.step_s for features in axes.values() for one in features]
+        return CompensationModel(
+            submodel=self.name,
+            machine=settings.identity.name,
+            origin=settings.identity.origin,
+            parameters={},
+            trained_on=tuple(case.training for case in training),
+            left_out=cases.left_out,
+            conditions={n: replace(c, low=0.0) for n, c in conditions_of(training).items()},
+            axes={
+                letter: {use: one.model for (of, use), one in found.items() if of == letter}
+                for letter in axes
+            },
+            step_s=float(np.median(steps)),
+            horizon_s=fitting.horizon_s,
+            settle_s=fitting.settle_s,
+            length=fitting.length,
+            lead_mm={
+                letter: one.lead_mm for letter, one in settings.compensation_records.axes.items()
+                if one.lead_mm is not None
+            },
+            with_drive=bool(driven[0].drives),
+            search=search,
+            leak=leak,
+        )  # fmt: skip
+
+    def load(self, folder: Path, settings: Judging) -> Predictor:
+        """Predictor of recordings."""
+        model = load_compensation(folder)
+        return lambda case: _predicted(case.load(), model)
+
+    def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
+        """Residual of each axis before the motion with its 90 % interval [um].
+
+        The table has ``t`` [s], evenly spaced, and for each axis of interest
+        ``<axis>_reference`` [m], ``<axis>_modelled_error`` [m] and ``<axis>_modelled_command`` of
+        the drives' model; the axis is at rest in the first row.
+        """
+        model = load_compensation(folder)
+
+        def predict(table: pd.DataFrame) -> pd.DataFrame:
+            if "t" not in table.columns or len(table) < 2:
+                raise ValueError(
+                    "the input has no column t of two rows or more: give it in seconds"
+                )
+            t = table["t"].to_numpy(float)
+            found = {"t": t}
+            for letter, uses in model.file.axes.items():
+                names = [f"{letter}_{n}" for n in ("reference", "modelled_error", "modelled_command")]
+                if PREDICTION not in uses or any(name not in table.columns for name in names):
+                    continue
+                columns = [table[name].to_numpy(float) for name in names]
+                residual, half = model.residual(letter, *columns, float(np.diff(t).mean()))
+                found |= {
+                    f"{letter}_residual": UM * residual, f"{letter}_low": UM * (residual - half),
+                    f"{letter}_high": UM * (residual + half),
+                }  # fmt: skip
+            return pd.DataFrame(found, index=table.index)
+
+        return predict
+
+    def example(self, folder: Path) -> pd.DataFrame:
+        """A fifth of a second of slow feed of each axis."""
+        model = load_compensation(folder).file
+        t = model.step_s * np.arange(100)
+        columns: dict[str, Floats] = {"t": t}
+        for letter, uses in model.axes.items():
+            if PREDICTION in uses:
+                columns |= {
+                    f"{letter}_reference": 0.01 * t, f"{letter}_modelled_error": 0.0 * t,
+                    f"{letter}_modelled_command": 0.0 * t,
+                }  # fmt: skip
+        return pd.DataFrame(columns)
+
+    def page(self, shown: Shown[CompensationModel]) -> Any:
+        """Error before and after, networks compared, attention, the search."""
+        from pipeline.submodels.compensation.page import page
+
+        return page(shown)
+
+
+def _constant(driven: Driven) -> Callable[[], Driven]:
+    return lambda: driven
+
+
+def _conditions(run: Run) -> dict[str, Fact]:
+    """Highest commanded speed of each axis, to three significant digits."""
+    return {
+        f"highest speed {letter}": Fact(
+            value=float(f"{1e3 * np.abs(np.diff(axis.reference)).max() / run.period:.3g}"),
+            unit="mm/s",
+        )
+        for letter, axis in run.axes.items()
+        if axis.reference is not None and len(axis.reference) > 1
+    }
+
+
+def _predicted(driven: Driven, model: Compensation) -> Prediction:
+    """A recording by every network of every use."""
+    frames, facts = [], {}
+    for letter, uses in model.file.axes.items():
+        if letter not in driven.run.axes:
+            continue
+        features = driven.features(letter, model.file.step_s)
+        for use, one in uses.items():
+            known = set(features.recording.signals)
+            if any(wanted.name not in known for wanted in one.inputs):
+                continue
+            try:
+                frame = _frame(features, letter, use, model)
+            except ValueError:  # shorter than a window
+                continue
+            if not len(frame):
+                continue
+            frames.append(frame)
+            facts |= _facts(frame, letter, use)
+    if not frames:
+        return Prediction(frame=pd.DataFrame(), note="it is shorter than a window or shows no axis")
+    return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts)
+
+
+def _frame(features: Features, letter: str, use: str, model: Compensation) -> pd.DataFrame:
+    """Following error measured and predicted [um], the other networks beside it."""
+    one = model.file.axes[letter][use]
+    windows = model.windows(letter, use, features.recording)
+    at = windows.at[windows.at * features.recording.step_s >= model.file.settle_s]
+    windows = replace(
+        windows, x=windows.x[-len(at) :] if len(at) else windows.x[:0], at=at,
+        y=windows.y[-len(at) :] if len(at) else windows.y[:0],
+    )  # fmt: skip
+    modelled, regime = UM * features.modelled[at], features.regime[at]
+
+    def error(kind: str) -> Floats:
+        return modelled + UM * model.predicted(letter, use, kind, windows)
+
+    found = error(one.champion)
+    low, high = interval(found, regime, one.bands)
+    others = {f"baseline_{kind}": error(kind) for kind in one.scores if kind != one.champion}
+    return pd.DataFrame({
+        "quantity": f"{QUANTITIES[use]} {letter}", "unit": "um", "t": features.time[at],
+        "measured": UM * features.measured[at], "predicted": found, "low": low, "high": high,
+        **others,
+    })  # fmt: skip
+
+
+def _facts(frame: pd.DataFrame, letter: str, use: str) -> dict[str, Fact]:
+    """Share of the greatest error that is gone, against the baseline."""
+    base = TWIN if use == PREDICTION else PERSISTENCE
+    name = f"baseline_{base}"
+    if name not in frame.columns:
+        return {}
+    measured = frame["measured"].to_numpy(float)
+    before = float(np.abs(frame[name].to_numpy(float) - measured).max())
+    after = float(np.abs(frame["predicted"].to_numpy(float) - measured).max())
+    if before <= 0:
+        return {}
+    share = Fact(value=float(f"{100 * (1 - after / before):.3g}"), unit="%")
+    return {f"greatest error of {letter} less by, {use}": share}
+
+
+SUBMODEL = CompensationOfAxes()
+"""Following errors of feed axes."""
