@@ -286,11 +286,10 @@ def thinned(windows: Windows, most: int) -> Windows:
     """
     if len(windows.y) <= most:
         return windows
-    share = most / len(windows.y)
     rows = []
     for name in np.unique(windows.group):
         own = np.flatnonzero(windows.group == name)
-        many = max(int(share * len(own)), 1)
+        many = max(most * len(own) // len(windows.y), 1)
         rows.append(own[(np.arange(many) * len(own)) // many])
     kept = np.sort(np.concatenate(rows))
     at = np.broadcast_to(windows.at, windows.group.shape)
