@@ -9,6 +9,6 @@ Sources: FFNN2015; Sun and Jang 1993 (filters over channels); Golub and Pereyra 
 """
 
 __all__ = [
-    "ffnn", "sequence_settings", "settings", "trained", "training", "window_model",
-    "window_training", "windows",
+    "ffnn", "sequence_settings", "settings", "trained", "training", "tuning",
+    "window_model", "window_training", "windows",
 ]  # fmt: skip

@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar
 
 from pipeline.nets.settings import Whole
 from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
+from pipeline.search.methods import METHODS
 
 PRECISIONS = ("float32", "bfloat16")
 """Precisions of a training; a trained network always predicts in float32."""
@@ -128,6 +129,9 @@ class WindowTraining(Ranged, section="window_training"):
         has them, float32 where it has not.
     seed : int
         Of initial weights, order of windows, choice of validation recordings.
+    validation_seed : int or None
+        Of the choice of validation recordings, so that trainings with other weights stop by the
+        same ones; None for ``seed``.
 
     Raises
     ------
@@ -143,6 +147,7 @@ class WindowTraining(Ranged, section="window_training"):
     validation: Annotated[float, Range(least=0.0, below=1.0)] = 0.2
     precision: str = "float32"
     seed: Whole = 0
+    validation_seed: Whole | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -151,3 +156,63 @@ class WindowTraining(Ranged, section="window_training"):
                 f"window_training.precision = {self.precision!r} must be one of "
                 f"{', '.join(PRECISIONS)}"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningSettings(Ranged, section="tuning"):
+    """Budget of a search for the settings of a network on windows, and where it searches.
+
+    Parameters
+    ----------
+    method : str
+        Name of the search in :data:`pipeline.search.methods.METHODS`.
+    population, generations : int
+        Candidates of a generation, and generations: 8 and 20 in Feed2025.
+    epochs, patience : int
+        Of a candidate, as in :class:`WindowTraining`.
+    windows : int
+        Of a candidate at most, spread evenly over each recording; at least one of each.
+    milestones : tuple of int
+        Epochs after which a candidate is stopped when its least validation error so far is above
+        the median of those that candidates of earlier generations had by then; empty for never.
+    fewest : int
+        Candidates of earlier generations whose median may stop one.
+    retrained : int
+        Best settings that are trained again, in full.
+    seed : int
+        Of the search.
+    learning_rate, units, l2 : tuple
+        Lower and upper bound of each: those of Feed2025.  The learning rate and ``l2`` are searched
+        on a logarithmic scale, ``l2`` evenly where its lower bound is 0; equal bounds hold one.
+
+    Raises
+    ------
+    ValueError
+        When a setting is out of its range, a range is empty, or there is no search of that name.
+    """
+
+    method: str = "genetic"
+    population: Annotated[int, Range(least=2)] = 4
+    generations: Count = 3
+    epochs: Count = 30
+    patience: Count = 10
+    windows: Count = 1500
+    milestones: tuple[Count, ...] = (3, 6, 12, 25, 50)
+    fewest: Count = 4
+    retrained: Count = 3
+    seed: Whole = 0
+    learning_rate: tuple[Positive, Positive] = (1e-3, 1e-2)
+    units: tuple[Count, Count] = (50, 100)
+    l2: tuple[NotNegative, NotNegative] = (1e-4, 1e-1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.method not in METHODS:
+            raise ValueError(f"tuning.method = {self.method!r} is not one of {', '.join(METHODS)}")
+        for name in ("learning_rate", "units", "l2"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(
+                    f"tuning.{name} = {low:g} to {high:g} is an empty range: give the lower bound "
+                    "first"
+                )

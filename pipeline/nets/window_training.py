@@ -32,6 +32,10 @@ Samples = tuple[Tensor, Tensor]
 """Scaled windows and targets."""
 
 
+class Diverged(ValueError):  # noqa: N818
+    """A training whose first epoch gave no finite error."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Epoch:
     """What a training says after each epoch.
@@ -84,8 +88,8 @@ def train_windows(
     ------
     ValueError
         When windows are empty, not finite or of shapes that do not fit, when there is no recording
-        to learn from beside those for validation, when the first epoch diverges, or when the
-        checkpoint is of another training.
+        to learn from beside those for validation, when the first epoch diverges
+        (:class:`Diverged`), or when the checkpoint is of another training.
     """
     x, y = samples("x", windows.x, 3), samples("y", windows.y, np.ndim(windows.y))
     labels = [str(one) for one in windows.group]
@@ -155,7 +159,8 @@ def _kept(labels: list[str], settings: WindowTraining) -> tuple[str, ...]:
             f"there is one recording, {labels[0]!r}, to learn from and to stop by: give at least "
             "two, or set window_training.validation = 0"
         )
-    split = TrainingSettings(validation=settings.validation, seed=settings.seed)
+    chosen = settings.seed if settings.validation_seed is None else settings.validation_seed
+    split = TrainingSettings(validation=settings.validation, seed=chosen)
     return validation_groups(labels, split)
 
 
@@ -208,7 +213,7 @@ class _Loop:
             error = _rmse(self.built, validation) if len(validation[1]) else learnt
             if not (isfinite(learnt) and isfinite(error)):
                 if done == 1:
-                    raise ValueError(
+                    raise Diverged(
                         "training diverged in its first epoch: lower window_training.learning_rate "
                         f"from {self.settings.learning_rate:g}"
                     )

@@ -1,0 +1,421 @@
+"""Search for learning rate, units and penalty of a network on windows.
+
+The candidates of a generation are trained side by side, on few windows and for few epochs.  One
+whose error at a milestone is above the median of what earlier generations had by then is stopped
+there (median stopping, Golovin et al. 2017).  The best settings are trained again in full, with a
+seed of their own each, and the best of these networks by validation error is the result.  All are
+stopped by the same recordings.
+
+An optimum at a bound says that the range may be too small: that of Feed2025 lies at the lower
+bounds of all three.
+
+Sources: Feed2025 (whale optimisation, 8 candidates, 20 generations); Golovin et al. 2017, "Google
+Vizier".
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
+from math import inf, isfinite
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from pipeline.nets.sequence_settings import (
+    ArxSettings,
+    SequenceSettings,
+    TuningSettings,
+    WindowTraining,
+)
+from pipeline.nets.window_model import TrainedSequence
+from pipeline.nets.window_training import Diverged, Epoch, train_windows
+from pipeline.nets.windows import Windows
+from pipeline.parallel import Compute, mapped
+from pipeline.schema.arrays import Floats
+from pipeline.search.box import Box
+from pipeline.search.methods import minimise
+
+Values = dict[str, float]
+"""Values of what is tuned, by name."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """One that was trained in the search.
+
+    Parameters
+    ----------
+    generation : int
+        From 1.
+    values : dict of str to float
+        What was tuned.
+    errors : ndarray, shape (E,)
+        RMSE of the validation windows after each epoch, in the unit of the target; empty where
+        the first epoch diverged.
+    pruned : bool
+        Whether it was stopped at a milestone.
+    """
+
+    generation: int
+    values: Values
+    errors: Floats
+    pruned: bool
+
+    @property
+    def epochs(self) -> int:
+        """Epochs that were trained [1]."""
+        return len(self.errors)
+
+    @property
+    def validation(self) -> float:
+        """Least RMSE of the validation windows; infinite where the training diverged."""
+        return float(self.errors.min(initial=inf))
+
+    def by(self, epoch: int) -> float | None:
+        """Least error up to an epoch; None where it was pruned before."""
+        if self.pruned and self.epochs < epoch:
+            return None
+        return float(self.errors[:epoch].min(initial=inf))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generation:
+    """What a search says after each generation.
+
+    Parameters
+    ----------
+    number, of : int
+        Generations that are done, and that there are at most.
+    validation : float
+        Least RMSE so far, in the unit of the target.
+    candidates, pruned : int
+        Trained so far, and those among them that were stopped at a milestone.
+    seconds, left_s : float
+        Time so far [s], and to come before the best are trained in full, at the mean time of a
+        generation.
+    """
+
+    number: int
+    of: int
+    validation: float
+    candidates: int
+    pruned: int
+    seconds: float
+    left_s: float
+
+
+Watch = Callable[[Generation], bool | None]
+"""Called after each generation; true ends the search."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tuned:
+    """Result of a search for the settings of a network.
+
+    Parameters
+    ----------
+    settings : TuningSettings
+        Of the search.
+    names : tuple of str
+        What was tuned.
+    candidates : tuple of Candidate
+        All that were trained, in the order of the search.
+    history : ndarray, shape (G,)
+        Least validation RMSE of the candidates up to each generation.
+    evaluations : int
+        Candidates that the search asked for; one that it asks for again is not trained again.
+    retrained : tuple of TrainedSequence
+        Those that were trained in full, the best by validation error first.
+    bounds_hit : dict of str to str
+        ``low`` or ``high`` for what lies at a bound of its range in the best of them.
+    seconds : float
+        That it took [s]; not part of the document.
+    """
+
+    settings: TuningSettings
+    names: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    history: Floats
+    evaluations: int
+    retrained: tuple[TrainedSequence, ...]
+    bounds_hit: dict[str, str]
+    seconds: float
+
+    @property
+    def network(self) -> TrainedSequence:
+        """The best of those that were trained in full."""
+        return self.retrained[0]
+
+    @property
+    def notice(self) -> str:
+        """What the bounds that were hit mean, as a sentence; empty where none was."""
+        if not self.bounds_hit:
+            return ""
+        found = _values(self.network, self.names)
+        said = [f"{name} = {found[name]:.4g} ({side})" for name, side in self.bounds_hit.items()]
+        return (
+            f"the best settings lie at a bound of their range, where a better value may lie "
+            f"outside: {', '.join(said)}"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """All of it but its time in plain lists, numbers and words, as JSON holds them.
+
+        The same seed gives the same document in any number of processes.  A candidate that
+        diverged has no validation error (None).
+        """
+        settings = asdict(self.settings).items()
+        return {
+            "settings": {k: list(v) if isinstance(v, tuple) else v for k, v in settings},
+            "candidates": [
+                {
+                    "generation": one.generation, **one.values, "epochs": one.epochs,
+                    "validation": _finite(one.validation), "pruned": one.pruned,
+                }
+                for one in self.candidates
+            ],
+            "history": [_finite(error) for error in self.history.tolist()],
+            "evaluations": self.evaluations,
+            "retrained": [
+                {
+                    **_values(one, self.names), "seed": one.settings.seed, "epochs": one.epochs,
+                    "validation": _error(one),
+                }
+                for one in self.retrained
+            ],
+            "bounds_hit": dict(self.bounds_hit),
+            "network": self.network.document(),
+        }  # fmt: skip
+
+
+def tune(
+    kind: SequenceSettings, windows: Windows, training: WindowTraining, settings: TuningSettings,
+    *, compute: Compute = "processes", device: str = "cpu", watch: Watch | None = None,
+) -> Tuned:  # fmt: skip
+    """The best settings within their ranges, and the network that was trained with them.
+
+    Parameters
+    ----------
+    kind : SequenceSettings
+        Of the network; ``units`` is tuned where it has them, the rest is kept.
+    windows : Windows
+        To learn from and to stop by; their groups are whole recordings.
+    training : WindowTraining
+        Of the trainings in full; those of candidates differ in what :class:`TuningSettings` says.
+        The k-th of the best has the seed ``training.seed`` + k, from 0.
+    settings : TuningSettings
+        Budget and ranges.
+    compute : {"processes", "serial", "threads"}
+        Where candidates are trained, each on one thread; on a GPU one after another, here.
+    device : str
+        Of torch.
+    watch : callable or None
+        Called after each generation.
+
+    Raises
+    ------
+    ValueError
+        When the network has nothing to tune, no recordings are kept for validation, all
+        candidates diverge, or the windows do not fit (:func:`train_windows`).
+    """
+    if isinstance(kind, ArxSettings):
+        raise ValueError(
+            f"a network of kind {kind.kind} is solved at once and has no {' or '.join(_RANGES)} to "
+            "tune: give one that is trained in epochs"
+        )
+    if training.validation == 0:
+        raise ValueError(
+            "settings are compared by recordings that are not learnt from: set "
+            "window_training.validation above 0"
+        )
+    started = perf_counter()
+    place: Compute = "serial" if device.startswith("cuda") else compute
+    search = _Search(kind, thinned(windows, settings.windows), training, settings, place, device)
+    box, of = search.box, settings.generations
+
+    def told(number: int, _: Floats, best: float) -> bool:
+        seconds = perf_counter() - started
+        generation = Generation(
+            number=number, of=of, validation=best, candidates=len(search.known),
+            pruned=sum(one.pruned for one in search.known.values()), seconds=seconds,
+            left_s=seconds / number * (of - number),
+        )  # fmt: skip
+        return bool(watch and watch(generation))
+
+    found = minimise(
+        settings.method, search.cost, box.low, box.high, population=settings.population,
+        generations=of, seed=settings.seed, log=box.log, integer=box.integer, callback=told,
+    )  # fmt: skip
+    candidates = tuple(search.known.values())
+    best = sorted((one for one in candidates if one.epochs), key=lambda one: one.validation)
+    split = training.seed if training.validation_seed is None else training.validation_seed
+    tasks = []
+    for k, one in enumerate(best[: settings.retrained]):
+        full = replace(training, seed=training.seed + k, validation_seed=split)
+        tasks.append(_with(kind, full, one.values))
+    again = mapped(partial(_trained, windows=windows, device=device), tasks, compute=place)
+    retrained = sorted((one for one in again if one is not None), key=_error)
+    if not retrained:
+        raise ValueError(
+            f"none of {len(candidates)} candidates could be trained without divergence: lower the "
+            f"bounds of tuning.learning_rate from {settings.learning_rate[0]:g} to "
+            f"{settings.learning_rate[1]:g}"
+        )
+    chosen = _values(retrained[0], search.names)
+    sides = zip(search.names, box.at_bounds(np.array(list(chosen.values()))).tolist(), strict=True)
+    return Tuned(
+        settings=settings, names=search.names, candidates=candidates, history=found.history,
+        evaluations=found.evaluations, retrained=tuple(retrained),
+        bounds_hit={name: "low" if side < 0 else "high" for name, side in sides if side},
+        seconds=perf_counter() - started,
+    )  # fmt: skip
+
+
+def thinned(windows: Windows, most: int) -> Windows:
+    """Some windows of each recording, spread evenly in their order.
+
+    Parameters
+    ----------
+    windows : Windows
+        Of which some are taken.
+    most : int
+        Windows in all, where there are no more recordings than that; at least one of each stays, so
+        that the choice of recordings by a seed stays the same.
+    """
+    if len(windows.y) <= most:
+        return windows
+    rows = []
+    for name in np.unique(windows.group):
+        own = np.flatnonzero(windows.group == name)
+        many = max(most * len(own) // len(windows.y), 1)
+        rows.append(own[(np.arange(many) * len(own)) // many])
+    kept = np.sort(np.concatenate(rows))
+    at = np.broadcast_to(windows.at, windows.group.shape)
+    return replace(
+        windows, x=windows.x[kept], y=windows.y[kept], group=windows.group[kept], at=at[kept]
+    )
+
+
+_RANGES = ("learning_rate", "units", "l2")
+"""What is tuned, where the network has it."""
+_LOGARITHMIC = ("learning_rate", "l2")
+
+Task = tuple[SequenceSettings, WindowTraining]
+"""What a training differs in from the others."""
+
+
+class _Search:
+    """Costs of generations, and all candidates that were trained for them.
+
+    Parameters
+    ----------
+    kind, training
+        As they were given.
+    windows : Windows
+        Of a candidate.
+    settings : TuningSettings
+        Budget and ranges.
+    place, device
+        Where candidates are trained.
+    """
+
+    def __init__(
+        self, kind: SequenceSettings, windows: Windows, training: WindowTraining,
+        settings: TuningSettings, place: Compute, device: str,
+    ) -> None:  # fmt: skip
+        self.kind, self.windows, self.settings = kind, windows, settings
+        self.training = replace(training, epochs=settings.epochs, patience=settings.patience)
+        self.place: Compute = place
+        self.device = device
+        self.generation = 0
+        self.known: dict[tuple[float, ...], Candidate] = {}
+        own = {item.name for item in (*fields(kind), *fields(training))}  # type: ignore[arg-type]
+        self.names = tuple(name for name in _RANGES if name in own)
+        low, high = zip(*(getattr(settings, name) for name in self.names), strict=True)
+        log = [name in _LOGARITHMIC and a > 0 for name, a in zip(self.names, low, strict=True)]
+        self.box = Box.of(low, high, log, [name == "units" for name in self.names])
+
+    def cost(self, x: Floats) -> Floats:
+        """Validation RMSE, shape (P,), of candidates, shape (P, D); infinite where one diverges."""
+        self.generation += 1
+        asked = [tuple(row) for row in x.tolist()]
+        new = [one for one in dict.fromkeys(asked) if one not in self.known]
+        limits = self._limits()
+        tasks = [_with(self.kind, self.training, self._named(one)) for one in new]
+        attempt = partial(_attempt, windows=self.windows, limits=limits, device=self.device)
+        for one, (errors, pruned) in zip(
+            new, mapped(attempt, tasks, compute=self.place), strict=True
+        ):
+            self.known[one] = Candidate(
+                generation=self.generation, values=self._named(one), errors=errors, pruned=pruned
+            )
+        return np.array([self.known[one].validation for one in asked])
+
+    def _limits(self) -> dict[int, float]:
+        """Milestone -> median of the errors by then, of the generations that are done."""
+        limits = {}
+        for epoch in self.settings.milestones:
+            found = [one.by(epoch) for one in self.known.values()]
+            errors = [error for error in found if error is not None]
+            if len(errors) >= self.settings.fewest and epoch < self.settings.epochs:
+                limits[epoch] = median(errors)
+        return limits
+
+    def _named(self, row: Sequence[float]) -> Values:
+        return {
+            name: int(value) if name == "units" else value
+            for name, value in zip(self.names, row, strict=True)
+        }
+
+
+def _with(kind: SequenceSettings, training: WindowTraining, values: Values) -> Task:
+    """Settings with the values of a candidate."""
+    own = {name: value for name, value in values.items() if hasattr(kind, name)}
+    rest = {name: value for name, value in values.items() if name not in own}
+    return replace(kind, **own), replace(training, **rest)  # type: ignore[type-var, arg-type]
+
+
+def _values(found: TrainedSequence, names: Sequence[str]) -> Values:
+    """What was tuned, of a trained network."""
+    return {
+        name: getattr(found.kind if hasattr(found.kind, name) else found.settings, name)
+        for name in names
+    }
+
+
+def _attempt(
+    task: Task, windows: Windows, limits: dict[int, float], device: str
+) -> tuple[Floats, bool]:
+    """Validation errors of a candidate after each epoch, and whether it was pruned."""
+    least, pruned = inf, False
+
+    def watch(epoch: Epoch) -> bool:
+        nonlocal least, pruned
+        least = min(least, epoch.validation)
+        pruned = least > limits.get(epoch.number, inf)
+        return pruned
+
+    try:
+        found = train_windows(task[0], windows, settings=task[1], watch=watch, device=device)
+    except Diverged:
+        return np.empty(0), False
+    return found.history[:, 2], pruned
+
+
+def _trained(task: Task, windows: Windows, device: str) -> TrainedSequence | None:
+    """Network of a training in full; None where it diverges."""
+    try:
+        return train_windows(task[0], windows, settings=task[1], device=device)
+    except Diverged:
+        return None
+
+
+def _error(found: TrainedSequence) -> float:
+    """Least validation RMSE."""
+    return float(found.history[:, 2].min())
+
+
+def _finite(error: float) -> float | None:
+    return error if isfinite(error) else None
