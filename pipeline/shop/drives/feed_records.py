@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME
 from pipeline.shop.control.postprocessor import PartProgram
@@ -23,6 +23,8 @@ from pipeline.shop.parameters import ShopParameters
 
 SLOWEST = 0.1
 """An axis whose command is slower counts as one that stands [mm/s]."""
+MOTION = 0.25
+"""Least share of a stretch in which an axis moves [1]."""
 
 
 def write_feed(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
@@ -93,14 +95,14 @@ def _stretches(
         columns += axis_columns(letter, axis, command, drives.tool, random, rate=settings.rate)
     rows = round(settings.seconds * settings.rate)
     sampled = position[:: frequency // settings.rate]
-    begins = _begins(sampled, rows, count, settings.rate, random)
+    begins = _begins(sampled, rows, settings.rate, random)
     if len(begins) < count:
         raise ValueError(
             f"FeedRecords.stretches asks for {count} of {settings.seconds:g} s of {program.name}, "
             f"which moves in {len(begins)} such: ask for fewer or shorter ones"
         )
     head = trace_head(parameters.machine, drives.axes, settings.rate)
-    for part, begin in enumerate(begins, 1):
+    for part, begin in enumerate(np.sort(begins[:count]).tolist(), 1):
         held = [replace(c, values=c.values[begin : begin + rows]) for c in columns]
         told = {"program": program.name, "start_s": begin / settings.rate}
         file = f"feed/program-{program.name}-part{part}.csv"
@@ -108,17 +110,13 @@ def _stretches(
         yield {"file": file, **done, **told}
 
 
-def _begins(
-    position: Floats, rows: int, count: int, rate: int, random: np.random.Generator
-) -> list[int]:
-    """First rows of the ``count`` stretches that move most, one after the other without overlap.
+def _begins(position: Floats, rows: int, rate: int, random: np.random.Generator) -> Ints:
+    """First rows of stretches that hold motion, in random order and without overlap.
 
     The program, positions (T, 3) [mm] at ``rate`` [Hz], is cut from a moment of chance on into
-    stretches of as many rows.
+    stretches of as many ``rows``.
     """
     moves = np.abs(np.diff(position, axis=0)).max(axis=1) * rate > SLOWEST
-    first = int(random.integers(rows))
-    begins = np.arange(first, len(moves) - rows + 1, rows)
-    moving = np.array([moves[b : b + rows].sum() for b in begins.tolist()])
-    most = np.argsort(-moving, kind="stable")[:count]
-    return sorted(begins[most[moving[most] > 0]].tolist())
+    begins = np.arange(int(random.integers(rows)), len(moves) - rows + 1, rows)
+    moving = np.array([moves[b : b + rows].mean() for b in begins.tolist()])
+    return random.permutation(begins[moving >= MOTION])
