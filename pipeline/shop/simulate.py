@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.drives.records import write_drives
 from pipeline.shop.files import write_text
 from pipeline.shop.growth.records import write_growth
@@ -31,9 +32,10 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     out : Path
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
         ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
-        ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``dynamometer/<test>.csv``,
-        ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``growth/<profile>.csv``,
-        ``parts/<name>.nc``.  Made if it is missing; files of the same names are replaced.
+        ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``feed/<trace>.csv``,
+        ``dynamometer/<test>.csv``, ``cutting/<program>.nc``, ``cutting/<run>.txt``,
+        ``growth/<profile>.csv``, ``parts/<name>.nc``.  Made if it is missing; files of the same
+        names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``: parameters, working days, cycles, and every
         fault with its exact time.
@@ -75,6 +77,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         },
         "control": write_control(out, parameters),
         "drives": write_drives(out, parameters),
+        "feed": write_feed(out, parameters),
         "cutting": write_cutting(out, parameters),
         "growth": write_growth(out, parameters),
         "thermocouples": sensors.write_thermocouples(

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.simulate import simulate
@@ -82,7 +83,19 @@ def digests(folder: Path) -> dict[str, str]:
 
 def shop_parameters(machine: str, **changes: Any) -> ShopParameters:
     section = yaml.safe_load((CONF / f"{machine}.yaml").read_text(encoding="utf-8"))
-    return cattrs.Converter(forbid_extra_keys=True).structure(section | changes, ShopParameters)
+    return cattrs.Converter(forbid_extra_keys=True).structure(
+        merged(section, changes), ShopParameters
+    )
+
+
+def merged(section: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """``section`` with ``changes``, which name of a section inside it only what they change."""
+    inner = {
+        key: merged(section.get(key, {}), value)
+        for key, value in changes.items()
+        if isinstance(value, dict)
+    }
+    return section | changes | inner
 
 
 def run(root: Path, machine: str, **changes: Any) -> Simulated:
@@ -93,15 +106,16 @@ def run(root: Path, machine: str, **changes: Any) -> Simulated:
 
 
 NO_CUTS, NO_DRIVES = {"cutting": {"recorded": False}}, {"drives": {"recorded": False}}
-NO_GROWTH = {"growth": {"recorded": False}}
-"""Changes by which the cutting tests, the servo tool and the growth's logger write nothing."""
+NO_FEED, NO_GROWTH = {"drives": {"feed": {"recorded": False}}}, {"growth": {"recorded": False}}
+"""Changes by which the cutting tests, the servo tool (as a whole, or of feeds) and the growth's
+logger write nothing."""
 
 
 @pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """Without cutting tests and spindle growth, which ``cuts`` and ``warm`` hold."""
+    """Without cutting tests, feeds and spindle growth: ``cuts``, ``feeds`` and ``warm``."""
     folder = tmp_path_factory.mktemp(request.param)
-    return run(folder, request.param, weeks=1, **NO_CUTS, **NO_GROWTH)
+    return run(folder, request.param, weeks=1, **NO_CUTS, **NO_FEED, **NO_GROWTH)
 
 
 @pytest.fixture(scope="session")
@@ -118,6 +132,15 @@ def cuts(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp(f"{request.param}-cuts")
     parameters = shop_parameters(request.param)
     truth = json.loads(json.dumps(write_cutting(folder, parameters)))
+    return Simulated(folder, truth, parameters)
+
+
+@pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
+def feeds(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    """The feeds of each machine alone; ``truth`` is their section of it."""
+    folder = tmp_path_factory.mktemp(f"{request.param}-feeds")
+    parameters = shop_parameters(request.param)
+    truth = json.loads(json.dumps(write_feed(folder, parameters)))
     return Simulated(folder, truth, parameters)
 
 

@@ -187,6 +187,56 @@ class ServoTool(Ranged, section="ServoTool"):
 
 
 @dataclass(frozen=True, kw_only=True)
+class FeedRecords(Ranged, section="FeedRecords"):
+    """Recordings of feeds by the servo tool: strokes at cutting feeds, part programs in air.
+
+    Parameters
+    ----------
+    rate : int
+        Sampling rate that the tool is set to, a whole fraction of its greatest.
+    feeds : tuple of (float, int)
+        Feed of the strokes [mm/min] and number of recordings at it, of each axis.
+    length, times : float, int
+        Of a stroke; number of strokes there and back in a recording.
+    spread : float
+        From the work offset, the strokes begin as far away at most.
+    seconds : float
+        That the recorder holds while a part program runs.
+    stretches : tuple of int
+        Number of stretches that are recorded of each part program.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range, the rate does not divide the tool's, no feed is told, or a
+        feed or a number is out of range.
+    """
+
+    recorded: bool = True
+    rate: Annotated[int, Range(least=100, most=RATE, unit="Hz")] = 500
+    feeds: tuple[tuple[float, int], ...] = (
+        (500.0, 1), (1000.0, 1), (1500.0, 2), (2000.0, 1), (3000.0, 2), (4500.0, 1), (6000.0, 1),
+    )  # fmt: skip
+    length: Annotated[float, Range(least=1, most=250, unit="mm")] = 100.0
+    times: Annotated[int, Range(least=1, most=20)] = 2
+    spread: Annotated[float, Range(least=0, most=250, unit="mm")] = 100.0
+    seconds: Annotated[float, Range(least=2, most=600, unit="s")] = 12.0
+    stretches: tuple[int, int, int, int] = (2, 2, 3, 1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if RATE % self.rate:
+            raise ValueError(f"FeedRecords.rate = {self.rate} [Hz] must divide {RATE}")
+        if not self.feeds or any(not 10 <= f <= 15e3 or not 1 <= n <= 100 for f, n in self.feeds):
+            raise ValueError(
+                f"FeedRecords.feeds = {self.feeds} must be pairs of a feed from 10 to 15000 mm/min "
+                "and a number of recordings from 1 to 100"
+            )
+        if min(self.stretches) < 0 or max(self.stretches) > 100:
+            raise ValueError(f"FeedRecords.stretches = {self.stretches} must lie from 0 to 100")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Friction(Ranged, section="Friction"):
     """LuGre friction of guideways and nut, for motion in positive and in negative direction.
 
@@ -311,6 +361,11 @@ def _z() -> Axis:
 class Drives(Ranged, section="Drives"):
     """The axes of a machine, and the tool that records them when ``recorded``.
 
+    Parameters
+    ----------
+    feed : FeedRecords
+        Its recordings of feeds, which it makes when those are ``recorded`` too.
+
     Raises
     ------
     ValueError
@@ -322,6 +377,7 @@ class Drives(Ranged, section="Drives"):
     y: Axis = field(default_factory=_y)
     z: Axis = field(default_factory=_z)
     tool: ServoTool = field(default_factory=ServoTool)
+    feed: FeedRecords = field(default_factory=FeedRecords)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,7 +5,7 @@ comma, seconds, ``X_PosAct``) and ``bracketed`` (milliseconds, ``APOS(X)``, deci
 tool is set so).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -237,16 +237,21 @@ def _written(folder: Path, session: Session, parameters: ShopParameters) -> dict
             letter, drives.axes[letter], command, tool, random, load=session.load,
             extra=session.extra, load_cell=True,
         )  # fmt: skip
-    head = {"Machine": parameters.machine, "Axes": " ".join(session.commands),
-            "Sampling": f"{1e3 / RATE:g} ms"}  # fmt: skip
+    head = trace_head(parameters.machine, session.commands, RATE)
     file = f"servo/{session.name}.csv"
     done = write_trace(folder / file, head, columns, RATE, tool, random)
     return {"file": file, **done, **session.truth}
 
 
+def trace_head(machine: str, letters: Iterable[str], rate: int) -> dict[str, str]:
+    """Lines above a trace: the machine, the axes' letters, the time between samples."""
+    return {"Machine": machine, "Axes": " ".join(letters), "Sampling": f"{1e3 / rate:g} ms"}
+
+
 def axis_columns(
     letter: str, axis: Axis, command: Floats, tool: ServoTool, random: np.random.Generator, *,
     load: Floats | None = None, extra: Floats | None = None, load_cell: bool = False,
+    rate: int = RATE,
 ) -> list[Column]:  # fmt: skip
     """Reference, position and current of an axis as the tool writes them, and the load cell's.
 
@@ -266,9 +271,11 @@ def axis_columns(
         Force against positive motion [N], mass on the carriage [kg].
     load_cell : bool
         Whether the force is recorded.
+    rate : int
+        Of the samples, a divisor of the position loop's [Hz].
     """
     out = follow(axis, command * 1e-3, random, load, extra)
-    rows = slice(None, None, axis.cascade.position_frequency // RATE)
+    rows = slice(None, None, axis.cascade.position_frequency // rate)
     current = out.current[rows]
     current = current + random.standard_normal(current.size) * tool.current_noise
     shown = {

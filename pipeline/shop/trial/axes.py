@@ -19,7 +19,7 @@ from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.drives.axis import follow
 from pipeline.shop.drives.commands import smoothed
 from pipeline.shop.drives.parameters import RATE
-from pipeline.shop.drives.records import Column, axis_columns, write_trace
+from pipeline.shop.drives.records import Column, axis_columns, trace_head, write_trace
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import swept
 from pipeline.shop.trial.cutting import chance, check_cut, mean_forces
@@ -138,6 +138,5 @@ def record_axes(
 
 def write_axes(path: Path, record: AxesRecord, parameters: ShopParameters) -> dict[str, Any]:
     """Write a record as the servo tool does, without faults; rows and length of the file."""
-    head = {"Machine": parameters.machine, "Axes": " ".join(parameters.drives.axes),
-            "Sampling": f"{1e3 / RATE:g} ms"}  # fmt: skip
+    head = trace_head(parameters.machine, parameters.drives.axes, RATE)
     return write_trace(path, head, list(record.columns), RATE, parameters.drives.tool, None)

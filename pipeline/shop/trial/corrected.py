@@ -1,0 +1,188 @@
+"""Corrected commands on the shop floor's axes: what is left of their errors.
+
+A table gives the commanded positions of the axes and the same with a correction added.  Both are
+driven on the same axes under the same noise; errors are those against what was commanded, as the
+sensor that closes the position loop shows them, and of the carriage itself.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats
+from pipeline.shop.drives.axis import follow
+from pipeline.shop.parameters import ShopParameters
+
+UNEVEN = 0.01
+"""Greatest deviation of a step of time from their median, as a share of it [1]."""
+PLACES = ("measured", "carriage")
+"""Positions that are compared: that of the position loop's sensor, and the true one."""
+
+
+def corrected_trials(
+    table: Path, parameters: ShopParameters, seeds: Sequence[int]
+) -> dict[str, Any]:
+    """Drive a table once for each seed.
+
+    Returns
+    -------
+    dict
+        As :func:`drive_corrected`, each number with its mean, least and greatest value over the
+        seeds; ``seeds`` is their number.
+
+    Raises
+    ------
+    ValueError
+        As :func:`drive_corrected`, or without seeds.
+    """
+    if not len(seeds):
+        raise ValueError("corrected trials need one seed or more; got none")
+    return {"seeds": len(seeds)} | _spreads([drive_corrected(table, parameters, s) for s in seeds])
+
+
+def _spreads(found: Sequence[Any]) -> Any:
+    """Documents of the same form as one, with mean, min and max for each number."""
+    if isinstance(found[0], dict):
+        return {key: _spreads([one[key] for one in found]) for key in found[0]}
+    if any(one is None for one in found):
+        return None
+    return {f: round(float(getattr(np, f)(found)), 4) for f in ("mean", "min", "max")}
+
+
+def drive_corrected(table: Path, parameters: ShopParameters, seed: int) -> dict[str, Any]:
+    """Drive the commands of a table and the corrected ones, both from standstill.
+
+    Parameters
+    ----------
+    table : Path
+        CSV with one line of names, N rows of numbers and lines of comment, which begin with ``#``:
+        ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and ``X_corrected``, the
+        commanded and the corrected position in the machine's frame [mm].
+    parameters : ShopParameters
+        The machine.
+    seed : int
+        Of the noise, which is the same before and after.
+
+    Returns
+    -------
+    dict
+        ``axes``: by letter and by place (``measured`` by the position loop's sensor, true place of
+        the ``carriage``) the commanded less the reached position: ``rms_um`` and ``max_um``
+        ``before`` and ``after`` the correction, and ``share_left`` of the RMS, None where there was
+        none.  ``path``: the same of the distance from the commanded path, of two axes and more.
+
+    Raises
+    ------
+    ValueError
+        When a column is missing or unknown, there are less than two rows, a value is no finite
+        number, or time is not even.
+    """
+    axes = parameters.drives.axes
+    period, columns = _read(table, axes)
+    letters = [letter for letter in axes if letter in columns]
+    frequency = parameters.drives.x.cascade.position_frequency
+    asked: dict[str, Floats] = {}
+    reached: dict[tuple[str, str, bool], Floats] = {}
+    for letter in letters:
+        asked[letter] = _at_loop(columns[letter], period, frequency)
+        for corrected in (False, True):
+            command = asked[letter]
+            if corrected:
+                command = _at_loop(columns[f"{letter}_corrected"], period, frequency)
+            words = [parameters.seed, seed, *f"corrected {letter}".encode()]
+            random = np.random.Generator(np.random.PCG64(words))
+            out = follow(axes[letter], command * 1e-3, random)
+            for place in PLACES:
+                reached[letter, place, corrected] = getattr(out, place) * 1e3
+    path = np.stack(list(asked.values()), axis=1)
+    found: dict[str, Any] = {"axes": {letter: {} for letter in letters}}
+    for place in PLACES:
+        for letter in letters:
+            found["axes"][letter][place] = _compared(
+                *(asked[letter] - reached[letter, place, c] for c in (False, True))
+            )
+        if len(letters) > 1:
+            found.setdefault("path", {})[place] = _compared(*(
+                off_path(np.stack([reached[a, place, c] for a in letters], axis=1), path)
+                for c in (False, True)
+            ))  # fmt: skip
+    return found
+
+
+def _read(table: Path, known: Iterable[str]) -> tuple[float, Mapping[str, Floats]]:
+    """Period [s] and columns by name, each of shape (N,)."""
+    text = table.read_text(encoding="utf-8", errors="replace")
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    names = [name.strip() for name in lines[0].split(",")] if lines else []
+    moving = [a for a in known if {a, f"{a}_corrected"} & set(names)]
+    wanted = ["t", *(name for a in moving for name in (a, f"{a}_corrected"))]
+    if not moving or sorted(names) != sorted(wanted):
+        raise ValueError(
+            f"{table} has the columns {', '.join(names) or 'none'}: give t [s] and, for each of "
+            f"the axes {', '.join(known)} that moves, its commanded and its corrected position "
+            "[mm], such as X and X_corrected"
+        )
+    if len(lines) < 3:
+        raise ValueError(f"{table} has {len(lines) - 1} rows: two or more make a motion")
+    try:
+        values = np.loadtxt(lines[1:], delimiter=",", ndmin=2)
+    except ValueError as error:
+        raise ValueError(f"{table} is no table of numbers: {error}") from None
+    if values.shape[1] != len(names):
+        raise ValueError(f"{table} has {len(names)} names and {values.shape[1]} columns of numbers")
+    if not np.isfinite(values).all():
+        row, column = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise ValueError(
+            f"{table}, row {row + 1}: {names[column]} = {values[row, column]} must be finite"
+        )
+    columns = dict(zip(names, values.T, strict=True))
+    steps = np.diff(columns["t"])
+    period = float(np.median(steps))
+    uneven = np.abs(steps - period) > UNEVEN * period
+    if period <= 0 or uneven.any():
+        row = int(np.argmax(uneven)) + 1
+        raise ValueError(
+            f"{table}, row {row + 1}: t goes from {columns['t'][row - 1]:g} to "
+            f"{columns['t'][row]:g} s, mostly {period:g} s a row: give even times that rise"
+        )
+    return float(steps.mean()), columns
+
+
+def _at_loop(values: Floats, period: float, frequency: int) -> Floats:
+    """Samples (N,), ``period`` apart [s], at the ticks of the position loop, by a cubic spline."""
+    from scipy.interpolate import CubicSpline
+
+    last = (len(values) - 1) * period
+    ticks = np.arange(int(last * frequency * (1 + 1e-9)) + 1) / frequency
+    curve = CubicSpline(np.linspace(0.0, last, len(values)), values)
+    found: Floats = curve(np.minimum(ticks, last))
+    return found
+
+
+def off_path(place: Floats, path: Floats) -> Floats:
+    """Distances of places (T, A) from a path through close points (P, A), shape (T,).
+
+    The nearest of its points is sought, then the nearest place on the two pieces that end there.
+    """
+    from scipy.spatial import cKDTree
+
+    path = path[np.concatenate([[True], np.any(np.diff(path, axis=0) != 0, axis=1)])]
+    distance, near = cKDTree(path).query(place)
+    for other in (np.maximum(near - 1, 0), np.minimum(near + 1, len(path) - 1)):
+        piece, away = path[other] - path[near], place - path[near]
+        square = np.sum(piece**2, axis=1)
+        along = np.clip(np.sum(away * piece, axis=1) / np.where(square > 0, square, 1.0), 0, 1)
+        distance = np.minimum(distance, np.linalg.norm(away - along[:, None] * piece, axis=1))
+    return np.asarray(distance, dtype=np.float64)
+
+
+def _compared(before: Floats, after: Floats) -> dict[str, Any]:
+    """Both errors [mm] and the share of the RMS that is left."""
+    rms = [float(np.sqrt(np.mean(error**2))) for error in (before, after)]
+    return {
+        "before": {"rms_um": rms[0] * 1e3, "max_um": float(np.abs(before).max()) * 1e3},
+        "after": {"rms_um": rms[1] * 1e3, "max_um": float(np.abs(after).max()) * 1e3},
+        "share_left": rms[1] / rms[0] if rms[0] > 0 else None,
+    }

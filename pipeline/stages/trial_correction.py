@@ -1,0 +1,23 @@
+"""Stage: the simulated shop floor drives commands and the corrected ones.
+
+It gets the tables of both, and nothing that the twin knows.
+"""
+
+import json
+from pathlib import Path
+
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial.corrected import corrected_trials
+
+SEEDS = range(5)
+"""Each is a noise of its own of the drives' currents."""
+
+
+def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> None:
+    """Drive every ``*.csv`` of the folder ``corrected``; one JSON for all."""
+    tables = sorted(corrected.glob("*.csv"))
+    if not tables:
+        raise ValueError(f"{corrected} holds no *.csv: correct the commands of a program first")
+    found = {table.stem: corrected_trials(table, shop, SEEDS) for table in tables}
+    document = {"machine": shop.machine, "origin": "simulated", "programs": found}
+    driven.write_text(json.dumps(document, indent=1) + "\n")
