@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import WindowTraining
+from pipeline.nets.sequence_settings import TuningSettings, WindowTraining
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
@@ -25,6 +25,7 @@ from pipeline.submodels.compensation.model import (
     CompensationFitSettings,
     KindScore,
     LeakShown,
+    SearchFacts,
     UseModel,
     key_of,
 )
@@ -289,6 +290,47 @@ def _stretches(one: Features, many: int) -> list[Features]:
             )
         )  # fmt: skip
     return found
+
+
+def searched(
+    axes: Mapping[str, Sequence[Features]], settings: CompensationFitSettings,
+    tuning: TuningSettings,
+) -> tuple[CompensationFitSettings, SearchFacts | None]:  # fmt: skip
+    """Settings with what a search found on the first axis that can be predicted, and its facts.
+
+    Learning rate, units and penalty hold for the networks of all kinds and axes: what was cut
+    short is that they are searched once.
+    """
+    letter = next((one for one, some in axes.items() if inputs_of(some, None)), None)
+    use = ESTIMATION if letter is None else PREDICTION
+    letter = letter or next(iter(axes))
+    inputs = inputs_of(axes[letter], None if use == PREDICTION else settings.horizon_s)
+    if not settings.searched or not inputs or settings.training.validation == 0:
+        return settings, None
+    from pipeline.nets.tuning import tune
+
+    cut, _ = enough(axes[letter], settings)
+    part = sampled(cut, inputs, use, settings)
+    rows = stratified(
+        part.regime, np.ones(len(part.regime), bool), settings.windows, settings.training.seed
+    )
+    found = tune(
+        settings.network(settings.searched), chosen(part.windows, rows), settings.training, tuning
+    )
+    best = found.retrained[0]
+    units = getattr(best.kind, "units", settings.units)
+    training = replace(
+        settings.training, learning_rate=best.settings.learning_rate, l2=best.settings.l2
+    )
+    values = {"learning_rate": training.learning_rate, "units": float(units), "l2": training.l2}
+    facts = SearchFacts(
+        kind=settings.searched, axis=letter, method=tuning.method,
+        candidates=len(found.candidates), pruned=sum(one.pruned for one in found.candidates),
+        history_um=tuple(_rounded(UM * one) for one in found.history.tolist()),
+        chosen={name: _rounded(value) for name, value in values.items()},
+        bounds_hit=found.bounds_hit,
+    )  # fmt: skip
+    return replace(settings, units=units, training=training), facts
 
 
 def leak_shown(
