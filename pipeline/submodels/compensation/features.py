@@ -4,12 +4,13 @@ Before the motion are known: the commanded position, its speed and acceleration,
 has come since it last turned round (friction slides only after some um), the place in a turn of the
 screw, and what the drives' model makes of the command: its following error and its torque command.
 Measured are the error that the model leaves over and the drive's torque command.  Nothing measured
-enters the model's run: it begins at rest at the first commanded position, and what it needs to
+enters the model's run: it begins at rest before the first commanded position, and what it needs to
 settle is not learnt from.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,10 @@ TURNED = 1e-4
 """Distance [m] after a reversal within which the regime is that of the reversal."""
 SMOOTH_S = 0.008
 """Length of the parabolas through the command that give speed and acceleration [s]."""
+RUN_UP_S, RUN_ON_S = 0.5, 0.5
+"""Acceleration to the first speed of a recording that begins in motion, and motion at it [s]."""
+SERVO_S = 0.00025
+"""Longest step of the drives' model [s], that of the simulated programs."""
 REST, TURN, BEND, EVEN = "at rest", "after a reversal", "accelerating", "constant speed"
 REGIMES = (REST, TURN, BEND, EVEN)
 """Regimes of a commanded motion; "" where the command was not recorded."""
@@ -151,15 +156,26 @@ def regimes(signals: Mapping[str, Floats]) -> Any:
 def modelled_following(
     letter: str, reference: Floats, period: float, drive: IdentifiedDrive
 ) -> tuple[Floats, Floats]:
-    """Following error [m] and torque command of the drives' model from rest; each (T,)."""
-    position = np.zeros((len(reference), len(AXES)))
-    position[:, AXES.index(letter)] = reference
+    """Following error [m] and torque command of the drives' model; each (T,).
+
+    A recording that begins in motion gets a run-up from rest to its first speed, so that the model
+    is where an axis is that has moved so for a while.
+    """
+    speed = float(np.diff(reference[:3]).mean()) / period if len(reference) > 1 else 0.0
+    up, on = round(RUN_UP_S / period), round(RUN_ON_S / period)
+    before = np.concatenate([np.linspace(0.0, speed, up), np.full(on, speed)])
+    way = period * np.cumsum(before[::-1])[::-1]
+    whole = np.concatenate([reference[0] - way, reference])
+    position = np.zeros((len(whole), len(AXES)))
+    position[:, AXES.index(letter)] = whole
     commanded = Trace(
-        time=period * np.arange(len(reference)), programmed=position, position=position,
-        row=np.zeros(len(reference), np.int32), distance=np.zeros(len(reference)),
+        time=period * np.arange(len(whole)), programmed=position, position=position,
+        row=np.zeros(len(whole), np.int32), distance=np.zeros(len(whole)),
     )  # fmt: skip
-    found = followed(letter, drive, commanded)
-    return found.error, found.command[:: len(found.command) // len(found.error)]
+    substeps = max(ceil(period / SERVO_S * (1 - 1e-6)), 1)
+    found = followed(letter, drive, commanded, substeps=substeps)
+    rows = slice(up + on, None)
+    return found.error[rows], found.command[::substeps][rows]
 
 
 def features_of(

@@ -33,7 +33,7 @@ from pipeline.submodels.conformal import Residuals, bands, splits
 
 UM = 1e6
 """Micrometres of a metre."""
-LEFT_OUT = 6000
+LEFT_OUT = 1000
 """Windows of a recording left out by which kinds are compared, at most, evenly [1]."""
 
 
