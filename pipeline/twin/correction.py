@@ -14,32 +14,26 @@ only amplifies what the model does not know.  Up to there Q / G is about 1 or le
 factor q is 1, and is halved when a step makes the predicted error larger; the best step is kept.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, inf, log, pi, sqrt
-from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.machine.control.interpolate import Trace
-from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.arrays import Floats
-from pipeline.schema.files import replacing
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
-from pipeline.twin.program_axes import driven, moved_axes
+from pipeline.twin.program_axes import driven
 
 Complexes = npt.NDArray[np.complex128]
 
 REACH = 4.0
 """Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
-ROUNDS = 40
-"""In which a correction is scaled back until it keeps the bounds; then there is none."""
+END = 1e-9
+"""From the reference's last position that a corrected command may end [m]."""
 
 
 class Residual(Protocol):
@@ -211,7 +205,7 @@ def corrected_command(
     for _ in range(known.iterations):
         learnt = learning.learnt(best.correction, share * best.missed)
         kept = bounded(wanted, learnt, period, bounds or AxisBounds(), learning.reach)
-        following = step(kept, scaled_back=kept is not learnt)
+        following = step(kept, scaled_back=kept is not learnt or best.scaled_back)
         if following.rms >= best.rms:
             share *= 0.5
             continue
@@ -219,7 +213,7 @@ def corrected_command(
         if gained < known.tolerance:
             break
     return CorrectedAxis(
-        time=period * np.arange(len(wanted)), reference=wanted,
+        time=np.float64(period) * np.arange(len(wanted)), reference=wanted,
         corrected=wanted + best.correction, error_before=before.missed, error_after=best.missed,
         half_width=best.half_width, cutoff=learning.cutoff, scaled_back=best.scaled_back,
     )  # fmt: skip
@@ -234,10 +228,11 @@ class _Learning:
         from scipy.fft import next_fast_len
 
         self.cutoff = cutoff(servo, feed_drive, period)
-        self.reach = min(ceil(REACH / self.cutoff / period), length // 2)
-        self.length, self.pad = length, 2 * ceil(REACH / self.cutoff / period)
+        whole = ceil(REACH / self.cutoff / period)
+        self.reach = min(whole, length // 2)
+        self.length, self.pad = length, 2 * whole
         self.padded = next_fast_len(length + 2 * self.pad, real=True)
-        omega = 2 * pi * np.fft.rfftfreq(self.padded, period)
+        omega = np.float64(2 * pi) * np.fft.rfftfreq(self.padded, period)
         self.low_pass = np.exp(-0.5 * log(2.0) * (omega / self.cutoff) ** 2)
         self.inverse = np.ones(len(omega), np.complex128)
         self.inverse[1:] = 1.0 / reference_response(servo, feed_drive, omega[1:])
@@ -311,46 +306,48 @@ def cutoff(servo: ServoParameters, feed_drive: FeedDriveParameters, period: floa
 def bounded(
     reference: Floats, correction: Floats, period: float, bounds: AxisBounds, reach: int
 ) -> Floats:
-    """A correction with which the command keeps its bounds.
+    """A correction with which the command keeps its bounds; the same object where it does.
 
-    Where it does not, the correction is halved, with smooth edges that get wider from round to
-    round, until it does; what passes a bound nowhere comes back as it is.
+    Where it does not, the command follows the one that is asked for as near as the bounds let it.
+    So that it ends where the reference ends, the correction is taken back earlier before the end
+    until it does; in the worst case from its beginning, which leaves none.
 
     Parameters
     ----------
     reference, correction : (T,) arrays
-        [m].
+        [m]; the correction is zero at both ends.
     period : float
         [s].
     bounds : AxisBounds
         Of their sum; or what the reference itself reaches, where that is more.
     reach : int
-        Samples of the narrowest edge.
+        Samples before the end from which the correction is first taken back.
 
     Returns
     -------
     (T,) array
         [m].
     """
-    from scipy.ndimage import maximum_filter1d, uniform_filter1d
+    from pipeline.machine.control.bounded import follow_within
 
     own = _speed_and_acceleration(reference, period)
     most = [
-        max(limit, float(one.max(initial=0.0))) * (1 + 1e-9)
+        max(limit, float(one.max(initial=0.0)))
         for limit, one in zip((bounds.speed, bounds.acceleration), own, strict=True)
     ]
-    kept, width = correction, float(max(reach, 3))
-    for _ in range(ROUNDS):
-        found = _speed_and_acceleration(reference + kept, period)
-        over = (found[0] > most[0]) | (found[1] > most[1])
-        if not over.any():
-            return kept
-        wide = min(ceil(width), len(kept))
-        bump = maximum_filter1d(over.astype(np.float64), 2 * wide + 1)
-        for _ in range(3):  # three short means: a smooth edge that does not reach further
-            bump = uniform_filter1d(bump, 2 * (wide // 3) + 1)
-        kept, width = kept * (1.0 - 0.5 * bump), 1.3 * width
-    return np.zeros(len(kept))
+    found = _speed_and_acceleration(reference + correction, period)
+    if all((one <= limit).all() for one, limit in zip(found, most, strict=True)):
+        return correction
+    length, taken = len(reference), max(reach, 1)
+    speed, acceleration = most[0], min(most[1], 2.0 * most[0] / period)  # from -speed to speed
+    kept, ending = np.empty(length), np.ones(length)
+    while taken < length:
+        ending[length - taken :] = _smooth_step(np.arange(taken)[::-1] / taken)
+        follow_within(reference + ending * correction, period, speed, acceleration, kept)
+        if abs(kept[-1] - reference[-1]) < END:
+            return kept - reference
+        taken *= 2
+    return np.zeros(length)
 
 
 def _speed_and_acceleration(position: Floats, period: float) -> tuple[Floats, Floats]:
