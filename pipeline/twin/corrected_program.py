@@ -101,7 +101,7 @@ def _rows(axis: CorrectedAxis, rows: int, time: Floats) -> CorrectedAxis:
     return replace(
         axis, time=time[:rows], reference=axis.reference[:rows], corrected=axis.corrected[:rows],
         error_before=axis.error_before[:rows], error_after=axis.error_after[:rows],
-        half_width=half_width,
+        half_width=half_width, limited=axis.limited[:rows],
     )  # fmt: skip
 
 
@@ -153,7 +153,7 @@ class CorrectedProgram:
                 "half_width_90_um": None
                 if axis.half_width is None
                 else round(_rms(axis.half_width) * 1e6, 3),
-                "scaled_back": axis.scaled_back,
+                "limited_percent": round(100.0 * float(axis.limited.mean()), 2),
             }
             for letter, axis in self.axes.items()
         ]
@@ -165,13 +165,13 @@ def _rms(values: Floats) -> float:
 
 def correction_table(figures: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """:attr:`CorrectedProgram.figures` as a table in lines."""
-    yield f"axis  RMS before [um]  RMS after  max before [um]  max after  {HALF}  limited"
+    yield f"axis  RMS before [um]  RMS after  max before [um]  max after  {HALF}  limited [%]"
     for one in figures:
         half = "-" if one["half_width_90_um"] is None else f"{one['half_width_90_um']:.1f}"
         yield (
             f"{one['axis']:<4}  {one['rms_before_um']:>15.1f}  {one['rms_after_um']:>9.1f}  "
             f"{one['max_before_um']:>15.1f}  {one['max_after_um']:>9.1f}  {half:>20}  "
-            f"{'yes' if one['scaled_back'] else 'no':>7}"
+            f"{one['limited_percent']:>11.1f}"
         )
 
 

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
 from pipeline.twin.program_axes import driven
@@ -33,7 +33,7 @@ Complexes = npt.NDArray[np.complex128]
 REACH = 4.0
 """Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
 END = 1e-9
-"""From the reference's last position that a corrected command may end [m]."""
+"""Between positions that count as the same [m]."""
 
 
 class Residual(Protocol):
@@ -117,8 +117,8 @@ class CorrectedAxis:
         Of the 90 % interval of ``error_after`` [m]; None without a residual.
     cutoff : float
         Of the correction [rad/s].
-    scaled_back : bool
-        Whether bounds kept the correction smaller somewhere.
+    limited : array of bool
+        Where bounds keep the command from the one that the correction asks for.
     """
 
     time: Floats = field(repr=False)
@@ -128,17 +128,17 @@ class CorrectedAxis:
     error_after: Floats = field(repr=False)
     half_width: Floats | None = field(repr=False, default=None)
     cutoff: float
-    scaled_back: bool
+    limited: Bools = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Step:
-    """A correction [m], what it leaves [m] with its 90 % half width, and whether it was limited."""
+    """A correction [m], what it leaves [m] with its 90 % half width, and where it is limited."""
 
     correction: Floats
     missed: Floats
     half_width: Floats | None
-    scaled_back: bool
+    limited: Bools
 
     @property
     def rms(self) -> float:
@@ -190,7 +190,7 @@ def corrected_command(
         raise ValueError(f"reference has {len(wanted)} samples: give at least 3 to correct it")
     learning = _Learning(drive.servo, drive.feed_drive, period, len(wanted))
 
-    def step(correction: Floats, *, scaled_back: bool) -> _Step:
+    def step(correction: Floats, asked: Floats) -> _Step:
         u = wanted + correction
         position, command = driven(letter, drive, u, period)
         error, half_width = u - position, None
@@ -198,14 +198,15 @@ def corrected_command(
             left, half_width = residual(letter, u, error, command, period)
             error = error + left
         return _Step(correction=correction, missed=error - correction, half_width=half_width,
-                     scaled_back=scaled_back)  # fmt: skip
+                     limited=np.abs(correction - asked) > END)  # fmt: skip
 
-    before = best = step(np.zeros(len(wanted)), scaled_back=False)
+    nothing = np.zeros(len(wanted))
+    before = best = step(nothing, nothing)
     share = 1.0
     for _ in range(known.iterations):
         learnt = learning.learnt(best.correction, share * best.missed)
         kept = bounded(wanted, learnt, period, bounds or AxisBounds(), learning.reach)
-        following = step(kept, scaled_back=kept is not learnt or best.scaled_back)
+        following = step(kept, learnt)
         if following.rms >= best.rms:
             share *= 0.5
             continue
@@ -215,7 +216,7 @@ def corrected_command(
     return CorrectedAxis(
         time=np.float64(period) * np.arange(len(wanted)), reference=wanted,
         corrected=wanted + best.correction, error_before=before.missed, error_after=best.missed,
-        half_width=best.half_width, cutoff=learning.cutoff, scaled_back=best.scaled_back,
+        half_width=best.half_width, cutoff=learning.cutoff, limited=best.limited,
     )  # fmt: skip
 
 
