@@ -73,7 +73,9 @@ def heavier(one: IdentifiedDrive) -> IdentifiedDrive:
 
 @pytest.mark.parametrize("text", [STROKE, CIRCLE], ids=["stroke", "circle"])
 @pytest.mark.parametrize("name", DRIVES)
-def test_an_axis_is_where_it_is_wanted_also_with_another_mass_and_friction(name, text) -> None:
+def test_an_axis_is_where_it_is_wanted_also_with_another_mass_and_friction(
+    name, text, record_property
+) -> None:
     wanted, one = reference(text), DRIVES[name]
     found = corrected_command("X", wanted, T, one)
     assert rms(found.error_after) < 0.05 * rms(found.error_before)
@@ -83,6 +85,9 @@ def test_an_axis_is_where_it_is_wanted_also_with_another_mass_and_friction(name,
     other = heavier(one)
     before, after = (wanted - driven("X", other, u, T)[0] for u in (wanted, found.corrected))
     assert rms(after) < 0.1 * rms(before)
+    for what, pair in (("model", (found.error_before, found.error_after)),
+                       ("heavier", (before, after))):  # fmt: skip
+        record_property(f"{what}_um", " -> ".join(f"{rms(one) * 1e6:.1f}" for one in pair))
 
 
 @pytest.mark.parametrize("name", DRIVES)
