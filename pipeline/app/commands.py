@@ -216,6 +216,9 @@ def simulate(
     work_offset: kerf.WorkOffset = None,
     frf: kerf.Responses = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
+    compensate: Annotated[
+        Path | None, typer.Option(help="CSV of commands with which the axes err least.")
+    ] = None,
     model: kerf.Model = "champion",
 ) -> None:
     """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
@@ -223,9 +226,11 @@ def simulate(
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
     import pipeline.app.programs as programs
+    from pipeline.app.correction import correct_simulated, correction_document, correction_lines
     from pipeline.app.cut import cut_document, cut_lines, cut_options
     from pipeline.app.fleet import check_outputs
     from pipeline.schema.files import together
+    from pipeline.twin.corrected_program import write_corrected
     from pipeline.twin.simulation import write_trace
 
     with one_sentence():
@@ -233,14 +238,20 @@ def simulate(
             stock=stock, tool_table=tool_table, material=material, limits={"load_N": limit_load},
             resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
         )  # fmt: skip
-        check_outputs(program, json, out, page, inputs=options.files if options else ())
+        read = options.files if options else ()
+        check_outputs(program, json, out, page, compensate, inputs=read)
         with share_bar("planning") as share:
             simulated = programs.simulate_program(program, machine, unit, share, model)
         document = programs.simulated_document(simulated, program.stem, machine)
         cut = None if options is None else cut_document(simulated, machine, options)
         if cut is not None:
             document["cut"] = cut
+        if compensate is not None:
+            corrected = correct_simulated(simulated, program, machine)
+            document["correction"] = correction_document(corrected, compensate)
         with together():
+            if compensate is not None:
+                write_corrected(corrected, compensate)
             if json is not None:
                 programs.write_document(document, json)
             if out is not None:
@@ -255,6 +266,8 @@ def simulate(
                 )  # fmt: skip
                 write_cut_page(shown, page, json)
     for line in programs.simulated_lines(document, program):
+        typer.echo(line)
+    for line in correction_lines(document["correction"]) if compensate is not None else ():
         typer.echo(line)
     if cut is not None:
         for line in cut_lines(cut):

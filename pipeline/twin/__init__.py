@@ -6,6 +6,8 @@ in mm, times in s, forces in N, frames are the machine's.
 
 __all__ = [
     "control",
+    "corrected_program",
+    "correction",
     "cut",
     "cut_axes",
     "cut_blocks",

@@ -97,13 +97,18 @@ def follow_in_air(
     commanded: Trace, drives: Mapping[str, IdentifiedDrive]
 ) -> dict[str, AxisFollowing]:
     """Linear axes with a servo that move along commanded positions, by letter."""
-    return {
-        letter: followed(letter, drive, commanded)
-        for letter, drive in drives.items()
+    return {letter: followed(letter, drives[letter], commanded)
+            for letter in moved_axes(commanded, drives)}  # fmt: skip
+
+
+def moved_axes(commanded: Trace, drives: Mapping[str, IdentifiedDrive]) -> list[str]:
+    """Letters of the linear axes with a servo that move along commanded positions."""
+    return [
+        letter for letter, drive in drives.items()
         if drive.servo is not None
         and letter in "XYZ"
         and np.ptp(commanded.position[:, AXES.index(letter)]) > 0
-    }
+    ]  # fmt: skip
 
 
 def followed(
@@ -130,13 +135,52 @@ def followed(
     ValueError
         When the drive has no servo, or is unstable.
     """
+    reference = commanded.position[:, AXES.index(letter)]
+    period = float(commanded.time[1] - commanded.time[0])
+    position, command = driven(letter, drive, reference, period, load=load, substeps=substeps)
+    return AxisFollowing(
+        time=commanded.time, error=reference - position, command=command,
+        row=commanded.row, command_unit=drive.command_unit,
+    )  # fmt: skip
+
+
+def driven(
+    letter: str, drive: IdentifiedDrive, reference: Floats, period: float, *,
+    load: Floats | None = None, substeps: int = SUBSTEPS,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Where an axis is and what its motor is commanded along a reference, from rest.
+
+    Parameters
+    ----------
+    letter : str
+        Of the axis.
+    drive : IdentifiedDrive
+        With a servo.
+    reference : (T,) array
+        Commanded position [m].
+    period : float
+        From sample to sample [s].
+    load : (T * substeps,) array, optional
+        Against positive motion [N].
+    substeps : int
+        Samples of the servo in a period.
+
+    Returns
+    -------
+    position, command : (T,) arrays
+        [m], [``command_unit``].
+
+    Raises
+    ------
+    ValueError
+        When the drive has no servo, or is unstable.
+    """
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
-    reference = commanded.position[:, AXES.index(letter)]
     row, fine = drive_row(drive.servo, drive.feed_drive), between(reference, substeps)
-    period = float(commanded.time[1] - commanded.time[0]) / substeps
+    step = period / substeps
     if drive.presliding_stiffness is None:
-        traces = simulate_traces(fine, period, row[np.newaxis], load=load)
+        traces = simulate_traces(fine, step, row[np.newaxis], load=load)
         position, command = traces.position[0], traces.command[0]
     else:
         from pipeline.machine.axis.presliding import presliding_trace
@@ -145,13 +189,10 @@ def followed(
         position, command = np.empty(len(fine)), np.empty(len(fine))
         loss = 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
         spring = (drive.presliding_stiffness, loss)
-        presliding_trace(fine, push, row, spring, period, position, command)
+        presliding_trace(fine, push, row, spring, step, position, command)
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
-    return AxisFollowing(
-        time=commanded.time, error=reference - position[::substeps], command=command[::substeps],
-        row=commanded.row, command_unit=drive.command_unit,
-    )  # fmt: skip
+    return position[::substeps], command[::substeps]
 
 
 def between(values: Floats, substeps: int) -> Floats:

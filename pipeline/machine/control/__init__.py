@@ -3,10 +3,20 @@
 A program under one control becomes a ``path`` with limits of speed, acceleration and jerk
 (``parameters``, ``limits``, ``corners``); ``planner`` plans its rows with trapezoids
 (``look_ahead``) or with bounded jerk (``s_curve``), adds the times of auxiliary functions
-(``commands``), and ``interpolate`` gives positions before and after the filters.  Positions in
-machine coordinates of X Y Z A B C; metre, radian and second, feeds and spindle speeds in the
-program's units.  Sources: Altintas, Manufacturing Automation, 2nd ed., 2012, chapter 5; parameters
+(``commands``), and ``interpolate`` gives positions before and after the filters.  ``bounded`` keeps
+a command that is not the control's own within speed and acceleration.  Positions in machine
+coordinates of X Y Z A B C; metre, radian and second, feeds and spindle speeds in the program's
+units.  Sources: Altintas, Manufacturing Automation, 2nd ed., 2012, chapter 5; parameters
 as named by Fanuc.
 """
 
-__all__ = ["commands", "interpolate", "parameters", "path", "planner", "row_motion", "s_curve"]
+__all__ = [
+    "bounded",
+    "commands",
+    "interpolate",
+    "parameters",
+    "path",
+    "planner",
+    "row_motion",
+    "s_curve",
+]

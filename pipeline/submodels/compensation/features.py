@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
-from pipeline.gcode.moves import AXES
-from pipeline.machine.control.interpolate import Trace
 from pipeline.nets.windows import Recording, WindowInput
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.compensation.records import AxisRun, Run
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import followed
+from pipeline.twin.program_axes import driven
 
 RESIDUAL = "residual"
 """Measured less modelled following error [m]: what is learnt."""
@@ -166,16 +164,10 @@ def modelled_following(
     before = np.concatenate([np.linspace(0.0, speed, up), np.full(on, speed)])
     way = period * np.cumsum(before[::-1])[::-1]
     whole = np.concatenate([reference[0] - way, reference])
-    position = np.zeros((len(whole), len(AXES)))
-    position[:, AXES.index(letter)] = whole
-    commanded = Trace(
-        time=period * np.arange(len(whole)), programmed=position, position=position,
-        row=np.zeros(len(whole), np.int32), distance=np.zeros(len(whole)),
-    )  # fmt: skip
     substeps = max(ceil(period / SERVO_S * (1 - 1e-6)), 1)
-    found = followed(letter, drive, commanded, substeps=substeps)
+    position, command = driven(letter, drive, whole, period, substeps=substeps)
     rows = slice(up + on, None)
-    return found.error[rows], found.command[::substeps][rows]
+    return (whole - position)[rows], command[rows]
 
 
 def features_of(

@@ -1,0 +1,78 @@
+"""The corrected command that ``kerf simulate --compensate`` writes."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pipeline.app.programs import Simulated
+from pipeline.parameters import structure
+from pipeline.schema.bundle import BUNDLE, Bundle, read_champions
+from pipeline.schema.store import read_json
+from pipeline.stages.correct_programs import bundle_words, residual_of
+from pipeline.twin.corrected_program import (
+    CorrectedProgram,
+    corrected_program,
+    correction_table,
+)
+from pipeline.twin.correction import CorrectionSettings
+from pipeline.twin.drive import read_drives
+from pipeline.twin.program_axes import commanded_positions
+
+
+def correct_simulated(simulated: Simulated, program: Path, machine: str) -> CorrectedProgram:
+    """Corrected command of a program's axes on a machine.
+
+    Parameters
+    ----------
+    simulated : Simulated
+        The program on the machine's control.
+    program : Path
+        That was planned.
+    machine : str
+        As in conf/machine/.
+
+    Raises
+    ------
+    ValueError
+        When the machine's drives were not identified, or no axis can be corrected.
+    """
+    models, plan = simulated.on.models, simulated.plan
+    found = models / "drive/model.json"
+    if not found.exists():
+        raise ValueError(
+            f"{found} does not exist: --compensate needs the feed drives of {machine}, record "
+            "their servos and run `dvc repro`"
+        )
+    residual, words = residual_of(models)
+    axes = corrected_program(
+        commanded_positions(plan), read_drives(found), simulated.on.control, residual,
+        settings=structure(simulated.on.parameters, "correction", CorrectionSettings),
+    )  # fmt: skip
+    return CorrectedProgram(
+        machine=machine, origin=simulated.on.origin, program=program.stem,
+        champion=_champion(models, machine), residual=words, total=plan.total, axes=axes,
+    )  # fmt: skip
+
+
+def _champion(models: Path, machine: str) -> str:
+    """The bundle in ``models``, and the version that champions.json says it is."""
+    entry = read_champions(Path("champions.json")).machines.get(machine)
+    stored = models / BUNDLE
+    if entry is None or not stored.exists() or read_json(stored, Bundle).sha256 != entry.bundle:
+        return bundle_words(models)
+    return f"version {entry.version}, {bundle_words(models)}"
+
+
+def correction_document(done: CorrectedProgram, out: Path) -> dict[str, Any]:
+    """What the JSON of ``kerf simulate`` says of a corrected command."""
+    return {
+        "file": out.as_posix(), "champion": done.champion, "residual": done.residual,
+        "axes": done.figures,
+    }  # fmt: skip
+
+
+def correction_lines(document: dict[str, Any]) -> Iterator[str]:
+    """What ``kerf simulate`` says of it: following error as predicted, before and after."""
+    yield f"corrected command in {document['file']}, residual network: {document['residual']}"
+    yield "following error as predicted:"
+    yield from (f"  {line}" for line in correction_table(document["axes"]))

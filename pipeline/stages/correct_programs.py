@@ -1,0 +1,111 @@
+"""Stage: corrected commands of the feed axes for the programs of a machine."""
+
+from importlib import import_module
+from pathlib import Path
+
+from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.setup import Setup
+from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
+from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.store import read_json, write_text
+from pipeline.schema.verdict import Verdict
+from pipeline.twin.control import (
+    ControlRecords,
+    control_of_unit,
+    planned_program,
+    program_moves,
+    read_controls,
+)
+from pipeline.twin.corrected_program import CorrectedProgram, corrected_program, write_corrected
+from pipeline.twin.correction import CorrectionSettings, Residual
+from pipeline.twin.drive import read_drives
+from pipeline.twin.program_axes import commanded_positions
+
+NO_RESIDUAL = "none: no compensation model of this machine passed"
+
+
+def correct_programs(
+    raw: Path,
+    champion: Path,
+    written: Path,
+    *,
+    identity: MachineIdentity,
+    setup: Setup,
+    control_records: ControlRecords,
+    correction: CorrectionSettings,
+) -> None:
+    """Write a corrected command, ``<program>.csv``, for each program that the report shows.
+
+    Parameters
+    ----------
+    raw : Path
+        ``data/raw/<machine>``, where the programs are.
+    champion : Path
+        ``data/champion/<machine>``.
+    written : Path
+        Folder of the files; of a program without a corrected command the file says why.
+    identity : MachineIdentity
+        Of the machine.
+    setup : Setup
+        Of the machine before each program.
+    control_records : ControlRecords
+        Which programs, and whose control.
+    correction : CorrectionSettings
+        How long each correction is learnt, and of how much of a program.
+
+    Raises
+    ------
+    StoreError
+        When a model is broken.
+    """
+    written.mkdir(parents=True, exist_ok=True)
+    control = control_of_unit(
+        read_controls(champion / "control/model.json"), control_records.default_unit
+    )
+    model = champion / "drive/model.json"
+    drives = read_drives(model) if model.exists() else {}
+    residual, words = residual_of(champion)
+    for path in control_records.shown(raw):
+        out = written / f"{path.stem}.csv"
+        try:
+            plan = planned_program(program_moves(path, setup), control)
+            axes = corrected_program(
+                commanded_positions(plan), drives, control, residual, settings=correction,
+                longest=correction.longest_s,
+            )  # fmt: skip
+        except (GcodeError, ValueError) as error:
+            write_text(f"# Kerf: no corrected command of {path.stem}: {error}\n", out)
+            continue
+        done = CorrectedProgram(
+            machine=identity.name, origin=identity.origin, program=path.stem,
+            champion=bundle_words(champion), residual=words, total=plan.total, axes=axes,
+        )  # fmt: skip
+        write_corrected(done, out)
+
+
+def residual_of(models: Path) -> tuple[Residual | None, str]:
+    """The residual network of a machine with its name; none where no such model passed.
+
+    Parameters
+    ----------
+    models : Path
+        ``data/champion/<machine>``.
+    """
+    folder = models / "compensation"
+    verdict = folder / "verdict.json"
+    if not (folder / "model.json").exists():
+        return None, NO_RESIDUAL
+    if not verdict.exists() or read_json(verdict, Verdict).status != "passed":
+        return None, NO_RESIDUAL
+    loaded = import_module("pipeline.submodels.compensation.model").load_residual(folder)
+    return loaded.residual, f"compensation {model_hash(folder)[:12]}"
+
+
+def bundle_words(models: Path) -> str:
+    """Which bundle the sub-models in a folder are, and the verdict of its drives."""
+    if not (models / BUNDLE).exists():
+        return f"none, {models.as_posix()} holds no {BUNDLE}"
+    bundle = read_json(models / BUNDLE, Bundle)
+    drive = bundle.submodels.get("drive")
+    judged = "" if drive is None else f" (drive {drive.status})"
+    return f"bundle {bundle.sha256[:12]}{judged}"

@@ -1,0 +1,210 @@
+"""A program's corrected command: its axes, their table, their file.
+
+Shared by ``kerf simulate --compensate`` and the stage ``correct_programs``.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND
+from pipeline.machine.control.interpolate import Trace
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.schema.arrays import Floats
+from pipeline.schema.files import replacing
+from pipeline.twin.correction import (
+    REACH,
+    AxisBounds,
+    CorrectedAxis,
+    CorrectionSettings,
+    Residual,
+    corrected_command,
+    cutoff,
+)
+from pipeline.twin.drive import IdentifiedDrive
+from pipeline.twin.program_axes import moved_axes
+
+HALF = "90 % half width [um]"
+
+
+def corrected_program(
+    commanded: Trace,
+    drives: Mapping[str, IdentifiedDrive],
+    control: ControlParameters,
+    residual: Residual | None = None,
+    *,
+    settings: CorrectionSettings | None = None,
+    longest: float = inf,
+) -> dict[str, CorrectedAxis]:
+    """Linear axes with a servo that move in a program, each with its corrected command.
+
+    The axes stand for a moment before and after the program, at times below 0 and beyond its end:
+    a correction begins before the motion that it corrects.  The bounds are the rapid speed and the
+    acceleration that the control may command.
+
+    Parameters
+    ----------
+    commanded : Trace
+        Positions that the control commands.
+    drives : mapping of str to IdentifiedDrive
+        By the axis' letter.
+    control : ControlParameters
+        Of the machine.
+    residual : Residual, optional
+        What the twin leaves over.
+    settings : CorrectionSettings, optional
+        ``iterations`` and ``tolerance`` count.
+    longest : float
+        Time of the program that is corrected, from its start [s].
+
+    Raises
+    ------
+    ValueError
+        When no axis can be corrected, or a drive is unstable.
+    """
+    letters = moved_axes(commanded, drives)
+    if not letters:
+        raise ValueError(
+            "no linear axis with an identified servo moves in the program: identify the drives of "
+            "the axes that move, or correct another program"
+        )
+    period = float(commanded.time[1] - commanded.time[0])
+    lead = max(_reach(drives[letter], period) for letter in letters)
+    rows = len(commanded) + 2 * lead
+    if longest / period < len(commanded) - 1:
+        rows = ceil(longest / period) + 1 + lead
+    axes = {}
+    for letter in letters:
+        position = np.pad(commanded.position[:, AXES.index(letter)], lead, mode="edge")
+        axis = corrected_command(
+            letter, position[: rows + lead], period, drives[letter], residual,
+            bounds=axis_bounds(control, letter), settings=settings,
+        )  # fmt: skip
+        axes[letter] = _rows(axis, rows, axis.time - period * lead)
+    return axes
+
+
+def _reach(drive: IdentifiedDrive, period: float) -> int:
+    """Samples that a correction reaches beyond the motion that it corrects."""
+    if drive.servo is None:
+        return 0
+    return ceil(REACH / cutoff(drive.servo, drive.feed_drive, period) / period)
+
+
+def _rows(axis: CorrectedAxis, rows: int, time: Floats) -> CorrectedAxis:
+    """The first rows of an axis; at the end of what is cut off the correction is taken back."""
+    half_width = None if axis.half_width is None else axis.half_width[:rows]
+    return replace(
+        axis, time=time[:rows], reference=axis.reference[:rows], corrected=axis.corrected[:rows],
+        error_before=axis.error_before[:rows], error_after=axis.error_after[:rows],
+        half_width=half_width, limited=axis.limited[:rows],
+    )  # fmt: skip
+
+
+def axis_bounds(control: ControlParameters, letter: str) -> AxisBounds:
+    """Rapid speed and acceleration that a control may command an axis; none of one it has not."""
+    axis = control.axes.get(letter)
+    if axis is None:
+        return AxisBounds()
+    limit = axis.acceleration_limit or control.filtered_acceleration(letter)
+    return AxisBounds(speed=axis.rapid_speed * METRE_PER_SECOND, acceleration=limit * METRE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectedProgram:
+    """A program's corrected command with what it rests on.
+
+    Parameters
+    ----------
+    machine, origin, program : str
+        Whose drives, where its records come from, of which program.
+    champion : str
+        Which sub-models were used.
+    residual : str
+        Which residual network was used, or why none was.
+    total : float
+        Of the program [s].
+    axes : mapping of str to CorrectedAxis
+        By letter, on the same samples.
+    """
+
+    machine: str
+    origin: str
+    program: str
+    champion: str
+    residual: str
+    total: float
+    axes: Mapping[str, CorrectedAxis]
+
+    @property
+    def figures(self) -> list[dict[str, Any]]:
+        """Following error of each axis as predicted, before and after [um]."""
+        return [
+            {
+                "axis": letter,
+                "rms_before_um": round(_rms(axis.error_before) * 1e6, 3),
+                "max_before_um": round(float(np.abs(axis.error_before).max()) * 1e6, 3),
+                "rms_after_um": round(_rms(axis.error_after) * 1e6, 3),
+                "max_after_um": round(float(np.abs(axis.error_after).max()) * 1e6, 3),
+                "half_width_90_um": None
+                if axis.half_width is None
+                else round(_rms(axis.half_width) * 1e6, 3),
+                "limited_percent": round(100.0 * float(axis.limited.mean()), 2),
+            }
+            for letter, axis in self.axes.items()
+        ]
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def correction_table(figures: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """:attr:`CorrectedProgram.figures` as a table in lines."""
+    yield f"axis  RMS before [um]  RMS after  max before [um]  max after  {HALF}  limited [%]"
+    for one in figures:
+        half = "-" if one["half_width_90_um"] is None else f"{one['half_width_90_um']:.1f}"
+        yield (
+            f"{one['axis']:<4}  {one['rms_before_um']:>15.1f}  {one['rms_after_um']:>9.1f}  "
+            f"{one['max_before_um']:>15.1f}  {one['max_after_um']:>9.1f}  {half:>20}  "
+            f"{one['limited_percent']:>11.1f}"
+        )
+
+
+def write_corrected(done: CorrectedProgram, path: Path) -> None:
+    """Write commanded and corrected positions [mm] over time [s] as CSV, comments before them.
+
+    Columns ``t`` and for each axis ``X`` (what the program commands) and ``X_corrected``, in the
+    machine's frame, at the control's interpolation period.
+    """
+    first = next(iter(done.axes.values()))
+    columns = [first.time]
+    for axis in done.axes.values():
+        columns += [axis.reference / METRE, axis.corrected / METRE]
+    table = np.column_stack(columns) + 0.0  # no -0
+    names = ["t", *(name for letter in done.axes for name in (letter, f"{letter}_corrected"))]
+    with replacing(path) as part, part.open("w", encoding="utf-8") as file:
+        file.writelines(f"# {line}\n" for line in _head(done, first))
+        file.write(",".join(names) + "\n")
+        np.savetxt(file, table, fmt="%.6f", delimiter=",")
+
+
+def _head(done: CorrectedProgram, first: CorrectedAxis) -> Iterator[str]:
+    label = " (simulated)" if done.origin == "simulated" else ""
+    period = float(first.time[1] - first.time[0])
+    yield f"Kerf: corrected command of the feed axes of {done.machine}{label}"
+    yield f"program: {done.program}; origin: {done.origin}; champion: {done.champion}"
+    yield f"residual network: {done.residual}"
+    yield (
+        f"positions in the machine's frame [mm] at the interpolation period of {period:g} s: "
+        "X where the program wants the axis, X_corrected what to command for that"
+    )
+    yield "t is the time of the program [s]; before 0 and after its end the axes stand"
+    if first.time[-1] < done.total:
+        yield f"only the first {first.time[-1]:.6g} s of {done.total:.6g} s"
+    yield "following error as the twin predicts it, not measured:"
+    yield from correction_table(done.figures)

@@ -1,0 +1,358 @@
+"""A corrected command for feed axes: what to ask of an axis so that it is where the program wants.
+
+The twin, and what a network adds to it, predict the error e(u) of an axis that is driven with the
+command u.  With u = r + c the axis is where the program wants it, at r, when c = e(r + c).  The
+correction is learnt on the model as iterative learning control learns on a machine (Bristow,
+Tharayil, Alleyne: A survey of iterative learning control, IEEE Control Systems Magazine 26(3),
+2006):
+
+    c <- Q (c + q G^-1 (e(r + c) - c))
+
+G is the linear part of the loop from command to position.  Q, a Gaussian low-pass without a shift
+in time, has its -3 dB where G has them: beyond, the axis does not follow, and what is asked there
+only amplifies what the model does not know.  Up to there Q / G is about 1 or less.  The learning
+factor q is 1, and is halved when a step makes the predicted error larger; the best step is kept.
+"""
+
+from dataclasses import dataclass, field
+from math import ceil, inf, log, pi, sqrt
+from typing import Annotated, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.servo import ServoParameters
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
+from pipeline.twin.program_axes import driven
+
+Complexes = npt.NDArray[np.complex128]
+
+REACH = 4.0
+"""Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
+END = 1e-9
+"""Between positions that count as the same [m]."""
+
+
+class Residual(Protocol):
+    """What the twin leaves over of the following error of an axis."""
+
+    def __call__(
+        self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,
+        period: float,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """Measured less modelled error, and half of its 90 % interval.
+
+        Parameters
+        ----------
+        letter : str
+            Of the axis.
+        reference : (T,) array
+            The command that is driven [m].
+        modelled_error, modelled_command : (T,) arrays
+            Of the twin along it [m], [A] or [V].
+        period : float
+            From sample to sample [s].
+
+        Returns
+        -------
+        residual, half_width : (T,) arrays
+            [m].
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionSettings(Ranged, section="correction"):
+    """How long the correction of a program is learnt.
+
+    Parameters
+    ----------
+    iterations : int
+        Greatest number of steps.
+    tolerance : float
+        Relative gain of a step below which no further one is made [1].
+    longest_s : float
+        Of a program that is corrected by the main job, from its start [s].
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    iterations: Annotated[int, Range(least=1)] = 12
+    tolerance: NotNegative = 0.02
+    longest_s: Positive = 120.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisBounds(Ranged, section="bounds"):
+    """Greatest speed and acceleration of a command [m/s], [m/s^2].
+
+    Raises
+    ------
+    ValueError
+        When one is not positive.
+    """
+
+    speed: Annotated[float, Range(above=0.0, finite=False, unit="m/s")] = inf
+    acceleration: Annotated[float, Range(above=0.0, finite=False, unit="m/s^2")] = inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectedAxis:
+    """One axis with its corrected command; every array has shape (T,).
+
+    Parameters
+    ----------
+    time : array
+        [s].
+    reference, corrected : array
+        Where the program wants the axis, and what to command for that [m].
+    error_before, error_after : array
+        ``reference`` less predicted position, driven with ``reference`` and with ``corrected`` [m].
+    half_width : array or None
+        Of the 90 % interval of ``error_after`` [m]; None without a residual.
+    cutoff : float
+        Of the correction [rad/s].
+    limited : array of bool
+        Where bounds keep the command from the one that the correction asks for.
+    """
+
+    time: Floats = field(repr=False)
+    reference: Floats = field(repr=False)
+    corrected: Floats = field(repr=False)
+    error_before: Floats = field(repr=False)
+    error_after: Floats = field(repr=False)
+    half_width: Floats | None = field(repr=False, default=None)
+    cutoff: float
+    limited: Bools = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Step:
+    """A correction [m], what it leaves [m] with its 90 % half width, and where it is limited."""
+
+    correction: Floats
+    missed: Floats
+    half_width: Floats | None
+    limited: Bools
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(self.missed**2)))
+
+
+def corrected_command(
+    letter: str,
+    reference: npt.ArrayLike,
+    period: float,
+    drive: IdentifiedDrive,
+    residual: Residual | None = None,
+    *,
+    bounds: AxisBounds | None = None,
+    settings: CorrectionSettings | None = None,
+) -> CorrectedAxis:
+    """The command with which an axis is predicted to be where the program wants it.
+
+    It begins and ends where the reference does.  Bounds that the reference itself passes are those
+    of the reference: the correction never asks for more than the greater of both.
+
+    Parameters
+    ----------
+    letter : str
+        Of the axis.
+    reference : (T,) array_like
+        Where it is wanted [m].
+    period : float
+        From sample to sample [s].
+    drive : IdentifiedDrive
+        With a servo.
+    residual : Residual, optional
+        What the twin leaves over.
+    bounds : AxisBounds, optional
+        Of the command; none by default.
+    settings : CorrectionSettings, optional
+        ``iterations`` and ``tolerance`` count.
+
+    Raises
+    ------
+    ValueError
+        When the reference is too short or not finite, or the drive has no servo or is unstable.
+    """
+    wanted, known = samples("reference", reference), settings or CorrectionSettings()
+    check_steps(period, 1)
+    if drive.servo is None:
+        raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
+    if len(wanted) < 3:
+        raise ValueError(f"reference has {len(wanted)} samples: give at least 3 to correct it")
+    learning = _Learning(drive.servo, drive.feed_drive, period, len(wanted))
+
+    def step(correction: Floats, asked: Floats) -> _Step:
+        u = wanted + correction
+        position, command = driven(letter, drive, u, period)
+        error, half_width = u - position, None
+        if residual is not None:
+            left, half_width = residual(letter, u, error, command, period)
+            error = error + left
+        return _Step(correction=correction, missed=error - correction, half_width=half_width,
+                     limited=np.abs(correction - asked) > END)  # fmt: skip
+
+    nothing = np.zeros(len(wanted))
+    before = best = step(nothing, nothing)
+    share = 1.0
+    for _ in range(known.iterations):
+        learnt = learning.learnt(best.correction, share * best.missed)
+        kept = bounded(wanted, learnt, period, bounds or AxisBounds(), learning.reach)
+        following = step(kept, learnt)
+        if following.rms >= best.rms:
+            share *= 0.5
+            continue
+        gained, best = 1.0 - following.rms / best.rms, following
+        if gained < known.tolerance:
+            break
+    return CorrectedAxis(
+        time=np.float64(period) * np.arange(len(wanted)), reference=wanted,
+        corrected=wanted + best.correction, error_before=before.missed, error_after=best.missed,
+        half_width=best.half_width, cutoff=learning.cutoff, limited=best.limited,
+    )  # fmt: skip
+
+
+class _Learning:
+    """The filters of the iteration for T samples of a loop."""
+
+    def __init__(
+        self, servo: ServoParameters, feed_drive: FeedDriveParameters, period: float, length: int
+    ) -> None:
+        from scipy.fft import next_fast_len
+
+        self.cutoff = cutoff(servo, feed_drive, period)
+        whole = ceil(REACH / self.cutoff / period)
+        self.reach = min(whole, length // 2)
+        self.length, self.pad = length, 2 * whole
+        self.padded = next_fast_len(length + 2 * self.pad, real=True)
+        omega = np.float64(2 * pi) * np.fft.rfftfreq(self.padded, period)
+        self.low_pass = np.exp(-0.5 * log(2.0) * (omega / self.cutoff) ** 2)
+        self.inverse = np.ones(len(omega), np.complex128)
+        self.inverse[1:] = 1.0 / reference_response(servo, feed_drive, omega[1:])
+        self.window = np.ones(length)
+        rise = _smooth_step(np.arange(self.reach) / max(self.reach, 1))
+        self.window[: self.reach], self.window[length - self.reach :] = rise, rise[::-1]
+
+    def learnt(self, correction: Floats, missed: Floats) -> Floats:
+        """The next correction [m]; zero at both ends."""
+        spectrum = self._spectrum(correction) + self.inverse * self._spectrum(missed)
+        whole = np.fft.irfft(self.low_pass * spectrum, self.padded)
+        found: Floats = self.window * whole[self.pad : self.pad + self.length]
+        return found
+
+    def _spectrum(self, values: Floats) -> Complexes:
+        after = self.padded - self.length - self.pad
+        return np.fft.rfft(np.pad(self.window * values, (self.pad, after)))
+
+
+def _smooth_step(s: Floats) -> Floats:
+    """From 0 to 1 over s from 0 to 1, its speed and acceleration zero at both ends."""
+    found: Floats = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return found
+
+
+def reference_response(
+    servo: ServoParameters, feed_drive: FeedDriveParameters, omega: Floats
+) -> Complexes:
+    """Position for a commanded position of the linear loop, its sampling left out [1].
+
+    With s = i w, the plant H = k / (M s + b), the PI loop L = H (V + R / s) and the lags,
+
+    G = (L (K + f_v s) / (1 + T_x s) + H f_a s^2) / (s (1 + L / (1 + T_v s)) + L K / (1 + T_x s)).
+
+    Parameters
+    ----------
+    servo, feed_drive
+        Of the axis, in slip and within its limit; b of its less viscous direction.
+    omega : (F,) array
+        Positive [rad/s].
+
+    Returns
+    -------
+    (F,) array
+        Complex.
+    """
+    s = 1j * omega
+    sides = feed_drive.friction.positive.viscous, feed_drive.friction.negative.viscous
+    plant = feed_drive.force_constant / (feed_drive.mass * s + min(sides))
+    loop = plant * (servo.proportional + servo.integral / s)
+    late = 1.0 + servo.position_lag * s
+    forward = loop * (servo.loop_gain + servo.velocity_feedforward * s) / late
+    forward += plant * servo.acceleration_feedforward * s**2
+    closed = s * (1.0 + loop / (1.0 + servo.velocity_lag * s)) + loop * servo.loop_gain / late
+    found: Complexes = forward / closed
+    return found
+
+
+def cutoff(servo: ServoParameters, feed_drive: FeedDriveParameters, period: float) -> float:
+    """Where an axis no longer follows its command, by 3 dB [rad/s].
+
+    A quarter of what ``period`` [s] can hold at most: the correction is sampled with it, and a
+    smooth curve through its samples is what the servo gets.
+    """
+    highest = 0.25 * pi / period
+    omega = np.geomspace(min(1e-3 * servo.loop_gain, highest), highest, 2000)
+    lower = np.abs(reference_response(servo, feed_drive, omega)) < sqrt(0.5)
+    return float(omega[np.argmax(lower)]) if lower.any() else highest
+
+
+def bounded(
+    reference: Floats, correction: Floats, period: float, bounds: AxisBounds, reach: int
+) -> Floats:
+    """A correction with which the command keeps its bounds; the same object where it does.
+
+    Where it does not, the command follows the one that is asked for as near as the bounds let it.
+    So that it ends where the reference ends, the correction is taken back earlier before the end
+    until it does; in the worst case from its beginning, which leaves none.
+
+    Parameters
+    ----------
+    reference, correction : (T,) arrays
+        [m]; the correction is zero at both ends.
+    period : float
+        [s].
+    bounds : AxisBounds
+        Of their sum; or what the reference itself reaches, where that is more.
+    reach : int
+        Samples before the end from which the correction is first taken back.
+
+    Returns
+    -------
+    (T,) array
+        [m].
+    """
+    from pipeline.machine.control.bounded import follow_within
+
+    own = _speed_and_acceleration(reference, period)
+    most = [
+        max(limit, float(one.max(initial=0.0)))
+        for limit, one in zip((bounds.speed, bounds.acceleration), own, strict=True)
+    ]
+    found = _speed_and_acceleration(reference + correction, period)
+    if all((one <= limit).all() for one, limit in zip(found, most, strict=True)):
+        return correction
+    length, taken = len(reference), max(reach, 1)
+    speed, acceleration = most[0], min(most[1], 2.0 * most[0] / period)  # from -speed to speed
+    kept, ending = np.empty(length), np.ones(length)
+    while taken < length:
+        ending[length - taken :] = _smooth_step(np.arange(taken)[::-1] / taken)
+        follow_within(reference + ending * correction, period, speed, acceleration, kept)
+        if abs(kept[-1] - reference[-1]) < END:
+            return kept - reference
+        taken *= 2
+    return np.zeros(length)
+
+
+def _speed_and_acceleration(position: Floats, period: float) -> tuple[Floats, Floats]:
+    """Magnitudes at the samples, (T,) each, the axis standing before and after."""
+    speed = np.diff(position, append=position[-1]) / period
+    acceleration = np.diff(speed, prepend=0.0) / period
+    return np.abs(speed), np.abs(acceleration)
