@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from pipeline.nets.windows import Recording, WindowInput
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.compensation.records import AxisRun, Run
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import driven
@@ -69,6 +69,8 @@ class Features:
         Following error [m]; zero where there is no model.
     regime : ndarray of str, shape (N,)
         Of each sample.
+    known : ndarray of bool, shape (N,)
+        Samples that were recorded, neither put in between nor beside such.
     """
 
     recording: Recording
@@ -77,6 +79,7 @@ class Features:
     measured: Floats
     modelled: Floats
     regime: "np.ndarray[Any, np.dtype[np.str_]]"
+    known: Bools
 
 
 def every(period: float, step_s: float) -> int:
@@ -190,19 +193,19 @@ def features_of(
     if axis.command is not None:
         signals[TORQUE] = axis.command
     rows = slice(None, None, stride)
+    beside = np.convolve(axis.filled, np.ones(3), "same") > 0
+    time: Floats = np.asarray(run.start + run.period * np.arange(len(axis.error))[rows])
     return Features(
         recording=Recording(
             name=run.name, step_s=stride * run.period, measured=MEASURED,
             signals={name: values[rows] for name, values in signals.items()},
         ),
-        group=run.group, time=run.start + run.period * np.arange(len(axis.error))[rows],
-        measured=axis.error[rows], modelled=modelled[rows], regime=regime[rows],
+        group=run.group, time=time, measured=axis.error[rows], modelled=modelled[rows],
+        regime=regime[rows], known=~beside[rows],
     )  # fmt: skip
 
 
-def inputs_of(
-    features: Sequence[Features], horizon_s: float | None
-) -> tuple[WindowInput, ...]:
+def inputs_of(features: Sequence[Features], horizon_s: float | None) -> tuple[WindowInput, ...]:
     """Inputs that all recordings have; with a horizon also what was measured before it.
 
     Parameters

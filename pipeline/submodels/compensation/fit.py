@@ -78,7 +78,7 @@ def sampled(
     for name, one in by_name.items():
         rows = found.group == name
         at = found.at[rows]
-        keep[rows] = at * one.recording.step_s >= settings.settle_s
+        keep[rows] = (at * one.recording.step_s >= settings.settle_s) & one.known[at]
         regime[rows], time[rows], group[rows] = one.regime[at], one.time[at], one.group
     regrouped = replace(found, group=group.astype(str))
     return Sampled(
@@ -126,7 +126,11 @@ def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
     training = task.training
     if len(set(task.windows.group.tolist())) < 2:
         training = replace(training, validation=0.0)
-    found = train_windows(task.settings.network(task.kind), task.windows, settings=training)
+    choices = [
+        train_windows(one, task.windows, settings=training)
+        for one in task.settings.networks(task.kind)
+    ]
+    found = min(choices, key=lambda one: float(one.history[:, 2].min()))
     return found.document(), found.predict(task.others)
 
 
@@ -249,8 +253,8 @@ def _score(errors: Sequence[Floats]) -> KindScore:
     )  # fmt: skip
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.5g}")
+def _rounded(value: Any) -> float:
+    return float(f"{float(value):.5g}")
 
 
 def enough(
@@ -287,6 +291,7 @@ def _stretches(one: Features, many: int) -> list[Features]:
             Features(
                 recording=recording, group=f"{one.group}, stretch {k + 1}", time=one.time[rows],
                 measured=one.measured[rows], modelled=one.modelled[rows], regime=one.regime[rows],
+                known=one.known[rows],
             )
         )  # fmt: skip
     return found

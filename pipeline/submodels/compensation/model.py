@@ -79,8 +79,9 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
         Networks of the prediction, and of the estimation.
     units, filters : int
         Of the LSTMs; of the convolutions.
-    ridge : float
-        Of the linear model, as a share of the variance of its output.
+    ridges : tuple of float
+        Of the linear model, as shares of the variance of its output; the one with the least error
+        on the recordings that stop the trainings of the others is taken.
     training : WindowTraining
         Of each network.
     searched : str
@@ -102,7 +103,7 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
     estimators: tuple[str, ...] = ("arx", "cnn_lstm_attention")
     units: Count = 50
     filters: Count = 16
-    ridge: Positive = 1e-3
+    ridges: tuple[Positive, ...] = (1e-1, 1e-2, 1e-3, 1e-4)
     training: WindowTraining = field(default_factory=WindowTraining)
     searched: str = "cnn_lstm_attention"
 
@@ -114,13 +115,21 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
                 raise ValueError(
                     f"compensation_fit names the network {kind!r}: choose among {', '.join(KINDS)}"
                 )
-        if not self.kinds or not self.estimators:
-            raise ValueError("compensation_fit.kinds and .estimators need one network at least")
+        if not (self.kinds and self.estimators and self.ridges):
+            raise ValueError(
+                "compensation_fit.kinds, .estimators and .ridges need one entry each at least"
+            )
+
+    def networks(self, kind: str) -> tuple[SequenceSettings, ...]:
+        """Settings of a kind to choose from by the recordings that stop a training."""
+        if kind == "arx":
+            return tuple(ArxSettings(ridge=ridge) for ridge in self.ridges)
+        return (self.network(kind),)
 
     def network(self, kind: str) -> SequenceSettings:
-        """Settings of a kind."""
+        """Settings of a kind; of the linear one its first."""
         if kind == "arx":
-            return ArxSettings(ridge=self.ridge)
+            return ArxSettings(ridge=self.ridges[0])
         if kind == "tcn":
             return TcnSettings(filters=self.filters)
         if kind == "lstm":

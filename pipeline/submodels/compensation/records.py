@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
 from pipeline.signals.sampling import UniformSegment, uniform_segments
@@ -129,11 +129,14 @@ class AxisRun:
         Commanded position [m].
     command : ndarray, shape (T,), or None
         Torque command, in the recording's unit.
+    filled : ndarray of bool, shape (T,)
+        Samples that were not recorded, but put between their neighbours.
     """
 
     error: Floats
     reference: Floats | None = None
     command: Floats | None = None
+    filled: Bools = field(default_factory=lambda: np.zeros(0, bool))
 
     def within(self, rows: slice) -> "AxisRun":
         """Some of its samples."""
@@ -141,6 +144,7 @@ class AxisRun:
             error=self.error[rows],
             reference=None if self.reference is None else self.reference[rows],
             command=None if self.command is None else self.command[rows],
+            filled=self.filled[rows],
         )
 
 
@@ -261,9 +265,7 @@ def _labels(
     columns = [_words(table[name]) for name in records.parts]
     joined = np.array(["\x1f".join(row) for row in zip(*columns, strict=True)])
     kinds, first = np.unique(joined, return_index=True)
-    return [
-        (tuple(kinds[k].split("\x1f")), joined == kinds[k]) for k in np.argsort(first).tolist()
-    ]
+    return [(tuple(kinds[k].split("\x1f")), joined == kinds[k]) for k in np.argsort(first).tolist()]
 
 
 def _words(column: pa.ChunkedArray) -> list[str]:
@@ -277,9 +279,7 @@ def _words(column: pa.ChunkedArray) -> list[str]:
     ]  # fmt: skip
 
 
-def _stretches(
-    samples: Samples, rows: Any, blank: Run, records: CompensationRecords
-) -> list[Run]:
+def _stretches(samples: Samples, rows: Any, blank: Run, records: CompensationRecords) -> list[Run]:
     """Stretches without a gap of the rows of one recording, each with the axes that it shows."""
     lacking, shown = {}, {}
     for letter, one in records.axes.items():
@@ -305,9 +305,7 @@ def _stretches(
         return [_nothing(blank, records, str(error))]
     found = []
     for number, piece in enumerate(pieces, start=1):
-        axes = {
-            letter: _axis(letter, records.axes[letter], samples, piece, at) for letter in shown
-        }
+        axes = {letter: _axis(letter, records.axes[letter], samples, piece, at) for letter in shown}
         name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
         run = replace(
             blank, name=name, period=piece.period, axes=axes, lacking=lacking, start=piece.start
@@ -321,13 +319,28 @@ def _axis(
     letter: str, channels: ErrorChannels, samples: Samples, piece: UniformSegment, at: Any
 ) -> AxisRun:
     grid = {
-        name: piece.on_grid(samples.channels[f"{letter} {name}"][at]) for name in channels.channels
+        name: _on_grid(piece, samples.channels[f"{letter} {name}"][at])
+        for name in channels.channels
     }
     error = grid.get("error")
     return AxisRun(
         error=grid["reference"] - grid["position"] if error is None else error,
-        reference=grid.get("reference"), command=grid.get("command"),
+        reference=grid.get("reference"), command=grid.get("command"), filled=piece.filled,
     )  # fmt: skip
+
+
+def _on_grid(piece: UniformSegment, values: Floats) -> Floats:
+    """Values on the even grid, missing rows on a smooth curve through the others.
+
+    On a straight line the commanded acceleration would be lost, and its model's error with it.
+    """
+    from scipy.interpolate import CubicSpline
+
+    found, missing = piece.on_grid(values), piece.filled
+    if missing.any() and (~missing).sum() >= 2:
+        there = np.flatnonzero(~missing)
+        found[missing] = CubicSpline(there, found[there])(np.flatnonzero(missing))
+    return found
 
 
 def _nothing(blank: Run, records: CompensationRecords, reason: str) -> Run:

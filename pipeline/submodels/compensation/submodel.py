@@ -15,10 +15,10 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import write_json
-from pipeline.schema.verdict import Fact
+from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.compensation.features import RESIDUAL, Features, features_of
-from pipeline.submodels.compensation.fit import UM, fit_axes, leak_shown, searched
+from pipeline.submodels.compensation.features import Features, features_of
+from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PERSISTENCE,
@@ -39,6 +39,10 @@ FOLLOWING = "following error"
 """Quantity of a prediction before the motion, followed by the axis' letter."""
 ESTIMATED = "following error, estimated"
 """The same from measurements that are older than the horizon."""
+SERVED = ("reference", "modelled_error", "modelled_command")
+"""Columns of a table that the model serves, after the axis' letter."""
+LEARNT = 1000
+"""Samples of a training recording that are compared [1]."""
 QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
 
 
@@ -88,16 +92,23 @@ class Judging:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Driven:
-    """A recording, and the identified drives of its axes; none where the machine has no model."""
+    """A recording, and the identified drives of its axes; none where the machine has no model.
+
+    ``most`` samples of it are compared, evenly; all where it is None.
+    """
 
     run: Run
     drives: Mapping[str, IdentifiedDrive]
     records: CompensationRecords
+    most: int | None = None
 
     def features(self, letter: str, step_s: float) -> Features:
         """One axis as the networks see it."""
         return features_of(
-            self.run, letter, self.drives.get(letter), step_s=step_s,
+            self.run,
+            letter,
+            self.drives.get(letter),
+            step_s=step_s,
             lead_mm=self.records.axes[letter].lead_mm,
         )
 
@@ -149,12 +160,14 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             When a pattern fits no file, or the drives' model is broken.
         """
         if records.signals is None or records.drive is None:
-            raise ValueError("recordings stand in the signals, drives in theirs: name both in reads")
+            raise ValueError(
+                "recordings stand in the signals, drives beside them: name both in reads"
+            )
         wanted = settings.compensation_records
         path = records.drive / "model.json"
         drives = read_drives(path) if path.exists() else {}
 
-        def role(name: str, file: str) -> Any:
+        def role(name: str, file: str) -> Role:
             return role_of([name, file], settings.roles, sets)
 
         cases, left_out = [], []
@@ -167,8 +180,9 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
                 reasons = "; ".join(sorted(set(run.lacking.values())))
                 left_out.append(LeftOut(case=run.name, reason=reasons))
                 continue
-            of_run = "held_out" if run.last else role(run.name, run.file)
-            driven = Driven(run=run, drives=drives, records=wanted)
+            of_run: Role = "held_out" if run.last else role(run.name, run.file)
+            most = LEARNT if of_run == "training" else None  # it decides nothing
+            driven = Driven(run=run, drives=drives, records=wanted, most=most)
             cases.append(
                 Case(
                     name=run.name, group=run.group, role=of_run, load=_constant(driven),
@@ -183,9 +197,9 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         training, fitting = cases.of("training"), settings.compensation_fit
         driven: list[Driven] = [case.load() for case in training]
         if not driven:
-            why = f"; {cases.left_out[0].case}: {cases.left_out[0].reason}" if cases.left_out else ""
+            first = next((f"; {one.case}: {one.reason}" for one in cases.left_out), "")
             raise ValueError(
-                f"no training recording shows a following error{why}: name one in roles.training"
+                f"no training recording shows a following error{first}: name one in roles.training"
             )
         axes = {
             letter: features
@@ -201,11 +215,11 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
                 "no axis has an input to learn from: record its commanded position or its torque "
                 "command"
             )
-        first = next(iter(axes))
+        letter = next(iter(axes))
         leak = None
-        if (first, PREDICTION) in found and fitting.searched in fitting.kinds:
-            honest = found[first, PREDICTION].model.scores[fitting.searched]
-            leak = leak_shown(first, axes[first], fitting, honest)
+        if (letter, PREDICTION) in found and fitting.searched in fitting.kinds:
+            honest = found[letter, PREDICTION].model.scores[fitting.searched]
+            leak = leak_shown(letter, axes[letter], fitting, honest)
         documents = {key: value for one in found.values() for key, value in one.documents.items()}
         write_json(NetworksFile(documents=documents), folder / "networks.json")
         steps = [one.recording.step_s for features in axes.values() for one in features]
@@ -218,15 +232,15 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             left_out=cases.left_out,
             conditions={n: replace(c, low=0.0) for n, c in conditions_of(training).items()},
             axes={
-                letter: {use: one.model for (of, use), one in found.items() if of == letter}
-                for letter in axes
+                name: {use: one.model for (of, use), one in found.items() if of == name}
+                for name in axes
             },
             step_s=float(np.median(steps)),
             horizon_s=fitting.horizon_s,
             settle_s=fitting.settle_s,
             length=fitting.length,
             lead_mm={
-                letter: one.lead_mm for letter, one in settings.compensation_records.axes.items()
+                name: one.lead_mm for name, one in settings.compensation_records.axes.items()
                 if one.lead_mm is not None
             },
             with_drive=bool(driven[0].drives),
@@ -254,13 +268,14 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
                     "the input has no column t of two rows or more: give it in seconds"
                 )
             t = table["t"].to_numpy(float)
-            found = {"t": t}
+            found: dict[str, Any] = {"t": t}
             for letter, uses in model.file.axes.items():
-                names = [f"{letter}_{n}" for n in ("reference", "modelled_error", "modelled_command")]
+                names = [f"{letter}_{one}" for one in SERVED]
                 if PREDICTION not in uses or any(name not in table.columns for name in names):
                     continue
-                columns = [table[name].to_numpy(float) for name in names]
-                residual, half = model.residual(letter, *columns, float(np.diff(t).mean()))
+                reference, error, command = (table[name].to_numpy(float) for name in names)
+                period = float(np.diff(t).mean())
+                residual, half = model.residual(letter, reference, error, command, period)
                 found |= {
                     f"{letter}_residual": UM * residual, f"{letter}_low": UM * (residual - half),
                     f"{letter}_high": UM * (residual + half),
@@ -273,7 +288,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         """A fifth of a second of slow feed of each axis."""
         model = load_compensation(folder).file
         t = model.step_s * np.arange(100)
-        columns: dict[str, Floats] = {"t": t}
+        columns: dict[str, Any] = {"t": t}
         for letter, uses in model.axes.items():
             if PREDICTION in uses:
                 columns |= {
@@ -307,7 +322,8 @@ def _conditions(run: Run) -> dict[str, Fact]:
 
 def _predicted(driven: Driven, model: Compensation) -> Prediction:
     """A recording by every network of every use."""
-    frames, facts = [], {}
+    frames: list[pd.DataFrame] = []
+    facts: dict[str, Fact] = {}
     for letter, uses in model.file.axes.items():
         if letter not in driven.run.axes:
             continue
@@ -317,7 +333,7 @@ def _predicted(driven: Driven, model: Compensation) -> Prediction:
             if any(wanted.name not in known for wanted in one.inputs):
                 continue
             try:
-                frame = _frame(features, letter, use, model)
+                frame = _frame(features, letter, use, model, driven.most)
             except ValueError:  # shorter than a window
                 continue
             if not len(frame):
@@ -329,15 +345,18 @@ def _predicted(driven: Driven, model: Compensation) -> Prediction:
     return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts)
 
 
-def _frame(features: Features, letter: str, use: str, model: Compensation) -> pd.DataFrame:
+def _frame(
+    features: Features, letter: str, use: str, model: Compensation, most: int | None
+) -> pd.DataFrame:
     """Following error measured and predicted [um], the other networks beside it."""
     one = model.file.axes[letter][use]
     windows = model.windows(letter, use, features.recording)
-    at = windows.at[windows.at * features.recording.step_s >= model.file.settle_s]
-    windows = replace(
-        windows, x=windows.x[-len(at) :] if len(at) else windows.x[:0], at=at,
-        y=windows.y[-len(at) :] if len(at) else windows.y[:0],
-    )  # fmt: skip
+    late = windows.at * features.recording.step_s >= model.file.settle_s
+    rows = np.flatnonzero(late & features.known[windows.at])
+    if most is not None:
+        rows = rows[:: max(-(-len(rows) // most), 1)]
+    windows = chosen(windows, rows)
+    at = windows.at
     modelled, regime = UM * features.modelled[at], features.regime[at]
 
     def error(kind: str) -> Floats:
