@@ -18,6 +18,9 @@ class Fleet:
         Those whose records the simulated shop floor writes.
     submodels : mapping of str to tuple of str
         Sub-model -> machines with records for it, in the order in which pages show them.
+    drives_under : mapping of str to str
+        Machine of ``submodels.compensation`` -> folder of the drives' model whose errors are
+        learnt; one without ``model.json`` where the machine has no such model.
     optimised : tuple of str
         Those with part programs that are made faster or cheaper inside their limits.
     trials : tuple of str
@@ -34,6 +37,7 @@ class Fleet:
     machines: tuple[str, ...]
     simulated: tuple[str, ...] = ()
     submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    drives_under: Mapping[str, str] = field(default_factory=dict)
     optimised: tuple[str, ...] = ()
     trials: tuple[str, ...] = ()
 
@@ -49,6 +53,11 @@ class Fleet:
                     f"fleet.{name} names {sorted(strangers)}, which fleet.machines does not: "
                     "add it there"
                 )
+        if set(self.drives_under) != set(self.submodels.get("compensation", ())):
+            raise ValueError(
+                f"fleet.drives_under names {sorted(self.drives_under)}, fleet.submodels."
+                f"compensation {sorted(self.submodels.get('compensation', ()))}: name the same"
+            )
         for name, needed in NEEDS:
             lacking = sorted(set(lists[name]) - set(lists.get(needed, ())))
             if lacking:

@@ -1,9 +1,8 @@
 """`kerf simulate --compensate` and the stage that writes corrected commands."""
 
 import json
-import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +13,7 @@ from pipeline.schema.bundle import bundle_of
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Verdict
+from pipeline.stages import correct_programs as stage
 from pipeline.stages.correct_programs import correct_programs, residual_of
 from pipeline.twin.control import ControlRecords
 from pipeline.twin.correction import CorrectionSettings
@@ -124,14 +124,12 @@ def test_an_axis_without_a_servo_has_no_columns_and_none_is_one_sentence(project
 
 def test_a_residual_is_used_where_its_model_passed(project, monkeypatch) -> None:
     folder = with_drives(project, X=drive_axis(), Y=drive_axis(), Z=drive_axis())
-    model = ModuleType("pipeline.submodels.compensation.model")
 
     def residual(letter, reference, modelled_error, modelled_command, period):
         return np.full(len(reference), 7e-6), np.full(len(reference), 3e-6)
 
-    model.load_residual = lambda found: SimpleNamespace(residual=residual)  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "pipeline.submodels.compensation", ModuleType("compensation"))
-    monkeypatch.setitem(sys.modules, "pipeline.submodels.compensation.model", model)
+    loaded = SimpleNamespace(residual=residual)
+    monkeypatch.setattr(stage, "load_compensation", lambda found: loaded)
     write_json({}, folder / "compensation/model.json")
     for status in ("failed", "not judged"):
         write_json(judged("compensation", status), folder / "compensation/verdict.json")

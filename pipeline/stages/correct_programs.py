@@ -1,6 +1,5 @@
 """Stage: corrected commands of the feed axes for the programs of a machine."""
 
-from importlib import import_module
 from pathlib import Path
 
 from pipeline.gcode.errors import GcodeError
@@ -9,6 +8,7 @@ from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_text
 from pipeline.schema.verdict import Verdict
+from pipeline.submodels.compensation.model import load_compensation
 from pipeline.twin.control import (
     ControlRecords,
     control_of_unit,
@@ -97,8 +97,7 @@ def residual_of(models: Path) -> tuple[Residual | None, str]:
         return None, NO_RESIDUAL
     if not verdict.exists() or read_json(verdict, Verdict).status != "passed":
         return None, NO_RESIDUAL
-    loaded = import_module("pipeline.submodels.compensation.model").load_residual(folder)
-    return loaded.residual, f"compensation {model_hash(folder)[:12]}"
+    return load_compensation(folder).residual, f"compensation {model_hash(folder)[:12]}"
 
 
 def bundle_words(models: Path) -> str:

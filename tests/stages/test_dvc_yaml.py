@@ -31,15 +31,18 @@ def listed(each: str, fleet: dict[str, Any]) -> list[str]:
     found: Any = fleet
     for key in each.removeprefix("${").removesuffix("}").split("."):
         found = found[key]
-    machines: list[str] = found
-    return machines
+    return list(found)
 
 
 FLEETS = sorted(p.stem for p in (ROOT / "conf/fleet").glob("*.yaml") if p.stem != "active")
 
 
 def definition(name: str) -> dict[str, Any]:
+    """A stage; where it goes over machines with their folders, the folder is ``${folder}``."""
     stage: dict[str, Any] = DVC[name]
+    if "${key}" in str(stage):
+        text = yaml.safe_dump(stage).replace("${item}", "${folder}").replace("${key}", "${item}")
+        stage = yaml.safe_load(text)
     return stage.get("do", stage)
 
 

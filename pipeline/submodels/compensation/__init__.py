@@ -8,4 +8,4 @@ Sources: Feed2025 (residual of a mechanism model by CNN-LSTM-attention, where th
 measured position: a leak, which the windows refuse here).
 """
 
-__all__ = ["submodel"]
+__all__ = ["model", "submodel"]

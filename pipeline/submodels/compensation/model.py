@@ -1,8 +1,8 @@
 """The stored model of what the drives' model leaves over, and the object that predicts from it.
 
 For each axis and use, networks of each kind are kept as they were trained on all but one fold of
-the training recordings; what serves is the mean of those of the champion.  ``load_residual`` gives
-the prediction before the motion for the twin.
+the training recordings; what serves is the mean of those of the champion.  Its ``residual``
+is the prediction before the motion for the twin.
 """
 
 from collections.abc import Mapping
@@ -366,7 +366,3 @@ def load_compensation(folder: Path) -> Compensation:
         file=read_json(folder / "model.json", CompensationModel),
         documents=read_json(folder / "networks.json", NetworksFile).documents,
     )
-
-
-load_residual = load_compensation
-"""What the twin takes for its corrected commands."""

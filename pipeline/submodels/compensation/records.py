@@ -252,9 +252,8 @@ def _labels(
     file: Recording, records: CompensationRecords
 ) -> list[tuple[tuple[str, ...], Any]] | None:
     """Values of the columns that tell parts apart, and the rows of each; None without such."""
-    if not records.parts:
+    if not records.parts or file.file is None:
         return None
-    assert file.file is not None
     names = pq.read_schema(file.file).names
     for name in records.parts:
         if name not in names:

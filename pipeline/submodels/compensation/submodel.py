@@ -160,9 +160,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             When a pattern fits no file, or the drives' model is broken.
         """
         if records.signals is None or records.drive is None:
-            raise ValueError(
-                "recordings stand in the signals, drives beside them: name both in reads"
-            )
+            raise ValueError("recordings stand in signals, drives beside them: name both in reads")
         wanted = settings.compensation_records
         path = records.drive / "model.json"
         drives = read_drives(path) if path.exists() else {}
