@@ -2,10 +2,10 @@
 
 The candidates of a generation are trained side by side, on few windows and for few epochs.  One is
 stopped at a milestone when its error is above the median of what the best of earlier generations
-had by then, as many as a generation has (median stopping, Golovin et al. 2017, whose median is over
-all: when the search closes in, hardly any candidate is above that).  The best settings are trained again in full, with a
-seed of their own each, and the best of these networks by validation error is the result.  All are
-stopped by the same recordings.
+had by then, as many as a generation has: median stopping (Golovin et al. 2017), whose median over
+all hardly stops a candidate once the search closes in.  The best settings are trained again in
+full, with a seed of their own each, and the best of these networks by validation error is the
+result.  All are stopped by the same recordings.
 
 An optimum at a bound says that the range may be too small: that of Feed2025 lies at the lower
 bounds of all three.
