@@ -35,7 +35,7 @@ def lagged() -> Windows:
 @pytest.mark.parametrize("generations", [2, PUBLISHED])
 @pytest.mark.parametrize("method", ["genetic", "whale"])
 def test_published_search(benchmark, method: str, generations: int) -> None:
-    """By the clock; ``genetic-2`` has a tenth of the candidates, half of them before any is pruned."""
+    """By the clock; two generations are a tenth of it, and nothing is pruned in the first."""
     data = lagged()
     assert data.x.shape == (1500, 48, 4)
     settings = TuningSettings(
