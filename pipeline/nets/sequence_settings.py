@@ -174,7 +174,8 @@ class TuningSettings(Ranged, section="tuning"):
         Of a candidate at most, spread evenly over each recording; at least one of each.
     milestones : tuple of int
         Epochs after which a candidate is stopped when its least validation error so far is above
-        the median of those that candidates of earlier generations had by then; empty for never.
+        the median of the ``population`` least ones that candidates of earlier generations had by
+        then; empty for never.
     fewest : int
         Candidates of earlier generations whose median may stop one.
     retrained : int
@@ -197,7 +198,7 @@ class TuningSettings(Ranged, section="tuning"):
     epochs: Count = 30
     patience: Count = 10
     windows: Count = 1500
-    milestones: tuple[Count, ...] = (3, 6, 12, 25, 50)
+    milestones: tuple[Count, ...] = (10, 20, 40)
     fewest: Count = 4
     retrained: Count = 3
     seed: Whole = 0

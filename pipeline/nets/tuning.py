@@ -1,10 +1,11 @@
 """Search for learning rate, units and penalty of a network on windows.
 
-The candidates of a generation are trained side by side, on few windows and for few epochs.  One
-whose error at a milestone is above the median of what earlier generations had by then is stopped
-there (median stopping, Golovin et al. 2017).  The best settings are trained again in full, with a
-seed of their own each, and the best of these networks by validation error is the result.  All are
-stopped by the same recordings.
+The candidates of a generation are trained side by side, on few windows and for few epochs.  One is
+stopped at a milestone when its error is above the median of what the best of earlier generations
+had by then, as many as a generation has: median stopping (Golovin et al. 2017), whose median over
+all hardly stops a candidate once the search closes in.  The best settings are trained again in
+full, with a seed of their own each, and the best of these networks by validation error is the
+result.  All are stopped by the same recordings.
 
 An optimum at a bound says that the range may be too small: that of Feed2025 lies at the lower
 bounds of all three.
@@ -354,13 +355,13 @@ class _Search:
         return np.array([self.known[one].validation for one in asked])
 
     def _limits(self) -> dict[int, float]:
-        """Milestone -> median of the errors by then, of the generations that are done."""
+        """Milestone -> median of the least errors by then, of the generations that are done."""
         limits = {}
         for epoch in self.settings.milestones:
             found = [one.by(epoch) for one in self.known.values()]
             errors = [error for error in found if error is not None]
             if len(errors) >= self.settings.fewest and epoch < self.settings.epochs:
-                limits[epoch] = median(errors)
+                limits[epoch] = median(sorted(errors)[: self.settings.population])
         return limits
 
     def _named(self, row: Sequence[float]) -> Values:

@@ -1,6 +1,6 @@
 """Searches on F1 to F13 with the same budget: costs of many seeds, ranks, significance, a table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -122,13 +122,15 @@ def holm(p: np.ndarray) -> np.ndarray:
     return adjusted
 
 
-def table(searches: list[str], found: np.ndarray, order: Ranking, *, published: bool) -> str:
-    """Mean costs, mean ranks and p values as Markdown."""
+def table(
+    searches: list[str], found: np.ndarray, order: Ranking, *, published: bool,
+    rows_of: Iterable[str] = FUNCTIONS,
+) -> str:  # fmt: skip
+    """Mean costs, mean ranks and p values as Markdown; published means only of functions."""
     head = ["", *searches, *(("published: whale", "swarm", "wolf") if published else ())]
     rows = [
-        [name, *(f"{mean:.3g}" for mean in means)]
-        + ([f"{one.whale:.3g}", f"{one.swarm:.3g}", f"{one.wolf:.3g}"] if published else [])
-        for (name, one), means in zip(FUNCTIONS.items(), found.mean(axis=2), strict=True)
+        [name, *(f"{mean:.3g}" for mean in means), *(_published(name) if published else ())]
+        for name, means in zip(rows_of, found.mean(axis=2), strict=True)
     ]
     blank = [""] * (3 * published)
     rows.append(["mean rank", *(f"{rank:.2f}" for rank in order.mean), *blank])
@@ -138,3 +140,8 @@ def table(searches: list[str], found: np.ndarray, order: Ranking, *, published: 
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + (
         f"\n\nFriedman: p = {order.friedman:.2g}"
     )
+
+
+def _published(name: str) -> list[str]:
+    one = FUNCTIONS[name]
+    return [f"{mean:.3g}" for mean in (one.whale, one.swarm, one.wolf)]
