@@ -1,4 +1,4 @@
-"""Figures of the error that the drives' model leaves over: along a motion, by network, attention."""
+"""Figures of the error that is left over: along a motion, by network, the attention."""
 
 from collections.abc import Sequence
 

@@ -90,11 +90,11 @@ def _axis_words(facts: CompensationFacts, letter: str, use: str, one: UseModel) 
     score = facts.total(letter, use)
     if score is None:
         return ""
-    said = f"{letter} is off by up to {um(score.max)} (RMS {um(score.rmse)})"
+    said = f"on {letter} by up to {um(score.max)} (RMS {um(score.rmse)}"
     base = facts.errors(score, BASES[use], one)
     if base is None or one.champion == BASES[use]:
-        return said
-    return f"{said} instead of {um(base.max)} ({um(base.rmse)})"
+        return f"{said})"
+    return f"{said}; {_of_base(facts, use)} up to {um(base.max)}, RMS {um(base.rmse)})"
 
 
 def _serving(facts: CompensationFacts) -> str:
@@ -133,15 +133,9 @@ def _headline(facts: CompensationFacts) -> str:
         if axes:
             groups = {s.group for letter, of, _ in facts.axes if of == use
                       for s, _ in facts.recordings(letter, use)}  # fmt: skip
-            base = (
-                "with the drive model alone" if use == PREDICTION else "with the last error known"
-            )
-            if facts.shown.model is not None and not facts.shown.model.with_drive:
-                base = "without it" if use == PREDICTION else base
             said.append(
-                f"Following error {_use_words(use)}, on {counted(len(groups), 'recording')} not "
-                f"learnt from (in brackets RMS; what it would be {base} after “instead of”): "
-                f"{'; '.join(axes)}."
+                f"On {counted(len(groups), 'recording')} not learnt from, the following error "
+                f"{_use_words(use)} is off {joined(axes)}."
             )
     return " ".join(said)
 
@@ -195,7 +189,7 @@ def _key_figures(facts: CompensationFacts) -> list[tuple[str, str, str]]:
     base = facts.errors(score, BASES[use], one)
     aside = f"worst axis, {letter}; RMS {um(score.rmse)}"
     if base is not None and one.champion != BASES[use]:
-        aside += f"; {NAMES[BASES[use]]} {um(base.max)}"
+        aside += f"; {_of_base(facts, use)} {um(base.max)}"
     return [(f"Following error, {_use_words(use)}: largest error", um(score.max), aside)]
 
 
@@ -222,7 +216,7 @@ def _before_and_after(facts: CompensationFacts) -> Section:
         text.append(f"A command that takes the predicted error off: {_command(facts)}.")
     if shown.verdict is None:
         text.append(absent(shown.folder / "verdict.json",
-                           "Errors below are of training recordings left out in turn."))  # fmt: skip
+                           "Errors are of training recordings left out in turn."))  # fmt: skip
     elif shown.verdict.reasons:
         text.append("Reasons as the judge gave them: " + "; ".join(shown.verdict.reasons) + ".")
     if shown.predictions is None:
@@ -266,17 +260,17 @@ def _drawn(facts: CompensationFacts, trace: Traced, one: UseModel) -> Figures:
     first, last = float(trace.seconds[0]), float(trace.seconds[-1])
     at = float(trace.seconds[trace.worst])
     close = (max(first, at - CLOSE_S), min(last, at + CLOSE_S))
-    base, serves = BASES[trace.use], one.champion != BASES[trace.use]
+    serves = one.champion != BASES[trace.use]
     before, after = (_peak(e) for e in (trace.before, trace.after))
-    gone = f"; {NAMES[one.champion]} leaves up to {um(after)}" if serves else ""
+    gone = f"; {NAMES.get(one.champion, one.champion)} leaves up to {um(after)}" if serves else ""
     what = f"Axis {trace.axis} in {short(trace.case)}"
     words = (
-        f"{what}, not learnt from: {NAMES[base]} is off by up to {um(before)}{gone}.",
+        f"{what}, not learnt from: {_of_base(facts, trace.use)}, error up to {um(before)}{gone}.",
         f"{what} at its greatest error, {fixed(close[0], 1)} to {fixed(close[1], 1)}{TOGETHER}s.",
     )
     heads = (
-        f"Left over by {_of_base(facts, trace.use)}, and as predicted, µm",
-        f"Left with {NAMES[one.champion]}, µm",
+        f"Error left over, {_of_base(facts, trace.use)}, and its prediction, µm",
+        f"Error left, {NAMES.get(one.champion, one.champion)}, µm",
     )
     return Figures(
         figures=[
@@ -290,10 +284,11 @@ def _drawn(facts: CompensationFacts, trace: Traced, one: UseModel) -> Figures:
 
 
 def _of_base(facts: CompensationFacts, use: str) -> str:
+    """What a use is held against, in the middle of a sentence."""
     if use == ESTIMATION:
-        return "the last error known"
+        return "last error known"
     with_drive = facts.shown.model is not None and facts.shown.model.with_drive
-    return "the drive model" if with_drive else "no model (the error itself)"
+    return "drive model alone" if with_drive else "nothing predicted"
 
 
 def _peak(values: np.ndarray) -> float:
@@ -319,7 +314,7 @@ def _recordings_table(
         heads=[
             *names("Recording"), *numbers(("highest speed", "mm/min" if unit == "mm/s" else unit)),
             *names("speed learnt"),
-            *numbers(*((NAMES[k] + (" (serves)" if k == one.champion else ""), "µm") for k in kinds),
+            *numbers(*((_column(k, one), "µm") for k in kinds),
                      group="RMS / greatest error"),
             *numbers(("of the greatest error gone", "%")),
         ],
@@ -337,6 +332,10 @@ def _recordings_table(
         note="Speed learnt: whether a recording that was learnt from reaches the same highest "
         "speed. A minus: the greatest error is larger with the network than without.",
     )  # fmt: skip
+
+
+def _column(kind: str, one: UseModel) -> str:
+    return NAMES.get(kind, kind) + (" (serves)" if kind == one.champion else "")
 
 
 def _speed_words(facts: CompensationFacts, case: JudgedCase | None, letter: str) -> str:
@@ -372,7 +371,8 @@ def _networks(facts: CompensationFacts) -> list[Section]:
             title="Following error: networks compared",
             text=[
                 "Each network was trained several times, each time without some of the training "
-                "recordings, and compared on those. The one with the least RMSE serves.",
+                "recordings, and compared on those. The one with the least RMSE serves. ARX is the "
+                "linear one.",
                 *_leak_words(facts),
                 *_search_words(facts),
             ],

@@ -190,10 +190,10 @@ class CompensationFacts:
             return None
         rows = rows[(rows["quantity"] == f"{QUANTITIES[use]} {letter}") & (rows["regime"] == "")
                     & (rows["role"] == self.role)]  # fmt: skip
-        left = (rows["measured"] - rows["predicted"]).abs()
-        if not left.notna().any():
+        left = np.abs((rows["measured"] - rows["predicted"]).to_numpy(float))
+        if not np.isfinite(left).any():
             return None
-        case = str(rows.loc[left.idxmax(), "case"])
+        case = str(rows["case"].iloc[int(np.nanargmax(left))])
         return _trace(rows[rows["case"] == case], letter, use, case, one.champion)
 
     @cached_property
