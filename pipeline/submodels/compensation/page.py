@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.charts import default_section
-from pipeline.charts.numbers import TOGETHER, counted, fixed, joined, number, percent
+from pipeline.charts.numbers import TOGETHER, as_stated, counted, fixed, joined, number, percent
 from pipeline.charts.sections import (
     Compared,
     Figure,
@@ -39,8 +39,7 @@ from pipeline.submodels.compensation.page_facts import (
 CLOSE_S = 0.4
 """Time before and after the greatest error that is drawn close [s]."""
 SETTINGS = {
-    "learning_rate": "learning rate", "units": "units", "weight_decay": "penalty of the weights",
-    "filters": "filters",
+    "learning_rate": "learning rate", "l2": "penalty of the weights",
 }  # fmt: skip
 """Settings of the search in words."""
 NEEDS = (
@@ -97,8 +96,8 @@ def _axis_words(facts: CompensationFacts, letter: str, use: str, one: UseModel) 
     return f"{said}; {_of_base(facts, use)} up to {um(base.max)}, RMS {um(base.rmse)})"
 
 
-def _serving(facts: CompensationFacts) -> str:
-    """Which networks serve, and that the published kind is not the best where it is not."""
+def _serving(facts: CompensationFacts, *, whole: bool = False) -> str:
+    """Which networks serve, and that the published kind is not the best; ``whole`` with errors."""
     of: dict[str, list[str]] = {}
     for letter, _, one in facts.axes:
         of.setdefault(one.champion, []).append(letter)
@@ -115,10 +114,8 @@ def _serving(facts: CompensationFacts) -> str:
     ]
     words = f"{said[:1].upper()}{said[1:]}."
     if beaten:
-        words += (
-            f" The published kind of network, {NAMES[ATTENTIVE]}, is not the best here: RMSE on "
-            f"training recordings left out of {joined(beaten)}."
-        )
+        words += f" The published kind of network, {NAMES[ATTENTIVE]}, is not the best here"
+        words += f": RMSE on training recordings left out, {joined(beaten)}." if whole else "."
     return words
 
 
@@ -209,7 +206,7 @@ def _before_and_after(facts: CompensationFacts) -> Section:
         else "This machine has no model of its drives, so the following error itself is learnt, "
         "not what such a model leaves over.",
         _headline(facts),
-        _serving(facts) if shown.verdict is not None else "",
+        _serving(facts, whole=True),
         *_limits_words(facts),
     ]
     if any(use == PREDICTION for _, use, _ in facts.axes):
@@ -372,7 +369,7 @@ def _networks(facts: CompensationFacts) -> list[Section]:
             text=[
                 "Each network was trained several times, each time without some of the training "
                 "recordings, and compared on those. The one with the least RMSE serves. ARX is the "
-                "linear one.",
+                "linear one; persistence takes the last error known to stay.",
                 *_leak_words(facts),
                 *_search_words(facts),
             ],
@@ -389,11 +386,12 @@ def _leak_words(facts: CompensationFacts) -> Iterator[str]:
     model = facts.shown.model
     leak = None if model is None else model.leak
     if leak is not None:
+        gain = "" if leak.rmse_um < leak.honest_um else ", and here it would gain nothing"
         yield (
             f"With the measured position among the inputs, as published, the RMS error of "
             f"{leak.axis} on recordings left out would read {um(leak.rmse_um)} instead of "
             f"{um(leak.honest_um)} ({NAMES.get(leak.kind, leak.kind)}). Nobody knows that position "
-            "before the motion, so such inputs are refused."
+            f"before the motion{gain}: such inputs are refused."
         )
 
 
@@ -403,7 +401,9 @@ def _search_words(facts: CompensationFacts) -> Iterator[str]:
     search = None if model is None else model.search
     if search is None:
         return
-    chosen = joined([f"{_setting(n)} {number(v)}" for n, v in search.chosen.items()] or ["none"])
+    chosen = joined(
+        [f"{_setting(n)} {as_stated(v, 3)}" for n, v in search.chosen.items()] or ["none"]
+    )
     yield (
         f"Settings of {NAMES.get(search.kind, search.kind)} were searched on {search.axis} "
         f"({search.method}): {counted(search.candidates, 'candidate')} trained, "
@@ -446,7 +446,7 @@ def _bars(facts: CompensationFacts) -> Figures | None:
         drawn.append(Figure(svg=figures.bars_figure(rows, most or 1.0, head, caption),
                             caption=caption, sources=facts.made_from("model.json")))  # fmt: skip
     legend = [("s-after", "serves", "box"), ("s-before", "others", "box"),
-              ("l-asked", "± one standard deviation over the folds", "line")]  # fmt: skip
+              ("l-asked", "± one standard deviation over trainings", "line")]  # fmt: skip
     return Figures(figures=drawn, legend=legend)
 
 
