@@ -41,7 +41,7 @@ ESTIMATED = "following error, estimated"
 """The same from measurements that are older than the horizon."""
 SERVED = ("reference", "modelled_error", "modelled_command")
 """Columns of a table that the model serves, after the axis' letter."""
-LEARNT = 1000
+LEARNT = 300
 """Samples of a training recording that are compared [1]."""
 QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
 
