@@ -173,7 +173,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         cases, left_out = [], []
         runs = read_runs(
             records.signals, wanted,
-            lambda name: role(name, name.partition("#")[0]) == "training",
+            lambda name, file: role(name, file) == "training",
         )  # fmt: skip
         for run in runs:
             if not run.axes:
