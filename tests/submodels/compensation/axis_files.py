@@ -99,7 +99,7 @@ def drive_model(forward: float = 0.0) -> DriveModel:
     """Axis X with a velocity loop of 300 1/s and a loop gain of 60 1/s."""
     way = DirectionFriction(coulomb=150.0, static=190.0, stribeck_velocity=0.004, viscous=380.0)
     facts = FitFacts(
-        samples=1000, relative_error_percent=1.0, bandwidth_Hz=None, rank=1,
+        samples=1000, relative_error_percent=1.0, bandwidth_Hz=None, condition=None, rank=1,
         correlation=Correlation(names=(), values=()),
     )  # fmt: skip
     axis = DriveAxis(
@@ -114,7 +114,12 @@ def drive_model(forward: float = 0.0) -> DriveModel:
         fit=facts,
     )  # fmt: skip
     return DriveModel(
-        submodel="drive", machine="rig", origin="simulated", parameters={}, axes={"X": axis}
+        submodel="drive",
+        machine="rig",
+        origin="simulated",
+        parameters={},
+        trained_on=(),
+        axes={"X": axis},
     )
 
 
