@@ -210,11 +210,6 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         }  # fmt: skip
         fitting, search = searched(axes, fitting, settings.tuning)
         found = fit_axes(axes, fitting)
-        if not found:
-            raise ValueError(
-                "no axis has an input to learn from: record its commanded position or its torque "
-                "command"
-            )
         letter = next(iter(axes))
         leak = None
         if (letter, PREDICTION) in found and fitting.searched in fitting.kinds:
