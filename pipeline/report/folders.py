@@ -34,6 +34,8 @@ class MachineFolders:
         Folder ``data/parts/<machine>`` of optimised programs; may be absent.
     trial : Path or None
         JSON of what the simulated shop floor made of them; None where none was cut.
+    corrected : Path or None
+        JSON of corrected commands driven on the simulated shop floor; None where none were.
     description : str
         What machine it is, in a sentence.
     origin : {"simulated", "recorded"}
@@ -56,6 +58,7 @@ class MachineFolders:
     champion: Path | None = None
     parts: Path | None = None
     trial: Path | None = None
+    corrected: Path | None = None
     description: str = ""
     credit: str = ""
     missing: tuple[tuple[str, str], ...] = ()

@@ -11,6 +11,7 @@ from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources
 from pipeline.report.facts import MachineFacts, Truth
 from pipeline.report.folders import MachineFolders
 from pipeline.report.part_programs import part_key_figures
+from pipeline.report.corrected import corrected_section
 from pipeline.report.part_section import part_programs_section
 from pipeline.report.programs.section import programs_section
 from pipeline.report.records import records_section
@@ -59,6 +60,7 @@ def _submodel_sections(facts: MachineFacts) -> list[Section | None]:
     programs = [
         programs_section(facts.programs, facts.shelf),
         part_programs_section(facts.parts, facts.shelf, facts.verdict_of(LOADS_PARTS)),
+        corrected_section(facts.folders.corrected, facts.shelf),
     ]
     sections: list[Section | None] = []
     for one in facts.models:

@@ -5,6 +5,7 @@ It gets the tables of both, and nothing that the twin knows.
 
 import json
 from pathlib import Path
+from typing import Any
 
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.corrected import corrected_trials
@@ -18,6 +19,14 @@ def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> 
     tables = sorted(corrected.glob("*.csv"))
     if not tables:
         raise ValueError(f"{corrected} holds no *.csv: correct the commands of a program first")
-    found = {table.stem: corrected_trials(table, shop, SEEDS) for table in tables}
+    found = {table.stem: _driven(table, shop) for table in tables}
     document = {"machine": shop.machine, "origin": "simulated", "programs": found}
     driven.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def _driven(table: Path, shop: ShopParameters) -> dict[str, Any]:
+    """What the drives made of a table; of one that only says why it is none, its words."""
+    lines = table.read_text().splitlines()
+    if all(line.startswith("#") for line in lines):
+        return {"refused": " ".join(line.lstrip("# ") for line in lines)}
+    return corrected_trials(table, shop, SEEDS)

@@ -157,7 +157,8 @@ def fit_axes(
     Raises
     ------
     ValueError
-        When no recording is long enough for a window.
+        When no recording is long enough for a window, or too little is left of them to leave some
+        out.
     """
     parts: dict[tuple[str, str], tuple[Sampled, bool]] = {}
     for letter, features in axes.items():
@@ -182,7 +183,7 @@ def fit_axes(
 
 def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task, Any]]:
     """For each fold a task without its kind, and the rows that it leaves out."""
-    groups = part.groups
+    groups = _two_or_more(part, settings)
     order = [name for k in range(settings.folds) for name in groups[k :: settings.folds]]
     found = []
     for fold, (fitted, out) in enumerate(splits(order, settings.folds)):
@@ -196,6 +197,18 @@ def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task
         )  # fmt: skip
         found.append((task, left))
     return found
+
+
+def _two_or_more(part: Sampled, settings: CompensationFitSettings) -> list[str]:
+    """Groups, where some can be left out."""
+    groups = part.groups
+    if len(groups) < 2:
+        raise ValueError(
+            f"of {len(groups)} training recordings or stretches of them something is left after "
+            f"the first compensation_fit.settle_s = {settings.settle_s:g} s, two are the least: "
+            "record longer ones, or lower it"
+        )
+    return groups
 
 
 def _thinned(part: Sampled, groups: Sequence[str]) -> Any:
@@ -316,6 +329,7 @@ def searched(
 
     cut, _ = enough(axes[letter], settings)
     part = sampled(cut, inputs, use, settings)
+    _two_or_more(part, settings)
     rows = stratified(
         part.regime, np.ones(len(part.regime), bool), settings.windows, settings.training.seed
     )

@@ -189,7 +189,7 @@ class Run:
 
 
 def read_runs(
-    signals: Path, records: CompensationRecords, is_training: Callable[[str], bool]
+    signals: Path, records: CompensationRecords, is_training: Callable[[str, str], bool]
 ) -> list[Run]:
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
@@ -200,7 +200,7 @@ def read_runs(
     records : CompensationRecords
         Of the machine's file.
     is_training : callable
-        Whether a recording, or a part of one, is learnt from.
+        Whether a recording, or a part of one, is learnt from, by its name and its raw file.
 
     Raises
     ------
@@ -213,13 +213,13 @@ def read_runs(
         for name, channel in one.channels.items()
     }
     files = read_recordings(
-        signals, declared, patterns=records.recordings, preferred=is_training,
-        section="compensation_records.recordings",
+        signals, declared, patterns=records.recordings,
+        preferred=lambda name: is_training(name, name), section="compensation_records.recordings",
     )  # fmt: skip
     found: list[Run] = []
     for file in files:
         for run in _of_file(file, records):
-            share = records.last_share if is_training(run.name) else 0.0
+            share = records.last_share if is_training(run.name, run.file) else 0.0
             found += _split(run, share) if share and run.axes else [run]
     return found
 
@@ -231,7 +231,7 @@ def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
         return [_nothing(blank, records, file.reason)]
     samples = file.load()
     try:
-        labels = _labels(file, records)
+        labels = _labels(file.file, records)
     except ValueError as error:
         return [_nothing(blank, records, str(error))]
     if labels is None:
@@ -248,19 +248,17 @@ def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
     return found
 
 
-def _labels(
-    file: Recording, records: CompensationRecords
-) -> list[tuple[tuple[str, ...], Any]] | None:
+def _labels(path: Path, records: CompensationRecords) -> list[tuple[tuple[str, ...], Any]] | None:
     """Values of the columns that tell parts apart, and the rows of each; None without such."""
-    if not records.parts or file.file is None:
+    if not records.parts:
         return None
-    names = pq.read_schema(file.file).names
+    names = pq.read_schema(path).names
     for name in records.parts:
         if name not in names:
             raise ValueError(
                 f"it has no column {name!r}, which compensation_records.parts names: correct it"
             )
-    table = pq.read_table(file.file, columns=list(records.parts))
+    table = pq.read_table(path, columns=list(records.parts))
     columns = [_words(table[name]) for name in records.parts]
     joined = np.array(["\x1f".join(row) for row in zip(*columns, strict=True)])
     kinds, first = np.unique(joined, return_index=True)
@@ -309,8 +307,8 @@ def _stretches(samples: Samples, rows: Any, blank: Run, records: CompensationRec
         run = replace(
             blank, name=name, period=piece.period, axes=axes, lacking=lacking, start=piece.start
         )
-        alone = len(pieces) == 1 and bool(rows.all())
-        found.append(run if alone else replace(run, sha256=content_hash(run)))
+        whole_file = len(pieces) == 1 and blank.name == blank.file
+        found.append(run if whole_file else replace(run, sha256=content_hash(run)))
     return found or [_nothing(blank, records, "it has more gaps than rows")]
 
 

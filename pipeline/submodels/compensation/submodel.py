@@ -171,7 +171,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         cases, left_out = [], []
         runs = read_runs(
             records.signals, wanted,
-            lambda name: role(name, name.partition("#")[0]) == "training",
+            lambda name, file: role(name, file) == "training",
         )  # fmt: skip
         for run in runs:
             if not run.axes:
@@ -208,11 +208,6 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         }  # fmt: skip
         fitting, search = searched(axes, fitting, settings.tuning)
         found = fit_axes(axes, fitting)
-        if not found:
-            raise ValueError(
-                "no axis has an input to learn from: record its commanded position or its torque "
-                "command"
-            )
         letter = next(iter(axes))
         leak = None
         if (letter, PREDICTION) in found and fitting.searched in fitting.kinds:

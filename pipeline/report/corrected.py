@@ -1,0 +1,89 @@
+"""Section on corrected commands: what the shop floor made of them, before and after."""
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.charts.numbers import NOT_KNOWN, number, percent
+from pipeline.charts.sections import Section
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import Cell, Head, Table, sources
+
+MADE_FROM = "both commands of each program, driven on the simulated shop floor"
+PLACES = {"measured": "at the scale", "carriage": "at the carriage"}
+"""Where the error is taken: at the sensor that closes the loop, and where the axis truly is."""
+
+
+def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | None:
+    """Following error of each axis with the command as planned and as corrected.
+
+    Parameters
+    ----------
+    path : Path or None
+        JSON of the shop floor's drives; no section without it.
+    shelf : SourceRegistry
+        Through which the file is read.
+    """
+    if path is None:
+        return None
+    document = shelf.document(path, MADE_FROM)
+    if document is None:
+        return None
+    programs: dict[str, Any] = document["programs"]
+    rows = [row for name, one in programs.items() for row in _rows(name, one)]
+    refused = [f"{name}: {one['refused']}" for name, one in programs.items() if "refused" in one]
+    if not rows:
+        return None
+    shares = [
+        axis["measured"]["after"]["rms_um"]["mean"] / before
+        for one in programs.values()
+        for axis in one.get("axes", {}).values()
+        if (before := axis["measured"]["before"]["rms_um"]["mean"]) > 0
+    ]
+    heads = [
+        Head(name="Program"), Head(name="Axis"), Head(name="error"),
+        *(
+            Head(name=name, unit="µm", numeric=True, group=group)
+            for group in ("as planned", "corrected") for name in ("RMS", "greatest")
+        ),
+        Head(name="left of RMS", numeric=True),
+    ]  # fmt: skip
+    table = Table(
+        caption="Following error on the shop floor, simulated", heads=heads, rows=rows,
+        sources=sources(shelf, path),
+        note="Mean of some drives with other noise; the axes run in air. " + "; ".join(refused),
+    )  # fmt: skip
+    text = (
+        f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} to "
+        f"{_share(max(shares))} of the axes’ following error (RMS at the scale). They were made from "
+        "the models alone, before the motion; kerf simulate PROGRAM --machine M --compensate FILE "
+        "makes them for a program of yours."
+    )
+    return Section(key="corrected", title="Corrected commands", text=[text], blocks=[table])
+
+
+def _share(part: float) -> str:
+    return percent(part, 1.0)
+
+
+def _rows(name: str, one: dict[str, Any]) -> list[list[Cell]]:
+    """Rows of one program: each axis at each place, then the path."""
+    found = []
+    things = [*one.get("axes", {}).items(), *([("path", one["path"])] if one.get("path") else [])]
+    for axis, places in things:
+        for place, words in PLACES.items():
+            if place not in places:
+                continue
+            before, after = places[place]["before"], places[place]["after"]
+            left = places[place]["share_left"]
+            numbers = [
+                number(part[key]["mean"], 3) for part in (before, after)
+                for key in ("rms_um", "max_um")
+            ]  # fmt: skip
+            share = NOT_KNOWN if left is None else _share(_mean(left))
+            texts = [name, axis, words, *numbers, share]
+            found.append([Cell(text=text) for text in texts])
+    return found
+
+
+def _mean(value: Any) -> float:
+    return float(value["mean"] if isinstance(value, dict) else value)

@@ -1,0 +1,1 @@
+"""Following errors that the drives' model leaves over."""
