@@ -23,6 +23,7 @@ from pipeline.submodels.compensation.model import (
     ESTIMATION,
     NAMES,
     PREDICTION,
+    TWIN,
     UseModel,
 )
 from pipeline.submodels.compensation.page_facts import (
@@ -102,8 +103,8 @@ def _serving(facts: CompensationFacts, *, whole: bool = False) -> str:
     for letter, _, one in facts.axes:
         of.setdefault(one.champion, []).append(letter)
     said = "; ".join(
-        f"on {joined(letters)} {'no network' if kind in BASES.values() else NAMES.get(kind, kind)}"
-        f" serves{f' ({NAMES[kind]})' if kind in BASES.values() else ''}"
+        f"on {joined(letters)} {'no network' if kind in BASES.values() else _name(facts, kind)}"
+        f" serves{f' ({_name(facts, kind)})' if kind in BASES.values() else ''}"
         for kind, letters in of.items()
     )
     beaten = [
@@ -195,8 +196,10 @@ def _key_figures(facts: CompensationFacts) -> list[tuple[str, str, str]]:
 
 def _before_and_after(facts: CompensationFacts) -> Section:
     shown = facts.shown
-    key, title = "compensation", "Following error that the drive model leaves over"
     model = shown.model
+    driven = model is None or model.with_drive
+    key = "compensation"
+    title = f"Following error{' that the drive model leaves over' if driven else ''}"
     if model is None:
         return Section(key=key, title=title, text=[absent(shown.folder / "model.json", NEEDS)])
     text = [
@@ -259,7 +262,7 @@ def _drawn(facts: CompensationFacts, trace: Traced, one: UseModel) -> Figures:
     close = (max(first, at - CLOSE_S), min(last, at + CLOSE_S))
     serves = one.champion != BASES[trace.use]
     before, after = (_peak(e) for e in (trace.before, trace.after))
-    gone = f"; {NAMES.get(one.champion, one.champion)} leaves up to {um(after)}" if serves else ""
+    gone = f"; {_name(facts, one.champion)} leaves up to {um(after)}" if serves else ""
     what = f"Axis {trace.axis} in {short(trace.case)}"
     words = (
         f"{what}, not learnt from: {_of_base(facts, trace.use)}, error up to {um(before)}{gone}.",
@@ -267,7 +270,7 @@ def _drawn(facts: CompensationFacts, trace: Traced, one: UseModel) -> Figures:
     )
     heads = (
         f"Error left over, {_of_base(facts, trace.use)}, and its prediction, µm",
-        f"Error left, {NAMES.get(one.champion, one.champion)}, µm",
+        f"Error left, {_name(facts, one.champion)}, µm",
     )
     return Figures(
         figures=[
@@ -311,7 +314,7 @@ def _recordings_table(
         heads=[
             *names("Recording"), *numbers(("highest speed", "mm/min" if unit == "mm/s" else unit)),
             *names("speed learnt"),
-            *numbers(*((_column(k, one), "µm") for k in kinds),
+            *numbers(*((_name(facts, k) + " (serves)" * (k == one.champion), "µm") for k in kinds),
                      group="RMS / greatest error"),
             *numbers(("of the greatest error gone", "%")),
         ],
@@ -331,8 +334,9 @@ def _recordings_table(
     )  # fmt: skip
 
 
-def _column(kind: str, one: UseModel) -> str:
-    return NAMES.get(kind, kind) + (" (serves)" if kind == one.champion else "")
+def _name(facts: CompensationFacts, kind: str) -> str:
+    """A kind in words; without a model of the drives its baseline predicts nothing."""
+    return _of_base(facts, PREDICTION) if kind == TWIN else NAMES.get(kind, kind)
 
 
 def _speed_words(facts: CompensationFacts, case: JudgedCase | None, letter: str) -> str:
@@ -434,7 +438,7 @@ def _bars(facts: CompensationFacts) -> Figures | None:
     drawn = []
     for letter, use, one in every:
         rows = [
-            (NAMES.get(kind, kind), score.rmse_um, score.spread_um, kind == one.champion)
+            (_name(facts, kind), score.rmse_um, score.spread_um, kind == one.champion)
             for kind, score in sorted(one.scores.items(), key=lambda s: s[1].rmse_um)
         ]
         caption = (

@@ -220,7 +220,10 @@ class CompensationFacts:
             wanted = {entry.name for entry in one.inputs}
             if top <= 0 or ("modelled error" in wanted and letter not in drives):
                 continue
-            return letter, _attended(self.networks, letter, 0.5 * top, drives.get(letter))
+            try:
+                return letter, _attended(self.networks, letter, 0.5 * top, drives.get(letter))
+            except (KeyError, ValueError):  # no networks of that kind, or broken ones
+                return None
         return None
 
     def _drives(self) -> Mapping[str, IdentifiedDrive]:
