@@ -53,9 +53,9 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         note="Mean of some drives with other noise; the axes run in air. " + "; ".join(refused),
     )  # fmt: skip
     text = (
-        f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} to "
-        f"{_share(max(shares))} of the axes’ following error (RMS at the scale). They were made from "
-        "the models alone, before the motion; kerf simulate PROGRAM --machine M --compensate FILE "
+        f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} "
+        f"to {_share(max(shares))} of the axes’ following error (RMS at the scale). They were made "
+        "from the models alone, before the motion; kerf simulate PROGRAM --machine M --compensate FILE "
         "makes them for a program of yours."
     )
     return Section(key="corrected", title="Corrected commands", text=[text], blocks=[table])

@@ -8,10 +8,10 @@ from pipeline.charts.numbers import NOT_KNOWN, counted, hours, moment, number, p
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
+from pipeline.report.corrected import corrected_section
 from pipeline.report.facts import MachineFacts, Truth
 from pipeline.report.folders import MachineFolders
 from pipeline.report.part_programs import part_key_figures
-from pipeline.report.corrected import corrected_section
 from pipeline.report.part_section import part_programs_section
 from pipeline.report.programs.section import programs_section
 from pipeline.report.records import records_section

@@ -3,10 +3,11 @@
 ``contract`` says what a sub-model is, ``cases`` what records are to it, ``judge`` how its
 predictions are held against what was measured.  A folder a sub-model: its identification, its
 predictor, its own figures.  The physics that it identifies lies below, in rooms of its own.
-``deformation`` also writes its model as a correction for a control; ``compensation`` serves the twin
-its prediction of what the drives leave over.
+``deformation`` also writes its model as a correction for a control; ``compensation`` gives the
+twin its prediction of what the drives leave over.
 """
 
 __all__ = [
-    "cases", "compensation", "conformal", "contract", "deformation", "judge", "promotion", "spindle",
+    "cases", "compensation", "conformal", "contract", "deformation", "judge", "promotion",
+    "spindle",
 ]  # fmt: skip

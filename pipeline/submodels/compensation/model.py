@@ -7,7 +7,7 @@ is the prediction before the motion for the twin.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf
+from math import ceil, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 PREDICTION, ESTIMATION = "prediction", "estimation"
 """Before the motion, from commands and the drives' model; with measurements of before."""
 USES = (PREDICTION, ESTIMATION)
+FOLLOWING, ESTIMATED = "following error", "following error, estimated"
+"""Quantities of the two, followed by the axis' letter."""
+QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
 TWIN, PERSISTENCE = "twin alone", "persistence"
 """No network; the last measured residual that is known."""
 KINDS: dict[str, type[SequenceSettings]] = {
@@ -297,6 +300,11 @@ class Compensation:
             self.restored[key] = tuple(restore_sequence(one) for one in self.documents[key])
         return self.restored[key]
 
+    def rows_needed(self, use: UseModel) -> int:
+        """Samples of the shortest recording that holds a window of a use."""
+        ages = [one.older_than_s or 0.0 for one in use.inputs]
+        return self.file.length + ceil(max(ages, default=0.0) / self.file.step_s) + 1
+
     def windows(self, letter: str, use: str, recording: Recording) -> Windows:
         """All windows of a recording, as a use looks at it."""
         horizon = inf if use == PREDICTION else self.file.horizon_s
@@ -324,7 +332,7 @@ class Compensation:
         Parameters
         ----------
         letter : str
-            Of an axis that was learnt; zero and the width of the drives' model where the champion
+            Of an axis; of one that was not learnt zero, its width not known (NaN).  Zero and the width of the drives' model where the champion
             is the drives' model alone.
         reference : ndarray, shape (T,)
             Commanded position [m], the axis at rest before it.
@@ -333,7 +341,9 @@ class Compensation:
         period : float
             Between samples [s].
         """
-        one = self.file.axes[letter][PREDICTION]
+        one = self.file.axes.get(letter, {}).get(PREDICTION)
+        if one is None:
+            return np.zeros(len(reference)), np.full(len(reference), np.nan)
         lead = self.file.lead_mm.get(letter)
         signals = before_motion(reference, period, (modelled_error, modelled_command), lead)
         t = period * np.arange(len(reference))

@@ -20,9 +20,9 @@ from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of,
 from pipeline.submodels.compensation.features import Features, features_of
 from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
-    ESTIMATION,
     PERSISTENCE,
     PREDICTION,
+    QUANTITIES,
     TWIN,
     Compensation,
     CompensationFitSettings,
@@ -35,15 +35,10 @@ from pipeline.submodels.conformal import interval
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 
-FOLLOWING = "following error"
-"""Quantity of a prediction before the motion, followed by the axis' letter."""
-ESTIMATED = "following error, estimated"
-"""The same from measurements that are older than the horizon."""
 SERVED = ("reference", "modelled_error", "modelled_command")
 """Columns of a table that the model serves, after the axis' letter."""
 LEARNT = 300
 """Samples of a training recording that are compared [1]."""
-QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -325,10 +320,9 @@ def _predicted(driven: Driven, model: Compensation) -> Prediction:
             known = set(features.recording.signals)
             if any(wanted.name not in known for wanted in one.inputs):
                 continue
-            try:
-                frame = _frame(features, letter, use, model, driven.most)
-            except ValueError:  # shorter than a window
+            if len(features.time) < model.rows_needed(one):
                 continue
+            frame = _frame(features, letter, use, model, driven.most)
             if not len(frame):
                 continue
             frames.append(frame)

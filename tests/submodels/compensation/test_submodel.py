@@ -17,7 +17,9 @@ from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Records
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, modelled_following
 from pipeline.submodels.compensation.model import (
+    ESTIMATED,
     ESTIMATION,
+    FOLLOWING,
     PREDICTION,
     TWIN,
     CompensationFitSettings,
@@ -25,7 +27,7 @@ from pipeline.submodels.compensation.model import (
     load_compensation,
 )
 from pipeline.submodels.compensation.records import CompensationRecords
-from pipeline.submodels.compensation.submodel import ESTIMATED, FOLLOWING, SUBMODEL
+from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.conformal import half_widths
 from pipeline.submodels.judge import leak_reasons
 from tests.submodels.compensation.axis_files import (
