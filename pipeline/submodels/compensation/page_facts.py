@@ -21,13 +21,13 @@ from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PERSISTENCE,
     PREDICTION,
+    QUANTITIES,
     TWIN,
     Compensation,
     CompensationModel,
     UseModel,
     load_compensation,
 )
-from pipeline.submodels.compensation.submodel import QUANTITIES
 from pipeline.submodels.contract import Shown
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 

@@ -23,6 +23,7 @@ from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PERSISTENCE,
     PREDICTION,
+    QUANTITIES,
     TWIN,
     Compensation,
     CompensationFitSettings,
@@ -35,15 +36,10 @@ from pipeline.submodels.conformal import interval
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 
-FOLLOWING = "following error"
-"""Quantity of a prediction before the motion, followed by the axis' letter."""
-ESTIMATED = "following error, estimated"
-"""The same from measurements that are older than the horizon."""
 SERVED = ("reference", "modelled_error", "modelled_command")
 """Columns of a table that the model serves, after the axis' letter."""
 LEARNT = 1000
 """Samples of a training recording that are compared [1]."""
-QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
 
 
 @dataclass(frozen=True, kw_only=True)
