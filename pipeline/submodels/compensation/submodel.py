@@ -20,7 +20,6 @@ from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of,
 from pipeline.submodels.compensation.features import Features, features_of
 from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
-    ESTIMATION,
     PERSISTENCE,
     PREDICTION,
     QUANTITIES,
