@@ -47,6 +47,12 @@ FOLLOWING, ESTIMATED = "following error", "following error, estimated"
 QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
 TWIN, PERSISTENCE = "twin alone", "persistence"
 """No network; the last measured residual that is known."""
+FOLLOWING = "following error"
+"""Quantity of a prediction before the motion, followed by the axis' letter."""
+ESTIMATED = "following error, estimated"
+"""The same from measurements that are older than the horizon."""
+QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
+"""Quantities of the uses."""
 KINDS: dict[str, type[SequenceSettings]] = {
     "arx": ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
     "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,

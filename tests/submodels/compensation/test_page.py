@@ -191,7 +191,8 @@ def test_leak_search_and_bounds_stand_in_sentences(shown: Shown) -> None:
 @pytest.mark.parametrize("lacking", [("verdict",), ("predictions",), ("verdict", "predictions"),
                                      ("model",), ("model", "verdict", "predictions")])  # fmt: skip
 def test_what_is_not_there_is_left_out_or_said(shown: Shown, lacking: tuple[str, ...]) -> None:
-    found = page(replace(shown, **dict.fromkeys(lacking)))
+    none: dict[str, Any] = dict.fromkeys(lacking)
+    found = page(replace(shown, **none))
     for name in lacking[:1] if "model" in lacking else lacking:
         assert {"model": "model.json", "verdict": "verdict.json",
                 "predictions": "predictions.parquet"}[name] in said(found)  # fmt: skip
@@ -216,6 +217,7 @@ def test_a_machine_without_recorded_commands_is_estimated_only(shown: Shown) -> 
 
 
 def test_a_verdict_that_failed_advises_against_the_command(shown: Shown) -> None:
+    assert shown.verdict is not None
     failed = replace(shown.verdict, status="failed", reasons=("the interval holds too few",))
     found = page(replace(shown, verdict=failed)).verdict
     assert found is not None and found.status == "failed"
