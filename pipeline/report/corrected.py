@@ -55,8 +55,8 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
     text = (
         f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} "
         f"to {_share(max(shares))} of the axes’ following error (RMS at the scale). They were made "
-        "from the models alone, before the motion; kerf simulate PROGRAM --machine M --compensate FILE "
-        "makes them for a program of yours."
+        "from the models alone, before the motion; kerf simulate PROGRAM --machine M --compensate "
+        "FILE makes them for a program of yours."
     )
     return Section(key="corrected", title="Corrected commands", text=[text], blocks=[table])
 

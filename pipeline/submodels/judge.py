@@ -36,6 +36,9 @@ DRAWS = 2000
 """Bootstrap samples of the groups."""
 FEWEST_GROUPS = 3
 """Groups below which a bootstrap over them says nothing."""
+CANARY_SAMPLES, CANARY_VALUES = 100, 10
+"""Samples, and different values among them, from which on a prediction without any error at all has
+seen what it predicts [1]."""
 ALL = "all"
 """Group of a score over all groups of one role."""
 WORDS = {
@@ -98,6 +101,7 @@ def judge(
     broken = [
         *set_reasons(model, sets, files),
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
+        *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
     ]
     beaten = [reason for target in targets for reason in _beaten(scores, target, deciding)]
     status, reasons = _status(model, cases, decisive, [*broken, *beaten], sets)
@@ -417,6 +421,20 @@ def leak_reasons(model: Model, cases: Iterable[Case]) -> list[str]:
         for case in cases
         for one in case.files
         if one.sha256 in fitted
+    ]
+
+
+def seen_reasons(frame: pd.DataFrame, target: Target, deciding: Role) -> list[str]:
+    """A target whose prediction equals its measurement bit for bit: it has seen it."""
+    rows = _scored_rows(frame, target)
+    rows = rows[rows["role"] == deciding] if len(rows) else rows
+    if len(rows) < CANARY_SAMPLES or rows["measured"].nunique() < CANARY_VALUES:
+        return []
+    if not np.array_equal(rows["measured"].to_numpy(float), rows["predicted"].to_numpy(float)):
+        return []
+    return [
+        f"{target.quantity}: all {len(rows)} predictions equal what was measured bit for bit: an "
+        "input of the model holds the measurement, find it and leave it out"
     ]
 
 

@@ -18,7 +18,7 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Verdict
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Prediction, Target, submodels
-from pipeline.submodels.judge import figures, judge, metrics, outside_conditions
+from pipeline.submodels.judge import figures, judge, metrics, outside_conditions, seen_reasons
 
 ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
 """Error of the model in each recording, constant over its samples."""
@@ -327,3 +327,20 @@ def test_a_prediction_without_the_interval_that_is_asked_for_fails() -> None:
 def test_shares_that_are_none_are_refused() -> None:
     with pytest.raises(ValueError, match="coverage of force"):
         replace(TARGET, coverage=(0.9, 88.0))
+
+
+@pytest.mark.parametrize(("samples", "values", "found"), [(100, 10, 1), (99, 10, 0), (100, 9, 0)])
+def test_a_prediction_without_any_error_has_seen_what_it_predicts(
+    samples: int, values: int, found: int
+) -> None:
+    measured = np.arange(samples) % values * 0.5
+    frame = pd.DataFrame({
+        "quantity": "load", "regime": "", "role": "held_out", "measured": measured,
+        "predicted": measured, "scored": True,
+    })  # fmt: skip
+    target = Target(quantity="load", unit="N")
+    said = seen_reasons(frame, target, "held_out")
+    assert len(said) == found
+    assert all("an input of the model holds the measurement" in one for one in said)
+    frame.loc[3, "predicted"] += 1e-9
+    assert seen_reasons(frame, target, "held_out") == []

@@ -338,8 +338,8 @@ class Compensation:
         Parameters
         ----------
         letter : str
-            Of an axis; of one that was not learnt zero, its width not known (NaN).  Zero and the width of the drives' model where the champion
-            is the drives' model alone.
+            Of an axis; of one that was not learnt zero, its width not known (NaN).  Where the
+            champion is the drives' model alone zero and the width of that.
         reference : ndarray, shape (T,)
             Commanded position [m], the axis at rest before it.
         modelled_error, modelled_command : ndarray, shape (T,)
