@@ -53,10 +53,11 @@ class Fleet:
                     f"fleet.{name} names {sorted(strangers)}, which fleet.machines does not: "
                     "add it there"
                 )
-        if set(self.drives_under) != set(self.submodels.get("compensation", ())):
+        lacking = sorted(set(self.submodels.get("compensation", ())) - set(self.drives_under))
+        if lacking:
             raise ValueError(
-                f"fleet.drives_under names {sorted(self.drives_under)}, fleet.submodels."
-                f"compensation {sorted(self.submodels.get('compensation', ()))}: name the same"
+                f"fleet.submodels.compensation names {lacking}, which fleet.drives_under does not: "
+                "name the folder of the drives' model there"
             )
         for name, needed in NEEDS:
             lacking = sorted(set(lists[name]) - set(lists.get(needed, ())))
