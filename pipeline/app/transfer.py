@@ -91,8 +91,9 @@ def transfer_curve(
     measured = np.concatenate(
         [case.load()[TARGET].to_numpy(float) for case in training] or [np.empty(0)]
     )
+    origins = (model.origin, settings.identity.origin)
     found = transfer(
-        model, machine, settings.identity.origin,
+        model, machine, "simulated" if "simulated" in origins else "recorded",
         pieces(training, settings.spindle_fit.bridge_s),
         pieces(list(cases.of("held_out", "golden")), np.inf),
         own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
