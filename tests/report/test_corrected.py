@@ -1,0 +1,55 @@
+"""Section on corrected commands: rows of axes and of the path, what was refused, no file."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import Table
+from pipeline.report.corrected import corrected_section
+
+
+def spread(mean: float) -> dict[str, float]:
+    return {"mean": mean, "min": 0.9 * mean, "max": 1.1 * mean}
+
+
+def place(before: float, after: float) -> dict[str, Any]:
+    return {
+        "before": {"rms_um": spread(before), "max_um": spread(3 * before)},
+        "after": {"rms_um": spread(after), "max_um": spread(3 * after)},
+        "share_left": spread(after / before) if before else None,
+    }
+
+
+def written(folder: Path, programs: dict[str, Any]) -> Path:
+    path = folder / "mill_correction.json"
+    document = {"machine": "mill", "origin": "simulated", "programs": programs}
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_every_axis_and_the_path_have_their_rows(tmp_path: Path) -> None:
+    axes = {"X": {"measured": place(100.0, 5.0)}, "Y": {"measured": place(200.0, 40.0)}}
+    one = {"axes": axes, "path": {"carriage": place(10.0, 2.0)}}
+    path = written(tmp_path, {"O1": one, "O2": {"refused": "no axis moves"}})
+    section = corrected_section(path, SourceRegistry())
+    assert section is not None
+    (table,) = section.blocks
+    assert isinstance(table, Table)
+    texts = [[cell.text for cell in row] for row in table.rows]
+    assert [row[:3] for row in texts] == [
+        ["O1", "X", "at the scale"], ["O1", "Y", "at the scale"], ["O1", "path", "at the carriage"],
+    ]  # fmt: skip
+    assert texts[0][3:7] == ["100", "300", "5.00", "15.0"]
+    assert [row[-1].replace("\u202f", " ") for row in texts] == ["5.0 %", "20 %", "20 %"]
+    assert "O2: no axis moves" in table.note
+    said = section.text[0].replace("\u202f", " ")
+    assert "leave 5.0 % to 20 % of the axes’ following error" in said
+    assert len(table.sources) == 1
+
+
+def test_without_drives_there_is_no_section(tmp_path: Path) -> None:
+    assert corrected_section(None, SourceRegistry()) is None
+    assert corrected_section(tmp_path / "none.json", SourceRegistry()) is None
+    path = written(tmp_path, {"O2": {"refused": "no axis moves"}})
+    assert corrected_section(path, SourceRegistry()) is None
