@@ -87,7 +87,7 @@ def test_following_errors_hold_the_network_where_it_is_asked_for(project, monkey
     assert "mill01/compensation holds no compensation model that passed" in said
 
     def residual(letter, reference, modelled_error, modelled_command, period):
-        return np.zeros(len(reference)), np.full(len(reference), 20e-6)
+        return np.zeros(len(reference)), np.full(len(reference), 5e-6)
 
     loaded = SimpleNamespace(residual=residual)
     monkeypatch.setattr(correct_programs, "load_compensation", lambda found: loaded)
@@ -101,7 +101,7 @@ def test_following_errors_hold_the_network_where_it_is_asked_for(project, monkey
         behind[name] = max(document["verified"]["following_um"].values())
         assert ("residual" in document) == bool(more)
         assert ("following errors with compensation" in done.stdout) == bool(more)
-    assert behind["network"] <= 0.95 * 60 - 20 + 0.1 < behind["bare"] <= 0.95 * 60 + 0.1
+    assert behind["network"] <= 0.95 * 60 - 5 + 0.1 < behind["bare"] <= 0.95 * 60 + 0.1
     assert document["residual"] in words(project / "better.html")
 
 

@@ -364,8 +364,8 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
         yield (
             f"  axis {axis.axis} in the cut: behind by up to {_number(axis.following_um)} um"
             f"{within} in line {axis.following_line} (in air {_number(axis.following_air_um)}), "
-            f"draws up to {_number(axis.command)} {axis.command_unit} in line {axis.command_line} (in air "
-            f"{_number(axis.command_air)})"
+            f"draws up to {_number(axis.command)} {axis.command_unit} in line "
+            f"{axis.command_line} (in air {_number(axis.command_air)})"
         )
     yield from warning_lines(cut.warnings)
     for moves in cut.left_out:
