@@ -46,11 +46,11 @@ def drive_axis() -> dict[str, object]:
     }  # fmt: skip
 
 
-def with_drives(project: Path, **axes: dict[str, object]) -> Path:
+def with_drives(project: Path, machine: str = "hurco", **axes: dict[str, object]) -> Path:
     """A champion with drives; its folder."""
-    model = {"submodel": "drive", "machine": "hurco", "origin": "recorded", "parameters": {},
+    model = {"submodel": "drive", "machine": machine, "origin": "recorded", "parameters": {},
              "trained_on": [], "axes": axes}  # fmt: skip
-    folder = project / "data/champion/hurco"
+    folder = project / "data/champion" / machine
     (folder / "drive").mkdir(parents=True)
     (folder / "drive/model.json").write_text(json.dumps(model))
     write_json(judged("drive", "passed"), folder / "drive/verdict.json")
@@ -143,6 +143,38 @@ def test_a_residual_is_used_where_its_model_passed(project, monkeypatch) -> None
     _, table = read(project / "corrected.csv")
     still = (np.abs(table["t"] - 1.0)).argmin()  # the tool is changed, nothing moves
     assert table["Y_corrected"][still] - table["Y"][still] == pytest.approx(7e-3, abs=1e-3)
+
+
+def test_simulate_adds_the_residual_of_a_model_that_passed(project, monkeypatch) -> None:
+    words = ("simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    assert "hurco/drive/model.json does not exist" in refused(project, *words, "--compensated")
+    folder = with_drives(project, X=drive_axis(), Y=drive_axis(), Z=drive_axis())
+    said = refused(project, *words, "--compensated")
+    assert "hurco/compensation holds no compensation model that passed" in said
+
+    def residual(letter, reference, modelled_error, modelled_command, period):
+        width = np.nan if letter == "Z" else 3e-6
+        return 0.5 * modelled_error * (letter != "Z"), np.full(len(reference), width)
+
+    loaded = SimpleNamespace(residual=residual)
+    monkeypatch.setattr(stage, "load_compensation", lambda found: loaded)
+    write_json({}, folder / "compensation/model.json")
+    write_json(judged("compensation", "failed"), folder / "compensation/verdict.json")
+    assert "that passed" in refused(project, *words, "--compensated")
+    write_json(judged("compensation", "passed"), folder / "compensation/verdict.json")
+    assert kerf(project, *words).exit_code == 0
+    bare = json.loads((project / "times.json").read_text())
+    assert "residual" not in bare and not any("half_width_90_um" in one for one in bare["axes"])
+    done = kerf(project, *words, "--compensated")
+    assert done.exit_code == 0, done.output
+    found = json.loads((project / "times.json").read_text())
+    assert found["residual"].startswith("compensation ") and found["residual"] in done.stdout
+    more = {"X": 1.5, "Y": 1.5, "Z": 1.0}
+    for before, after in zip(bare["axes"], found["axes"], strict=True):
+        expected = more[after["axis"]] * before["max_following_um"]
+        assert after["max_following_um"] == pytest.approx(expected, abs=2e-3)
+        assert after["half_width_90_um"] == (None if after["axis"] == "Z" else 3.0)
+    assert done.stdout.count("± 3.0 um in line") == 2 and done.stdout.count("(not learnt)") == 1
 
 
 def test_the_stage_writes_a_file_a_program(project) -> None:

@@ -10,12 +10,17 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from pipeline.schema.store import write_json
+from pipeline.stages import correct_programs
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT
 from tests.test_cli import kerf, refused
+from tests.test_correction_command import drive_axis, judged, with_drives
 
 PART = """%
 O1000(SLOT)
@@ -70,6 +75,34 @@ def new(folder: Path) -> Path:
     config.write_text(config.read_text().replace("budget: default", "budget: quick"))
     (folder / "part.nc").write_text(PART)
     return folder
+
+
+def test_following_errors_hold_the_network_where_it_is_asked_for(project, monkeypatch) -> None:
+    """The page of a program whose limit is held against the interval too, beside the bare one."""
+    limit = ("--limit-following", "60", "--feed", "50", "1000", "--speed", "1000", "8000")
+    asked = ("optimise", "part.nc", *given(), *limit, *OUT)
+    assert "drive/model.json does not exist" in refused(project, *asked, "--compensated")
+    folder = with_drives(project, "mill01", X=drive_axis(), Y=drive_axis(), Z=drive_axis())
+    said = refused(project, *asked, "--compensated")
+    assert "mill01/compensation holds no compensation model that passed" in said
+
+    def residual(letter, reference, modelled_error, modelled_command, period):
+        return np.zeros(len(reference)), np.full(len(reference), 5e-6)
+
+    loaded = SimpleNamespace(residual=residual)
+    monkeypatch.setattr(correct_programs, "load_compensation", lambda found: loaded)
+    write_json({}, folder / "compensation/model.json")
+    write_json(judged("compensation", "passed"), folder / "compensation/verdict.json")
+    behind = {}
+    for name, more in (("bare", ()), ("network", ("--compensated",))):
+        done = kerf(project, *asked, *more)
+        assert done.exit_code == 0, done.output
+        document = json.loads((project / "better.json").read_text())
+        behind[name] = max(document["verified"]["following_um"].values())
+        assert ("residual" in document) == bool(more)
+        assert ("following errors with compensation" in done.stdout) == bool(more)
+    assert behind["network"] <= 0.95 * 60 - 5 + 0.1 < behind["bare"] <= 0.95 * 60 + 0.1
+    assert document["residual"] in words(project / "better.html")
 
 
 def test_only_f_and_s_differ_in_the_program_that_is_written(made: Path) -> None:

@@ -219,6 +219,7 @@ def simulate(
     compensate: Annotated[
         Path | None, typer.Option(help="CSV of commands with which the axes err least.")
     ] = None,
+    compensated: kerf.Compensated = False,
     model: kerf.Model = "champion",
 ) -> None:
     """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
@@ -241,7 +242,9 @@ def simulate(
         read = options.files if options else ()
         check_outputs(program, json, out, page, compensate, inputs=read)
         with share_bar("planning") as share:
-            simulated = programs.simulate_program(program, machine, unit, share, model)
+            simulated = programs.simulate_program(
+                program, machine, unit, share, model, compensated=compensated
+            )
         document = programs.simulated_document(simulated, program.stem, machine)
         cut = None if options is None else cut_document(simulated, machine, options)
         if cut is not None:
@@ -386,6 +389,7 @@ def optimise(
         bool,
         typer.Option("--proof-comment", help="The proof's hash in a comment at the program's end."),
     ] = False,
+    compensated: kerf.Compensated = False,
 ) -> None:
     """Make PROGRAM faster or cheaper inside its limits; only F and S words change.
 
@@ -415,7 +419,7 @@ def optimise(
             model=model,
             search=SearchOptions(
                 epsilon=epsilon, seed=seed, split=split, speeds=speeds,
-                proof_comment=proof_comment,
+                proof_comment=proof_comment, compensated=compensated,
             ),
         )  # fmt: skip
         check_outputs(program, out, json, page, inputs=request.cut.files)

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -172,7 +173,8 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> Pro
     job, basis = cut_job(simulated.on, machine, options)
     cut = cut_program(simulated.plan, job)
     document = document_of(cut, basis)
-    axes = check_axes(cut, machine_models(simulated.on.models, simulated.on.control).drives)
+    drives = machine_models(simulated.on.models, simulated.on.control).drives
+    axes = check_axes(cut, drives, residual=simulated.residual)
     unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
     return replace(document, axes=axes.axes, not_known=(*document.not_known, *unknown))
 
@@ -357,11 +359,13 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
         parts = ", ".join(f"{name} {_number(value)}" for name, value in vars(total.cost).items())
         yield f"  cost of the part, {cut.currency}: {parts}"
     for axis in cut.axes:
+        width = axis.half_width_um
+        within = f" ± {_number(width)} um" if isfinite(width) else ""
         yield (
-            f"  axis {axis.axis} in the cut: behind by up to {_number(axis.following_um)} um in "
-            f"line {axis.following_line} (in air {_number(axis.following_air_um)}), draws up to "
-            f"{_number(axis.command)} {axis.command_unit} in line {axis.command_line} (in air "
-            f"{_number(axis.command_air)})"
+            f"  axis {axis.axis} in the cut: behind by up to {_number(axis.following_um)} um"
+            f"{within} in line {axis.following_line} (in air {_number(axis.following_air_um)}), "
+            f"draws up to {_number(axis.command)} {axis.command_unit} in line "
+            f"{axis.command_line} (in air {_number(axis.command_air)})"
         )
     yield from warning_lines(cut.warnings)
     for moves in cut.left_out:

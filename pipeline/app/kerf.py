@@ -49,6 +49,10 @@ Responses = Annotated[
     list[str] | None,
     typer.Option(help="Frequency response at the tools' tips: x=TIP.csv, y=TIP.csv or a UFF."),
 ]
+Compensated = Annotated[
+    bool,
+    typer.Option("--compensated", help="Following errors with what the network adds to them."),
+]
 Model = Annotated[
     str, typer.Option(help="Whose sub-models: champion, or latest, which is the exception.")
 ]

@@ -20,6 +20,7 @@ from pipeline.app.cut import (
 from pipeline.app.programs import (
     CHAMPION,
     machine_control,
+    machine_residual,
     program_at,
     setup_beside,
     write_document,
@@ -46,6 +47,7 @@ class SearchOptions:
     split: bool = False
     speeds: str | None = None
     proof_comment: bool = False
+    compensated: bool = False
 
     def settings(self, parameters: Mapping[str, Any]) -> OptimisationSettings:
         """The section ``optimisation`` of ``parameters`` with what the options change.
@@ -66,6 +68,7 @@ class SearchOptions:
                 search=_with(own.search, seed=self.seed),
                 grouping=_with(own.grouping, speeds=self.speeds, split=self.split or None),
                 proof_comment=self.proof_comment or own.proof_comment,
+                compensated=self.compensated or own.compensated,
             )
 
 
@@ -162,13 +165,18 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
         When it was ended before anything kept the limits.
     """
     on = machine_control(request.machine, request.unit, request.model)
+    settings = request.search.settings(on.parameters)
+    models = machine_models(on.models, on.control)
+    if settings.compensated:
+        residual, name = machine_residual(on, request.machine)
+        models = replace(models, residual=residual, residual_name=name)
     job = part_job(
         program_at(request.program),
         part_of(request.cut, request.objective),
-        models=machine_models(on.models, on.control),
+        models=models,
         workshop=workshop_of(on, request.machine, request.cut),
         setup=setup_beside(on.setup, request.program),
-        settings=request.search.settings(on.parameters),
+        settings=settings,
     )
     with named_as_options():
         result = optimise(job, progress)

@@ -24,6 +24,7 @@ from pipeline.schema.store import write_json
 from pipeline.schema.verdict import UsedModel
 from pipeline.twin.control import control_of_unit, planned_program, read_controls
 from pipeline.twin.drive import read_drives
+from pipeline.twin.program_axes import AxisFollowing, Residual
 from pipeline.twin.simulation import blocks, summary
 
 Share = Callable[[float], None]
@@ -79,11 +80,16 @@ class Controlled:
 
 @dataclass(frozen=True, kw_only=True)
 class Simulated:
-    """A program on a machine; ``axes`` is what each axis makes of it, where drives are known."""
+    """A program on a machine; ``axes`` is what each axis makes of it, where drives are known.
+
+    ``residual`` is what the drives leave over, with the name of its model, where it was asked for.
+    """
 
     plan: Plan
     axes: list[dict[str, Any]]
     on: Controlled
+    residual: Residual | None = None
+    residual_name: str = ""
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
@@ -196,8 +202,9 @@ def model_folder(machine: str, model: str = CHAMPION) -> Path:
 
 
 def simulate_program(
-    path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION
-) -> Simulated:
+    path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION,
+    *, compensated: bool = False,
+) -> Simulated:  # fmt: skip
     """What the control of ``machine`` makes of the program at ``path``.
 
     The champion's control (``data/champion/<machine>/control/``) goes before conf/machine/.
@@ -214,15 +221,20 @@ def simulate_program(
         Told how much is done.
     model : {"champion", "latest"}
         Whose sub-models are used.
+    compensated : bool
+        Whether following errors hold what the compensation network adds to them.
 
     Raises
     ------
     ValueError
-        When machine, control or unit is not known, or the program cannot be followed.
+        When machine, control or unit is not known, or the program cannot be followed, or no
+        compensation model passed where one is asked for.
     """
     on = machine_control(machine, unit, model)
+    residual, name = machine_residual(on, machine) if compensated else (None, "")
     plan = planned_program(read_moves(path, on.setup, share), on.control)
-    return Simulated(plan=plan, axes=axes_table(plan, on.models), on=on)
+    axes = axes_table(plan, on.models, residual)
+    return Simulated(plan=plan, axes=axes, on=on, residual=residual, residual_name=name)
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
@@ -243,8 +255,35 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
     )  # fmt: skip
 
 
-def axes_table(plan: Plan, models: Path) -> list[dict[str, Any]]:
+def machine_residual(on: Controlled, machine: str) -> tuple[Residual, str]:
+    """The compensation network of a machine with its name.
+
+    Raises
+    ------
+    ValueError
+        When none passed, or there are no drives that it could add to.
+    """
+    from pipeline.stages.correct_programs import residual_of
+
+    drives = on.models / "drive/model.json"
+    if not drives.exists():
+        raise ValueError(
+            f"{drives} does not exist: --compensated needs the feed drives of {machine}, record "
+            "their servos and run `dvc repro`"
+        )
+    residual, name = residual_of(on.models)
+    if residual is None:
+        raise ValueError(
+            f"{on.models / 'compensation'} holds no compensation model that passed: leave "
+            f"--compensated out, or record the axes of {machine} and run `dvc repro`"
+        )
+    return residual, name
+
+
+def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> list[dict[str, Any]]:
     """Following error [um] and command of each axis whose drive was identified, in air.
+
+    With a ``residual`` also the greatest half width of the 90 % interval of the error [um].
 
     Raises
     ------
@@ -266,7 +305,8 @@ def axes_table(plan: Plan, models: Path) -> list[dict[str, Any]]:
             "max_command": round(float(np.abs(one.command).max()), 3),
             "command_unit": one.command_unit,
         }
-        for letter, one in follow_program(plan, drives).items()
+        | ({} if residual is None else {"half_width_90_um": _half_width(one)})
+        for letter, one in follow_program(plan, drives, residual).items()
     ]
     axes += [
         {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
@@ -310,6 +350,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
             "axes": simulated.axes,
             "blocks": blocks(simulated.plan),
         }
+        | ({"residual": simulated.residual_name} if simulated.residual_name else {})
     )
 
 
@@ -330,6 +371,8 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     for tool in document["by_tool"]:
         name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
         yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
+    if "residual" in document:
+        yield f"following errors with {document['residual']}, half of the 90 % interval after ±"
     for axis in document["axes"]:
         yield _axis_line(axis)
 
@@ -340,12 +383,22 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
 
 
+def _half_width(axis: AxisFollowing) -> float | None:
+    """Greatest half width of an axis' interval [um]; None where it was not learnt."""
+    width = axis.half_width
+    return None if width is None else round(float(width.max()) * 1e6, 3)
+
+
 def _axis_line(axis: dict[str, Any]) -> str:
     if "not_followed" in axis:
         return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
+    within = ""
+    if "half_width_90_um" in axis:
+        width = axis["half_width_90_um"]
+        within = " (not learnt)" if width is None else f" ± {width:.1f} um"
     return (
         f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
-        f"{axis['max_following_um']:>10.1f} um in line {axis['at_line']}, "
+        f"{axis['max_following_um']:>10.1f} um{within} in line {axis['at_line']}, "
         f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
         f"{axis['command_unit']}"
     )

@@ -3,7 +3,8 @@
 A following error goes with the speed of its axis, so that its excess over the limit is the share
 by which the feed has to go down.  A motor command is Coulomb friction and weight, which no feed
 changes, and a rest that falls with the feed; the edges' part of the cutting force does not, so that
-a command takes more rounds.
+a command takes more rounds.  Where a compensation network tells the interval of a following error,
+the limit holds against the worst inside of it; its half width does not fall with the feed.
 """
 
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ from pipeline.schema.limits import CutLimit, limit_words
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_axes import NEWTON, CutFollowing, axes_in_cut, follow_cut
 from pipeline.twin.drive import IdentifiedDrive
+from pipeline.twin.program_axes import Residual
 
 AMPERE = "A"
 LIMITED = ("following_um", "motor_command_A")
@@ -58,14 +60,15 @@ class AxesCheck:
 
 
 def check_axes(
-    cut: Cut, drives: Mapping[str, IdentifiedDrive] | None, limits: CutLimit | None = None
-) -> AxesCheck:
-    """Follow a cut with its drives, and hold them against the limits."""
+    cut: Cut, drives: Mapping[str, IdentifiedDrive] | None, limits: CutLimit | None = None,
+    residual: Residual | None = None,
+) -> AxesCheck:  # fmt: skip
+    """Follow a cut with its drives and what they leave over, and hold them against the limits."""
     free = np.ones(len(cut.plan.path))
     if not drives:
         return AxesCheck(axes=(), factor=free, reason="no drives were identified")
     try:
-        followed = follow_cut(cut, drives)
+        followed = follow_cut(cut, drives, residual=residual)
     except ValueError as error:
         return AxesCheck(axes=(), factor=free, reason=str(error))
     if not followed.cut:
@@ -121,20 +124,21 @@ def _held_against(
     for letter, one in followed.cut.items():
         screw = drives[letter].feed_drive
         still = (screw.friction.positive.coulomb + abs(screw.offset)) / screw.force_constant
+        width = np.zeros(len(one.error)) if one.half_width is None else one.half_width * UM
         for name, values, unit, base in (
-            ("following_um", one.error * UM, "um", 0.0),
-            ("motor_command_A", one.command, one.command_unit, still),
+            ("following_um", np.abs(one.error) * UM + width, "um", width),
+            ("motor_command_A", np.abs(one.command), one.command_unit, np.full(len(width), still)),
         ):
             limit = getattr(limits, name)
             if limit is None:
                 continue
-            size = np.where(followed.load.cutting, np.abs(values), 0.0)
+            size = np.where(followed.load.cutting, values, 0.0)
             over = size > limit * kept * (1.0 + SLACK)
-            if base == 0.0:
+            if name == "following_um":
                 over &= ~_falls(size)
             if not over.any():
                 continue
-            rest = np.maximum(size[over] - base, 1e-12)
+            rest = np.maximum(size[over] - base[over], 1e-12)
             share = 1.0 - (size[over] - limit * kept) / rest
             np.minimum.at(factor, one.row[over], np.maximum(ALIKE * share, LEAST))
             k = int(np.argmax(np.where(over, size, 0.0)))
@@ -145,10 +149,16 @@ def _held_against(
                 what = "is behind by" if name == "following_um" else "draws"
                 why_not = (
                     f"{where(moves, int(one.row[k]))}: axis {letter} {what} {size[k]:.4g} {unit} "
-                    f"in the cut, its limit of {limit:g} {unit} allows {limit * kept:.4g} {unit}, "
+                    f"in the cut{_of_it(width, k, name)}, its limit of {limit:g} {unit} allows "
+                    f"{limit * kept:.4g} {unit}, "
                     f"and no feed of its range keeps it: raise limits.{name} or take less depth"
                 )
     return factor, words, why_not
+
+
+def _of_it(width: Floats, k: int, name: str) -> str:
+    """How much of a following error at sample k is half of its interval; nothing without one."""
+    return f", {width[k]:.4g} um of it uncertain" if name == "following_um" and width[k] else ""
 
 
 def _falls(values: Floats) -> Bools:

@@ -31,6 +31,7 @@ from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import CutWarning, NotKnown
 from pipeline.schema.store import write_bytes
+from pipeline.twin.cut_axes import half_widths
 from pipeline.twin.cut_document import assessed, not_known, notes, warnings_of
 from pipeline.twin.cut_tables import figure, summary
 from pipeline.twin.setup_warnings import setup_warnings
@@ -98,13 +99,14 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         verified=_verified(result),
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
-        notes=(*_given_way(result), *notes(after.of, basis)),
+        notes=(*_compensated(result), *_given_way(result), *notes(after.of, basis)),
         tools=tool_uses(result, before, after, reasons),
         changes=feed_changes(result, before, after, reasons, words),
         lines=program_lines(result, before, after, words),
         path=path_trace(before.cut, job.cut.stock),
         setup=setup_sheet(result, after.of, warnings),
         unit=words.program_unit(reads_feed(result.moves)),
+        residual=None if job.models.residual is None else job.models.residual_name,
     )
 
 
@@ -130,6 +132,16 @@ def _chatters(result: Result) -> Iterator[CutWarning]:
             do="Listen, or measure the dynamics of the tip.",
             lines=tuple(dict.fromkeys(result.moves.line[np.sort(rows)].tolist())),
             blocks=len(rows),
+        )
+
+
+def _compensated(result: Result) -> Iterator[str]:
+    """A sentence where following errors hold what a compensation network adds to them."""
+    models, axes = result.job.models, result.answer.verified.axes.axes
+    if models.residual is not None:
+        yield (
+            f"following errors are those of the drives with {models.residual_name}, and a limit on "
+            f"them holds against the error and half of its 90 % interval: {half_widths(axes)}"
         )
 
 

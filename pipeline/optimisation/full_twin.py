@@ -37,6 +37,7 @@ from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import Cut, recut
 from pipeline.twin.drive import IdentifiedDrive
+from pipeline.twin.program_axes import Residual
 
 SLACK = 1e-4
 """Excess over a limit, as a share, that counts as rounding."""
@@ -227,7 +228,10 @@ def full_twin(
     rows = matching_rows(moves, after)
     cut = recut(problem.cut, planned_program(after, job.models.control), rows)
     evaluated = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis])
-    verified = verify(cut, drives=job.models.drives, rows=CHECKED_ROWS, limits=job.limits)
+    verified = verify(
+        cut, drives=job.models.drives, rows=CHECKED_ROWS, limits=job.limits,
+        residual=job.models.residual,
+    )  # fmt: skip
     loaded, f_z_cap = cut.feed_per_tooth[rows], np.full(len(moves), np.inf)
     if certain_f_z is not None:
         f_z_cap = _f_z_cap(problem.cut, certain_f_z, loaded, verified, rows)
@@ -296,7 +300,7 @@ def _why_not(
 
 def verify(
     cut: Cut, *, drives: Mapping[str, IdentifiedDrive] | None = None, rows: int = WAVEFORM_ROWS,
-    limits: CutLimit | None = None,
+    limits: CutLimit | None = None, residual: Residual | None = None,
 ) -> Verified:  # fmt: skip
     """The whole twin on the plan of a cut.
 
@@ -310,6 +314,8 @@ def verify(
         Rows whose waveforms are computed, those with the greatest loads of the table.
     limits : CutLimit, optional
         Of the axes in the cut.
+    residual : Residual, optional
+        What the drives leave over.
     """
     f_z, peak = cut.feed_per_tooth, cut.block_loads.peak
     worst = np.argsort(-peak, kind="stable")[:rows]
@@ -322,7 +328,7 @@ def verify(
     return Verified(
         row_peak=np.where(computed, exact, peak),
         ratio=np.divide(exact, peak, out=np.ones(len(peak)), where=computed),
-        computed=computed, f_z=f_z, axes=check_axes(cut, drives, limits),
+        computed=computed, f_z=f_z, axes=check_axes(cut, drives, limits, residual),
     )  # fmt: skip
 
 

@@ -29,6 +29,7 @@ from pipeline.twin.cut_coefficients import (
 )
 from pipeline.twin.cut_document import CutBasis
 from pipeline.twin.drive import IdentifiedDrive, read_drives
+from pipeline.twin.program_axes import Residual
 
 Progress = Callable[[str, float], bool]
 """Called with what is under way and the share that is done; True ends with the best so far."""
@@ -49,12 +50,18 @@ class MachineModels:
         The cut.
     verdicts : mapping of str to Verdict or None
         By the name of each sub-model that was identified; None where it was not judged.
+    residual : Residual or None
+        What the drives leave over; None where it is not asked for.
+    residual_name : str
+        Of its model.
     """
 
     control: ControlParameters
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
     cutting: CuttingModel | None = None
     verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
+    residual: Residual | None = field(default=None, repr=False)
+    residual_name: str = ""
 
     @property
     def judged(self) -> Verdict | None:

@@ -94,6 +94,11 @@ class _Course:
     def __init__(self, job: Job, progress: Progress) -> None:
         self.job, self._progress = job, progress
         self.interrupted = False
+        if job.settings.compensated and job.models.residual is None:
+            raise ValueError(
+                "optimisation.compensated is true and no compensation model is loaded: leave the "
+                "setting out here, and give `kerf optimise --compensated` for a part"
+            )
         self.evaluated = self.tightened = 0
         self.program, self.moves, self.before = _as_programmed(job)
         check_known(self.before, job.limits, job.basis.drive)

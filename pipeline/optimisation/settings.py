@@ -126,12 +126,24 @@ class SearchSettings(Ranged, section="search"):
 
 @dataclass(frozen=True, kw_only=True)
 class OptimisationSettings:
-    """The section ``optimisation``: everything but the part itself."""
+    """The section ``optimisation``: everything but the part itself.
+
+    Parameters
+    ----------
+    certainty, grouping, search
+        Each a section of its own.
+    proof_comment : bool
+        Whether the proof's hash stands in a comment at the end of the program.
+    compensated : bool
+        Whether following errors hold what the compensation network of the machine adds to them, and
+        their limits half of its 90 % interval too; ``kerf optimise`` alone loads one.
+    """
 
     certainty: ReliabilitySettings = field(default_factory=ReliabilitySettings)
     grouping: Grouping = field(default_factory=Grouping)
     search: SearchSettings = field(default_factory=SearchSettings)
     proof_comment: bool = False
+    compensated: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

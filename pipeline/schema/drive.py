@@ -7,6 +7,7 @@ where the force constant is not listed.  The parameters with their intervals sta
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 
 from pipeline.schema.model import Correlation, Model
 
@@ -38,6 +39,9 @@ class AxisInCut:
         A or V.
     force_N : float
         Greatest force of the cut along the axis, its mean over a turn of the spindle [N].
+    half_width_um : float
+        Greatest half width of the 90 % interval of the following error in the cut [um]; infinite,
+        and not stored, where no compensation network tells it.
     """
 
     axis: str
@@ -51,6 +55,7 @@ class AxisInCut:
     command_line: int
     command_unit: str
     force_N: float
+    half_width_um: float = inf
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -417,6 +417,9 @@ class OptimisedPart:
         Of the machine for this part.
     unit : str
         Of length, in which the program writes its feeds.
+    residual : str or None
+        Compensation network whose residual and interval following errors hold; stored only where
+        there is one.
     """
 
     warnings: tuple[CutWarning, ...] = ()
@@ -453,6 +456,7 @@ class OptimisedPart:
     path: PathTrace | None
     setup: SetupSheet
     unit: Literal["mm", "inch"] = "mm"
+    residual: str | None = None
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""
@@ -460,8 +464,10 @@ class OptimisedPart:
 
 
 def part_values(part: OptimisedPart) -> dict[str, Any]:
-    """A part as it is stored: limits that do not hold are left out."""
+    """A part as it is stored: limits that do not hold are left out, and a residual that is none."""
     values: dict[str, Any] = unstructured(part)
+    if part.residual is None:
+        del values["residual"]
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values

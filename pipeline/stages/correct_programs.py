@@ -17,9 +17,9 @@ from pipeline.twin.control import (
     read_controls,
 )
 from pipeline.twin.corrected_program import CorrectedProgram, corrected_program, write_corrected
-from pipeline.twin.correction import CorrectionSettings, Residual
+from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
-from pipeline.twin.program_axes import commanded_positions
+from pipeline.twin.program_axes import Residual, commanded_positions
 
 NO_RESIDUAL = "none: no compensation model of this machine passed"
 

@@ -21,12 +21,11 @@ from pipeline.twin.correction import (
     AxisBounds,
     CorrectedAxis,
     CorrectionSettings,
-    Residual,
     corrected_command,
     cutoff,
 )
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import moved_axes
+from pipeline.twin.program_axes import Residual, moved_axes
 
 HALF = "90 % half width [um]"
 

@@ -16,7 +16,7 @@ factor q is 1, and is halved when a step makes the predicted error larger; the b
 
 from dataclasses import dataclass, field
 from math import ceil, inf, log, pi, sqrt
-from typing import Annotated, Protocol
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,7 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
-from pipeline.twin.program_axes import driven
+from pipeline.twin.program_axes import Residual, driven
 
 Complexes = npt.NDArray[np.complex128]
 
@@ -34,33 +34,6 @@ REACH = 4.0
 """Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
 END = 1e-9
 """Between positions that count as the same [m]."""
-
-
-class Residual(Protocol):
-    """What the twin leaves over of the following error of an axis."""
-
-    def __call__(
-        self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,
-        period: float,
-    ) -> tuple[Floats, Floats]:  # fmt: skip
-        """Measured less modelled error, and half of its 90 % interval.
-
-        Parameters
-        ----------
-        letter : str
-            Of the axis.
-        reference : (T,) array
-            The command that is driven [m].
-        modelled_error, modelled_command : (T,) arrays
-            Of the twin along it [m], [A] or [V].
-        period : float
-            From sample to sample [s].
-
-        Returns
-        -------
-        residual, half_width : (T,) arrays
-            [m].
-        """
 
 
 @dataclass(frozen=True, kw_only=True)

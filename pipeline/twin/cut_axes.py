@@ -4,8 +4,9 @@ The force of :mod:`pipeline.twin.cut_force` is their load, at the place where th
 the interpolator by what its filters and the servos take, one delay for the program.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,11 @@ from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import (
     SUBSTEPS,
     AxisFollowing,
+    Residual,
     commanded_positions,
     follow_in_air,
     followed,
+    with_residual,
 )
 
 NEWTON = "N"
@@ -50,8 +53,9 @@ class CutFollowing:
 
 
 def follow_cut(
-    cut: Cut, drives: Mapping[str, IdentifiedDrive], commanded: Trace | None = None
-) -> CutFollowing:
+    cut: Cut, drives: Mapping[str, IdentifiedDrive], commanded: Trace | None = None,
+    residual: Residual | None = None,
+) -> CutFollowing:  # fmt: skip
     """Axes along a program in air and under the force of its cut.
 
     An axis whose forces are in the unit of its command, its force constant not being listed, is
@@ -65,6 +69,9 @@ def follow_cut(
         By the axis' letter; those without a servo are left out.
     commanded : Trace, optional
         Positions that the axes follow, where they were recorded; by default those of the plan.
+    residual : Residual, optional
+        What the drives' model leaves over.  It is learnt beside that model without a load, so that
+        it is asked in air, and added to the error under the force too.
 
     Raises
     ------
@@ -73,16 +80,25 @@ def follow_cut(
     """
     path = commanded_positions(cut.plan) if commanded is None else commanded
     known = {letter: drive for letter, drive in drives.items() if drive.force_unit == NEWTON}
-    air = follow_in_air(path, known)
+    air = follow_in_air(path, known, residual)
     load = cut_force(cut, path, _delay(path, air))
     step = float(path.time[1] - path.time[0])
     fastest = float(load.tooth_frequency.max(initial=0.0))
     many = int(np.clip(np.ceil(PER_TOOTH * fastest * step), SUBSTEPS, MOST_SUBSTEPS))
     loaded = {
-        letter: followed(letter, known[letter], path, _load(load, letter, step, many), many)
-        for letter in air
+        letter: _as_in_air(
+            followed(letter, known[letter], path, _load(load, letter, step, many), many), one
+        )
+        for letter, one in air.items()
     }
     return CutFollowing(air=air, cut=loaded, load=load)
+
+
+def _as_in_air(loaded: AxisFollowing, air: AxisFollowing) -> AxisFollowing:
+    """An axis under the force with the residual that it has in air, if any."""
+    if air.residual is None:
+        return loaded
+    return with_residual(loaded, air.residual, air.half_width)
 
 
 def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisInCut, ...]:
@@ -115,8 +131,21 @@ def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisIn
             command_line=int(lines[one.row[inside[drawn]]]),
             command_unit=one.command_unit,
             force_N=_figure(np.abs(found.load.force[inside, AXES.index(letter)]).max()),
+            half_width_um=(
+                inf if one.half_width is None
+                else _figure(one.half_width[inside].max() / MICROMETRE)
+            ),
         ))  # fmt: skip
     return tuple(axes)
+
+
+def half_widths(axes: Iterable[AxisInCut]) -> str:
+    """Half width of the 90 % interval of each axis' following error, in words."""
+    return ", ".join(
+        f"{one.axis} {one.half_width_um:.3g} um" if isfinite(one.half_width_um)
+        else f"{one.axis} not learnt"
+        for one in axes
+    ) or "no axis is in the cut"  # fmt: skip
 
 
 def _figure(value: float) -> float:

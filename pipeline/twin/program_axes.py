@@ -4,7 +4,8 @@ The control's positions, sampled at its interpolation period, are each axis' ref
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,33 @@ SUBSTEPS = 4
 """Samples of the servo in one interpolation period: velocity loops run that much faster."""
 
 
+class Residual(Protocol):
+    """What the twin leaves over of the following error of an axis."""
+
+    def __call__(
+        self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,
+        period: float,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """Measured less modelled error, and half of its 90 % interval.
+
+        Parameters
+        ----------
+        letter : str
+            Of the axis.
+        reference : (T,) array
+            The command that is driven [m].
+        modelled_error, modelled_command : (T,) arrays
+            Of the twin along it [m], [A] or [V].
+        period : float
+            From sample to sample [s].
+
+        Returns
+        -------
+        residual, half_width : (T,) arrays
+            [m].
+        """
+
+
 @dataclass(frozen=True, kw_only=True)
 class AxisFollowing:
     """One axis along a program, T positions.
@@ -32,13 +60,17 @@ class AxisFollowing:
     time : (T,) array
         [s].
     error : (T,) array
-        Commanded less actual position [m].
+        Commanded less actual position [m]; with ``residual`` where there is one.
     command : (T,) array
         Of the motor [``command_unit``].
     row : (T,) array of int32
         Row of ``Moves`` that the control is in.
     command_unit : str
         A or V.
+    residual : (T,) array or None
+        Part of ``error`` that the drives' model leaves over [m]; None where none was asked for.
+    half_width : (T,) array or None
+        Of the 90 % interval of ``error`` [m]; None where it is not known.
     """
 
     time: Floats = field(repr=False)
@@ -46,6 +78,8 @@ class AxisFollowing:
     command: Floats = field(repr=False)
     row: npt.NDArray[np.int32] = field(repr=False)
     command_unit: str
+    residual: Floats | None = field(repr=False, default=None)
+    half_width: Floats | None = field(repr=False, default=None)
 
     @property
     def rms_error(self) -> float:
@@ -58,7 +92,9 @@ class AxisFollowing:
         return int(np.argmax(np.abs(self.error)))
 
 
-def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[str, AxisFollowing]:
+def follow_program(
+    plan: Plan, drives: Mapping[str, IdentifiedDrive], residual: Residual | None = None
+) -> dict[str, AxisFollowing]:
     """Linear axes of ``drives`` that move in a program, in air.
 
     Parameters
@@ -67,13 +103,15 @@ def follow_program(plan: Plan, drives: Mapping[str, IdentifiedDrive]) -> dict[st
         Of the control.
     drives : mapping of str to IdentifiedDrive
         By the axis' letter; those without a servo are left out.
+    residual : Residual, optional
+        What the drives' model leaves over; by default their model is all there is.
 
     Raises
     ------
     ValueError
         When the program is too long to be held, or a drive is unstable.
     """
-    return follow_in_air(commanded_positions(plan), drives)
+    return follow_in_air(commanded_positions(plan), drives, residual)
 
 
 def commanded_positions(plan: Plan) -> Trace:
@@ -94,10 +132,10 @@ def commanded_positions(plan: Plan) -> Trace:
 
 
 def follow_in_air(
-    commanded: Trace, drives: Mapping[str, IdentifiedDrive]
+    commanded: Trace, drives: Mapping[str, IdentifiedDrive], residual: Residual | None = None
 ) -> dict[str, AxisFollowing]:
     """Linear axes with a servo that move along commanded positions, by letter."""
-    return {letter: followed(letter, drives[letter], commanded)
+    return {letter: followed(letter, drives[letter], commanded, residual=residual)
             for letter in moved_axes(commanded, drives)}  # fmt: skip
 
 
@@ -113,7 +151,7 @@ def moved_axes(commanded: Trace, drives: Mapping[str, IdentifiedDrive]) -> list[
 
 def followed(
     letter: str, drive: IdentifiedDrive, commanded: Trace, load: Floats | None = None,
-    substeps: int = SUBSTEPS,
+    substeps: int = SUBSTEPS, residual: Residual | None = None,
 ) -> AxisFollowing:  # fmt: skip
     """One axis along its reference, from rest.
 
@@ -129,6 +167,8 @@ def followed(
         Against positive motion [N].
     substeps : int
         Samples of the servo in one of the trace.
+    residual : Residual, optional
+        Added to the error of the model; it gets what the model says under this load.
 
     Raises
     ------
@@ -138,10 +178,24 @@ def followed(
     reference = commanded.position[:, AXES.index(letter)]
     period = float(commanded.time[1] - commanded.time[0])
     position, command = driven(letter, drive, reference, period, load=load, substeps=substeps)
-    return AxisFollowing(
+    modelled = AxisFollowing(
         time=commanded.time, error=reference - position, command=command,
         row=commanded.row, command_unit=drive.command_unit,
     )  # fmt: skip
+    if residual is None:
+        return modelled
+    left, half_width = residual(letter, reference, modelled.error, command, period)
+    known = not np.isnan(half_width).any()
+    return with_residual(modelled, left, half_width if known else None)
+
+
+def with_residual(
+    modelled: AxisFollowing, residual: Floats, half_width: Floats | None
+) -> AxisFollowing:
+    """An axis whose error is that of the model and a residual, (T,) [m], with its interval."""
+    return replace(
+        modelled, error=modelled.error + residual, residual=residual, half_width=half_width
+    )
 
 
 def driven(

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from pipeline.optimisation.axis_limits import check_axes, check_axes_known
+from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
+from pipeline.schema.part import part_of, part_values
 from pipeline.shop.trial.axes import record_axes
 from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
 from tests.twin.cut_parts import SLOT, cut_of
@@ -95,6 +97,59 @@ def test_the_row_that_passes_is_named_and_lowered_by_its_excess() -> None:
     assert ":5: axis X is behind by 25" in held.why_not
     assert "limit of 200 um allows 190 um" in held.why_not
     assert check_axes(cut, {"X": drive()}, CutLimit(following_um=300.0)).why_not == ""
+
+
+def uncertain(left: float, width: float):
+    """A residual [m] that is the same everywhere, with the half width of its interval [m]."""
+
+    def residual(letter, reference, modelled_error, modelled_command, period):
+        return np.full(len(reference), left), np.full(len(reference), width)
+
+    return residual
+
+
+def test_a_limit_holds_against_the_worst_inside_of_the_interval() -> None:
+    """250 um and a residual of 10: with 20 um of width 170 of 190 um are left for the error."""
+    cut, limit = cut_of(SLOT), CutLimit(following_um=200.0)
+    bare = check_axes(cut, {"X": drive()}, limit)
+    row = int(np.argmin(bare.factor))
+    assert bare.axes[0].half_width_um == np.inf
+    held = check_axes(cut, {"X": drive()}, limit, uncertain(10e-6, 20e-6))
+    assert held.axes[0].half_width_um == 20.0
+    assert held.factor[row] == pytest.approx(0.98 * (190 - 20) / 260, rel=0.01)
+    assert held.factor[row] < 0.95 * bare.factor[row]
+    assert ":5: axis X is behind by 28" in held.why_not and "20 um of it uncertain" in held.why_not
+    # inside of the limit as predicted, beyond it inside of the interval
+    wide = CutLimit(following_um=280.0)
+    assert check_axes(cut, {"X": drive()}, wide, uncertain(0.0, 1e-6)).why_not == ""
+    assert check_axes(cut, {"X": drive()}, wide, uncertain(0.0, 30e-6)).why_not
+    # of an axis that was not learnt the model alone counts, not nothing
+    unknown = check_axes(cut, {"X": drive()}, limit, uncertain(0.0, np.nan))
+    np.testing.assert_array_equal(unknown.factor, bare.factor)
+    # no feed makes the interval narrower than a limit that is below it: down, not to a number
+    narrow = check_axes(cut, {"X": drive()}, limit, uncertain(0.0, 300e-6))
+    assert narrow.factor[row] == 0.5 and np.isfinite(narrow.factor).all()
+
+
+def test_a_part_is_slower_where_the_network_is_uncertain() -> None:
+    job = paper_job("time", settings=replace(QUICK, compensated=True))
+    limits = replace(LIMITS, following_um=80.0)
+    with pytest.raises(ValueError, match="compensated is true and no compensation model is loaded"):
+        optimise(replace(job, limits=limits, models=replace(job.models, drives=DRIVES)))
+    models = replace(job.models, drives=DRIVES, residual=uncertain(0.0, 10e-6),
+                     residual_name="compensation 0123")  # fmt: skip
+    result = optimise(replace(job, limits=limits, models=models))
+    assert greatest(result, "following_um") <= (76 - 10) * 1.002
+    assert greatest(result, "following_um") > 0.8 * (76 - 10)
+    part = optimised_part(result, machine="mill", origin="simulated", control="identified")
+    document = part_values(part)
+    assert document["residual"] == "compensation 0123" and part_of(document) == part
+    assert any("compensation 0123" in one and "X 10 um" in one for one in document["notes"])
+    assert {axis["half_width_um"] for axis in document["verified"]["axes"]} == {10.0}
+    bare = part_values(optimised_part(found(following=80.0), machine="mill", origin="simulated",
+                                      control="identified"))  # fmt: skip
+    assert "residual" not in bare
+    assert not any("half_width_um" in axis for axis in bare["verified"]["axes"])
 
 
 @pytest.mark.proof

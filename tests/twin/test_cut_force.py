@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.machine.control.interpolate import trace
+from pipeline.schema.structure import unstructured
 from pipeline.twin.cut_axes import axes_in_cut, follow_cut
 from pipeline.twin.cut_force import cut_force
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, cut_of
@@ -122,3 +123,25 @@ def test_a_program_in_air_has_no_axes_in_the_cut() -> None:
     found = follow_cut(cut, {"X": drive()})
     assert axes_in_cut(found, cut.plan.path.moves.line) == ()
     np.testing.assert_array_equal(found.cut["X"].command, found.air["X"].command)
+
+
+def test_a_residual_is_asked_in_air_and_added_under_the_force() -> None:
+    """It was learnt beside a model without a load: the force must not reach its inputs."""
+    cut, seen = cut_of(SLOT), []
+
+    def residual(letter, reference, modelled_error, modelled_command, period):
+        seen.append(modelled_command)
+        return np.full(len(reference), 7e-6), np.full(len(reference), 3e-6)
+
+    bare = follow_cut(cut, {"X": drive()})
+    found = follow_cut(cut, {"X": drive()}, residual=residual)
+    assert len(seen) == 1
+    np.testing.assert_array_equal(seen[0], bare.air["X"].command)
+    np.testing.assert_allclose(found.air["X"].error, bare.air["X"].error + 7e-6, atol=1e-15)
+    steady = found.load.cutting & (np.abs(found.load.f_z - F_Z) < 1e-9)
+    steady &= np.abs(bare.load.f_z - F_Z) < 1e-9
+    gained = found.cut["X"].error - bare.cut["X"].error
+    assert np.median(gained[steady]) == pytest.approx(7e-6, rel=1e-3)
+    (x,) = axes_in_cut(found, cut.plan.path.moves.line)
+    assert x.half_width_um == 3.0
+    assert "half_width_um" not in unstructured(axes_in_cut(bare, cut.plan.path.moves.line)[0])

@@ -12,7 +12,7 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.twin.control import planned_program
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import between, follow_program
+from pipeline.twin.program_axes import between, commanded_positions, follow_program
 
 GAIN, FEED = 40.0, 3000.0
 PROGRAM = b"G21 G90 G94\nG1 X200 F3000\nY20 F600\nG4 P500\nM30\n"
@@ -88,3 +88,23 @@ def test_between_goes_through_the_samples_and_follows_a_parabola() -> None:
     np.testing.assert_allclose(fine[:-4], (np.arange(196) / 4) ** 2, atol=1e-9)
     np.testing.assert_array_equal(between(t, 1), t)
     np.testing.assert_array_equal(between(np.array([3.0]), 4), [3.0] * 4)
+
+
+def test_a_residual_is_added_to_what_the_model_says(plan) -> None:
+    """It sees reference, error and command of the model, and is the difference to the bit."""
+
+    def residual(letter, reference, modelled_error, modelled_command, period):
+        left = 0.1 * modelled_error + 1e-7 * modelled_command + 1e-5 * reference
+        width = np.nan if letter == "Y" else 2e-6
+        return left * (letter == "X"), np.full(len(reference), width)
+
+    both = {"X": drive(), "Y": drive()}
+    bare, found = follow_program(plan, both), follow_program(plan, both, residual)
+    positions = commanded_positions(plan).position
+    left = 0.1 * bare["X"].error + 1e-7 * bare["X"].command + 1e-5 * positions[:, 0]
+    np.testing.assert_array_equal(found["X"].error, bare["X"].error + left)
+    np.testing.assert_array_equal(found["X"].command, bare["X"].command)
+    np.testing.assert_array_equal(found["X"].half_width, np.full(len(left), 2e-6))
+    # an axis that was not learnt keeps its model, and has no interval
+    np.testing.assert_array_equal(found["Y"].error, bare["Y"].error)
+    assert found["Y"].half_width is None and bare["X"].half_width is None
