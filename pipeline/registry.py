@@ -40,6 +40,8 @@ LOCK = Path("requirements.lock")
 NEEDED = ("cattrs", "joblib", "numba", "numpy", "pandas", "pyarrow", "pyyaml", "scikit-learn",
           "scipy", "skops", "threadpoolctl")  # fmt: skip
 """Distributions that a prediction imports; a version pins them."""
+METRICS = 1000
+"""Values of curves that MLflow takes at once [1]."""
 BATCH = 100
 """Parameters that MLflow takes in one call."""
 
@@ -246,6 +248,7 @@ def _log(
         for first in range(0, len(parameters), BATCH):
             mlflow.log_params(dict(parameters[first : first + BATCH]))
         mlflow.log_metrics(_metrics(bundle, folder))
+        _log_curves(bundle, folder, root)
         mlflow.set_tags(tags)
         first_name = next(iter(bundle.submodels))
         logged = mlflow.pyfunc.log_model(
@@ -264,6 +267,25 @@ def _log(
     for tag, value in tags.items():  # the hash comes last: a version that has it has all
         client.set_model_version_tag(model_name(bundle.machine), number, tag, value)
     return int(number)
+
+
+def _log_curves(bundle: Bundle, folder: Path, root: Path) -> None:
+    """Training curves of every sub-model, a step an epoch."""
+    import mlflow
+    from mlflow.entities import Metric
+
+    from pipeline.submodels.contract import submodel
+
+    found = [
+        Metric(f"{name}.curve.{_plain(curve)}", value, 0, step)
+        for name in bundle.submodels
+        for curve, values in submodel(name).curves(folder / name).items()
+        for step, value in enumerate(values, start=1)
+    ]
+    run = mlflow.active_run()
+    if run is not None:
+        for first in range(0, len(found), METRICS):
+            _client(root).log_batch(run.info.run_id, metrics=found[first : first + METRICS])
 
 
 def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, str]]]:

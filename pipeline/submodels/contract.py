@@ -5,7 +5,7 @@ stages ``identify_<name>`` and ``judge_<name>``, the registry and the report kno
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
@@ -170,6 +170,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     @abstractmethod
     def example(self, folder: Path) -> "pd.DataFrame":
         """A small table that :meth:`serve`'s predictor takes."""
+
+    def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
+        """Error after each epoch of what was trained, by a name; none where nothing is trained."""
+        return {}
 
     def page(self, shown: "Shown[M]") -> Any:
         """What only this sub-model can show and say, as ``SubModelPage`` of the room ``charts``."""

@@ -1,6 +1,6 @@
 """Compensation of feed axes as a sub-model: cases are recordings, judged by the following error."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -284,6 +284,15 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
                     f"{letter}_modelled_command": 0.0 * t,
                 }  # fmt: skip
         return pd.DataFrame(columns)
+
+    def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
+        """Validation RMSE [um] after each epoch of every network, by axis, use, kind and fold."""
+        documents = load_compensation(folder).documents
+        return {
+            f"{name}.fold_{fold}": [UM * float(row[2]) for row in one["history"]]
+            for name, some in documents.items()
+            for fold, one in enumerate(some, start=1)
+        }
 
     def page(self, shown: Shown[CompensationModel]) -> Any:
         """Error before and after, networks compared, attention, the search."""

@@ -286,3 +286,19 @@ def test_a_pattern_that_fits_no_file_is_refused(tmp_path: Path) -> None:
 def test_signals_and_drives_are_both_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="name both in reads"):
         SUBMODEL.cases(Records(signals=tmp_path), judging(TRAINING, records()))
+
+
+def test_every_training_has_its_curve(built: Built) -> None:
+    curves = SUBMODEL.curves(built.folder)
+    model = load_compensation(built.folder)
+    assert set(curves) == {
+        f"{name}.fold_{k}"
+        for name, some in model.documents.items()
+        for k in range(1, len(some) + 1)
+    }
+    for name, values in curves.items():
+        assert len(values) >= 1, name
+        assert np.isfinite(values).all(), name
+    ended = {name: min(values) for name, values in curves.items()}
+    network = model.networks("X", PREDICTION, "arx")[0]
+    assert ended["X prediction arx.fold_1"] == pytest.approx(1e6 * network.history[:, 2].min())
