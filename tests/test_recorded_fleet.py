@@ -49,6 +49,7 @@ def project(tmp_path_factory) -> Path:
             "emps": 1,
             "umich_mill": 13,
             "kistler_slot": 2,
+            "fanuc_millturn": 1,
         }
         run("compose", "conf", "params.yaml")
     build(folder)
