@@ -73,7 +73,18 @@ def test_the_file_holds_commanded_and_corrected_positions_in_the_machines_frame(
     done = kerf(project, *WORDS, "--json", "times.json")
     assert done.exit_code == 0, done.output
     head, table = read(project / "corrected.csv")
-    assert list(table) == ["t", "X", "X_corrected", "Y", "Y_corrected", "Z", "Z_corrected"]
+    assert list(table) == [
+        "t",
+        "X",
+        "X_corrected",
+        "Y",
+        "Y_corrected",
+        "Z",
+        "Z_corrected",
+        "cutting",
+    ]
+    cut = table["cutting"].to_numpy()
+    assert set(cut) == {0, 1} and not cut[0] and not cut[-1]
     assert "machine's frame" in " ".join(head) and f"# residual network: {NONE}" in head
     with inside(project):
         plan = simulate_program(Path("part.nc"), "hurco", None, lambda done: None).plan
@@ -113,7 +124,7 @@ def test_an_axis_without_a_servo_has_no_columns_and_none_is_one_sentence(project
     bare = drive_axis() | {"servo": None, "servo_reason": "no reference"}
     with_drives(project, X=bare, Y=drive_axis())
     assert kerf(project, *WORDS).exit_code == 0
-    assert list(read(project / "corrected.csv")[1]) == ["t", "Y", "Y_corrected"]
+    assert list(read(project / "corrected.csv")[1]) == ["t", "Y", "Y_corrected", "cutting"]
     (project / "part.nc").write_text("G21 G90 G94\nG1 X30 F500\nM30\n")
     (project / "corrected.csv").unlink()
     said = refused(project, *WORDS)
@@ -195,7 +206,7 @@ def test_the_stage_writes_a_file_a_program(project) -> None:
         control_records=records, correction=CorrectionSettings(longest_s=12.0),
     )  # fmt: skip
     head, table = read(written / "good.csv")
-    assert list(table) == ["t", "X", "X_corrected", "Y", "Y_corrected"]
+    assert list(table) == ["t", "X", "X_corrected", "Y", "Y_corrected", "cutting"]
     assert table["t"].iloc[-1] == pytest.approx(12.0) and "only the first 12 s" in " ".join(head)
     assert "program: good; origin: recorded" in " ".join(head)
     said = (written / "bad.csv").read_text()

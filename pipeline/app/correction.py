@@ -13,6 +13,7 @@ from pipeline.twin.corrected_program import (
     CorrectedProgram,
     corrected_program,
     correction_table,
+    in_cuts,
 )
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
@@ -44,13 +45,15 @@ def correct_simulated(simulated: Simulated, program: Path, machine: str) -> Corr
             "their servos and run `dvc repro`"
         )
     residual, words = residual_of(models)
+    commanded = commanded_positions(plan)
     axes = corrected_program(
-        commanded_positions(plan), read_drives(found), simulated.on.control, residual,
+        commanded, read_drives(found), simulated.on.control, residual,
         settings=structure(simulated.on.parameters, "correction", CorrectionSettings),
     )  # fmt: skip
     return CorrectedProgram(
         machine=machine, origin=simulated.on.origin, program=program.stem,
         champion=_champion(models, machine), residual=words, total=plan.total, axes=axes,
+        cutting=in_cuts(plan, commanded, next(iter(axes.values())).time),
     )  # fmt: skip
 
 

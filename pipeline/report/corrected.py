@@ -33,14 +33,14 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
     refused = [f"{name}: {one['refused']}" for name, one in programs.items() if "refused" in one]
     if not rows:
         return None
-    shares = [
-        axis["measured"]["after"]["rms_um"]["mean"] / before
+    in_cuts = [
+        axis["measured"].get("cutting", axis["measured"])
         for one in programs.values()
         for axis in one.get("axes", {}).values()
-        if (before := axis["measured"]["before"]["rms_um"]["mean"]) > 0
     ]
+    shares = [_mean(one["share_left"]) for one in in_cuts if one["share_left"] is not None]
     heads = [
-        Head(name="Program"), Head(name="Axis"), Head(name="error"),
+        Head(name="Program"), Head(name="Axis"), Head(name="error"), Head(name="where"),
         *(
             Head(name=name, unit="µm", numeric=True, group=group)
             for group in ("as planned", "corrected") for name in ("RMS", "greatest")
@@ -54,9 +54,9 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
     )  # fmt: skip
     text = (
         f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} "
-        f"to {_share(max(shares))} of the axes’ following error (RMS at the scale). They were made "
-        "from the models alone, before the motion; kerf simulate PROGRAM --machine M --compensate "
-        "FILE makes them for a program of yours."
+        f"to {_share(max(shares))} of the axes’ following error in cuts (RMS at the scale). They "
+        "were made from the models alone, before the motion; kerf simulate PROGRAM --machine M "
+        "--compensate FILE makes them for a program of yours."
     )
     return Section(key="corrected", title="Corrected commands", text=[text], blocks=[table])
 
@@ -71,18 +71,22 @@ def _rows(name: str, one: dict[str, Any]) -> list[list[Cell]]:
     things = [*one.get("axes", {}).items(), *([("path", one["path"])] if one.get("path") else [])]
     for axis, places in things:
         for place, words in PLACES.items():
-            if place not in places:
-                continue
-            before, after = places[place]["before"], places[place]["after"]
-            left = places[place]["share_left"]
-            numbers = [
-                number(part[key]["mean"], 3) for part in (before, after)
-                for key in ("rms_um", "max_um")
-            ]  # fmt: skip
-            share = NOT_KNOWN if left is None else _share(_mean(left))
-            texts = [name, axis, words, *numbers, share]
-            found.append([Cell(text=text) for text in texts])
+            whole = places.get(place)
+            parts = {} if whole is None else {"in cuts": whole.get("cutting"), "whole": whole}
+            for where, part in parts.items():
+                if part is not None:
+                    found.append([Cell(text=t) for t in (name, axis, words, where, *_cells(part))])
     return found
+
+
+def _cells(part: dict[str, Any]) -> list[str]:
+    """RMS and greatest error before and after, and what is left of the RMS."""
+    left = part["share_left"]
+    numbers = [
+        number(part[when][key]["mean"], 3)
+        for when in ("before", "after") for key in ("rms_um", "max_um")
+    ]  # fmt: skip
+    return [*numbers, NOT_KNOWN if left is None else _share(_mean(left))]
 
 
 def _mean(value: Any) -> float:

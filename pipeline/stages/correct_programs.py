@@ -16,7 +16,12 @@ from pipeline.twin.control import (
     program_moves,
     read_controls,
 )
-from pipeline.twin.corrected_program import CorrectedProgram, corrected_program, write_corrected
+from pipeline.twin.corrected_program import (
+    CorrectedProgram,
+    corrected_program,
+    in_cuts,
+    write_corrected,
+)
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
 from pipeline.twin.program_axes import Residual, commanded_positions
@@ -69,8 +74,9 @@ def correct_programs(
         out = written / f"{path.stem}.csv"
         try:
             plan = planned_program(program_moves(path, setup), control)
+            commanded = commanded_positions(plan)
             axes = corrected_program(
-                commanded_positions(plan), drives, control, residual, settings=correction,
+                commanded, drives, control, residual, settings=correction,
                 longest=correction.longest_s,
             )  # fmt: skip
         except (GcodeError, ValueError) as error:
@@ -79,6 +85,7 @@ def correct_programs(
         done = CorrectedProgram(
             machine=identity.name, origin=identity.origin, program=path.stem,
             champion=bundle_words(champion), residual=words, total=plan.total, axes=axes,
+            cutting=in_cuts(plan, commanded, next(iter(axes.values())).time),
         )  # fmt: skip
         write_corrected(done, out)
 

@@ -14,7 +14,9 @@ import numpy as np
 from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND
 from pipeline.machine.control.interpolate import Trace
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.schema.arrays import Floats
+from pipeline.machine.control.path import Motion
+from pipeline.machine.control.planner import Plan
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.files import replacing
 from pipeline.twin.correction import (
     REACH,
@@ -87,6 +89,26 @@ def corrected_program(
     return axes
 
 
+def in_cuts(plan: Plan, commanded: Trace, time: Floats) -> Bools:
+    """Samples of a corrected command in blocks that cut, shape (T,).
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the program.
+    commanded : Trace
+        Its commanded positions.
+    time : ndarray, shape (T,)
+        Of the corrected command [s]; below 0 and beyond the end nothing is cut.
+    """
+    cuts = np.isin(plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))[commanded.row]
+    period = float(commanded.time[1] - commanded.time[0])
+    rows = np.rint(time / period).astype(int)
+    inside = (rows >= 0) & (rows < len(cuts))
+    found: Bools = inside & cuts[np.clip(rows, 0, len(cuts) - 1)]
+    return found
+
+
 def _reach(drive: IdentifiedDrive, period: float) -> int:
     """Samples that a correction reaches beyond the motion that it corrects."""
     if drive.servo is None:
@@ -129,6 +151,8 @@ class CorrectedProgram:
         Of the program [s].
     axes : mapping of str to CorrectedAxis
         By letter, on the same samples.
+    cutting : ndarray of bool, shape (T,)
+        Samples in blocks that cut; errors of rapids do not touch the part.
     """
 
     machine: str
@@ -138,10 +162,12 @@ class CorrectedProgram:
     residual: str
     total: float
     axes: Mapping[str, CorrectedAxis]
+    cutting: Bools
 
     @property
     def figures(self) -> list[dict[str, Any]]:
-        """Following error of each axis as predicted, before and after [um]."""
+        """Following error of each axis as predicted, before and after, whole and in cuts [um]."""
+        cut = self.cutting if self.cutting.any() else np.ones(len(self.cutting), bool)
         return [
             {
                 "axis": letter,
@@ -149,6 +175,8 @@ class CorrectedProgram:
                 "max_before_um": round(float(np.abs(axis.error_before).max()) * 1e6, 3),
                 "rms_after_um": round(_rms(axis.error_after) * 1e6, 3),
                 "max_after_um": round(float(np.abs(axis.error_after).max()) * 1e6, 3),
+                "cut_rms_before_um": round(_rms(axis.error_before[cut]) * 1e6, 3),
+                "cut_rms_after_um": round(_rms(axis.error_after[cut]) * 1e6, 3),
                 "half_width_90_um": None
                 if axis.half_width is None
                 else round(_rms(axis.half_width) * 1e6, 3),
@@ -164,11 +192,16 @@ def _rms(values: Floats) -> float:
 
 def correction_table(figures: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """:attr:`CorrectedProgram.figures` as a table in lines."""
-    yield f"axis  RMS before [um]  RMS after  max before [um]  max after  {HALF}  limited [%]"
+    yield (
+        "axis  in cuts: RMS before [um]  RMS after  whole: RMS before [um]  RMS after  "
+        f"max before [um]  max after  {HALF}  limited [%]"
+    )
     for one in figures:
         half = "-" if one["half_width_90_um"] is None else f"{one['half_width_90_um']:.1f}"
         yield (
-            f"{one['axis']:<4}  {one['rms_before_um']:>15.1f}  {one['rms_after_um']:>9.1f}  "
+            f"{one['axis']:<4}  {one['cut_rms_before_um']:>24.1f}  "
+            f"{one['cut_rms_after_um']:>9.1f}  {one['rms_before_um']:>22.1f}  "
+            f"{one['rms_after_um']:>9.1f}  "
             f"{one['max_before_um']:>15.1f}  {one['max_after_um']:>9.1f}  {half:>20}  "
             f"{one['limited_percent']:>11.1f}"
         )
@@ -177,19 +210,21 @@ def correction_table(figures: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 def write_corrected(done: CorrectedProgram, path: Path) -> None:
     """Write commanded and corrected positions [mm] over time [s] as CSV, comments before them.
 
-    Columns ``t`` and for each axis ``X`` (what the program commands) and ``X_corrected``, in the
-    machine's frame, at the control's interpolation period.
+    Columns ``t``, for each axis ``X`` (what the program commands) and ``X_corrected``, in the
+    machine's frame, at the control's interpolation period, and ``cutting``: 1 in blocks that cut.
     """
     first = next(iter(done.axes.values()))
     columns = [first.time]
     for axis in done.axes.values():
         columns += [axis.reference / METRE, axis.corrected / METRE]
-    table = np.column_stack(columns) + 0.0  # no -0
+    table = np.column_stack([*columns, done.cutting]) + 0.0  # no -0
     names = ["t", *(name for letter in done.axes for name in (letter, f"{letter}_corrected"))]
+    names.append("cutting")
+    shapes = ["%.6f"] * len(columns) + ["%d"]
     with replacing(path) as part, part.open("w", encoding="utf-8") as file:
         file.writelines(f"# {line}\n" for line in _head(done, first))
         file.write(",".join(names) + "\n")
-        np.savetxt(file, table, fmt="%.6f", delimiter=",")
+        np.savetxt(file, table, fmt=shapes, delimiter=",")
 
 
 def _head(done: CorrectedProgram, first: CorrectedAxis) -> Iterator[str]:

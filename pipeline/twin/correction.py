@@ -57,7 +57,7 @@ class CorrectionSettings(Ranged, section="correction"):
 
     iterations: Annotated[int, Range(least=1)] = 12
     tolerance: NotNegative = 0.02
-    longest_s: Positive = 120.0
+    longest_s: Positive = 40.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,7 +29,8 @@ def written(folder: Path, programs: dict[str, Any]) -> Path:
 
 
 def test_every_axis_and_the_path_have_their_rows(tmp_path: Path) -> None:
-    axes = {"X": {"measured": place(100.0, 5.0)}, "Y": {"measured": place(200.0, 40.0)}}
+    cut = place(100.0, 5.0) | {"cutting": place(50.0, 1.0)}
+    axes = {"X": {"measured": cut}, "Y": {"measured": place(200.0, 40.0)}}
     one = {"axes": axes, "path": {"carriage": place(10.0, 2.0)}}
     path = written(tmp_path, {"O1": one, "O2": {"refused": "no axis moves"}})
     section = corrected_section(path, SourceRegistry())
@@ -37,14 +38,15 @@ def test_every_axis_and_the_path_have_their_rows(tmp_path: Path) -> None:
     (table,) = section.blocks
     assert isinstance(table, Table)
     texts = [[cell.text for cell in row] for row in table.rows]
-    assert [row[:3] for row in texts] == [
-        ["O1", "X", "at the scale"], ["O1", "Y", "at the scale"], ["O1", "path", "at the carriage"],
+    assert [row[:4] for row in texts] == [
+        ["O1", "X", "at the scale", "in cuts"], ["O1", "X", "at the scale", "whole"],
+        ["O1", "Y", "at the scale", "whole"], ["O1", "path", "at the carriage", "whole"],
     ]  # fmt: skip
-    assert texts[0][3:7] == ["100", "300", "5.00", "15.0"]
-    assert [row[-1].replace("\u202f", " ") for row in texts] == ["5.0 %", "20 %", "20 %"]
+    assert texts[1][4:8] == ["100", "300", "5.00", "15.0"]
+    assert [row[-1].replace("\u202f", " ") for row in texts] == ["2.0 %", "5.0 %", "20 %", "20 %"]
     assert "O2: no axis moves" in table.note
     said = section.text[0].replace("\u202f", " ")
-    assert "leave 5.0 % to 20 % of the axes’ following error" in said
+    assert "leave 2.0 % to 20 % of the axes’ following error in cuts" in said
     assert len(table.sources) == 1
 
 

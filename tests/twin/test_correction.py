@@ -262,13 +262,15 @@ def test_of_a_long_program_the_beginning_is_corrected(tmp_path) -> None:
     done = CorrectedProgram(
         machine="mill77", origin="simulated", program="part", champion="version 3, bundle 0123",
         residual="none", total=trace.time[-1], axes={"X": begun},
+        cutting=begun.time > 0.5,
     )  # fmt: skip
     write_corrected(done, tmp_path / "part.csv")
     lines = (tmp_path / "part.csv").read_text().splitlines()
     head = [line for line in lines if line.startswith("#")]
     assert "# Kerf: corrected command of the feed axes of mill77 (simulated)" in head
     assert any("only the first 0.9 s" in line for line in head)
-    assert lines[len(head)] == "t,X,X_corrected" and len(lines) == len(head) + 1 + rows
+    assert lines[len(head)] == "t,X,X_corrected,cutting" and len(lines) == len(head) + 1 + rows
     table = np.loadtxt(tmp_path / "part.csv", delimiter=",", skiprows=len(head) + 1)
-    columns = np.column_stack([begun.time, begun.reference * 1e3, begun.corrected * 1e3])
+    columns = np.column_stack([begun.time, begun.reference * 1e3, begun.corrected * 1e3,
+                               begun.time > 0.5])  # fmt: skip
     np.testing.assert_allclose(table, columns, atol=0.5e-6 + 1e-12)

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.shop.drives.axis import follow
 from pipeline.shop.parameters import ShopParameters
 
 UNEVEN = 0.01
 """Greatest deviation of a step of time from their median, as a share of it [1]."""
+CUTTING = "cutting"
+"""Column that is 1 where the program cuts; it may be absent."""
 PLACES = ("measured", "carriage")
 """Positions that are compared: that of the position loop's sensor, and the true one."""
 
@@ -59,7 +61,8 @@ def drive_corrected(table: Path, parameters: ShopParameters, seed: int) -> dict[
     table : Path
         CSV with one line of names, N rows of numbers and lines of comment, which begin with ``#``:
         ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and ``X_corrected``, the
-        commanded and the corrected position in the machine's frame [mm].
+        commanded and the corrected position in the machine's frame [mm]; ``cutting``, 1 where the
+        program cuts, may be there.
     parameters : ShopParameters
         The machine.
     seed : int
@@ -71,7 +74,8 @@ def drive_corrected(table: Path, parameters: ShopParameters, seed: int) -> dict[
         ``axes``: by letter and by place (``measured`` by the position loop's sensor, true place of
         the ``carriage``) the commanded less the reached position: ``rms_um`` and ``max_um``
         ``before`` and ``after`` the correction, and ``share_left`` of the RMS, None where there was
-        none.  ``path``: the same of the distance from the commanded path, of two axes and more.
+        none; the same under ``cutting`` where the table tells cuts.  ``path``: the same of the
+        distance from the commanded path, of two axes and more.
 
     Raises
     ------
@@ -97,17 +101,21 @@ def drive_corrected(table: Path, parameters: ShopParameters, seed: int) -> dict[
             for place in PLACES:
                 reached[letter, place, corrected] = getattr(out, place) * 1e3
     path = np.stack(list(asked.values()), axis=1)
+    cut = np.zeros(len(path), bool)
+    if CUTTING in columns:
+        near = np.rint(np.arange(len(path)) / (frequency * period)).astype(int)
+        cut = columns[CUTTING][np.minimum(near, len(columns[CUTTING]) - 1)] > 0
     found: dict[str, Any] = {"axes": {letter: {} for letter in letters}}
     for place in PLACES:
         for letter in letters:
-            found["axes"][letter][place] = _compared(
-                *(asked[letter] - reached[letter, place, c] for c in (False, True))
-            )
+            errors = (asked[letter] - reached[letter, place, c] for c in (False, True))
+            found["axes"][letter][place] = _compared(cut, *errors)
         if len(letters) > 1:
-            found.setdefault("path", {})[place] = _compared(*(
+            errors = (
                 off_path(np.stack([reached[a, place, c] for a in letters], axis=1), path)
                 for c in (False, True)
-            ))  # fmt: skip
+            )
+            found.setdefault("path", {})[place] = _compared(cut, *errors)
     return found
 
 
@@ -118,7 +126,11 @@ def _read(table: Path, known: Iterable[str]) -> tuple[float, Mapping[str, Floats
     names = [name.strip() for name in lines[0].split(",")] if lines else []
     moving = [a for a in known if {a, f"{a}_corrected"} & set(names)]
     wanted = ["t", *(name for a in moving for name in (a, f"{a}_corrected"))]
-    if not moving or sorted(names) != sorted(wanted):
+    if (
+        not moving
+        or sorted(set(names) - {CUTTING}) != sorted(wanted)
+        or len(set(names)) < len(names)
+    ):
         raise ValueError(
             f"{table} has the columns {', '.join(names) or 'none'}: give t [s] and, for each of "
             f"the axes {', '.join(known)} that moves, its commanded and its corrected position "
@@ -178,8 +190,13 @@ def off_path(place: Floats, path: Floats) -> Floats:
     return np.asarray(distance, dtype=np.float64)
 
 
-def _compared(before: Floats, after: Floats) -> dict[str, Any]:
-    """Both errors [mm] and the share of the RMS that is left."""
+def _compared(cut: Bools, before: Floats, after: Floats) -> dict[str, Any]:
+    """Both errors [mm] and the share of the RMS that is left, whole and in cuts."""
+    whole = _both(before, after)
+    return whole | ({CUTTING: _both(before[cut], after[cut])} if cut.any() else {})
+
+
+def _both(before: Floats, after: Floats) -> dict[str, Any]:
     rms = [float(np.sqrt(np.mean(error**2))) for error in (before, after)]
     return {
         "before": {"rms_um": rms[0] * 1e3, "max_um": float(np.abs(before).max()) * 1e3},
