@@ -9,6 +9,8 @@ from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Cell, Head, Table, sources
 
 MADE_FROM = "both commands of each program, driven on the simulated shop floor"
+MOVES_UM = 1.0
+"""Following error of an axis that moves in cuts, RMS [um]; less is that of one that stands."""
 PLACES = {"measured": "at the scale", "carriage": "at the carriage"}
 """Where the error is taken: at the sensor that closes the loop, and where the axis truly is."""
 
@@ -38,7 +40,8 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         for one in programs.values()
         for axis in one.get("axes", {}).values()
     ]
-    shares = [_mean(one["share_left"]) for one in in_cuts if one["share_left"] is not None]
+    moved = [one for one in in_cuts if one["before"]["rms_um"]["mean"] >= MOVES_UM]
+    shares = [_mean(one["share_left"]) for one in moved]
     heads = [
         Head(name="Program"), Head(name="Axis"), Head(name="error"), Head(name="where"),
         *(
@@ -52,13 +55,13 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         sources=sources(shelf, path),
         note="Mean of some drives with other noise; the axes run in air. " + "; ".join(refused),
     )  # fmt: skip
-    text = (
+    text = [] if not shares else [
         f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} "
         f"to {_share(max(shares))} of the axes’ following error in cuts (RMS at the scale). They "
         "were made from the models alone, before the motion; kerf simulate PROGRAM --machine M "
         "--compensate FILE makes them for a program of yours."
-    )
-    return Section(key="corrected", title="Corrected commands", text=[text], blocks=[table])
+    ]  # fmt: skip
+    return Section(key="corrected", title="Corrected commands", text=text, blocks=[table])
 
 
 def _share(part: float) -> str:
