@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.numbers import NOT_KNOWN, number, percent
+from pipeline.charts.numbers import NARROW, NOT_KNOWN, joined, number, percent
 from pipeline.charts.sections import Section
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Cell, Head, Table, sources
@@ -51,7 +51,8 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         Head(name="left of RMS", numeric=True),
     ]  # fmt: skip
     table = Table(
-        caption="Following error on the shop floor, simulated", heads=heads, rows=rows,
+        caption=f"Following error on the shop floor, {len(rows)} rows", heads=heads, rows=rows,
+        folded=True,
         sources=sources(shelf, path),
         note="Mean of some drives with other noise; the axes run in air. " + "; ".join(refused),
     )  # fmt: skip
@@ -61,11 +62,23 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         "were made from the models alone, before the motion; kerf simulate PROGRAM --machine M "
         "--compensate FILE makes them for a program of yours."
     ]  # fmt: skip
+    off = [
+        f"{name} by {number(place['after']['max_um']['mean'], 2)} µm"
+        for name, one in programs.items() for key, place in one.get("path", {}).items()
+        if key == "measured" and _mean(place["share_left"] or 0.0) > 1
+    ]  # fmt: skip
+    if off:
+        text.append(
+            "Rapids are at their limits already: a correction cannot lead them, and as the axes "
+            f"lag by different amounts their path is further off than as planned in {joined(off)} "
+            "at most. Keep the clearance of rapids, or take the corrected commands in cuts alone."
+        )
     return Section(key="corrected", title="Corrected commands", text=text, blocks=[table])
 
 
 def _share(part: float) -> str:
-    return percent(part, 1.0)
+    """In percent; what grew as that, above 100."""
+    return percent(part, 1.0) if part <= 1 else f"{100 * part:.0f}{NARROW}%"
 
 
 def _rows(name: str, one: dict[str, Any]) -> list[list[Cell]]:

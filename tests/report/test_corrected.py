@@ -55,3 +55,15 @@ def test_without_drives_there_is_no_section(tmp_path: Path) -> None:
     assert corrected_section(tmp_path / "none.json", SourceRegistry()) is None
     path = written(tmp_path, {"O2": {"refused": "no axis moves"}})
     assert corrected_section(path, SourceRegistry()) is None
+
+
+def test_a_path_that_is_further_off_is_said(tmp_path: Path) -> None:
+    axes = {"X": {"measured": place(100.0, 5.0)}, "Y": {"measured": place(200.0, 40.0)}}
+    one = {"axes": axes, "path": {"measured": place(10.0, 59.0)}}
+    section = corrected_section(written(tmp_path, {"O1": one}), SourceRegistry())
+    assert section is not None
+    (table,) = section.blocks
+    assert isinstance(table, Table)
+    assert table.rows[-1][-1].text.replace("\u202f", " ") == "590 %"
+    assert len(section.text) == 2
+    assert "further off than as planned in O1 by 177 µm" in section.text[1]
