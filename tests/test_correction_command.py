@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.app.correction import correction_lines
 from pipeline.gcode.setup import Setup
 from pipeline.schema.bundle import bundle_of
 from pipeline.schema.identity import MachineIdentity
@@ -101,6 +102,8 @@ def test_the_file_holds_commanded_and_corrected_positions_in_the_machines_frame(
     assert len(lead) > 1000
     np.testing.assert_allclose(lead, 1200 / 60 / 40, rtol=0.01)
     found = json.loads((project / "times.json").read_text())["correction"]
+    limited = any(axis["limited_percent"] > 0 for axis in found["axes"])
+    assert limited == ("keep the clearance of rapids" in " ".join(done.stdout.split()))
     assert found["file"] == "corrected.csv" and found["residual"] == NONE
     assert "holds no bundle.json" in found["champion"]
     for axis in found["axes"]:
@@ -219,3 +222,15 @@ def test_the_section_of_conf_is_that_of_the_settings() -> None:
 
     section = structure(read_params(ROOT / "params.yaml"), "correction", CorrectionSettings)
     assert section == CorrectionSettings()
+
+
+def test_rapids_at_their_limits_are_told() -> None:
+    axis = {
+        "axis": "X", "rms_before_um": 9.0, "rms_after_um": 1.0, "max_before_um": 90.0,
+        "max_after_um": 41.7, "cut_rms_before_um": 8.0, "cut_rms_after_um": 0.5,
+        "half_width_90_um": None, "limited_percent": 0.0,
+    }  # fmt: skip
+    document = {"file": "f.csv", "residual": NONE, "axes": [axis]}
+    assert not any("clearance" in line for line in correction_lines(document))
+    last = list(correction_lines(document | {"axes": [axis, axis | {"limited_percent": 2.0}]}))[-1]
+    assert "stays behind by up to 42 um" in last and "keep the clearance of rapids" in last
