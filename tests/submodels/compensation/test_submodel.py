@@ -284,3 +284,11 @@ def test_a_pattern_that_fits_no_file_is_refused(tmp_path: Path) -> None:
 def test_signals_and_drives_are_both_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="name both in reads"):
         SUBMODEL.cases(Records(signals=tmp_path), judging(TRAINING, records()))
+
+
+def test_an_axis_that_holds_a_weight_held_it_before_the_command(built: Built) -> None:
+    """Its torque command is not zero at rest, nor was it before the first sample."""
+    many = 80
+    rest, held = np.full(many, 0.123), np.full(many, 2.0)
+    found, _ = load_compensation(built.folder).residual("X", rest, 0 * held, held, PERIOD)
+    np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-12)
