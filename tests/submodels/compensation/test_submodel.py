@@ -302,3 +302,11 @@ def test_every_training_has_its_curve(built: Built) -> None:
     ended = {name: min(values) for name, values in curves.items()}
     network = model.networks("X", PREDICTION, "arx")[0]
     assert ended["X prediction arx.fold_1"] == pytest.approx(1e6 * network.history[:, 2].min())
+
+
+def test_an_axis_that_holds_a_weight_held_it_before_the_command(built: Built) -> None:
+    """Its torque command is not zero at rest, nor was it before the first sample."""
+    many = 80
+    rest, held = np.full(many, 0.123), np.full(many, 2.0)
+    found, _ = load_compensation(built.folder).residual("X", rest, 0 * held, held, PERIOD)
+    np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-12)
