@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.app.programs import Simulated
+from pipeline.app.programs import Simulated, needed_drives
 from pipeline.parameters import structure
 from pipeline.schema.bundle import BUNDLE, Bundle, read_champions
 from pipeline.schema.store import read_json
@@ -38,12 +38,7 @@ def correct_simulated(simulated: Simulated, program: Path, machine: str) -> Corr
         When the machine's drives were not identified, or no axis can be corrected.
     """
     models, plan = simulated.on.models, simulated.plan
-    found = models / "drive/model.json"
-    if not found.exists():
-        raise ValueError(
-            f"{found} does not exist: --compensate needs the feed drives of {machine}, record "
-            "their servos and run `dvc repro`"
-        )
+    found = needed_drives(models, machine, "--compensate")
     residual, words = residual_of(models)
     commanded = commanded_positions(plan)
     axes = corrected_program(

@@ -265,12 +265,7 @@ def machine_residual(on: Controlled, machine: str) -> tuple[Residual, str]:
     """
     from pipeline.stages.correct_programs import residual_of
 
-    drives = on.models / "drive/model.json"
-    if not drives.exists():
-        raise ValueError(
-            f"{drives} does not exist: --compensated needs the feed drives of {machine}, record "
-            "their servos and run `dvc repro`"
-        )
+    needed_drives(on.models, machine, "--compensated")
     residual, name = residual_of(on.models)
     if residual is None:
         raise ValueError(
@@ -278,6 +273,23 @@ def machine_residual(on: Controlled, machine: str) -> tuple[Residual, str]:
             f"--compensated out, or record the axes of {machine} and run `dvc repro`"
         )
     return residual, name
+
+
+def needed_drives(models: Path, machine: str, option: str) -> Path:
+    """File of the machine's identified drives, which an option needs.
+
+    Raises
+    ------
+    ValueError
+        When there is none.
+    """
+    found = models / "drive/model.json"
+    if not found.exists():
+        raise ValueError(
+            f"{found} does not exist: {option} needs the feed drives of {machine}, record their "
+            "servos and run `dvc repro`"
+        )
+    return found
 
 
 def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> list[dict[str, Any]]:

@@ -1,5 +1,6 @@
 """Section on corrected commands: what the shop floor made of them, before and after."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,18 +33,11 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         return None
     programs: dict[str, Any] = document["programs"]
     rows = [row for name, one in programs.items() for row in _rows(name, one)]
-    refused = [f"{name}: {one['refused']}" for name, one in programs.items() if "refused" in one]
     if not rows:
         return None
-    in_cuts = [
-        axis["measured"].get("cutting", axis["measured"])
-        for one in programs.values()
-        for axis in one.get("axes", {}).values()
-    ]
-    moved = [one for one in in_cuts if one["before"]["rms_um"]["mean"] >= MOVES_UM]
-    shares = [_mean(one["share_left"]) for one in moved]
+    refused = [f"{name}: {one['refused']}" for name, one in programs.items() if "refused" in one]
     heads = [
-        Head(name="Program"), Head(name="Axis"), Head(name="error"), Head(name="where"),
+        Head(name="Program"), Head(name="Axis"), Head(name="Error"), Head(name="Where"),
         *(
             Head(name=name, unit="µm", numeric=True, group=group)
             for group in ("as planned", "corrected") for name in ("RMS", "greatest")
@@ -52,28 +46,45 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
     ]  # fmt: skip
     table = Table(
         caption=f"Following error on the shop floor, {len(rows)} rows", heads=heads, rows=rows,
-        folded=True,
-        sources=sources(shelf, path),
-        note="Mean of some drives with other noise; the axes run in air. " + "; ".join(refused),
+        folded=True, sources=sources(shelf, path),
+        note="; ".join(["Mean of runs with different noise, nothing is cut", *refused]) + ".",
     )  # fmt: skip
-    text = [] if not shares else [
-        f"Driven on the simulated shop floor, the corrected commands leave {_share(min(shares))} "
-        f"to {_share(max(shares))} of the axes’ following error in cuts (RMS at the scale). They "
-        "were made from the models alone, before the motion; kerf simulate PROGRAM --machine M "
-        "--compensate FILE makes them for a program of yours."
-    ]  # fmt: skip
+    text = [*_gain(programs), *_rapids(programs)]
+    return Section(key="corrected", title="Corrected commands", text=text, blocks=[table])
+
+
+def _gain(programs: dict[str, Any]) -> Iterator[str]:
+    """What is left of the following error of axes that move in cuts."""
+    in_cuts = [
+        axis["measured"].get("cutting", axis["measured"])
+        for one in programs.values()
+        for axis in one.get("axes", {}).values()
+    ]
+    moved = [one for one in in_cuts if one["before"]["rms_um"]["mean"] >= MOVES_UM]
+    shares = [_mean(one["share_left"]) for one in moved]
+    if shares:
+        yield (
+            f"Driven on the simulated shop floor, the corrected commands leave "
+            f"{_share(min(shares))} to {_share(max(shares))} of the axes’ following error in cuts "
+            "(RMS at the scale). They were made from the models alone, before the motion; "
+            "kerf simulate PROGRAM --machine M --compensate FILE makes them for a program of yours."
+        )
+
+
+def _rapids(programs: dict[str, Any]) -> Iterator[str]:
+    """A warning where the path as a whole, rapids among it, is further off than as planned."""
     off = [
         f"{name} by {number(place['after']['max_um']['mean'], 2)} µm"
-        for name, one in programs.items() for key, place in one.get("path", {}).items()
-        if key == "measured" and _mean(place["share_left"] or 0.0) > 1
+        for name, one in programs.items()
+        if (place := one.get("path", {}).get("measured"))
+        and _mean(place["share_left"] or 0.0) > 1
     ]  # fmt: skip
     if off:
-        text.append(
+        yield (
             "Rapids are at their limits already: a correction cannot lead them, and as the axes "
             f"lag by different amounts their path is further off than as planned in {joined(off)} "
             "at most. Keep the clearance of rapids, or take the corrected commands in cuts alone."
         )
-    return Section(key="corrected", title="Corrected commands", text=text, blocks=[table])
 
 
 def _share(part: float) -> str:
