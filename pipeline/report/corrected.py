@@ -12,7 +12,7 @@ from pipeline.charts.tables import Cell, Head, Table, sources
 MADE_FROM = "both commands of each program, driven on the simulated shop floor"
 MOVES_UM = 1.0
 """Following error of an axis that moves in cuts, RMS [um]; less is that of one that stands."""
-PLACES = {"measured": "at the scale", "carriage": "at the carriage"}
+PLACES = {"measured": "at the loop’s sensor", "carriage": "at the carriage"}
 """Where the error is taken: at the sensor that closes the loop, and where the axis truly is."""
 
 
@@ -66,7 +66,7 @@ def _gain(programs: dict[str, Any]) -> Iterator[str]:
         yield (
             f"Driven on the simulated shop floor, the corrected commands leave "
             f"{_share(min(shares))} to {_share(max(shares))} of the axes’ following error in cuts "
-            "(RMS at the scale). They were made from the models alone, before the motion; "
+            "(RMS at the loop’s sensor). They were made from the models alone, before the motion; "
             "kerf simulate PROGRAM --machine M --compensate FILE makes them for a program of yours."
         )
 
