@@ -39,7 +39,8 @@ def test_every_axis_and_the_path_have_their_rows(tmp_path: Path) -> None:
     assert isinstance(table, Table)
     texts = [[cell.text for cell in row] for row in table.rows]
     assert [row[:4] for row in texts] == [
-        ["O1", "X", "at the loop’s sensor", "in cuts"], ["O1", "X", "at the loop’s sensor", "whole"],
+        ["O1", "X", "at the loop’s sensor", "in cuts"],
+        ["O1", "X", "at the loop’s sensor", "whole"],
         ["O1", "Y", "at the loop’s sensor", "whole"], ["O1", "path", "at the carriage", "whole"],
     ]  # fmt: skip
     assert texts[1][4:8] == ["100", "300", "5.00", "15.0"]
