@@ -22,15 +22,31 @@ Sources of the orders of magnitude:
 """
 
 from dataclasses import dataclass, field
-from math import pi
 from typing import Annotated, Literal, TypeVar
 
 from pipeline.schema.ranges import Range, Ranged
-from pipeline.shop.cutting.parameters import Conditions, Immersion, Workpiece
 
 Named = TypeVar("Named", "Cutter", "PlannedCut")
 CHANNELS = 7
 """Forces x, y, z, accelerations x, y, z, envelope of the acoustic emission."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steel(Ranged, section="Steel"):
+    """The material: fields as of :class:`pipeline.shop.cutting.parameters.Workpiece`."""
+
+    name: str = "42CrMo4"
+    tangential: Annotated[float, Range(least=50, most=1e4, unit="N/mm2")] = 2180.0
+    radial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 870.0
+    axial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 410.0
+    thickness: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
+    exponent: Annotated[float, Range(least=0, most=0.9)] = 0.1
+    edge_tangential: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 33.0
+    edge_radial: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 49.0
+    edge_axial: Annotated[float, Range(least=-100, most=500, unit="N/mm")] = 4.0
+    ploughing: Annotated[float, Range(least=0.01, most=100, unit="um")] = 6.0
+    flank_pressure: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 560.0
+    flank_friction: Annotated[float, Range(least=0, most=1.5)] = 0.36
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,20 +77,11 @@ class PlannedCut(Ranged, section="PlannedCut"):
     """A cut of the programs in which tools wear: a slot is as wide as the tool."""
 
     name: str
-    immersion: Immersion = "down"
+    immersion: Literal["slot", "up", "down"] = "down"
     depth: Annotated[float, Range(least=0.05, most=100, unit="mm")] = 4.0
     width: Annotated[float, Range(least=0.05, most=100, unit="mm")] = 3.0
     cutting_speed: Annotated[float, Range(least=5, most=2e3, unit="m/min")] = 130.0
     feed_per_tooth: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
-
-    def conditions(self, cutter: Cutter, speed: float) -> Conditions:
-        """What the control is told, ``speed`` times as fast; speeds in steps of 10."""
-        n = round(speed * self.cutting_speed * 1e3 / (pi * cutter.diameter) / 10) * 10.0
-        return Conditions(
-            immersion=self.immersion, depth=self.depth, speed=n,
-            width=cutter.diameter if self.immersion == "slot" else min(self.width, cutter.diameter),
-            feed=round(self.feed_per_tooth * cutter.flutes * n / 10) * 10.0,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -312,11 +319,6 @@ LIVES = (
     _life("T32", "EM10Z4", SIDE, FINISH, 1.0, 5.0),
     _life("T33", "EM10Z4", SIDE, SLOT, 0.95, 3.5),
 )
-STEEL = Workpiece(
-    name="42CrMo4", tangential=2180.0, radial=870.0, axial=410.0, thickness=0.05, exponent=0.1,
-    edge_tangential=33.0, edge_radial=49.0, edge_axial=4.0, ploughing=6.0, flank_pressure=560.0,
-    flank_friction=0.36,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -345,7 +347,7 @@ class Wear(Ranged, section="Wear"):
     """
 
     recorded: bool = True
-    workpiece: Workpiece = STEEL
+    workpiece: Steel = field(default_factory=Steel)
     cutters: tuple[Cutter, ...] = CUTTERS
     cuts: tuple[PlannedCut, ...] = CUTS
     lives: tuple[PlannedLife, ...] = LIVES

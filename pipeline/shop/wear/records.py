@@ -19,9 +19,9 @@ from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
-from pipeline.shop.wear.force import cut_forces
+from pipeline.shop.wear.force import cut_forces, workpiece
 from pipeline.shop.wear.parameters import PlannedLife, Wear
-from pipeline.shop.wear.rate import WornTool, flank_wear, new_tool
+from pipeline.shop.wear.rate import WornTool, conditions, flank_wear, new_tool
 from pipeline.shop.wear.sensors import (
     FINE,
     LOST,
@@ -73,7 +73,7 @@ def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course
     """The life of one tool, until somebody reads that it is worn."""
     cutter, planned = wear.cutter(life), wear.planned(life)
     tool = new_tool(cutter, wear.rate, random)
-    cuts = [one.conditions(cutter, life.speed) for one in planned]
+    cuts = [conditions(one, cutter, life.speed) for one in planned]
     every = np.arange(wear.most) + random.uniform(0.2, 0.6, wear.most)
     times = every * life.interval
     batches = np.cumsum(random.random(wear.most) < 1 - np.exp(-life.interval / wear.rate.batch))
@@ -120,16 +120,11 @@ def _cut(wear: Wear, life: Course, k: int, random: np.random.Generator) -> _Cut:
     window: Window = "inside"
     if lot < 2 * wear.entries:
         window = "entry" if lot < wear.entries else "exit"
-    hard, w = float(life.hardness[k]), wear.workpiece
-    harder = replace(
-        w, tangential=w.tangential * hard, radial=w.radial * hard, axial=w.axial * hard,
-        edge_tangential=w.edge_tangential * hard, edge_radial=w.edge_radial * hard,
-        flank_pressure=w.flank_pressure * hard,
-    )  # fmt: skip
     width = float(min(max(side, 0.01), life.tool.mill.diameter))
     true = replace(told, depth=float(max(depth, 0.05)), width=width)
     motion = _motion(wear, true, window, life.tool.mill.radius, random)
-    return _Cut(conditions=true, workpiece=harder, window=window, motion=motion)
+    batch = workpiece(wear.workpiece, float(life.hardness[k]))
+    return _Cut(conditions=true, workpiece=batch, window=window, motion=motion)
 
 
 def _motion(
