@@ -191,12 +191,14 @@ def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(mach
         there = np.isfinite(life.measured)
         errors += (life.measured - life.land.mean(axis=1))[there].tolist()
         counts.append(life.times.size)
-        assert life.measured[-1] >= wear.microscope.changed_at or life.times.size == wear.most
+        ended = life.measured[-1] >= wear.microscope.changed_at
+        assert ended or life.times.size == (plan.records or wear.most)
+        assert not ended or life.worn_after < life.times[-1] + 2 * plan.interval
         assert np.nanmax(life.measured[:-1]) < wear.microscope.changed_at
         assert (np.diff(life.land, axis=0) > 0).all()
     assert abs(np.mean(errors)) < 1.5  # some 60 readings of 2.5 to 3 um: 0.4 um of the mean
     assert np.std(errors) == pytest.approx(wear.microscope.error, rel=0.4)
-    assert len(wear.lives) == 8 and min(counts) >= 12 and 160 <= sum(counts) <= 280
+    assert len(wear.lives) == 10 and min(counts) >= 8 and 160 <= sum(counts) <= 300
 
 
 @MACHINES
@@ -212,7 +214,7 @@ def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine: str) -
                  for k in range(1, wear.most + 1)}  # fmt: skip
         assert len(named) == 1  # all records of a tool, or none
         sides[named.pop()].append(plan)
-    assert {k: len(v) for k, v in sides.items()} == {True: 5, False: 3}
+    assert {k: len(v) for k, v in sides.items()} == {True: 5, False: 5}
     for side in sides.values():
         assert {p.cutter for p in side} == {c.name for c in wear.cutters}
         assert {c for p in side for c in p.cuts} == {c.name for c in wear.cuts}

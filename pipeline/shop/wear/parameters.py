@@ -100,11 +100,14 @@ class PlannedLife(Ranged, section="PlannedLife"):
         Factor on the cutting speed of its cuts.
     interval : float
         Time in the cut between two records.
+    records : int or None
+        How many there are of a tool that is still in the spindle; None for a whole life.
     """
 
     tool: str
     cutter: str
     cuts: tuple[str, ...]
+    records: Annotated[int, Range(least=1, most=500)] | None = None
     speed: Annotated[float, Range(least=0.2, most=3)] = 1.0
     interval: Annotated[float, Range(least=0.05, most=100, unit="min")] = 2.5
 
@@ -301,11 +304,13 @@ CUTTERS = (
 
 
 def _life(
-    tool: str, cutter: str, first: str, second: str, speed: float, interval: float
-) -> PlannedLife:
+    tool: str, cutter: str, first: str, second: str, speed: float, interval: float,
+    records: int | None = None,
+) -> PlannedLife:  # fmt: skip
     return PlannedLife(
-        tool=tool, cutter=cutter, cuts=(first, second), speed=speed, interval=interval
-    )
+        tool=tool, cutter=cutter, cuts=(first, second), speed=speed, interval=interval,
+        records=records,
+    )  # fmt: skip
 
 
 SLOT, SIDE, FINISH = (one.name for one in CUTS)
@@ -318,6 +323,8 @@ LIVES = (
     _life("T31", "EM10Z4", SLOT, SIDE, 1.08, 3.0),
     _life("T32", "EM10Z4", SIDE, FINISH, 1.0, 5.0),
     _life("T33", "EM10Z4", SIDE, SLOT, 0.95, 3.5),
+    _life("T26", "EM12Z4", SLOT, SIDE, 1.02, 4.0, records=10),
+    _life("T34", "EM10Z4", SIDE, FINISH, 1.04, 5.0, records=8),
 )
 
 
@@ -377,6 +384,11 @@ class Wear(Ranged, section="Wear"):
     def cutter(self, life: PlannedLife) -> Cutter:
         """Type of the tool of a life."""
         return _named(self.cutters, life.cutter, life.tool)
+
+    @property
+    def longest(self) -> int:
+        """Records over which a life is followed, so that its end is known of each tool."""
+        return 2 * self.most
 
     def planned(self, life: PlannedLife) -> list[PlannedCut]:
         """Cuts of a life."""

@@ -50,6 +50,7 @@ COLUMNS = (
 """Columns of the list and their units."""
 DEFINITION = {
     "wear_um": "width of the flank's land of each tooth at the record",
+    "worn_after_min": "time in the cut until the mean land is what ends a life by its reading",
     "slope": "edge force by the land of a tooth: N for each mm of depth and each mm of land",
     "hardness": "of the batch against the usual one; force and wear follow it",
 }
@@ -67,6 +68,8 @@ class Course:
     land: Floats
     measured: Floats
     """What was written down after each record [um], NaN where nothing was; shape (K,)."""
+    worn_after: float
+    """Time in the cut until the tool is worn, also of one that is still in use [min]."""
 
 
 def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course:
@@ -74,18 +77,20 @@ def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course
     cutter, planned = wear.cutter(life), wear.planned(life)
     tool = new_tool(cutter, wear.rate, random)
     cuts = [conditions(one, cutter, life.speed) for one in planned]
-    every = np.arange(wear.most) + random.uniform(0.2, 0.6, wear.most)
+    every = np.arange(wear.longest) + random.uniform(0.2, 0.6, wear.longest)
     times = every * life.interval
-    batches = np.cumsum(random.random(wear.most) < 1 - np.exp(-life.interval / wear.rate.batch))
-    drawn = 1 + random.normal(0, wear.rate.hardness_scatter, wear.most + 1)
-    hardness = drawn[batches]
+    changes = random.random(wear.longest) < 1 - np.exp(-life.interval / wear.rate.batch)
+    drawn = 1 + random.normal(0, wear.rate.hardness_scatter, wear.longest + 1)
+    hardness = drawn[np.cumsum(changes)]
     land = flank_wear(wear.rate, tool, cuts, times, hardness)
-    measured = _measured(wear, land.mean(axis=1), random)
-    over = np.flatnonzero(measured >= wear.microscope.changed_at)
-    count = int(over[0]) + 1 if over.size else wear.most
+    mean, limit = land.mean(axis=1), wear.microscope.changed_at
+    measured = _measured(wear, mean, random)
+    over = np.flatnonzero(measured >= limit)
+    count = min(int(over[0]) + 1 if over.size else wear.most, life.records or wear.most)
     return Course(
         cuts=cuts, names=[one.name for one in planned], tool=tool, times=times[:count],
         hardness=hardness[:count], land=land[:count], measured=measured[:count],
+        worn_after=float(np.interp(limit, mean, times, right=np.inf)),
     )  # fmt: skip
 
 
@@ -211,7 +216,9 @@ def _life(
     kept = ("runout", "runout_angle", "tilt", "tilt_angle", "sharpness")
     return {
         "tool": plan.tool, "cutter": plan.cutter, **{name: mill[name] for name in kept},
-        "rates": np.round(life.tool.teeth, 4).tolist(), **truth(wear.sensors, mounting),
+        "rates": np.round(life.tool.teeth, 4).tolist(),
+        "worn_after_min": round(life.worn_after, 3) if np.isfinite(life.worn_after) else None,
+        **truth(wear.sensors, mounting),
         "files": files,
     }  # fmt: skip
 
