@@ -39,6 +39,7 @@ CHANNEL, CONDITION, IN_CUT = "channel ", "condition ", "in cut"
 def read_lives(
     signals: Path, records: WearRecords,
     is_training: Callable[[str], bool] = lambda name: False, *, known: bool = True,
+    given: Callable[[str], Mapping[str, Condition]] = lambda name: {},
 ) -> Lives:  # fmt: skip
     """Lives of all tools in a machine's signals.
 
@@ -54,6 +55,8 @@ def read_lives(
         Whether wear and conditions have to be recorded.  Where not, what is missing of them is NaN
         or ``""`` in the windows, and nothing is interpolated: of a recording whose wear is to be
         estimated.
+    given : callable
+        Further conditions of a recording by its name, which go before those that were recorded.
 
     Raises
     ------
@@ -63,6 +66,7 @@ def read_lives(
     left_out: dict[str, str] = {}
     by_tool: dict[str, list[_Cut]] = {}
     for part in _parts(signals, records, is_training, left_out):
+        part = replace(part, conditions={**part.conditions, **given(part.file)})
         try:
             windows = _windows(part, records, known)
         except ValueError as error:
@@ -163,7 +167,7 @@ def _parts(
         ),
         preferred=is_training, section="wear_records.recordings",
     )  # fmt: skip
-    table = None if records.table is None else _Table.read(signals, records.table)
+    table = None if records.table is None else ConditionRows.read(signals, records.table)
     for file in files:
         if records.table is not None and file.name == records.table.file:
             continue
@@ -200,14 +204,14 @@ def _parts_of(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Table:
+class ConditionRows:
     """The table of conditions beside the recordings: its rows by the key."""
 
     source: ConditionTable
     rows: Mapping[str, list[dict[str, Condition]]]
 
     @staticmethod
-    def read(signals: Path, source: ConditionTable) -> "_Table":
+    def read(signals: Path, source: ConditionTable) -> "ConditionRows":
         """The table as the ingest wrote it.
 
         Raises
@@ -239,7 +243,7 @@ class _Table:
                 if value is not None and (not isinstance(value, float) or isfinite(value))
             }
             rows.setdefault(_plain(key), []).append(found)
-        return _Table(source=source, rows=rows)
+        return ConditionRows(source=source, rows=rows)
 
     def row(self, recording: str) -> dict[str, Condition]:
         """Conditions of a recording.
