@@ -40,6 +40,7 @@ def read_lives(
     signals: Path, records: WearRecords,
     is_training: Callable[[str], bool] = lambda name: False, *, known: bool = True,
     in_use: Collection[str] = (),
+    given: Callable[[str], Mapping[str, Condition]] = lambda name: {},
 ) -> Lives:  # fmt: skip
     """Lives of all tools in a machine's signals.
 
@@ -58,6 +59,8 @@ def read_lives(
     in_use : collection of str
         Tools whose recordings before the first and after the last measurement are kept, with NaN
         for their wear.
+    given : callable
+        Further conditions of a recording by its name, which go before those that were recorded.
 
     Raises
     ------
@@ -67,6 +70,7 @@ def read_lives(
     left_out: dict[str, str] = {}
     by_tool: dict[str, list[_Cut]] = {}
     for part in _parts(signals, records, is_training, left_out):
+        part = replace(part, conditions={**part.conditions, **given(part.file)})
         try:
             windows = _windows(part, records, known)
         except ValueError as error:
@@ -172,7 +176,7 @@ def _parts(
         ),
         preferred=is_training, section="wear_records.recordings",
     )  # fmt: skip
-    table = None if records.table is None else _Table.read(signals, records.table)
+    table = None if records.table is None else ConditionRows.read(signals, records.table)
     for file in files:
         if records.table is not None and file.name == records.table.file:
             continue
@@ -209,14 +213,14 @@ def _parts_of(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Table:
+class ConditionRows:
     """The table of conditions beside the recordings: its rows by the key."""
 
     source: ConditionTable
     rows: Mapping[str, list[dict[str, Condition]]]
 
     @staticmethod
-    def read(signals: Path, source: ConditionTable) -> "_Table":
+    def read(signals: Path, source: ConditionTable) -> "ConditionRows":
         """The table as the ingest wrote it.
 
         Raises
@@ -248,7 +252,7 @@ class _Table:
                 if value is not None and (not isinstance(value, float) or isfinite(value))
             }
             rows.setdefault(_plain(key), []).append(found)
-        return _Table(source=source, rows=rows)
+        return ConditionRows(source=source, rows=rows)
 
     def row(self, recording: str) -> dict[str, Condition]:
         """Conditions of a recording.
