@@ -101,7 +101,7 @@ def test_conditions_that_were_not_learnt_are_named(built: Built) -> None:
 
 
 def test_a_guess_that_is_better_is_said(built: Built) -> None:
-    better = {name: MethodScore(rmse=1.0, mae=1.0, worst=1.0) for name in (GUESS, MEAN)}
+    better = {name: MethodScore(rmse=0.1, mae=0.1, worst=0.1) for name in (GUESS, MEAN)}
     model = replace(built.model, scores={**built.model.scores, **better})
     text = " ".join(page_of(built, model=model).sections[0].text)
     assert "errs less than any method that looks at the signals" in text
