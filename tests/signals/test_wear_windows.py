@@ -64,6 +64,14 @@ def test_of_a_tool_in_use_cuts_after_the_last_measurement_are_kept_without_wear(
     assert second.progress.max() == 4.0 and list(found.left_out) == ["wear/T1_003.parquet"]
 
 
+def test_a_tool_in_use_that_nobody_measured_is_kept(tmp_path: Path) -> None:
+    signals = signals_of(tmp_path, tools=2, cuts=2, blank=[(0, 0), (0, 1)])
+    tool, other = read_lives(signals, wear_records(), in_use=("T0",)).lives
+    assert tool.tool == "T0" and np.isnan(tool.windows.wear).all()
+    assert np.isfinite(other.windows.wear).all()
+    assert [one.tool for one in read_lives(signals, wear_records()).lives] == ["T1"]
+
+
 def test_a_lower_rate_is_reached_behind_a_low_pass(tmp_path: Path) -> None:
     """180 Hz would fold to 20 Hz at a rate of 200 Hz; 30 Hz stays."""
     (tmp_path / "raw/wear").mkdir(parents=True)

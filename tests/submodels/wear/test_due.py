@@ -61,7 +61,10 @@ def test_of_an_unknown_type_nothing_is_told(law: LifeLaw) -> None:
         "tool_type": np.full(len(found), "NEW")
     })  # fmt: skip
     estimate = Estimate(wear=1.0, low=0.0, high=2.0)
-    assert due_facts(strange, estimate, law, replace(SETTINGS, cutters=shape)) == {}
+    known = due_facts(strange, estimate, law, replace(SETTINGS, cutters=shape))
+    assert "no tool of its type was worn" in str(known[due.NOT_TOLD].value) and len(known) == 1
+    unknown = due_facts(strange, estimate, law, SETTINGS)
+    assert "wear_life.cutters has no 'NEW'" in str(unknown[due.NOT_TOLD].value)
 
 
 def test_what_records_do_not_tell_is_a_reason_and_no_error() -> None:
