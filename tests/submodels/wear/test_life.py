@@ -133,6 +133,29 @@ def test_time_left_told_by_readings_holds_for_the_shops_other_tools(machine: str
     assert np.median(widths) < 0.5
 
 
+@pytest.mark.proof
+@MACHINES
+def test_ranges_hold_about_nine_times_in_ten_over_twelve_seeds(machine: str) -> None:
+    """The figures of docs/tools.md: ranges by a reading, their width, ranges of new tools."""
+    settings = life_settings(machine)
+    inside, widths, new = [], [], []
+    for seed in range(2, 14):
+        law = fitted(machine, seed)
+        for tool in tools(machine, training=False):
+            use = uses(windows(machine, seed, [tool]), settings)[0]
+            worn = followed(machine, seed, tool).worn_after
+            told = law.life(use.kind, use.v_c, use.rubbing)
+            new.append(told.low <= worn <= told.high)
+            for now, read in zip(use.time.tolist(), use.read.tolist(), strict=True):
+                if not read < law.criterion_um or now >= worn:  # NaN: nobody measured it
+                    continue
+                left = law.left(use, now=now, wear=read, error=law.reading_error_um)
+                inside.append(left.low <= worn - now <= left.high)
+                widths.append((left.high - left.low) / worn)
+    assert 0.85 <= np.mean(inside) <= 0.98 and 0.8 <= np.mean(new) <= 1.0
+    assert np.median(widths) < 0.5
+
+
 @MACHINES
 def test_the_prior_range_of_a_life_holds_and_is_wider_than_after_a_reading(machine: str) -> None:
     settings = life_settings(machine)
