@@ -13,11 +13,9 @@ from pipeline.twin.corrected_program import (
     CorrectedProgram,
     corrected_program,
     correction_table,
-    in_cuts,
 )
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
-from pipeline.twin.program_axes import commanded_positions
 
 
 def correct_simulated(simulated: Simulated, program: Path, machine: str) -> CorrectedProgram:
@@ -40,15 +38,14 @@ def correct_simulated(simulated: Simulated, program: Path, machine: str) -> Corr
     models, plan = simulated.on.models, simulated.plan
     found = needed_drives(models, machine, "--compensate")
     residual, words = residual_of(models)
-    commanded = commanded_positions(plan)
-    axes = corrected_program(
-        commanded, read_drives(found), simulated.on.control, residual,
+    axes, cutting = corrected_program(
+        plan, read_drives(found), residual,
         settings=structure(simulated.on.parameters, "correction", CorrectionSettings),
     )  # fmt: skip
     return CorrectedProgram(
         machine=machine, origin=simulated.on.origin, program=program.stem,
         champion=_champion(models, machine), residual=words, total=plan.total, axes=axes,
-        cutting=in_cuts(plan, commanded, next(iter(axes.values())).time),
+        cutting=cutting,
     )  # fmt: skip
 
 
