@@ -42,17 +42,10 @@ if TYPE_CHECKING:
 PREDICTION, ESTIMATION = "prediction", "estimation"
 """Before the motion, from commands and the drives' model; with measurements of before."""
 USES = (PREDICTION, ESTIMATION)
-FOLLOWING, ESTIMATED = "following error", "following error, estimated"
+QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
-QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
-TWIN, PERSISTENCE = "twin alone", "persistence"
-"""No network; the last measured residual that is known."""
-FOLLOWING = "following error"
-"""Quantity of a prediction before the motion, followed by the axis' letter."""
-ESTIMATED = "following error, estimated"
-"""The same from measurements that are older than the horizon."""
-QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
-"""Quantities of the uses."""
+TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
+"""No network; none, and a fuzzy PI speed loop; the last measured residual that is known."""
 KINDS: dict[str, type[SequenceSettings]] = {
     "arx": ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
     "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,
@@ -60,7 +53,7 @@ KINDS: dict[str, type[SequenceSettings]] = {
 NAMES = {
     "arx": "ARX", "lstm": "LSTM", "cnn_lstm": "CNN-LSTM",
     "cnn_lstm_attention": "CNN-LSTM with attention", "tcn": "TCN",
-    TWIN: "drive model alone", PERSISTENCE: "persistence",
+    TWIN: "drive model alone", FUZZY: "drive model with fuzzy PI", PERSISTENCE: "persistence",
 }  # fmt: skip
 """Kinds of network by their name in words."""
 
