@@ -44,10 +44,10 @@ def corrected_program(
     """Linear axes with a servo that move in a program, each with its corrected command.
 
     Cuts are corrected.  In the rapids between them the correction fades out, for all axes at the
-    same time, so that a rapid keeps the path on which it lags today; it takes the time that
-    the slowest loop needs to forget: in a longer one, axes at their limits part more.  The axes stand for a moment before and after the program, at
-    times below 0 and beyond its end.  The bounds are the rapid speed and the acceleration that the
-    control may command.
+    same time, so that a rapid keeps the path on which it lags today.  It takes the time that the
+    slowest loop needs to forget: in a longer fade axes at their limits part more.  The axes stand
+    for a moment before and after the program, at times below 0 and beyond its end.  The bounds are
+    the rapid speed and the acceleration that the control may command.
 
     Parameters
     ----------
