@@ -5,7 +5,7 @@ the training recordings; what serves is the mean of those of the champion.  Its 
 is the prediction before the motion for the twin.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, inf
 from pathlib import Path
@@ -23,6 +23,7 @@ from pipeline.nets.sequence_settings import (
     WindowTraining,
 )
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Model
@@ -321,6 +322,18 @@ class Compensation:
         found = [one.predict(windows.x) for one in self.networks(letter, use, kind)]
         mean: Floats = np.mean(found, axis=0)
         return mean
+
+    def predicted_by(
+        self, letter: str, use: str, kinds: Sequence[str], windows: Windows
+    ) -> dict[str, Floats]:
+        """:meth:`predicted` by each of some kinds, on all cores."""
+        from pipeline.nets.trained import reproducible
+
+        with reproducible():
+            found = mapped(
+                lambda kind: self.predicted(letter, use, kind, windows), kinds, compute="threads"
+            )
+        return dict(zip(kinds, found, strict=True))
 
     def residual(
         self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.nets.sequence_settings import TuningSettings
-from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
@@ -29,6 +28,7 @@ from pipeline.submodels.compensation.model import (
     CompensationFitSettings,
     CompensationModel,
     NetworksFile,
+    UseModel,
     load_compensation,
 )
 from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
@@ -137,7 +137,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         for letter, uses in model.axes.items():
             for use, one in uses.items():
                 base = TWIN if use == PREDICTION else PERSISTENCE
-                others = tuple(name for name in one.scores if name != one.champion)
+                others = others_of(one)
                 if use == PREDICTION and model.with_drive:
                     others = (*others, FUZZY)
                 found.append(
@@ -359,12 +359,10 @@ def _frame(
     at = windows.at
     modelled, regime = UM * features.modelled[at], features.regime[at]
 
-    def error(kind: str) -> Floats:
-        return modelled + UM * model.predicted(letter, use, kind, windows)
-
-    found = error(one.champion)
+    left = model.predicted_by(letter, use, [one.champion, *others_of(one)], windows)
+    found = modelled + UM * left[one.champion]
     low, high = interval(found, regime, one.bands)
-    others = {f"baseline_{kind}": error(kind) for kind in one.scores if kind != one.champion}
+    others = {f"baseline_{kind}": modelled + UM * left[kind] for kind in others_of(one)}
     if use == PREDICTION and features.fuzzy is not None:
         others[f"baseline_{FUZZY}"] = UM * features.fuzzy[at]
     return pd.DataFrame({
@@ -372,6 +370,11 @@ def _frame(
         "measured": UM * features.measured[at], "predicted": found, "low": low, "high": high,
         **others,
     })  # fmt: skip
+
+
+def others_of(one: UseModel) -> tuple[str, ...]:
+    """Kinds that do not serve, the baseline among them."""
+    return tuple(name for name in one.scores if name != one.champion)
 
 
 def _facts(frame: pd.DataFrame, letter: str, use: str) -> dict[str, Fact]:
