@@ -86,7 +86,7 @@ def corrected_program(
     whole = rows = len(commanded) + 2 * lead
     if longest / period < len(commanded) - 1:
         rows = ceil(longest / period) + 1 + lead
-    time = period * (np.arange(min(rows + lead, whole)) - lead)
+    time: Floats = np.float64(period) * (np.arange(min(rows + lead, whole)) - lead)
     cutting = in_cuts(plan, commanded, time)
     share = fading(cutting, lead)
     axes = {}

@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES
 from pipeline.machine.axis.feed_drive import drive_row
-from pipeline.machine.axis.loops import FuzzyParameters
 from pipeline.machine.control.interpolate import Trace, trace
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats
@@ -238,7 +237,9 @@ def driven(
         traces = simulate_traces(fine, step, row[np.newaxis], load=load)
         position, command = traces.position[0], traces.command[0]
     else:
-        position, command, _ = _presliding(drive, drive.presliding_stiffness, row, fine, load, step)
+        position, command, _ = _presliding(
+            drive, drive.presliding_stiffness, row, fine, load=load, step=step
+        )
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
     return position[::substeps], command[::substeps]
@@ -264,25 +265,25 @@ def driven_by_fuzzy(
     ValueError
         When the drive has no servo, or is unstable.
     """
+    from pipeline.machine.axis.presliding import fuzzy_rules
+
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
     row, fine = drive_row(drive.servo, drive.feed_drive), between(reference, substeps)
     step = period / substeps
     # friction that sticks exactly is a spring as stiff as the step can follow
     stiffness = drive.presliding_stiffness or 0.1 * drive.feed_drive.mass / step**2
-    _, _, greatest = _presliding(drive, stiffness, row, fine, None, step)
-    scales = [10.0 / one if one > 0 else 0.0 for one in greatest]
-    spans = FuzzyParameters(error_scale=scales[0], change_scale=scales[1])
-    rules = (*scales, spans.proportional_span, spans.integral_span)
-    position, _, _ = _presliding(drive, stiffness, row, fine, None, step, rules)
+    _, _, greatest = _presliding(drive, stiffness, row, fine, step=step)
+    rules = fuzzy_rules(*greatest)
+    position, _, _ = _presliding(drive, stiffness, row, fine, step=step, rules=rules)
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable under a fuzzy speed loop")
     return position[::substeps]
 
 
 def _presliding(
-    drive: IdentifiedDrive, stiffness: float, row: Floats, fine: Floats, load: Floats | None,
-    step: float, rules: tuple[float, ...] | None = None,
+    drive: IdentifiedDrive, stiffness: float, row: Floats, fine: Floats, *, step: float,
+    load: Floats | None = None, rules: tuple[float, ...] | None = None,
 ) -> tuple[Floats, Floats, tuple[float, float]]:  # fmt: skip
     """Position, command, and greatest speed error and change of it, at the servo's samples."""
     from pipeline.machine.axis.presliding import PLAIN, presliding_trace

@@ -21,7 +21,7 @@ from math import exp, expm1
 
 from pipeline.kernels import compiled
 from pipeline.machine.axis.feed_drive import DriveColumn
-from pipeline.machine.axis.loops import increments
+from pipeline.machine.axis.loops import FuzzyParameters, increments
 
 _GAIN, _P, _I = (
     int(DriveColumn.LOOP_GAIN), int(DriveColumn.PROPORTIONAL), int(DriveColumn.INTEGRAL),
@@ -37,6 +37,20 @@ _LAG_V, _LAG_REF = int(DriveColumn.VELOCITY_LAG), int(DriveColumn.POSITION_LAG)
 _increments = compiled(increments)
 PLAIN = (0.0, 0.0, 0.0, 0.0)
 """Rules that move no gain."""
+
+
+def fuzzy_rules(error: float, change: float) -> tuple[float, float, float, float]:
+    """Rules of :func:`presliding_trace` whose sets end at these inputs, with the published spans.
+
+    Parameters
+    ----------
+    error, change : float
+        Greatest speed error [m/s] and greatest change of it [m/s^2]; 0 leaves an input out.
+    """
+    scales = [10.0 / one if one > 0 else 0.0 for one in (error, change)]
+    known = FuzzyParameters(error_scale=scales[0], change_scale=scales[1])
+    spans = known.proportional_span, known.integral_span
+    return known.error_scale, known.change_scale, *spans
 
 
 @compiled
