@@ -1,5 +1,6 @@
 """Interpreter of part programs: a program and the control's setup to moves."""
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -53,7 +54,25 @@ def interpret(
     GcodeError
         At the first word that cannot be interpreted.
     """
+    _refuse_foreign(program)
     return Interpreter(program, setup, progress).moves()
+
+
+_FOREIGN = {
+    "conversational": re.compile(rb"\s*(?:\d+\s+)?BEGIN\s+PGM\b", re.I),
+    "ISO": re.compile(rb"\s*%\w+\s+G7[01]\s*\*"),
+}
+"""How a program for a Heidenhain control begins."""
+
+
+def _refuse_foreign(program: Program) -> None:
+    for kind, head in _FOREIGN.items():
+        if head.match(program.data):
+            raise GcodeError(
+                program.name, 1, 1, "program",
+                f"this is a Heidenhain {kind} program, which is not followed: post it for a Fanuc, "
+                "LinuxCNC or Siemens control",
+            )  # fmt: skip
 
 
 VARIABLES: dict[str, Callable[[Run], Variables]] = {
@@ -126,7 +145,8 @@ class Interpreter:
         if line >= level.source.body.stop:
             self._end_of_file()
             return
-        if self.compiled and not isinstance(self.variables, SiemensVariables):
+        compiled = self.compiled and not self.run.straight_next
+        if compiled and not isinstance(self.variables, SiemensVariables):
             stop = min(level.source.body.stop, line + FAST_LINES_AT_ONCE)
             after = run_fast_lines(level.source.program, line, stop, self.run, self.variables)
             if after > line:
@@ -183,7 +203,7 @@ class Interpreter:
                 self.modal_depth = 0
         elif jump.kind == "end":
             self.ended = True
-        elif jump.kind == "call":
+        elif jump.kind in ("call", "local call"):
             self.calls.call(jump, block.line)
         elif not self.calls.return_to_caller(jump.number, block.line, jump):
             close_contour(run)

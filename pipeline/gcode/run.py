@@ -16,16 +16,16 @@ AXES = {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jump:
-    """Jump out of a block: M98, M99, G65 or the end of the program.
+    """Jump out of a block: M97, M98, M99, G65 or the end of the program.
 
     Parameters
     ----------
     kind : str
-        ``"call"``, ``"return"`` or ``"end"``.
+        ``"call"``, ``"local call"``, ``"return"`` or ``"end"``.
     item : WordItem
         The word that says so.
     number : int or None
-        Of the program to call, or of the N word to return to.
+        Of the program to call, or of the N word to call or to return to.
     count : int
         How often.
     arguments : mapping of int to float, or None
@@ -257,6 +257,7 @@ class Run:
         self.length_number = self.radius_number = 0
         self.pending_length = 0.0
         self.rigid = self.diameter = self.probed = self.waited = False
+        self.straight_next = False
         self.remap()
 
     def remap(self) -> None:

@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
+from pipeline.gcode.dialects.statement_parser import (
+    parse_statement,
+    statement_from_tokens,
+    words_without_motion,
+)
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.modal import INTS, State
@@ -82,7 +86,7 @@ def test_t_waits_for_m6_which_comes_after_the_motion_on_a_fanuc():
 
 
 def test_m_codes():
-    moves = follow("M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1")
+    moves = follow("M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1", plain_m_codes=(51,))
     assert kinds(moves) == ["M_CODE", "STOP", "STOP", "M_CODE", "M_CODE", "END"]
     assert moves.code.tolist()[:1] + moves.code.tolist()[3:5] == [8, 51, 9]
     assert moves.value[3] == 2
@@ -226,3 +230,49 @@ def test_no_program_does_anything_but_be_read_or_refused(text, dialect):
         assert str(error).startswith("P:")
     else:
         assert np.isfinite(moves.end).all()
+
+
+@pytest.mark.parametrize("words", ["M96 P5", "M200 P5", "M97 P5"])
+def test_an_m_code_that_may_call_a_program_is_not_passed_over(words):
+    assert words.split()[0] in refusal(f"G21\n{words}\nM30")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("G12 I5 D1", "circular pockets"),
+        ("G13 I5 D1", "circular pockets"),
+        ("G150 P5 X0", "pocket milling"),
+    ],
+)
+def test_pockets_of_a_haas_are_refused_by_name(words, said):
+    assert said in refusal(f"F100\n{words}")
+
+
+@pytest.mark.parametrize(
+    "words", ["G103 P1", "G187 P2 E0.1", "POPEN", "DPRNT[X#1[53]]", "SETVN100[A]"]
+)
+def test_words_that_move_nothing_are_passed_over(words):
+    assert points(follow(f"G0 X1\n{words}\nG0 X2")) == [[1, 0, 0], [2, 0, 0]]
+
+
+def test_g154_is_the_work_offset_of_g54_1():
+    choices = {"work_offsets": {"G54.1 P3": (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)}}
+    assert points(follow("G154 P3\nG0 X1", **choices)) == [[6, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n", "conversational"),
+        ("%A G71 *\nN10 G00 X+10 *\n", "ISO"),
+    ],
+)
+def test_heidenhain_is_called_so(text, kind):
+    with pytest.raises(GcodeError, match=f"this is a Heidenhain {kind} program"):
+        interpret(parse_program(text.encode(), "P"), Setup())
+
+
+def test_words_that_are_passed_over_are_told():
+    program = parse_program(b"G0 X1\nN20 POPEN\n/ DPRNT[X]\n(DPRNT)\nDPRNT[Y]\n", "P")
+    assert words_without_motion(program) == {"POPEN": [2], "DPRNT": [3, 5]}
