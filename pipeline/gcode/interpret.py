@@ -127,8 +127,17 @@ class Interpreter:
         while not self.ended:
             self._step()
         run, origin = self.run, list(self.setup.initial_position)
+        self._refuse_corner()
         close_contour(run)
         return run.rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+
+    def _refuse_corner(self) -> None:
+        """A corner that is open where no straight line follows."""
+        corner = self.run.corner
+        if corner is not None:
+            raise corner.block.error(
+                corner.item, "the corner cannot be made: the next block has to be a straight line"
+            )
 
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":
@@ -145,7 +154,7 @@ class Interpreter:
         if line >= level.source.body.stop:
             self._end_of_file()
             return
-        compiled = self.compiled and not self.run.straight_next
+        compiled = self.compiled and not self.run.straight_next and self.run.corner is None
         if compiled and not isinstance(self.variables, SiemensVariables):
             stop = min(level.source.body.stop, line + FAST_LINES_AT_ONCE)
             after = run_fast_lines(level.source.program, line, stop, self.run, self.variables)
@@ -190,8 +199,10 @@ class Interpreter:
 
     def _block(self, block: Block) -> None:
         run = self.run
-        before, count = run.state.position, run.rows.count
+        before, count, corner = run.state.position, run.rows.count, run.corner
         carry_out(block, run)
+        if run.corner is corner:
+            self._refuse_corner()
         jump = block.flow
         if jump is None:
             moved = run.rows.count > count and run.state.position is not before

@@ -207,6 +207,31 @@ class Contour:
     word: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corner:
+    """A corner whose next line is still to come.
+
+    Parameters
+    ----------
+    rounded : bool
+        An arc, else a chamfer.
+    size : float
+        Radius, or length of each side that a chamfer takes off [mm].
+    row : int
+        That ends in the corner.
+    block : Block
+        Of that row, for errors.
+    item : WordItem
+        That asks for it.
+    """
+
+    rounded: bool
+    size: float
+    row: int
+    block: Block
+    item: WordItem
+
+
 SAVED = (
     "unit", "plane", "absolute", "arc_absolute", "feed_mode", "path_mode", "tolerance", "feed",
     "speed", "direction", "constant_surface_speed", "wcs",
@@ -258,6 +283,7 @@ class Run:
         self.pending_length = 0.0
         self.rigid = self.diameter = self.probed = self.waited = False
         self.straight_next = False
+        self.corner: Corner | None = None
         self.remap()
 
     def remap(self) -> None:

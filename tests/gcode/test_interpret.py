@@ -276,3 +276,50 @@ def test_heidenhain_is_called_so(text, kind):
 def test_words_that_are_passed_over_are_told():
     program = parse_program(b"G0 X1\nN20 POPEN\n/ DPRNT[X]\n(DPRNT)\nDPRNT[Y]\n", "P")
     assert words_without_motion(program) == {"POPEN": [2], "DPRNT": [3, 5]}
+
+
+CORNER = "F100 G0 X0 Y0\nG1 X10 {word}\nY{end}\nX0\n"
+
+
+@pytest.mark.parametrize("turn", [1, -1], ids=["left", "right"])
+def test_a_rounded_corner_is_an_arc_that_touches_both_lines(turn):
+    moves = follow(CORNER.format(word=",R2.", end=10 * turn))
+    rows = moves.end[1:5, :2].round(9).tolist()
+    assert rows == [[8, 0], [10, 2 * turn], [10, 10 * turn], [0, 10 * turn]]
+    assert kinds(moves)[1:5] == ["FEED", "ARC", "FEED", "FEED"]
+    assert moves.centre[2, :2].round(9).tolist() == [8, 2 * turn]
+    assert moves.angle[2] == pytest.approx(turn * np.pi / 2)
+    assert moves.length.sum() == pytest.approx(8 + np.pi + 8 + 10)
+
+
+def test_a_chamfer_takes_as_much_of_both_lines():
+    moves = follow(CORNER.format(word=",C3", end="10 F50"))
+    assert moves.feed[1:4].tolist() == [100, 100, 50]
+    assert moves.end[1:5, :2].tolist() == [[7, 0], [10, 3], [10, 10], [0, 10]]
+    assert kinds(moves)[1:5] == ["FEED"] * 4
+
+
+def test_corners_follow_each_other_in_any_plane_and_at_any_angle():
+    moves = follow("G18 F100 G0 X0 Z0\nG1 Z10,R1\nG91 X10 Z10,C2.\nG90 Z50\n")
+    assert kinds(moves)[1:6] == ["FEED", "ARC", "FEED", "FEED", "FEED"]
+    centre, leave, join = moves.centre[2], moves.end[1], moves.end[2]
+    np.testing.assert_allclose([np.linalg.norm(p[:3] - centre) for p in (leave, join)], 1.0)
+    assert abs(moves.angle[2]) == pytest.approx(np.pi / 4)
+    np.testing.assert_allclose(np.linalg.norm(moves.end[4] - moves.end[3]), 4 * np.cos(np.pi / 8))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("F100\nG1 X10,R20\nY5", "takes 20 mm of lines of 10 and 5 mm"),
+        ("F100\nG1 X10,R2\nX20", "two lines that meet at an angle"),
+        ("F100\nG1 X10,R2\nG2 X20 Y10 I10", "has to be a straight line"),
+        ("F100\nG1 X10,R2\nG4 P100", "has to be a straight line"),
+        ("F100\nG1 X10,R2", "has to be a straight line"),
+        ("F100\nG1 X10,R2\nY10 Z1", "in the plane"),
+        ("F100\nG1 X10,C0\nY10", "give more than 0"),
+        ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
+    ],
+)
+def test_a_corner_that_cannot_be_made_is_said(text, said):
+    assert said in refusal(text)

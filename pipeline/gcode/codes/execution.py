@@ -5,6 +5,7 @@ from operator import itemgetter
 
 from pipeline.gcode.codes import motion, tools, work_offsets
 from pipeline.gcode.codes.cycles import drill
+from pipeline.gcode.corner import begin_corner, finish_corner
 from pipeline.gcode.modal import (
     CANCELLED,
     FANUC,
@@ -305,7 +306,17 @@ def _motion_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def move(run: Run, block: Block) -> None:
-    """Carry out the axis words under the motion in force."""
+    """Carry out the axis words under the motion in force, and the corners that it makes."""
+    before = run.rows.count
+    _move(run, block)
+    moved = run.rows.count > before
+    if run.corner is not None and moved:
+        finish_corner(run, run.corner)
+    if moved and run.state.motion == 10 and run.dialect == "fanuc":
+        begin_corner(run, block)
+
+
+def _move(run: Run, block: Block) -> None:
     code = run.state.motion
     words = block.words
     item = next((i for _, kind, c, i in block.actions if kind == "G" and c == code), None)
