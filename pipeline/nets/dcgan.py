@@ -169,7 +169,7 @@ class Discriminator(nn.Module):
 def dropped(x: Tensor, share: float) -> Tensor:
     """``x`` with that share of its values 0, to 1/256, and the others raised in turn.
 
-    One random byte a value: torch's own dropout draws a double for each and takes ten times as long.
+    One random byte a value: torch's own dropout takes ten times as long.
     """
     many = x.numel()
     drawn = torch.empty(-(-many // 8), dtype=torch.int64, device=x.device).random_(-(2**63), None)

@@ -1,7 +1,7 @@
 """Settings of the conditional DCGAN and of its training, and the conditions that it knows.
 
-Needs no torch to be read.  Source: DCGAN2019; projection: Miyato and Koyama 2018; FiLM: Perez et al.
-2018; R1: Mescheder, Geiger and Nowozin 2018; spectral norm: Miyato et al. 2018.
+Needs no torch to be read.  Source: DCGAN2019; projection: Miyato and Koyama 2018; FiLM: Perez et
+al. 2018; R1: Mescheder, Geiger and Nowozin 2018; spectral norm: Miyato et al. 2018.
 """
 
 from collections.abc import Mapping, Sequence
@@ -93,6 +93,14 @@ class GanTraining(Ranged, section="gan_training"):
         for none.
     r1_every : int
         Steps from one such penalty, which then counts as often, to the next.
+    spectrum : float
+        Weight of the energy distance of spectra in the generator's loss [1]; 0, as published, for
+        the discriminator's word alone.
+    warm : int
+        First steps in which that distance alone is learnt from.
+    mismatched : float
+        Weight of recorded windows at the conditions of others, which the discriminator is to refuse
+        [1]: it then has to look at the conditions from the first steps on (Reed et al. 2016).
     average : float
         Share of the generator's running mean that a step keeps [1]; 0 for the last weights.
     every : int
@@ -117,6 +125,9 @@ class GanTraining(Ranged, section="gan_training"):
     loss: str = "hinge"
     r1: NotNegative = 0.0
     r1_every: Count = 16
+    spectrum: NotNegative = 0.0
+    warm: Whole = 0
+    mismatched: NotNegative = 0.0
     average: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
     every: Count = 200
     precision: str = "float32"
@@ -124,6 +135,11 @@ class GanTraining(Ranged, section="gan_training"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.warm and not self.spectrum:
+            raise ValueError(
+                f"gan_training.warm = {self.warm} steps have nothing to learn from: set "
+                "gan_training.spectrum above 0"
+            )
         _one_of("gan_training.loss", self.loss, LOSSES)
         _one_of("gan_training.precision", self.precision, PRECISIONS)
 

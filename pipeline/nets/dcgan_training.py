@@ -1,7 +1,7 @@
 """Adversarial training of the conditional DCGAN: one loop, checkpoints, running mean of weights.
 
-A training that was interrupted goes on from its checkpoint to the same bits on the CPU, which is the
-reference; on a GPU bits may differ.  A judge takes no part: it may look on through a watch.
+A training that was interrupted goes on from its checkpoint to the same bits on the CPU, which is
+the reference; on a GPU bits may differ.  A judge takes no part: it may look on through a watch.
 
 Sources: DCGAN2019; hinge loss: Lim and Ye 2017; R1, lazily: Mescheder, Geiger and Nowozin 2018,
 Karras et al. 2020; running mean of the weights: Yazici et al. 2019.
@@ -31,6 +31,7 @@ from pipeline.nets.dcgan import (
     encoded,
 )
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
+from pipeline.nets.spectral_distance import energy_distance
 from pipeline.nets.trained import reproducible, samples
 from pipeline.nets.window_training import Diverged, autocast, usable_precision
 
@@ -204,38 +205,56 @@ class _Loop:
 
     def _step(self, data: tuple[Tensor, Tensor, Tensor], done: int) -> Tensor:
         """One step of each network; their losses, shape (2,)."""
-        real, numbers, words = self._batch(data)
-        noise = torch.randn(len(real), self.kind.latent).to(self.device)
+        told, batch = self._batch(data), self.training.batch
+        real, numbers, words = told
+        pairs = 2 if self.training.spectrum else 1
+        noise = torch.randn(pairs * batch, self.kind.latent).to(self.device)
         with autocast(self.precision, self.device.type):
-            fake = self.generator(noise, numbers, words)
-        both = torch.cat([real, fake.detach().float()])
-        twice = torch.cat([numbers, numbers]), torch.cat([words, words])
-        with autocast(self.precision, self.device.type):
-            scores = self.discriminator(both, *twice).float()
-        of_real, of_fake = scores.chunk(2)
-        if self.training.loss == "hinge":
-            loss = relu(1.0 - of_real).mean() + relu(1.0 + of_fake).mean()
-        else:
-            loss = softplus(-of_real).mean() + softplus(of_fake).mean()
-        total = loss
-        if self.training.r1 and done % self.training.r1_every == 0:
-            penalty = gradient_penalty(self.discriminator, real, numbers, words)
-            total = loss + 0.5 * self.training.r1 * self.training.r1_every * penalty
-        self.adam.zero_grad()
-        total.backward()
-        self.adam.step()
-
-        self.discriminator.requires_grad_(False)
-        with autocast(self.precision, self.device.type):
-            again = self.discriminator(fake, numbers, words).float()
-        hinge = self.training.loss == "hinge"
-        towards = -again.mean() if hinge else softplus(-again).mean()
+            made = self.generator(noise, numbers.repeat(pairs, 1), words.repeat(pairs, 1)).float()
+        fake, *others = made.split(batch)
+        towards = real.new_zeros(())
+        refused = real.new_zeros(())
+        if done > self.training.warm:
+            refused = self._discriminated(told, fake.detach(), done)
+            self.discriminator.requires_grad_(False)
+            with autocast(self.precision, self.device.type):
+                again = self.discriminator(fake, numbers, words).float()
+            hinge = self.training.loss == "hinge"
+            towards = -again.mean() if hinge else softplus(-again).mean()
+        if others:
+            towards = towards + self.training.spectrum * energy_distance(real, fake, others[0])
         self.adam.zero_grad()
         towards.backward()
         self.adam.step()
         self.discriminator.requires_grad_(True)
         self._keep_mean(done)
-        return torch.stack([loss.detach(), towards.detach()])
+        return torch.stack([refused.detach(), towards.detach()])
+
+    def _discriminated(
+        self, told: tuple[Tensor, Tensor, Tensor], fake: Tensor, done: int
+    ) -> Tensor:
+        """One step of the discriminator; its loss."""
+        real, *conditions = told
+        wrong = self.training.mismatched
+        shown = torch.cat([real, fake, *([real] if wrong else [])])
+        beside = [
+            torch.cat([part, part, *([part.roll(1, 0)] if wrong else [])]) for part in conditions
+        ]
+        with autocast(self.precision, self.device.type):
+            scores = self.discriminator(shown, *beside).float()
+        of_real, *others = scores.split(len(real))
+        hinge = self.training.loss == "hinge"
+        loss = relu(1.0 - of_real).mean() if hinge else softplus(-of_real).mean()
+        for share, refused in zip((1.0, wrong), others, strict=False):
+            loss = loss + share * (relu(1.0 + refused) if hinge else softplus(refused)).mean()
+        total = loss
+        if self.training.r1 and done % self.training.r1_every == 0:
+            penalty = gradient_penalty(self.discriminator, real, *conditions)
+            total = loss + 0.5 * self.training.r1 * self.training.r1_every * penalty
+        self.adam.zero_grad()
+        total.backward()
+        self.adam.step()
+        return loss
 
     def _batch(self, data: tuple[Tensor, Tensor, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Windows at random, the words of some of them hidden."""

@@ -1,11 +1,12 @@
 """Features of windows, and whether a generator has collapsed: samples that differ too little.
 
-Needs no torch.  Features are what a person would look at: level, spread and shape of a channel, and
-the shares of its spectrum in bands.  Distances between them are what recorded windows of neighbouring
-conditions have, and generated ones should have too.
+Needs no torch.  Features are what a person would look at: level, spread and shape of a channel,
+and the shares of its spectrum in bands.  Distances between them are what recorded windows of
+neighbouring conditions have, and generated ones should have too.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,9 +54,14 @@ def band_power(windows: Floats) -> Floats:
     if length % 2 == 0:
         weight[-1] = 1.0
     lines = lines * weight / length**2
-    many = lines.shape[2] - 1
-    edges = np.unique(np.round(np.geomspace(1, many + 1, BANDS + 1)).astype(int))
-    return np.stack([lines[:, :, a:b].sum(axis=2) for a, b in zip(edges, edges[1:])], axis=2)  # noqa: B905
+    edges = band_edges(length)
+    return np.stack([lines[:, :, a:b].sum(axis=2) for a, b in pairwise(edges)], axis=2)
+
+
+def band_edges(length: int) -> "np.ndarray[Any, Any]":
+    """Lines of the spectrum of so many samples at which bands begin, and the end of the last."""
+    many = length // 2
+    return np.unique(np.round(np.geomspace(1, many + 1, BANDS + 1)).astype(int))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,7 +138,9 @@ def collapse(
     losses : array_like, shape (H,)
         Of the discriminator over the training [1].
     most : int
-        Windows that are looked at, at random by ``seed``.
+        Windows that are looked at, at random.
+    seed : int
+        Of that.
     """
     rng = np.random.default_rng(seed)
     many = len(np.asarray(recorded))

@@ -237,6 +237,7 @@ def packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:
 
 
 def unpacked(packed: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
+    """The array of a document of :func:`packed`."""
     if packed["type"] not in ("float32", "float64"):
         raise TypeError(f"weights are of type {packed['type']}, not float32 or float64")
     kind = np.dtype(packed["type"])
