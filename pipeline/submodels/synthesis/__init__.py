@@ -2,9 +2,9 @@
 
 Windows have shape (N, C, L), in the units of the recordings; wear is flank wear VB [um], or 1 worn
 and 0 not.  Cases are lives of tools, whole: what is judged on tools that were held out is whether a
-judge, which takes no part in the training, reads the wear that was asked for from generated windows,
-whether a learner that saw generated windows only reads recorded ones, spectra, spread, and whether
-training windows were copied.  Source: DCGAN2019.
+judge, which takes no part in the training, reads from generated windows the wear that was asked
+for, whether a learner that saw generated windows only reads recorded ones, spectra, spread, and
+whether training windows were copied.  Source: DCGAN2019.
 """
 
 __all__ = ["explanation", "samples", "submodel"]

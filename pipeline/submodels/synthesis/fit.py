@@ -4,6 +4,7 @@ The judge is a learner that saw recorded windows alone; it takes no part in the 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -125,7 +126,7 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     rank = 0.0 if still else float(spearmanr(np.repeat(asked, read.shape[1]), read.ravel())[0])
     edges = np.linspace(0, len(asked), THIRDS + 1).round().astype(int)
     false = []
-    for first, end in zip(edges, edges[1:], strict=False):
+    for first, end in pairwise(edges):
         part = slice(max(first - 1, 0), end)
         if np.ptp(asked[part]) > 0 and np.polyfit(asked[part], mean[part], 1)[0] <= 0:
             false.append((_rounded(asked[part][0]), _rounded(asked[part][-1])))

@@ -1,8 +1,8 @@
 """Comparison of generated windows with recorded ones of a tool, row by row, as the judge takes it.
 
-Each figure is a quantity of its own: the wear that a judge reads from generated windows; the wear of
-recorded windows by learners that saw generated ones only, or both; distances between windows of the
-same conditions; distance to the nearest training window; power in bands; spindle orders.
+Each figure is a quantity of its own: the wear that a judge reads from generated windows; the wear
+of recorded windows by learners that saw generated ones only, or both; distances between windows of
+the same conditions; distance to the nearest training window; power in bands; spindle orders.
 
 Density and coverage: Naeem et al. 2020.
 """
