@@ -11,5 +11,5 @@ Sources: FFNN2015; Feed2025; Sun and Jang 1993 (filters over channels); Golub an
 
 __all__ = [
     "ffnn", "sequence_settings", "settings", "trained", "training", "tuning",
-    "window_model", "window_training", "windows",
+    "wear", "window_model", "window_training", "windows",
 ]  # fmt: skip

@@ -21,6 +21,7 @@ from pipeline.nets.sequence_settings import (
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    ResNetSettings,
     SequenceSettings,
     TcnSettings,
     WindowTraining,
@@ -31,7 +32,14 @@ from pipeline.schema.arrays import Floats
 
 KINDS: dict[str, type[SequenceSettings]] = {
     one.kind: one
-    for one in (CnnLstmAttentionSettings, CnnLstmSettings, LstmSettings, TcnSettings, ArxSettings)
+    for one in (
+        CnnLstmAttentionSettings,
+        CnnLstmSettings,
+        LstmSettings,
+        TcnSettings,
+        ResNetSettings,
+        ArxSettings,
+    )
 }
 """Kind of network by its name in files -> its settings."""
 ROWS = 1024
@@ -138,6 +146,12 @@ class TrainedSequence:
         shape = (0,) if self.network.outputs is None else (0, self.network.outputs)
         found = np.concatenate(parts) if parts else np.empty(shape)
         return found.astype(np.float64) * self.scaling.y_scale + self.scaling.y_shift
+
+    def features(self, windows: ArrayLike) -> Floats:
+        """What the dense layer sees of windows, shape (B, F); raises as :meth:`predict`."""
+        parts = [self.network.features(x).numpy() for x in self._steps(windows)]
+        empty = np.empty((0, self.network.dense.in_features))
+        return (np.concatenate(parts) if parts else empty).astype(np.float64)
 
     def attention(self, windows: ArrayLike) -> Floats:
         """Weight of each row of the states, shape (B, T // pool); those of a window add up to 1.

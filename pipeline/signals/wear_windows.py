@@ -158,8 +158,9 @@ class WearWindows:
             if mine != theirs:
                 raise ValueError(f"windows of {mine} and of {theirs} do not go together")
         named = ("values", "wear", "measured", "tool", "recording", "time", "progress")
+        arrays: dict[str, Any] = {n: np.concatenate([getattr(w, n) for w in parts]) for n in named}
         return replace(
-            first, **{n: np.concatenate([getattr(one, n) for one in parts]) for n in named},
+            first, **arrays,
             conditions={
                 name: np.concatenate([one.conditions[name] for one in parts])
                 for name in first.conditions

@@ -6,6 +6,8 @@ and friction act (Smithey, Kapoor, DeVor 2000), and the cutting force in the chi
 one at edge and flank are kept apart, since both emit sound (Kannatey-Asibu, Dornfeld 1982).
 """
 
+from dataclasses import asdict
+
 import numpy as np
 from numba import njit
 
@@ -21,6 +23,7 @@ from pipeline.shop.cutting.force import (
     edges,
 )
 from pipeline.shop.cutting.parameters import Conditions, EndMill, Workpiece
+from pipeline.shop.wear.parameters import Steel
 
 X, Y, AXIAL, CHIP, RUBBING = range(5)
 """Columns of the forces: on the tool along the feed and to the left of it, along the axis as the
@@ -80,15 +83,24 @@ def worn_forces(
     return out
 
 
+def workpiece(steel: Steel, hardness: float) -> Workpiece:
+    """A batch of the material, ``hardness`` [1] against its usual one; the force follows it."""
+    values = asdict(steel)
+    for name in ("tangential", "radial", "axial", "edge_tangential", "edge_radial",
+                 "flank_pressure"):  # fmt: skip
+        values[name] *= hardness
+    return Workpiece(**values)
+
+
 def cut_forces(
-    conditions: Conditions, mill: EndMill, workpiece: Workpiece, land: Floats, motion: Motion,
+    conditions: Conditions, mill: EndMill, material: Workpiece, land: Floats, motion: Motion,
     length: float,
 ) -> Floats:  # fmt: skip
     """Forces on the tool at each step of a cut, shape (T, 5).
 
     Parameters
     ----------
-    conditions, mill, workpiece
+    conditions, mill, material
         The cut as it truly is.
     land : ndarray, shape (F,)
         Flank wear of each tooth [um].
@@ -100,7 +112,7 @@ def cut_forces(
     teeth = edges(mill, conditions.depth, min(SLICE, conditions.depth / 4))
     per_radian = (motion.x[-1] - motion.x[0]) / (motion.angle[-1] - motion.angle[0])
     out: Floats = worn_forces(
-        edge_coefficients(workpiece, 1.0), block_of(conditions, mill, length), teeth.radii,
+        edge_coefficients(material, 1.0), block_of(conditions, mill, length), teeth.radii,
         np.array(mill.sharpness), land * 1e-6, teeth.lag, teeth.height, motion.angle, motion.x,
         per_radian,
     )  # fmt: skip

@@ -22,15 +22,31 @@ Sources of the orders of magnitude:
 """
 
 from dataclasses import dataclass, field
-from math import pi
 from typing import Annotated, Literal, TypeVar
 
 from pipeline.schema.ranges import Range, Ranged
-from pipeline.shop.cutting.parameters import Conditions, Immersion, Workpiece
 
 Named = TypeVar("Named", "Cutter", "PlannedCut")
 CHANNELS = 7
 """Forces x, y, z, accelerations x, y, z, envelope of the acoustic emission."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steel(Ranged, section="Steel"):
+    """The material: fields as of :class:`pipeline.shop.cutting.parameters.Workpiece`."""
+
+    name: str = "42CrMo4"
+    tangential: Annotated[float, Range(least=50, most=1e4, unit="N/mm2")] = 2180.0
+    radial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 870.0
+    axial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 410.0
+    thickness: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
+    exponent: Annotated[float, Range(least=0, most=0.9)] = 0.1
+    edge_tangential: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 33.0
+    edge_radial: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 49.0
+    edge_axial: Annotated[float, Range(least=-100, most=500, unit="N/mm")] = 4.0
+    ploughing: Annotated[float, Range(least=0.01, most=100, unit="um")] = 6.0
+    flank_pressure: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 560.0
+    flank_friction: Annotated[float, Range(least=0, most=1.5)] = 0.36
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,20 +77,11 @@ class PlannedCut(Ranged, section="PlannedCut"):
     """A cut of the programs in which tools wear: a slot is as wide as the tool."""
 
     name: str
-    immersion: Immersion = "down"
+    immersion: Literal["slot", "up", "down"] = "down"
     depth: Annotated[float, Range(least=0.05, most=100, unit="mm")] = 4.0
     width: Annotated[float, Range(least=0.05, most=100, unit="mm")] = 3.0
     cutting_speed: Annotated[float, Range(least=5, most=2e3, unit="m/min")] = 130.0
     feed_per_tooth: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
-
-    def conditions(self, cutter: Cutter, speed: float) -> Conditions:
-        """What the control is told, ``speed`` times as fast; speeds in steps of 10."""
-        n = round(speed * self.cutting_speed * 1e3 / (pi * cutter.diameter) / 10) * 10.0
-        return Conditions(
-            immersion=self.immersion, depth=self.depth, speed=n,
-            width=cutter.diameter if self.immersion == "slot" else min(self.width, cutter.diameter),
-            feed=round(self.feed_per_tooth * cutter.flutes * n / 10) * 10.0,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,11 +100,14 @@ class PlannedLife(Ranged, section="PlannedLife"):
         Factor on the cutting speed of its cuts.
     interval : float
         Time in the cut between two records.
+    records : int or None
+        How many there are of a tool that is still in the spindle; None for a whole life.
     """
 
     tool: str
     cutter: str
     cuts: tuple[str, ...]
+    records: Annotated[int, Range(least=1, most=500)] | None = None
     speed: Annotated[float, Range(least=0.2, most=3)] = 1.0
     interval: Annotated[float, Range(least=0.05, most=100, unit="min")] = 2.5
 
@@ -294,11 +304,13 @@ CUTTERS = (
 
 
 def _life(
-    tool: str, cutter: str, first: str, second: str, speed: float, interval: float
-) -> PlannedLife:
+    tool: str, cutter: str, first: str, second: str, speed: float, interval: float,
+    records: int | None = None,
+) -> PlannedLife:  # fmt: skip
     return PlannedLife(
-        tool=tool, cutter=cutter, cuts=(first, second), speed=speed, interval=interval
-    )
+        tool=tool, cutter=cutter, cuts=(first, second), speed=speed, interval=interval,
+        records=records,
+    )  # fmt: skip
 
 
 SLOT, SIDE, FINISH = (one.name for one in CUTS)
@@ -311,12 +323,9 @@ LIVES = (
     _life("T31", "EM10Z4", SLOT, SIDE, 1.08, 3.0),
     _life("T32", "EM10Z4", SIDE, FINISH, 1.0, 5.0),
     _life("T33", "EM10Z4", SIDE, SLOT, 0.95, 3.5),
+    _life("T26", "EM12Z4", SLOT, SIDE, 1.02, 4.0, records=10),
+    _life("T34", "EM10Z4", SIDE, FINISH, 1.04, 5.0, records=8),
 )
-STEEL = Workpiece(
-    name="42CrMo4", tangential=2180.0, radial=870.0, axial=410.0, thickness=0.05, exponent=0.1,
-    edge_tangential=33.0, edge_radial=49.0, edge_axial=4.0, ploughing=6.0, flank_pressure=560.0,
-    flank_friction=0.36,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -345,7 +354,7 @@ class Wear(Ranged, section="Wear"):
     """
 
     recorded: bool = True
-    workpiece: Workpiece = STEEL
+    workpiece: Steel = field(default_factory=Steel)
     cutters: tuple[Cutter, ...] = CUTTERS
     cuts: tuple[PlannedCut, ...] = CUTS
     lives: tuple[PlannedLife, ...] = LIVES
@@ -375,6 +384,11 @@ class Wear(Ranged, section="Wear"):
     def cutter(self, life: PlannedLife) -> Cutter:
         """Type of the tool of a life."""
         return _named(self.cutters, life.cutter, life.tool)
+
+    @property
+    def longest(self) -> int:
+        """Records over which a life is followed, so that its end is known of each tool."""
+        return 2 * self.most
 
     def planned(self, life: PlannedLife) -> list[PlannedCut]:
         """Cuts of a life."""

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.shop.cutting.force import edges
 from pipeline.shop.cutting.parameters import Conditions, EndMill, engaged
-from pipeline.shop.wear.parameters import Cutter, WearRate
+from pipeline.shop.wear.parameters import Cutter, PlannedCut, WearRate
 
 STEP = 0.1
 """Step of the integration [min]."""
@@ -45,6 +45,16 @@ def new_tool(cutter: Cutter, law: WearRate, random: np.random.Generator) -> Worn
     own = np.exp(random.normal(0, law.tooth_scatter, cutter.flutes))
     whole = np.exp(random.normal(0, law.tool_scatter))
     return WornTool(mill=mill, teeth=own * whole)
+
+
+def conditions(cut: PlannedCut, cutter: Cutter, speed: float) -> Conditions:
+    """What the control is told of a cut, ``speed`` times as fast; speeds in steps of 10."""
+    n = round(speed * cut.cutting_speed * 1e3 / (pi * cutter.diameter) / 10) * 10.0
+    return Conditions(
+        immersion=cut.immersion, depth=cut.depth, speed=n,
+        width=cutter.diameter if cut.immersion == "slot" else min(cut.width, cutter.diameter),
+        feed=round(cut.feed_per_tooth * cutter.flutes * n / 10) * 10.0,
+    )  # fmt: skip
 
 
 def chip_loads(mill: EndMill, conditions: Conditions) -> Floats:

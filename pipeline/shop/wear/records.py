@@ -19,9 +19,9 @@ from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
-from pipeline.shop.wear.force import cut_forces
+from pipeline.shop.wear.force import cut_forces, workpiece
 from pipeline.shop.wear.parameters import PlannedLife, Wear
-from pipeline.shop.wear.rate import WornTool, flank_wear, new_tool
+from pipeline.shop.wear.rate import WornTool, conditions, flank_wear, new_tool
 from pipeline.shop.wear.sensors import (
     FINE,
     LOST,
@@ -50,6 +50,7 @@ COLUMNS = (
 """Columns of the list and their units."""
 DEFINITION = {
     "wear_um": "width of the flank's land of each tooth at the record",
+    "worn_after_min": "time in the cut until the mean land is what ends a life by its reading",
     "slope": "edge force by the land of a tooth: N for each mm of depth and each mm of land",
     "hardness": "of the batch against the usual one; force and wear follow it",
 }
@@ -67,25 +68,29 @@ class Course:
     land: Floats
     measured: Floats
     """What was written down after each record [um], NaN where nothing was; shape (K,)."""
+    worn_after: float
+    """Time in the cut until the tool is worn, also of one that is still in use [min]."""
 
 
 def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course:
     """The life of one tool, until somebody reads that it is worn."""
     cutter, planned = wear.cutter(life), wear.planned(life)
     tool = new_tool(cutter, wear.rate, random)
-    cuts = [one.conditions(cutter, life.speed) for one in planned]
-    every = np.arange(wear.most) + random.uniform(0.2, 0.6, wear.most)
+    cuts = [conditions(one, cutter, life.speed) for one in planned]
+    every = np.arange(wear.longest) + random.uniform(0.2, 0.6, wear.longest)
     times = every * life.interval
-    batches = np.cumsum(random.random(wear.most) < 1 - np.exp(-life.interval / wear.rate.batch))
-    drawn = 1 + random.normal(0, wear.rate.hardness_scatter, wear.most + 1)
-    hardness = drawn[batches]
+    changes = random.random(wear.longest) < 1 - np.exp(-life.interval / wear.rate.batch)
+    drawn = 1 + random.normal(0, wear.rate.hardness_scatter, wear.longest + 1)
+    hardness = drawn[np.cumsum(changes)]
     land = flank_wear(wear.rate, tool, cuts, times, hardness)
-    measured = _measured(wear, land.mean(axis=1), random)
-    over = np.flatnonzero(measured >= wear.microscope.changed_at)
-    count = int(over[0]) + 1 if over.size else wear.most
+    mean, limit = land.mean(axis=1), wear.microscope.changed_at
+    measured = _measured(wear, mean, random)
+    over = np.flatnonzero(measured >= limit)
+    count = min(int(over[0]) + 1 if over.size else wear.most, life.records or wear.most)
     return Course(
         cuts=cuts, names=[one.name for one in planned], tool=tool, times=times[:count],
         hardness=hardness[:count], land=land[:count], measured=measured[:count],
+        worn_after=float(np.interp(limit, mean, times, right=np.inf)),
     )  # fmt: skip
 
 
@@ -120,16 +125,11 @@ def _cut(wear: Wear, life: Course, k: int, random: np.random.Generator) -> _Cut:
     window: Window = "inside"
     if lot < 2 * wear.entries:
         window = "entry" if lot < wear.entries else "exit"
-    hard, w = float(life.hardness[k]), wear.workpiece
-    harder = replace(
-        w, tangential=w.tangential * hard, radial=w.radial * hard, axial=w.axial * hard,
-        edge_tangential=w.edge_tangential * hard, edge_radial=w.edge_radial * hard,
-        flank_pressure=w.flank_pressure * hard,
-    )  # fmt: skip
     width = float(min(max(side, 0.01), life.tool.mill.diameter))
     true = replace(told, depth=float(max(depth, 0.05)), width=width)
     motion = _motion(wear, true, window, life.tool.mill.radius, random)
-    return _Cut(conditions=true, workpiece=harder, window=window, motion=motion)
+    batch = workpiece(wear.workpiece, float(life.hardness[k]))
+    return _Cut(conditions=true, workpiece=batch, window=window, motion=motion)
 
 
 def _motion(
@@ -216,7 +216,9 @@ def _life(
     kept = ("runout", "runout_angle", "tilt", "tilt_angle", "sharpness")
     return {
         "tool": plan.tool, "cutter": plan.cutter, **{name: mill[name] for name in kept},
-        "rates": np.round(life.tool.teeth, 4).tolist(), **truth(wear.sensors, mounting),
+        "rates": np.round(life.tool.teeth, 4).tolist(),
+        "worn_after_min": round(life.worn_after, 3) if np.isfinite(life.worn_after) else None,
+        **truth(wear.sensors, mounting),
         "files": files,
     }  # fmt: skip
 
