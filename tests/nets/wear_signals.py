@@ -23,5 +23,6 @@ def windows(many: int = 160, seed: int = 0) -> tuple[np.ndarray, dict[str, Any]]
     phase = rng.uniform(0.0, 2 * np.pi, (many, 1))
     size = ((20.0 + wear) * rng.uniform(0.9, 1.1, many))[:, None]
     force = 50.0 + 0.5 * wear[:, None] + size * np.sin(2 * np.pi * cycles * t / LENGTH + phase)
+    force += rng.normal(scale=5.0, size=force.shape)
     vibration = 0.05 * size * rng.normal(size=(many, LENGTH))
     return np.stack([force, vibration], axis=1), {"wear": wear, "cut": cut}

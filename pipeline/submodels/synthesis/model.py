@@ -1,7 +1,7 @@
 """The stored generator of signals, the training windows as features, and learners made of them.
 
 ``model.json`` says what was trained and how far the judge follows the wear; ``generator.json``
-holds the network, and the features of training and generated windows.  Learners are fitted anew from
+holds the network, and features of training and generated windows.  Learners are fitted anew from
 the latter, in seconds and to the same numbers.
 """
 
