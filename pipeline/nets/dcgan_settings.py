@@ -250,7 +250,7 @@ class ConditionSpace:
     @property
     def names(self) -> tuple[str, ...]:
         """Of all conditions."""
-        return tuple(one.name for one in (*self.continuous, *self.discrete))
+        return (*(one.name for one in self.continuous), *(one.name for one in self.discrete))
 
     def encoded(
         self, conditions: Mapping[str, Any]

@@ -269,7 +269,8 @@ class _Loop:
     def _keep_mean(self, done: int) -> None:
         """Move the running mean of the weights; its first steps forget faster."""
         keep = min(self.training.average, done / (done + 10.0)) if self.training.average else 0.0
-        mean, now = list(self.average.parameters()), list(self.generator.parameters())
+        mean: list[Tensor] = list(self.average.parameters())
+        now: list[Tensor] = list(self.generator.parameters())
         torch._foreach_lerp_(mean, now, 1.0 - keep)
 
 

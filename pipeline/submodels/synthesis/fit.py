@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 THIRDS = 3
 """Intervals of the range of wear whose tendency is looked at."""
+SHOWN = 3
+"""Windows that a page shows: of the least, the middle and the greatest wear."""
 DIGITS = 6
 
 
@@ -88,9 +90,12 @@ def trained(
     numbers, words = gan.space.encoded(conditions)
     place = np.hstack([numbers, *(2.0 * np.eye(w.max() + 1)[w] for w in words.T)])
     found = collapse(windows.values, made, place, gan.history[:, 1], seed=settings.seed)
+    wear = np.asarray(windows.wear, float)
+    rows = np.argsort(wear, kind="stable")[np.linspace(0, len(wear) - 1, SHOWN).astype(int)]
     reference = Reference(
         recorded=of_windows(windows.values), generated=of_windows(made),
-        conditions=beside(gan.space, conditions), wear=np.asarray(windows.wear, float),
+        conditions=beside(gan.space, conditions), wear=wear,
+        shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
     )  # fmt: skip
     return Trained(gan=gan, reference=reference, collapse=found, windows=len(windows))
 

@@ -132,12 +132,19 @@ class Reference:
         Encoded, without the wear and the tool.
     wear : ndarray, shape (N,)
         In the wear's unit.
+    shown, like : ndarray, shape (S, C, L)
+        A few recorded windows over the wear, and generated ones at their conditions.
+    shown_wear : ndarray, shape (S,)
+        Of both.
     """
 
     recorded: Floats
     generated: Floats
     conditions: Floats
     wear: Floats
+    shown: Floats
+    like: Floats
+    shown_wear: Floats
 
 
 Learner = Callable[[Floats, Floats], Floats]

@@ -75,5 +75,5 @@ class SynthesisLimits(Ranged, section="synthesis_limits"):
 
     wear_percent: Positive = 40.0
     class_rmse: Positive = 0.45
-    spread_percent: Positive = 60.0
-    copy_percent: Positive = 60.0
+    spread_percent: Positive = 70.0
+    copy_percent: Positive = 80.0

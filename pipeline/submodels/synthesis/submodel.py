@@ -243,7 +243,7 @@ def _role(roles: Sequence[Role]) -> Role:
     """Role of a life: a frozen set goes first; it is learnt from where every recording is."""
     for one in ("sealed", "golden", "held_out"):
         if one in roles:
-            return one  # type: ignore[return-value]
+            return one
     return "training"
 
 
@@ -272,10 +272,7 @@ def _write(found: Trained, folder: Path) -> None:
     from pipeline.nets.window_model import packed
 
     mine = found.reference
-    reference = {
-        name: packed(np.asarray(getattr(mine, name), np.float32))
-        for name in ("recorded", "generated", "conditions", "wear")
-    }
+    reference = {name: packed(np.asarray(getattr(mine, name), np.float32)) for name in vars(mine)}
     document = GeneratorFile(document=found.gan.document(), reference=reference)
     write_json(document, folder / "generator.json")
 
