@@ -100,8 +100,8 @@ def trained(
     return Trained(gan=gan, reference=reference, collapse=found, windows=len(windows))
 
 
-def curve(served: Synthesis, settings: SynthesisFitSettings) -> WearCurve:
-    """The judge's wear of windows generated over the whole range of wear that was learnt.
+def curves(served: Synthesis, settings: SynthesisFitSettings) -> dict[str, WearCurve]:
+    """Each judge's wear of windows generated over the whole range of wear that was learnt.
 
     The other conditions are those of training windows, drawn with replacement.
     """
@@ -110,13 +110,14 @@ def curve(served: Synthesis, settings: SynthesisFitSettings) -> WearCurve:
     asked = np.linspace(wear.low, wear.high, settings.wears)
     rng = np.random.default_rng(settings.seed + 2)
     rows = rng.integers(0, len(served.reference.wear), settings.each)
-    conditions, numbers = _of_rows(served, rows)
-    read = np.empty((settings.wears, settings.each))
+    conditions = _of_rows(served, rows)
+    read = {name: np.empty((settings.wears, settings.each)) for name in served.judges}
     for k, one in enumerate(asked):
         conditions[WEAR] = np.full(settings.each, one)
         made = gan.sample(conditions, seed=settings.seed + 3 + k)
-        read[k] = served.judge(of_windows(made), numbers)
-    return curve_of(asked, read)
+        for name, judge in served.judges.items():
+            read[name][k] = judge(made, conditions)
+    return {name: curve_of(asked, some) for name, some in read.items()}
 
 
 def curve_of(asked: Floats, read: Floats) -> WearCurve:
@@ -142,8 +143,8 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     )  # fmt: skip
 
 
-def _of_rows(served: Synthesis, rows: Any) -> tuple[dict[str, Any], Floats]:
-    """Conditions of some training windows, without the wear; and as learners know them."""
+def _of_rows(served: Synthesis, rows: Any) -> dict[str, Any]:
+    """Conditions of some training windows, without the wear and the tool."""
     space: ConditionSpace = served.gan.space
     numbers = served.reference.conditions[rows]
     found: dict[str, Any] = {}
@@ -159,7 +160,7 @@ def _of_rows(served: Synthesis, rows: Any) -> tuple[dict[str, Any], Floats]:
         index = numbers[:, at : at + many].argmax(axis=1)
         found[word.name] = np.array(["", *word.words])[index]
         at += many
-    return found, numbers
+    return found
 
 
 def _rounded(value: Any) -> float:

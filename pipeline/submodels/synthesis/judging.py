@@ -7,6 +7,7 @@ the same conditions; distance to the nearest training window; power in bands; sp
 Density and coverage: Naeem et al. 2020.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
@@ -20,7 +21,7 @@ from pipeline.schema.verdict import Fact
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.contract import Prediction
-from pipeline.submodels.synthesis.model import Synthesis, beside, of_windows
+from pipeline.submodels.synthesis.model import FOREST, Synthesis, beside, of_windows
 
 GENERATED = "wear of generated windows"
 LEARNT = "wear learnt from generated windows"
@@ -46,6 +47,7 @@ class _Pair:
 
     served: Synthesis
     windows: WearWindows
+    conditions: Mapping[str, Any]
     made: Floats
     real: Floats
     fake: Floats
@@ -90,8 +92,9 @@ def compared(windows: WearWindows, served: Synthesis, name: str) -> Prediction:
     made = served.gan.sample(conditions, seed=crc32(name.encode()))
     known = beside(served.gan.space, conditions)
     pair = _Pair(
-        served=served, windows=windows, made=made, real=of_windows(windows.values),
-        fake=of_windows(made), beside=known, nearest=_nearest(served, known, windows.wear),
+        served=served, windows=windows, conditions=conditions, made=made,
+        real=of_windows(windows.values), fake=of_windows(made), beside=known,
+        nearest=_nearest(served, known, windows.wear),
     )  # fmt: skip
     frame = pd.concat([*_wears(pair), *_distances(pair), *_spectra(pair)], ignore_index=True)
     return Prediction(frame=frame, facts=facts | _facts(pair))
@@ -129,15 +132,25 @@ def _wears(pair: _Pair) -> list[pd.DataFrame]:
     served, windows = pair.served, pair.windows
     unit, asked = served.file.wear_unit, np.asarray(windows.wear, float)
     judged = served.judge(pair.real, pair.beside)
-    near = served.reference.recorded[pair.nearest]
+    near = served.judge(served.reference.recorded[pair.nearest], pair.beside)
     mean = np.full(len(asked), float(served.reference.wear.mean()))
     t = windows.progress
-    return [
+    read = [
         _frame(
-            GENERATED, unit, t, measured=asked, predicted=served.judge(pair.fake, pair.beside),
-            baseline_recorded=judged, baseline_nearest=served.judge(near, pair.beside),
+            GENERATED,
+            unit,
+            t,
+            name,
+            measured=asked,
+            predicted=judge(pair.made, pair.conditions),
+            baseline_recorded=judge(np.asarray(windows.values, float), pair.conditions),
+            baseline_nearest=near if name == FOREST else np.full(len(asked), np.nan),
             baseline_mean=mean,
-        ),
+        )
+        for name, judge in served.judges.items()
+    ]
+    return [
+        *read,
         _frame(
             LEARNT, unit, t, measured=asked,
             predicted=served.from_generated(pair.real, pair.beside), baseline_recorded=judged,

@@ -22,9 +22,12 @@ from pipeline.signals.wear_windows import WearWindows
 
 if TYPE_CHECKING:
     from pipeline.nets.dcgan import TrainedGan
+    from pipeline.nets.wear import WearJudge
 
 WEAR, TOOL = "wear", "tool"
 """Conditions of every generator."""
+FOREST, NETWORK = "forest of features", "residual network"
+"""Names of the judges."""
 SYNTHETIC = "synthetic"
 """Origin of generated windows, wherever they are shown or written."""
 
@@ -78,6 +81,8 @@ class SynthesisModel(Model):
         Of the training.
     curves : mapping of str to WearCurve
         By name of the judge.
+    judges : tuple of str
+        Their names, the one whose figures go first before the others.
     within, between : float
         Distance of generated windows at the same conditions, and over all, by that of training
         windows [1].
@@ -97,6 +102,7 @@ class SynthesisModel(Model):
     windows: int
     steps: int
     curves: Mapping[str, WearCurve]
+    judges: tuple[str, ...]
     within: float
     between: float
     faults: tuple[str, ...] = ()
@@ -114,10 +120,22 @@ class SynthesisModel(Model):
 
 @dataclass(frozen=True, kw_only=True)
 class GeneratorFile:
-    """``generator.json``: document of the network, and of features as packed arrays."""
+    """``generator.json``: document of the network, features as packed arrays, networks that judge.
+
+    The latter are those of the wear model, which saw recorded windows of training tools alone.
+    """
 
     document: Mapping[str, Any]
     reference: Mapping[str, Any]
+    judges: tuple[Mapping[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Life:
+    """Windows of a tool, and the folder of the machine's wear model; None where it has none."""
+
+    windows: WearWindows
+    wear: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,6 +165,7 @@ class Reference:
     shown_wear: Floats
 
 
+Judge = Callable[[Floats, Mapping[str, Any]], Floats]
 Learner = Callable[[Floats, Floats], Floats]
 """Wear (N,) from features (N, K) and conditions (N, D)."""
 
@@ -158,6 +177,29 @@ class Synthesis:
     file: SynthesisModel
     gan: "TrainedGan"
     reference: Reference
+    networks: "tuple[WearJudge, ...]" = ()
+
+    @cached_property
+    def judges(self) -> Mapping[str, Judge]:
+        """Wear (N,) from windows (N, C, L) and their conditions, by name of the judge.
+
+        None of them took part in the training of the generator.
+        """
+        found: dict[str, Judge] = {FOREST: self._by_features}
+        if self.networks:
+            found[NETWORK] = self._by_networks
+        return found
+
+    def _by_features(self, values: Floats, conditions: Mapping[str, Any]) -> Floats:
+        return self.judge(of_windows(values), beside(self.gan.space, conditions))
+
+    def _by_networks(self, values: Floats, conditions: Mapping[str, Any]) -> Floats:
+        """Mean of the networks; a word is a column of 0 and 1 to them."""
+        found = []
+        for one in self.networks:
+            columns = {name: _column(name, conditions) for name in one.conditions}
+            found.append(one.predict(values, columns))
+        return np.maximum(np.mean(found, axis=0), 0.0)
 
     @cached_property
     def scaling(self) -> FeatureScaling:
@@ -216,6 +258,14 @@ class Synthesis:
         return found
 
 
+def _column(name: str, conditions: Mapping[str, Any]) -> Floats:
+    """A condition, or whether it is a word: ``cut_type slot``."""
+    if name in conditions:
+        return np.asarray(conditions[name], float)
+    of, _, word = name.partition(" ")
+    return (np.asarray(conditions[of]) == word).astype(float)
+
+
 def conditions_of_windows(windows: WearWindows) -> dict[str, Any]:
     """Wear, conditions and tool of windows by name, shape (N,) each."""
     return {WEAR: windows.wear, **windows.conditions, TOOL: windows.tool.astype(str)}
@@ -246,6 +296,7 @@ def load_synthesis(folder: Path) -> Synthesis:
         When a file is missing, broken or of another form.
     """
     from pipeline.nets.dcgan import restore_gan
+    from pipeline.nets.wear import restore_judge
     from pipeline.nets.window_model import unpacked
 
     stored = read_json(folder / "generator.json", GeneratorFile)
@@ -254,4 +305,5 @@ def load_synthesis(folder: Path) -> Synthesis:
         file=read_json(folder / "model.json", SynthesisModel),
         gan=restore_gan(stored.document),
         reference=Reference(**reference),
+        networks=tuple(restore_judge(one) for one in stored.judges),
     )

@@ -64,7 +64,11 @@ def _unit(model: SynthesisModel) -> str:
 
 
 def _total(shown: Seen, quantity: str) -> Score | None:
-    return None if shown.verdict is None else shown.verdict.total(quantity)
+    """Errors over all tools that decide; of wear by the first judge."""
+    found = () if shown.verdict is None else shown.verdict.of(
+        quantity, group="all", role=shown.verdict.judged_role or "held_out"
+    )  # fmt: skip
+    return found[0] if found else None
 
 
 def _with_unit(value: float | None, unit: str) -> str:

@@ -1,5 +1,6 @@
 """Signals of wear as a sub-model: cases are lives of tools, judged on those that were held out."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from pipeline.signals.wear_records import WearRecords
 from pipeline.signals.wear_windows import ToolLife, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.synthesis.fit import Trained, curve, trained
+from pipeline.submodels.synthesis.fit import Trained, curves, trained
 from pipeline.submodels.synthesis.judging import (
     AUGMENTED,
     COPY,
@@ -33,15 +34,15 @@ from pipeline.submodels.synthesis.judging import (
     compared,
 )
 from pipeline.submodels.synthesis.model import (
+    FOREST,
+    NETWORK,
     GeneratorFile,
+    Life,
     Synthesis,
     SynthesisModel,
     load_synthesis,
 )
 from pipeline.submodels.synthesis.settings import SynthesisFitSettings, SynthesisLimits
-
-FOREST = "forest of features"
-"""Name of the judge."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +74,7 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
         "forces, vibrations or currents of whole tool lives, five tools or more, with the wear "
         "measured in between"
     )
-    reads: ClassVar[tuple[str, ...]] = ("signals",)
+    reads: ClassVar[tuple[str, ...]] = ("signals", "wear")
     model: ClassVar[type] = SynthesisModel
     fitting: ClassVar[type] = Fitting
     judging: ClassVar[type] = Judging
@@ -90,9 +91,12 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             else {"relative_percent": limits.wear_percent}
         )  # fmt: skip
         found = [
-            Target(
-                quantity=GENERATED, unit=unit, limits=wear, baselines=(RECORDED, NEAREST, MEAN),
-                must_beat=(MEAN,),
+            *(
+                Target(
+                    quantity=GENERATED, unit=unit, regime=judge, limits=wear,
+                    baselines=(RECORDED, NEAREST, MEAN), must_beat=(MEAN,),
+                )
+                for judge in model.judges
             ),
             Target(
                 quantity=LEARNT, unit=unit, baselines=(RECORDED, MEAN), must_beat=(MEAN,),
@@ -132,7 +136,8 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             cases.append(
                 Case(
                     name=life.tool, group=life.tool, role=_role(roles),
-                    load=_constant(life.windows), conditions=_conditions(life),
+                    load=_constant(Life(windows=life.windows, wear=records.wear)),
+                    conditions=_conditions(life),
                     files=tuple(
                         SourceFile(file=one.file, sha256=one.sha256) for one in life.files
                     ),
@@ -150,9 +155,11 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
                 f"no tool whose wear is known is learnt from{first}: name recordings of one in "
                 "roles.training"
             )
-        windows = WearWindows.joined([case.load() for case in training])
+        lives: list[Life] = [case.load() for case in training]
+        windows = WearWindows.joined([one.windows for one in lives])
         fitting, progress = settings.synthesis_fit, settings.wear_records.progress
         found = trained(windows, fitting, (progress,) if progress else ())
+        judges = judges_of(lives[0].wear, windows.wear_unit)
         model = SynthesisModel(
             submodel=self.name,
             machine=settings.identity.name,
@@ -175,15 +182,17 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             within=found.collapse.within,
             between=found.collapse.between,
             faults=found.collapse.reasons,
+            judges=(FOREST, NETWORK) if judges else (FOREST,),
             clipped=found.gan.scaling.clipped,
             judged=fitting.judged,
             neighbours=fitting.neighbours,
             trees=fitting.trees,
             seed=fitting.seed,
         )  # fmt: skip
-        _write(found, folder)
-        served = Synthesis(file=model, gan=found.gan, reference=found.reference)
-        return replace(model, curves={FOREST: curve(served, fitting)})
+        _write(found, folder, judges)
+        # the curve is read from what was stored, in its precision
+        write_json(model, folder / "model.json")
+        return replace(model, curves=curves(load_synthesis(folder), fitting))
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of lives."""
@@ -235,8 +244,26 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
         return page(shown)
 
 
-def _constant(windows: WearWindows) -> Callable[[], WearWindows]:
-    return lambda: windows
+def _constant(life: Life) -> Callable[[], Life]:
+    return lambda: life
+
+
+def judges_of(folder: Path | None, wear_unit: str) -> tuple[Mapping[str, Any], ...]:
+    """Documents of the networks of a wear model; none where there is no such model.
+
+    Raises
+    ------
+    ValueError
+        When the file is broken.
+    """
+    path = None if folder is None else folder / "methods.json"
+    if path is None or not path.exists():
+        return ()
+    try:
+        found = tuple(json.loads(path.read_text())["networks"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no file of the wear model: run `dvc repro`") from error
+    return tuple(one for one in found if one.get("wear_unit") == wear_unit)
 
 
 def _role(roles: Sequence[Role]) -> Role:
@@ -268,17 +295,18 @@ def _learnt(found: Trained) -> dict[str, Condition]:
     return ranges | {d.name: Condition(words=d.words) for d in space.discrete}
 
 
-def _write(found: Trained, folder: Path) -> None:
+def _write(found: Trained, folder: Path, judges: tuple[Mapping[str, Any], ...]) -> None:
     from pipeline.nets.window_model import packed
 
     mine = found.reference
     reference = {name: packed(np.asarray(getattr(mine, name), np.float32)) for name in vars(mine)}
-    document = GeneratorFile(document=found.gan.document(), reference=reference)
+    document = GeneratorFile(document=found.gan.document(), reference=reference, judges=judges)
     write_json(document, folder / "generator.json")
 
 
 def _predicted(case: Case, served: Synthesis) -> Prediction:
-    windows: WearWindows = case.load()
+    life: Life = case.load()
+    windows = life.windows
     if windows.channels != served.file.channels or windows.wear_unit != served.file.wear_unit:
         raise ValueError(
             f"{case.name} has channels {windows.channels}, the generator {served.file.channels}: "
