@@ -101,7 +101,8 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
                 settings=settings, fold=fold,
             )
         )  # fmt: skip
-    done = mapped(_fold, tasks)
+    slow = RESNET in settings.methods  # else a process takes longer to start than to fit
+    done = mapped(_fold, tasks, compute="processes" if slow else "serial")
     told = [_Told.of(task.left, found, per_recording) for task, (found, _) in zip(
         tasks, done, strict=True
     )]  # fmt: skip
@@ -225,7 +226,11 @@ class _Told:
     @staticmethod
     def joined(parts: "list[_Told]") -> "_Told":
         return _Told(
-            by={name: np.concatenate([one.by[name] for one in parts]) for name in parts[0].by},
+            by={
+                name: np.concatenate([one.by[name] for one in parts])
+                for name in parts[0].by
+                if all(name in one.by for one in parts)
+            },
             wear=np.concatenate([one.wear for one in parts]),
             tool=np.concatenate([one.tool for one in parts]),
             use=np.concatenate([one.use for one in parts]),

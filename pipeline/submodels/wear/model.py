@@ -181,7 +181,8 @@ class MethodsFile:
     guess : Curve or None
         Wear over the use of the tool; None for a class.
     by_conditions : Ridge or None
-        Share of worn tools by their conditions; None for a number or without conditions.
+        Share of worn tools by their conditions; None for a number, and without conditions, where
+        the guess is the mean.
     mean : float
         Wear of the training tools.
     """
@@ -236,9 +237,10 @@ class Fitted:
             found[RIDGE] = self.ridge.predict(x)
         if self.guess is not None:
             found[GUESS] = self.guess.predict(np.asarray(windows.progress, float))
-        if self.by_conditions is not None:
-            found[GUESS] = self.by_conditions.predict(self.known.matrix(windows))
         found[MEAN] = np.full(len(windows), self.mean)
+        if self.is_class:
+            by = self.by_conditions
+            found[GUESS] = found[MEAN] if by is None else by.predict(self.known.matrix(windows))
         if self.is_class:
             return {name: np.clip(values, 0.0, 1.0) for name, values in found.items()}
         return {name: np.maximum(values, 0.0) for name, values in found.items()}
