@@ -106,11 +106,15 @@ def made_lines(made: Generated, rows: int, out: Path) -> Iterator[str]:
     file = made.served.file
     simulated = " (simulated)" if file.origin == "simulated" else ""
     told = ", ".join(
-        f"{name} {one['value'] if one['value'] != '' else 'not given'} {one['unit']}".rstrip()
+        f"{name} {_words(one['value'])} {one['unit']}".rstrip()
         for name, one in made.head["conditions"].items()
     )
     yield f"{file.machine}{simulated}: {len(made.values)} synthetic windows at {told}"
     yield f"wrote {rows} rows to {out}"
+
+
+def _words(value: float | str) -> str:
+    return (value or "not given") if isinstance(value, str) else f"{value:g}"
 
 
 def explained_lines(found: Explanation, served: Synthesis) -> Iterator[str]:

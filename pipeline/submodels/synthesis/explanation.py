@@ -14,6 +14,7 @@ import pandas as pd
 
 from pipeline.nets.latent_search import Explained, LatentSearch, explain
 from pipeline.schema.arrays import Floats
+from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.synthesis.model import WEAR, Synthesis
 
 AS_GOOD = 0.05
@@ -136,3 +137,25 @@ def read_windows(path: Path, served: Synthesis, most: int = 4) -> list[Floats]:
         )
     rows = np.unique(np.linspace(0, len(found) - 1, min(most, len(found))).round().astype(int))
     return [found[k] for k in rows]
+
+
+def explained_windows(
+    served: Synthesis, windows: WearWindows, settings: LatentSearch | None = None
+) -> tuple[list[Explanation], pd.DataFrame]:
+    """Each of some recorded windows explained, and a table of what was measured and found.
+
+    Windows out of the conditions that were learnt are left out of both.
+    """
+    conditions = served.known(windows)
+    found, rows = [], []
+    for k in np.flatnonzero(served.inside(conditions)):
+        given = {name: values[k] for name, values in conditions.items() if name != WEAR}
+        one = explanation(served, [np.asarray(windows.values[k], float)], given, settings)
+        low, high = one.as_good
+        found.append(one)
+        rows.append({
+            "tool": str(windows.tool[k]), "recorded": float(windows.wear[k]), "best": one.best,
+            "low": low, "high": high, "distance": float(one.distance.min()),
+            "typical distance": one.windows[0].typical,
+        })  # fmt: skip
+    return found, pd.DataFrame(rows)

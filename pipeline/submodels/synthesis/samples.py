@@ -88,6 +88,8 @@ def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int 
     space = served.gan.space
     conditions = {c.name: c.low for c in space.continuous if c.low == c.high} | dict(given)
     conditions |= {d.name: "" for d in space.discrete if d.name not in conditions}
+    in_order = [name for name in space.names if name in conditions]
+    conditions = {name: conditions[name] for name in dict.fromkeys([*in_order, *conditions])}
     values = served.gan.sample(
         {name: np.full(many, value) for name, value in conditions.items()}, seed=seed
     )
