@@ -31,6 +31,9 @@ QUICK = SynthesisFitSettings(
 )  # fmt: skip
 """Enough for the generator to follow the wear of the made lives."""
 
+SHORT = replace(QUICK, training=GanTraining(steps=3, batch=8, every=1))
+"""Enough for a file of a generator."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Built:

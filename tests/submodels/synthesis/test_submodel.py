@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.nets.dcgan_settings import GanTraining
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Roles
 from pipeline.submodels.synthesis import judging
@@ -21,9 +20,7 @@ from pipeline.submodels.synthesis.model import (
 )
 from pipeline.submodels.synthesis.submodel import SUBMODEL
 from tests.signals.wear_files import wear_at
-from tests.submodels.synthesis.generated_lives import HELD_OUT, QUICK, Built, build
-
-SHORT = replace(QUICK, training=GanTraining(steps=3, batch=8, every=1))
+from tests.submodels.synthesis.generated_lives import HELD_OUT, SHORT, Built, build
 
 
 @pytest.fixture(scope="module")
