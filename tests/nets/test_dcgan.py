@@ -253,17 +253,21 @@ def test_scaling_is_of_the_channels_and_says_what_it_cuts() -> None:
     assert still.restored(still.scaled(np.full((3, 1, 9), 4.0))).tolist() == [[[4.0] * 9]] * 3
 
 
-def test_a_window_is_explained_by_the_wear_it_was_made_at(learnt) -> None:
+def test_windows_are_explained_by_the_wear_they_show(learnt) -> None:
+    """Three sharp and three worn ones: the means of what is found lie apart as they do, by half."""
+    x, conditions = windows(400, seed=7)
+    settings = LatentSearch(values=9, starts=2, steps=40)
+    best = []
     for asked in (40.0, 160.0):
-        x, _ = windows(400, seed=7)
-        _, conditions = windows(400, seed=7)
-        near = np.flatnonzero((conditions["cut"] == "slot") & (abs(conditions["wear"] - asked) < 9))
-        found = explain(
-            learnt, x[near[0]], "wear", {"cut": "slot"}, LatentSearch(values=9, starts=2, steps=40)
-        )
-        assert abs(found.best - asked) < 60.0
-        assert found.distance.min() < found.typical
-        assert found.window.shape == (2, LENGTH)
+        near = (conditions["cut"] == "slot") & (abs(conditions["wear"] - asked) < 9)
+        found = [
+            explain(learnt, x[k], "wear", {"cut": "slot"}, settings)
+            for k in np.flatnonzero(near)[:3]
+        ]
+        assert all(one.distance.min() < one.typical for one in found)
+        assert all(one.window.shape == (2, LENGTH) for one in found)
+        best.append(np.mean([one.best for one in found]))
+    assert best[1] - best[0] > 60.0
 
 
 def test_what_cannot_be_explained_is_refused(learnt) -> None:
