@@ -59,10 +59,10 @@ class SynthesisLimits(Ranged, section="synthesis_limits"):
 
     Parameters
     ----------
-    wear_percent : float
-        Greatest RMSE of the judge's wear of generated windows against the wear that was asked for,
-        over the RMS of that [%]; of wear in um.
-    class_rmse : float
+    rmse_um : float
+        Greatest RMSE of the judge's wear of generated windows against the wear that was asked for
+        [um]: a fifth of the usual criterion of 300 um (ISO 8688-2).
+    rmse_class : float
         Greatest RMSE of the share of worn tools that the judge gives generated windows, where wear
         is a class [1]; a coin has 0.5.
     spread_percent : float
@@ -73,7 +73,7 @@ class SynthesisLimits(Ranged, section="synthesis_limits"):
         window from that of a recorded one of a tool that was held out [%]; a copy has 100.
     """
 
-    wear_percent: Positive = 40.0
-    class_rmse: Positive = 0.45
+    rmse_um: Positive = 60.0
+    rmse_class: Positive = 0.5
     spread_percent: Positive = 70.0
     copy_percent: Positive = 80.0

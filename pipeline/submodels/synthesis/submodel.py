@@ -86,10 +86,7 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
     def targets(self, settings: Judging, model: SynthesisModel) -> tuple[Target, ...]:
         """Wear of generated windows, learners, spread, copies, spectra."""
         limits, unit = settings.synthesis_limits, model.wear_unit
-        wear = (
-            {"rmse": limits.class_rmse} if model.is_class
-            else {"relative_percent": limits.wear_percent}
-        )  # fmt: skip
+        wear = {"rmse": limits.rmse_class if model.is_class else limits.rmse_um}
         found = [
             *(
                 Target(
