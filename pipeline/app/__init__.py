@@ -5,9 +5,22 @@ in lines.  Units are those of the shop floor: mm, mm/min, rev/min, N.
 """
 
 __all__ = [
+<<<<<<< HEAD
     "check", "compensation", "correction", "cut", "fleet", "main", "optimise", "programs",
     "synthesise",
 ]  # fmt: skip
+=======
+    "check",
+    "compensation",
+    "correction",
+    "cut",
+    "fleet",
+    "main",
+    "optimise",
+    "programs",
+    "wear",
+]
+>>>>>>> wear
 
 
 def main() -> None:

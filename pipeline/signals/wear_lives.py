@@ -8,7 +8,7 @@ lives, never an exception.
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from fractions import Fraction
@@ -39,6 +39,8 @@ CHANNEL, CONDITION, IN_CUT = "channel ", "condition ", "in cut"
 def read_lives(
     signals: Path, records: WearRecords,
     is_training: Callable[[str], bool] = lambda name: False, *, known: bool = True,
+    in_use: Collection[str] = (),
+    given: Callable[[str], Mapping[str, Condition]] = lambda name: {},
 ) -> Lives:  # fmt: skip
     """Lives of all tools in a machine's signals.
 
@@ -54,6 +56,11 @@ def read_lives(
         Whether wear and conditions have to be recorded.  Where not, what is missing of them is NaN
         or ``""`` in the windows, and nothing is interpolated: of a recording whose wear is to be
         estimated.
+    in_use : collection of str
+        Tools whose recordings before the first and after the last measurement are kept, with NaN
+        for their wear.
+    given : callable
+        Further conditions of a recording by its name, which go before those that were recorded.
 
     Raises
     ------
@@ -63,6 +70,7 @@ def read_lives(
     left_out: dict[str, str] = {}
     by_tool: dict[str, list[_Cut]] = {}
     for part in _parts(signals, records, is_training, left_out):
+        part = replace(part, conditions={**part.conditions, **given(part.file)})
         try:
             windows = _windows(part, records, known)
         except ValueError as error:
@@ -76,7 +84,7 @@ def read_lives(
     for tool, cuts in sorted(by_tool.items()):
         ordered = sorted(cuts, key=lambda one: (float(one[1].progress[0]), one[0].name))
         if known:
-            ordered = _interpolated(ordered, records, left_out)
+            ordered = _interpolated(ordered, records, left_out, open_ended=tool in in_use)
         if ordered:
             windows = WearWindows.joined([one for _, one in ordered])
             lives.append(ToolLife(tool=tool, files=tuple(f for f, _ in ordered), windows=windows))
@@ -94,7 +102,9 @@ def _numbered(cuts: list[_Cut]) -> list[_Cut]:
     ]
 
 
-def _interpolated(cuts: list[_Cut], records: WearRecords, left_out: dict[str, str]) -> list[_Cut]:
+def _interpolated(
+    cuts: list[_Cut], records: WearRecords, left_out: dict[str, str], *, open_ended: bool
+) -> list[_Cut]:
     """Recordings whose wear was measured, or lies between two of the same tool that were."""
     points = [
         (float(one.progress.mean()), float(np.nanmean(one.wear)))
@@ -111,6 +121,9 @@ def _interpolated(cuts: list[_Cut], records: WearRecords, left_out: dict[str, st
             left_out[file.name] = "its wear was not measured: measure it, or leave it out"
             continue
         at, (first, last) = float(one.progress.mean()), (points[0][0], points[-1][0])
+        if open_ended and not first <= at <= last:
+            found.append((file, one))
+            continue
         if not first <= at <= last:
             left_out[file.name] = (
                 "its wear was not measured, and no measurement of the same tool lies on both sides "
@@ -163,7 +176,7 @@ def _parts(
         ),
         preferred=is_training, section="wear_records.recordings",
     )  # fmt: skip
-    table = None if records.table is None else _Table.read(signals, records.table)
+    table = None if records.table is None else ConditionRows.read(signals, records.table)
     for file in files:
         if records.table is not None and file.name == records.table.file:
             continue
@@ -200,14 +213,14 @@ def _parts_of(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Table:
+class ConditionRows:
     """The table of conditions beside the recordings: its rows by the key."""
 
     source: ConditionTable
     rows: Mapping[str, list[dict[str, Condition]]]
 
     @staticmethod
-    def read(signals: Path, source: ConditionTable) -> "_Table":
+    def read(signals: Path, source: ConditionTable) -> "ConditionRows":
         """The table as the ingest wrote it.
 
         Raises
@@ -239,7 +252,7 @@ class _Table:
                 if value is not None and (not isinstance(value, float) or isfinite(value))
             }
             rows.setdefault(_plain(key), []).append(found)
-        return _Table(source=source, rows=rows)
+        return ConditionRows(source=source, rows=rows)
 
     def row(self, recording: str) -> dict[str, Condition]:
         """Conditions of a recording.

@@ -304,27 +304,26 @@ CUTTERS = (
 
 
 def _life(
-    tool: str, cutter: str, first: str, second: str, speed: float, interval: float,
+    tool: str, cutter: str, cuts: tuple[str, str], speed: float, interval: float,
     records: int | None = None,
 ) -> PlannedLife:  # fmt: skip
     return PlannedLife(
-        tool=tool, cutter=cutter, cuts=(first, second), speed=speed, interval=interval,
-        records=records,
-    )  # fmt: skip
+        tool=tool, cutter=cutter, cuts=cuts, speed=speed, interval=interval, records=records
+    )
 
 
 SLOT, SIDE, FINISH = (one.name for one in CUTS)
 LIVES = (
-    _life("T21", "EM12Z4", SLOT, SIDE, 1.0, 4.0),
-    _life("T22", "EM12Z4", SIDE, FINISH, 1.1, 5.0),
-    _life("T23", "EM12Z4", SLOT, FINISH, 0.92, 5.0),
-    _life("T24", "EM12Z4", SIDE, SLOT, 1.05, 4.0),
-    _life("T25", "EM12Z4", FINISH, SIDE, 0.97, 6.0),
-    _life("T31", "EM10Z4", SLOT, SIDE, 1.08, 3.0),
-    _life("T32", "EM10Z4", SIDE, FINISH, 1.0, 5.0),
-    _life("T33", "EM10Z4", SIDE, SLOT, 0.95, 3.5),
-    _life("T26", "EM12Z4", SLOT, SIDE, 1.02, 4.0, records=10),
-    _life("T34", "EM10Z4", SIDE, FINISH, 1.04, 5.0, records=8),
+    _life("T21", "EM12Z4", (SLOT, SIDE), 1.0, 4.0),
+    _life("T22", "EM12Z4", (SIDE, FINISH), 1.1, 5.0),
+    _life("T23", "EM12Z4", (SLOT, FINISH), 0.92, 5.0),
+    _life("T24", "EM12Z4", (SIDE, SLOT), 1.05, 4.0),
+    _life("T25", "EM12Z4", (FINISH, SIDE), 0.97, 6.0),
+    _life("T31", "EM10Z4", (SLOT, SIDE), 1.08, 3.0),
+    _life("T32", "EM10Z4", (SIDE, FINISH), 1.0, 5.0),
+    _life("T33", "EM10Z4", (SIDE, SLOT), 0.95, 3.5),
+    _life("T26", "EM12Z4", (SLOT, SIDE), 1.02, 4.0, records=10),
+    _life("T34", "EM10Z4", (SIDE, FINISH), 1.04, 5.0, records=8),
 )
 
 

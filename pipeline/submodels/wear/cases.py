@@ -1,6 +1,6 @@
 """Lives of tools as cases: roles, conditions, and windows that were copied from a training life."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +14,23 @@ from pipeline.signals.wear_windows import ToolLife, WearWindows
 from pipeline.submodels.cases import Case, Cases, Roles, role_of
 
 
-def life_cases(signals: Path, records: WearRecords, roles: Roles, sets: GoldenSets | None) -> Cases:
+def life_cases(
+    signals: Path, records: WearRecords, roles: Roles, sets: GoldenSets | None,
+    in_use: Collection[str] = (),
+) -> Cases:  # fmt: skip
     """Lives of a machine's tools.
 
     A tool is in training as soon as one of its recordings is, so that none is learnt from and
     judged on.  A window of another life with the samples of one in training makes the case name the
-    training recording among its files: the judge then refuses it as seen.
+    training recording among its files: the judge then refuses it as seen.  Of tools ``in_use`` the
+    recordings after the last measurement of their wear are kept, with NaN.
 
     Raises
     ------
     ValueError
         When no recording fits the patterns, or the table of conditions cannot be read.
     """
-    found = read_lives(signals, records, roles.is_training)
+    found = read_lives(signals, records, roles.is_training, in_use=in_use)
     by_role: list[tuple[ToolLife, Role]] = [
         (life, role_of(_names(life), roles, sets)) for life in found.lives
     ]

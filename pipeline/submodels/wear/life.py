@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.economics.tool_life import Taylor, life
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
@@ -217,13 +217,17 @@ def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
 
 @dataclass(frozen=True, kw_only=True)
 class WornTool:
-    """A tool that reached the criterion: time [min] and length of rubbing [m] until then."""
+    """A tool that reached the criterion: time [min] and length of rubbing [m] until then.
+
+    ``catalogue_minutes`` is the life by the catalogue's constants, None without them.
+    """
 
     tool: str
     kind: str
     v_c_m_min: float
     minutes: float
     length_m: float
+    catalogue_minutes: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -381,7 +385,7 @@ def fit_life(tools: Sequence[ToolUse], settings: WearLifeSettings) -> LifeLaw:
         minutes = float(np.interp(limit, curve[1], curve[0]))
         worn.append(WornTool(
             tool=use.tool, kind=use.kind, v_c_m_min=use.v_c, minutes=minutes,
-            length_m=minutes * use.rubbing,
+            length_m=minutes * use.rubbing, catalogue_minutes=_catalogue(use, settings),
         ))  # fmt: skip
         shares.append(np.log(np.interp(LEVELS * limit, curve[1], curve[0]) / minutes))
     if len(worn) < FEWEST:
@@ -413,6 +417,16 @@ def fit_life(tools: Sequence[ToolUse], settings: WearLifeSettings) -> LifeLaw:
         scale=float(np.sqrt(variance)), dof=float(dof),
         share_mean=tuple(np.mean(shares, axis=0).tolist()), share_sd=tuple(spread.tolist()),
     )  # fmt: skip
+
+
+def _catalogue(use: ToolUse, settings: WearLifeSettings) -> float | None:
+    """Life of the tool by the catalogue's constants [min]."""
+    if settings.taylor is None:
+        return None
+    reference = {"f_z": settings.taylor.f_z_ref_mm, "a_p": settings.taylor.a_p_ref_mm,
+                 "a_e": settings.taylor.a_e_ref_mm}  # fmt: skip
+    conditions = {name: value * 1e-3 for name, value in reference.items() if value is not None}
+    return float(life(settings.taylor, use.v_c / 60.0, conditions)) / 60.0  # type: ignore[arg-type]
 
 
 def _curve(use: ToolUse) -> tuple[Floats, Floats] | None:

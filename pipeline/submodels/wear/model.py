@@ -16,6 +16,7 @@ from pipeline.schema.store import read_json
 from pipeline.signals.wear_records import CLASS_UNIT
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import ALL_REGIMES
+from pipeline.submodels.wear.due import Lasting
 from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
 from pipeline.submodels.wear.methods import Curve, Forest, ForestSettings, Ridge
 
@@ -133,6 +134,8 @@ class WearModel(Model):
         Of the methods in the blend.
     bands : mapping of str to mapping of str to Band
         Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class.
+    lasting : Lasting
+        Life of tools, and what their wear adds to edge forces.
     """
 
     wear_unit: str
@@ -152,6 +155,7 @@ class WearModel(Model):
     scores: Mapping[str, MethodScore]
     weights: Mapping[str, float]
     bands: Mapping[str, Bands]
+    lasting: Lasting = field(default_factory=Lasting)
 
     @property
     def is_class(self) -> bool:

@@ -21,7 +21,9 @@ from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.wear.cases import life_cases, windows_of
+from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters
 from pipeline.submodels.wear.fit import fit_wear
+from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     GUESS,
     MEAN,
@@ -69,6 +71,7 @@ class Fitting:
     identity: MachineIdentity
     roles: Roles
     wear_records: WearRecords
+    wear_life: WearLifeSettings
     wear_fit: WearFitSettings
 
 
@@ -79,6 +82,7 @@ class Judging:
     identity: MachineIdentity
     roles: Roles
     wear_records: WearRecords
+    wear_life: WearLifeSettings
     wear_limits: WearLimits
 
 
@@ -135,7 +139,8 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         """
         if records.signals is None:
             raise ValueError("recordings of tools stand in the signals: name them in reads")
-        return life_cases(records.signals, settings.wear_records, settings.roles, sets)
+        in_use = settings.wear_life.in_use
+        return life_cases(records.signals, settings.wear_records, settings.roles, sets, in_use)
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> WearModel:
         """Every method fitted on the training tools; the one that serves is named."""
@@ -146,13 +151,16 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
                 f"no training tool has a window of known wear{first}: name some in roles.training"
             )
         windows = windows_of(training)
+        windows = windows.of(np.isfinite(windows.wear))
+        lasting = fit_lasting(windows, settings.wear_life)
         found = fit_wear(windows, records.progress, settings.wear_fit)
         write_json(found.methods, folder / "methods.json")
         return WearModel(
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
-            parameters={},
+            parameters=parameters(lasting),
+            lasting=lasting,
             trained_on=tuple(case.training for case in training),
             left_out=cases.left_out,
             conditions=_conditions(windows),
@@ -178,7 +186,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of lives."""
         wear = load_wear(folder)
-        return lambda case: _predicted(case, wear)
+        return lambda case: _predicted(case, wear, settings.wear_life)
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Wear with its 90 % interval from a table of samples at the learnt rate.
@@ -251,7 +259,7 @@ def _conditions(windows: WearWindows) -> dict[str, Condition]:
     return found
 
 
-def _predicted(case: Case, wear: Wear) -> Prediction:
+def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
     """A life by every method."""
     windows: WearWindows = case.load()
     file = wear.file
@@ -271,7 +279,12 @@ def _predicted(case: Case, wear: Wear) -> Prediction:
         "measured": readings.mean(windows.wear), "predicted": told, "low": low, "high": high,
         "scored": windows.measured[first], **others,
     })  # fmt: skip
-    return Prediction(frame=frame, facts=_facts(windows, frame, file))
+    frame = frame[np.isfinite(frame["measured"])]
+    facts = _facts(windows, frame, file)
+    if file.lasting.life is not None:
+        estimate = Estimate(wear=float(told[-1]), low=float(low[-1]), high=float(high[-1]))
+        facts |= due_facts(windows, estimate, file.lasting.life, life)
+    return Prediction(frame=frame, facts=facts)
 
 
 def _seconds(use: Any, unit: str) -> Any:
@@ -295,8 +308,8 @@ def _facts(windows: WearWindows, frame: pd.DataFrame, file: WearModel) -> dict[s
             value=float((~scored).sum()), unit="1"
         )
     low, high = file.learnt
-    most = float(windows.wear.max())
-    if most > high or float(windows.wear.min()) < low:
+    most = float(np.nanmax(windows.wear))
+    if most > high or float(np.nanmin(windows.wear)) < low:
         facts["wear learnt up to"] = Fact(value=float(f"{high:.4g}"), unit="um")
     return facts
 

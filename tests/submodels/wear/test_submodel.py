@@ -11,6 +11,7 @@ import pytest
 from pipeline.schema.store import read_json
 from pipeline.signals.wear_records import WearSource
 from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     BLEND,
     FOREST,
@@ -243,7 +244,13 @@ def test_without_the_use_of_the_tool_the_signals_alone_serve(built: Built) -> No
 
 
 def fitting(signals: Path, roles: Roles) -> Fitting:
-    return Fitting(identity=IDENTITY, roles=roles, wear_records=wear_records(), wear_fit=NO_NETWORK)
+    return Fitting(
+        identity=IDENTITY,
+        roles=roles,
+        wear_records=wear_records(),
+        wear_life=WearLifeSettings(),
+        wear_fit=NO_NETWORK,
+    )
 
 
 @pytest.mark.parametrize(

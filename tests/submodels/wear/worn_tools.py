@@ -9,6 +9,7 @@ from pipeline.schema.store import write_json
 from pipeline.signals.wear_records import WearRecords
 from pipeline.submodels.cases import Cases, Records, Roles
 from pipeline.submodels.judge import Judged, judge
+from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.methods import ForestSettings
 from pipeline.submodels.wear.model import WearFitSettings, WearModel
 from pipeline.submodels.wear.submodel import SUBMODEL, Fitting, Judging, WearLimits
@@ -38,6 +39,7 @@ def judging(roles: Roles = ROLES, records: WearRecords | None = None, **limits: 
     """Sections that a judgement reads."""
     return Judging(
         identity=IDENTITY, roles=roles, wear_records=records or wear_records(),
+        wear_life=WearLifeSettings(),
         wear_limits=WearLimits(**limits),
     )  # fmt: skip
 
@@ -50,7 +52,10 @@ def build(
     given = {"tools": 8, "cuts": 7, **changes}
     signals = signals or signals_of(folder, **given)
     records = records or wear_records()
-    fitting = Fitting(identity=IDENTITY, roles=roles, wear_records=records, wear_fit=settings)
+    fitting = Fitting(
+        identity=IDENTITY, roles=roles, wear_records=records, wear_life=WearLifeSettings(),
+        wear_fit=settings,
+    )  # fmt: skip
     found = SUBMODEL.cases(Records(signals=signals), fitting)
     models = folder / "model"
     models.mkdir(exist_ok=True)
