@@ -1,7 +1,7 @@
 """Wear of tools as a sub-model: cases are lives of tools, from new to worn."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -71,7 +71,7 @@ class Fitting:
     identity: MachineIdentity
     roles: Roles
     wear_records: WearRecords
-    wear_life: WearLifeSettings
+    wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_fit: WearFitSettings
 
 
@@ -82,7 +82,7 @@ class Judging:
     identity: MachineIdentity
     roles: Roles
     wear_records: WearRecords
-    wear_life: WearLifeSettings
+    wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_limits: WearLimits
 
 
