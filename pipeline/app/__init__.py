@@ -5,22 +5,9 @@ in lines.  Units are those of the shop floor: mm, mm/min, rev/min, N.
 """
 
 __all__ = [
-<<<<<<< HEAD
     "check", "compensation", "correction", "cut", "fleet", "main", "optimise", "programs",
-    "synthesise",
+    "synthesise", "wear",
 ]  # fmt: skip
-=======
-    "check",
-    "compensation",
-    "correction",
-    "cut",
-    "fleet",
-    "main",
-    "optimise",
-    "programs",
-    "wear",
-]
->>>>>>> wear
 
 
 def main() -> None:

@@ -182,7 +182,34 @@ def compensation(
 
 
 @app.command()
-<<<<<<< HEAD
+def wear(
+    files: Annotated[list[Path], typer.Argument(help="Recordings of the cut.")],
+    machine: kerf.Whose,
+    conditions: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A condition that no record tells: name=value, again for more."),
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of every reading.")] = None,
+    model: kerf.Model = "champion",
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+    ] = False,
+) -> None:
+    """Tell the wear of the tools in FILES with its 90 % interval."""
+    from pipeline.app.fleet import check_outputs
+    from pipeline.app.wear import document, said, wear_of_files
+    from pipeline.schema.store import write_json
+
+    with one_sentence():
+        check_outputs(None, json, inputs=files)
+        told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
+        if json is not None:
+            write_json(document(told), json)
+    for line in said(told):
+        typer.echo(line)
+
+
+@app.command()
 def synthesise(
     machine: kerf.Whose,
     wear: Annotated[
@@ -199,22 +226,11 @@ def synthesise(
         Path | None, typer.Option(help="Recording whose wear is sought, CSV or Parquet.")
     ] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of what --explain found.")] = None,
-=======
-def wear(
-    files: Annotated[list[Path], typer.Argument(help="Recordings of the cut.")],
-    machine: kerf.Whose,
-    conditions: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="A condition that no record tells: name=value, again for more."),
-    ] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of every reading.")] = None,
->>>>>>> wear
     model: kerf.Model = "champion",
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
     ] = False,
 ) -> None:
-<<<<<<< HEAD
     """Make signals of MACHINE at a wear of the tool, or say which wear explains a recording."""
     import pipeline.app.synthesise as work
 
@@ -231,19 +247,6 @@ def wear(
             made, rows = work.synthesise(served, words, n, seed, out)
             lines = work.made_lines(made, rows, out)
     for line in lines:
-=======
-    """Tell the wear of the tools in FILES with its 90 % interval."""
-    from pipeline.app.fleet import check_outputs
-    from pipeline.app.wear import document, said, wear_of_files
-    from pipeline.schema.store import write_json
-
-    with one_sentence():
-        check_outputs(None, json, inputs=files)
-        told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
-        if json is not None:
-            write_json(document(told), json)
-    for line in said(told):
->>>>>>> wear
         typer.echo(line)
 
 
