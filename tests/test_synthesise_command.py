@@ -18,7 +18,7 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.synthesis.model import load_synthesis
 from tests.small_project import ROOT
-from tests.submodels.synthesis.generated_lives import build
+from tests.submodels.synthesis.generated_lives import once
 
 assert commands
 MACHINE = "rig"
@@ -28,7 +28,7 @@ GIVEN = ("--wear", "120", "--set", "feed=300", "--set", "cut_type=slot")
 @pytest.fixture(scope="module")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("synthesise")
-    built = build(root / "built")
+    built = once()
     verdict = built.judged().verdict
     project = root / "project"
     shutil.copytree(ROOT / "conf", project / "conf", symlinks=True)

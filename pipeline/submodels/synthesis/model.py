@@ -287,6 +287,25 @@ def of_windows(values: Any) -> Floats:
     return features(values)
 
 
+def reference_of(stored: GeneratorFile) -> Reference:
+    """Features and windows that are stored beside a generator.
+
+    Raises
+    ------
+    ValueError
+        When the file lacks one, or holds another type of number.
+    """
+    from pipeline.nets.window_model import unpacked
+
+    try:
+        found = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
+        return Reference(**found)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"generator.json does not fit together ({error}): run `dvc repro`") from (
+            error
+        )
+
+
 def load_synthesis(folder: Path) -> Synthesis:
     """The generator in a folder, with what it is judged by.
 
@@ -297,13 +316,11 @@ def load_synthesis(folder: Path) -> Synthesis:
     """
     from pipeline.nets.dcgan import restore_gan
     from pipeline.nets.wear import restore_judge
-    from pipeline.nets.window_model import unpacked
 
     stored = read_json(folder / "generator.json", GeneratorFile)
-    reference = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
     return Synthesis(
         file=read_json(folder / "model.json", SynthesisModel),
         gan=restore_gan(stored.document),
-        reference=Reference(**reference),
+        reference=reference_of(stored),
         networks=tuple(restore_judge(one) for one in stored.judges),
     )

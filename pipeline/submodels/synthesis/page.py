@@ -17,6 +17,7 @@ from pipeline.charts.sections import (
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Table, cells, names, numbers, sources
+from pipeline.nets.diversity import FeatureScaling
 from pipeline.schema.verdict import Score
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.synthesis import figures
@@ -31,7 +32,12 @@ from pipeline.submodels.synthesis.judging import (
     SPECTRUM,
     SPREAD,
 )
-from pipeline.submodels.synthesis.model import Synthesis, SynthesisModel, load_synthesis
+from pipeline.submodels.synthesis.model import (
+    GeneratorFile,
+    Reference,
+    SynthesisModel,
+    reference_of,
+)
 
 Seen = Shown[SynthesisModel]
 POINTS = 250
@@ -60,7 +66,7 @@ def page(shown: Seen) -> SubModelPage:
 
 
 def _unit(model: SynthesisModel) -> str:
-    return unit_words(model.wear_unit) if not model.is_class else ""
+    return "" if model.is_class else "µm"
 
 
 def _total(shown: Seen, quantity: str) -> Score | None:
@@ -177,12 +183,14 @@ def _section(shown: Seen) -> Section:
         text.append(absent(shown.folder / "verdict.json", "Without it nothing is judged."))
     elif shown.verdict.reasons:
         text.append("Reasons as the judge gave them: " + "; ".join(shown.verdict.reasons) + ".")
-    stored = (shown.folder / "generator.json").exists()
-    served = load_synthesis(shown.folder) if stored else None
+    stored = None
+    if shown.shelf is not None:
+        stored = shown.shelf.read(shown.folder / "generator.json", GeneratorFile)
+    known = None if stored is None else reference_of(stored)
     return Section(
         key=key, title=title, text=[words for words in text if words],
         blocks=present(
-            _drawn(shown, served), _tools_table(shown), _spectra_table(shown),
+            _drawn(shown, known), _tools_table(shown), _spectra_table(shown),
         ),
     )  # fmt: skip
 
@@ -206,14 +214,15 @@ def _made_from(shown: Seen, *files: str) -> list[Source]:
     return sources(shown.shelf, *(shown.folder / name for name in files))
 
 
-def _drawn(shown: Seen, served: Synthesis | None) -> Figures | None:
+def _drawn(shown: Seen, known: Reference | None) -> Figures | None:
     """Windows, the judge's curve, spectra and the map."""
     model = shown.model
     if model is None:
         return None
     found: list[Figure] = []
-    if served is not None:
-        found += [_windows(shown, served, k) for k in range(min(CHANNELS_SHOWN, len(model.units)))]
+    if known is not None:
+        many = min(CHANNELS_SHOWN, len(model.channels))
+        found += [_windows(shown, model, known, k) for k in range(many)]
     for name, one in model.curves.items():
         said = f"Wear that the {name} reads from generated windows; the dark line is the wear asked"
         found.append(
@@ -231,15 +240,14 @@ def _drawn(shown: Seen, served: Synthesis | None) -> Figures | None:
                 sources=_made_from(shown, "predictions.parquet"),
             )
         )  # fmt: skip
-    if served is not None:
-        found.append(_map(shown, served))
+    if known is not None:
+        found.append(_map(shown, known))
     legend = [("l-measured", "recorded", "line"), ("l-window", "generated", "line"),
               ("s-band", "5 to 95 % of generated windows", "box")]  # fmt: skip
     return Figures(figures=found, legend=legend) if found else None
 
 
-def _windows(shown: Seen, served: Synthesis, channel: int) -> Figure:
-    file, mine = served.file, served.reference
+def _windows(shown: Seen, file: SynthesisModel, mine: Reference, channel: int) -> Figure:
     unit = unit_words(file.units[channel])
     rows = [
         (f"wear {_with_unit(float(wear), _unit(file))}", real[channel], made[channel])
@@ -268,9 +276,9 @@ def _spectra(shown: Seen) -> list[tuple[str, Any, Any, Any]]:
     return found
 
 
-def _map(shown: Seen, served: Synthesis) -> Figure:
-    real = served.scaling(served.reference.recorded)
-    made = served.scaling(served.reference.generated)
+def _map(shown: Seen, known: Reference) -> Figure:
+    scaling = FeatureScaling.of(known.recorded)
+    real, made = scaling(known.recorded), scaling(known.generated)
     centre = real.mean(axis=0)
     _, _, axes = np.linalg.svd(real - centre, full_matrices=False)
     every = max(-(-len(real) // POINTS), 1)

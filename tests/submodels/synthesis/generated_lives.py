@@ -1,7 +1,10 @@
 """Made lives of tools, a generator trained on some of them, and their judgement."""
 
+import atexit
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -76,3 +79,11 @@ def build(
         synthesis_limits=limits or SynthesisLimits(),
     )  # fmt: skip
     return Built(signals=signals, folder=folder, cases=cases, model=model, settings=judging)
+
+
+@cache
+def once() -> Built:
+    """The model of :func:`build`, trained once for all tests of a process; to be read only."""
+    folder = TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    return build(Path(folder.name) / "lives")

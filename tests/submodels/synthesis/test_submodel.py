@@ -20,12 +20,12 @@ from pipeline.submodels.synthesis.model import (
 )
 from pipeline.submodels.synthesis.submodel import SUBMODEL
 from tests.signals.wear_files import wear_at
-from tests.submodels.synthesis.generated_lives import HELD_OUT, SHORT, Built, build
+from tests.submodels.synthesis.generated_lives import HELD_OUT, SHORT, Built, build, once
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    return build(tmp_path_factory.mktemp("synthesis"))
+def built() -> Built:
+    return once()
 
 
 @pytest.fixture(scope="module")
