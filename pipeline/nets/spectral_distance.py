@@ -28,7 +28,7 @@ def short_spectra(x: Tensor) -> list[Tensor]:
         frames = x.unfold(2, part, max(part // 2, 1)).transpose(1, 2)  # (N, F, C, part)
         shape = torch.hann_window(part, device=x.device) if part < length else 1.0
         lines = torch.view_as_real(torch.fft.rfft(frames * shape, norm="forward"))
-        found.append(2.0 * torch.sqrt(lines.square().sum(dim=-1) + FLOOR**2))
+        found.append(2.0 * torch.sqrt((lines * lines).sum(dim=-1) + FLOOR**2))
     return found
 
 
@@ -43,7 +43,8 @@ def distances(a: list[Tensor], b: list[Tensor]) -> Tensor:
     total = a[0].new_zeros(len(a[0]))
     for one, other in zip(a, b, strict=True):
         plain = (one - other).abs().sum(dim=(2, 3)) / one.shape[2]
-        level = (one.log() - other.log()).square().mean(dim=(2, 3))
+        apart = one.log() - other.log()
+        level = (apart * apart).mean(dim=(2, 3))
         total = total + (plain + torch.sqrt(level + 1e-12)).mean(dim=1)
     return total / len(a)
 

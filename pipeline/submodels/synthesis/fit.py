@@ -107,11 +107,11 @@ def curves(served: Synthesis, settings: SynthesisFitSettings) -> dict[str, WearC
     """
     gan = served.gan
     wear = next(one for one in gan.space.continuous if one.name == WEAR)
-    asked = np.linspace(wear.low, wear.high, settings.wears)
+    asked = np.linspace(wear.low, wear.high, 2 if served.file.is_class else settings.wears)
     rng = np.random.default_rng(settings.seed + 2)
     rows = rng.integers(0, len(served.reference.wear), settings.each)
     conditions = _of_rows(served, rows)
-    read = {name: np.empty((settings.wears, settings.each)) for name in served.judges}
+    read = {name: np.empty((len(asked), settings.each)) for name in served.judges}
     for k, one in enumerate(asked):
         conditions[WEAR] = np.full(settings.each, one)
         made = gan.sample(conditions, seed=settings.seed + 3 + k)
@@ -127,8 +127,8 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     mean = read.mean(axis=1)
     low, high = np.quantile(read, [0.05, 0.95], axis=1)
     error = mean - asked
-    slope = np.polyfit(asked, mean, 1)[0]
-    still = np.ptp(read) == 0
+    still = np.ptp(read) == 0 or np.ptp(asked) == 0
+    slope = 0.0 if np.ptp(asked) == 0 else np.polyfit(asked, mean, 1)[0]
     rank = 0.0 if still else float(spearmanr(np.repeat(asked, read.shape[1]), read.ravel())[0])
     edges = np.linspace(0, len(asked), THIRDS + 1).round().astype(int)
     false = []

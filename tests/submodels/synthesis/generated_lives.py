@@ -61,13 +61,16 @@ class Built:
 
 def build(
     root: Path, *, wears: Any = None, settings: SynthesisFitSettings = QUICK, roles: Roles = ROLES,
-    limits: SynthesisLimits | None = None,
+    limits: SynthesisLimits | None = None, **records: Any,
 ) -> Built:  # fmt: skip
-    """Nine made tools, six of them in training; ``wears`` (9, 6) replaces what is told of wear."""
+    """Nine made tools, six of them in training; ``wears`` (9, 6) replaces what is told of wear.
+
+    Further arguments change section ``wear_records``.
+    """
     told = None if wears is None else np.asarray(wears, float)
     signals = signals_of(root, tools=9, cuts=6, rows=400, wears=told)
     fitting = Fitting(
-        identity=IDENTITY, roles=roles, wear_records=wear_records(), synthesis_fit=settings
+        identity=IDENTITY, roles=roles, wear_records=wear_records(**records), synthesis_fit=settings
     )
     cases = SUBMODEL.cases(Records(signals=signals), fitting)
     folder = root / "model"
@@ -75,7 +78,7 @@ def build(
     model = SUBMODEL.fit(cases, fitting, folder)
     write_json(model, folder / "model.json")
     judging = Judging(
-        identity=IDENTITY, roles=roles, wear_records=wear_records(),
+        identity=IDENTITY, roles=roles, wear_records=wear_records(**records),
         synthesis_limits=limits or SynthesisLimits(),
     )  # fmt: skip
     return Built(signals=signals, folder=folder, cases=cases, model=model, settings=judging)

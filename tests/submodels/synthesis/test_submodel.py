@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from pipeline.schema.store import read_json, write_json
+from pipeline.signals.wear_records import WearSource
 from pipeline.submodels.cases import Roles
 from pipeline.submodels.synthesis import judging
 from pipeline.submodels.synthesis.fit import curve_of, thinned
@@ -82,6 +83,20 @@ def test_a_tendency_that_is_false_is_named() -> None:
     assert low >= 50.0
     assert high == 90.0
     assert curve_of(asked, np.repeat(asked[:, None], 4, axis=1)).false_intervals == ()
+
+
+def test_a_class_has_two_wears(tmp_path: Path) -> None:
+    """Worn or not: a probability, held against 0 and 1, at these two wears."""
+    found = build(
+        tmp_path, settings=SHORT, wears=np.tile([0, 0, 0, 1, 1, 1], (9, 1)),
+        wear=WearSource(name="wear", unit="um", worn=("0.001",), unworn=("0",)),
+    )  # fmt: skip
+    assert found.model.is_class
+    assert found.model.curves[FOREST].asked == (0.0, 1.0)
+    total = score(found.judged().verdict, judging.GENERATED, FOREST)
+    assert total.unit == "1"
+    assert 0.0 <= total.mae <= 1.0
+    assert total.limits == {} and found.settings.synthesis_limits.rmse_class == 0.5
 
 
 def test_conditions_are_those_of_the_records_without_the_use_of_the_tool(built: Built) -> None:
