@@ -54,7 +54,7 @@ def _params_of_one_week() -> str:
         change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE],
                submodels={name: [MACHINE] for name in SUBMODELS}, optimised=[MACHINE],
                trials=[MACHINE])  # fmt: skip
-        change(folder, f"machine.{MACHINE}.shop", weeks=1)
+        change(folder, f"machine.{MACHINE}.shop", weeks=1, wear={"recorded": False})
         days = {"first": MONDAY, "last": WEDNESDAY}
         change(folder, f"machine.{MACHINE}.roles", training_days=days)
         change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])

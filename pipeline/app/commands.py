@@ -182,6 +182,75 @@ def compensation(
 
 
 @app.command()
+def wear(
+    files: Annotated[list[Path], typer.Argument(help="Recordings of the cut.")],
+    machine: kerf.Whose,
+    conditions: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A condition that no record tells: name=value, again for more."),
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of every reading.")] = None,
+    model: kerf.Model = "champion",
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+    ] = False,
+) -> None:
+    """Tell the wear of the tools in FILES with its 90 % interval."""
+    from pipeline.app.fleet import check_outputs
+    from pipeline.app.wear import document, said, wear_of_files
+    from pipeline.schema.store import write_json
+
+    with one_sentence():
+        check_outputs(None, json, inputs=files)
+        told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
+        if json is not None:
+            write_json(document(told), json)
+    for line in said(told):
+        typer.echo(line)
+
+
+@app.command()
+def synthesise(
+    machine: kerf.Whose,
+    wear: Annotated[
+        str | None, typer.Option(help="Of the tool: VB in um, or 1 worn and 0 not.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Another condition, name=value; may be repeated."),
+    ] = None,
+    n: Annotated[int, typer.Option("--n", help="Windows to make.")] = 100,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Parquet or CSV of the windows.")] = None,
+    explain: Annotated[
+        Path | None, typer.Option(help="Recording whose wear is sought, CSV or Parquet.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of what --explain found.")] = None,
+    model: kerf.Model = "champion",
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+    ] = False,
+) -> None:
+    """Make signals of MACHINE at a wear of the tool, or say which wear explains a recording."""
+    import pipeline.app.synthesise as work
+
+    with one_sentence():
+        if (explain is None) == (out is None):
+            raise ValueError("give --out for windows to make, or --explain for a recording")
+        if json is not None and explain is None:
+            raise ValueError("--json holds what --explain finds: give a recording with it")
+        words = work.pairs([*(set_ or ()), *([] if wear is None else [f"wear={wear}"])])
+        served = work.served_of(machine, model, anyway=anyway)
+        if explain is not None:
+            lines = work.explained_lines(work.explained(served, explain, words, json), served)
+        elif out is not None:
+            made, rows = work.synthesise(served, words, n, seed, out)
+            lines = work.made_lines(made, rows, out)
+    for line in lines:
+        typer.echo(line)
+
+
+@app.command()
 def interpret(
     program: kerf.Program,
     out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],

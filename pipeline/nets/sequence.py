@@ -2,10 +2,12 @@
 
 All take scaled windows, shape (B, T, C), the newest row last, and give the scaled output, shape
 (B,) or (B, H) (:mod:`pipeline.nets.window_model` scales).  Convolutions see the past alone: each
-row of what they give depends on no later row.
+row of what they give depends on no later row; those of the residual network, which tells something
+of the whole window, see both sides.
 
 Sources: Feed2025 (Conv1D, LSTM, additive attention over time, dense layer); Bahdanau, Cho and
-Bengio 2015 (additive attention); Bai, Kolter and Koltun 2018 (TCN).
+Bengio 2015 (additive attention); Bai, Kolter and Koltun 2018 (TCN); He, Zhang, Ren and Sun 2016,
+Wang, Yan and Oates 2017 (residual network).
 """
 
 from abc import ABC, abstractmethod
@@ -19,6 +21,7 @@ from pipeline.nets.sequence_settings import (
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    ResNetSettings,
     SequenceSettings,
     TcnSettings,
 )
@@ -182,6 +185,48 @@ class Tcn(SequenceNetwork):
         return self.rows(x)[:, -1]
 
 
+class StridedBlock(nn.Module):
+    """Two convolutions, the first with a stride, and what enters them added to what they give."""
+
+    def __init__(self, inputs: int, filters: int, kernel: int, stride: int) -> None:
+        super().__init__()
+        reach = kernel // 2
+        self.first = nn.Conv1d(inputs, filters, kernel, stride=stride, padding=reach)
+        self.second = nn.Conv1d(filters, filters, kernel, padding=reach)
+        same = inputs == filters and stride == 1
+        self.beside = nn.Identity() if same else nn.Conv1d(inputs, filters, 1, stride=stride)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Rows of shape (B, C, T) become (B, filters, ceil(T / stride))."""
+        found = self.second(torch.relu(self.first(x)))
+        return torch.relu(found + self.beside(x))
+
+
+class ResNet(SequenceNetwork):
+    """Residual blocks over the whole window; mean and RMS of each filter enter the dense layer."""
+
+    def __init__(
+        self, settings: ResNetSettings, length: int, channels: int, outputs: int | None
+    ) -> None:
+        wide = [settings.filters * 2**k for k in range(settings.blocks)]
+        super().__init__(2 * wide[-1], outputs)
+        stride = -(-length // settings.rows)
+        reach = max(settings.kernel // 2, stride - 1)  # every sample is seen
+        self.stem = nn.Conv1d(channels, wide[0], 2 * reach + 1, stride=stride, padding=reach)
+        self.blocks = nn.Sequential(
+            *(
+                StridedBlock(before, after, settings.kernel, 1 if k == 0 else 2)
+                for k, (before, after) in enumerate(zip([wide[0], *wide], wide, strict=False))
+            )
+        )
+
+    def features(self, x: Tensor) -> Tensor:
+        """Mean and RMS over time, shape (B, 2 filters)."""
+        found: Tensor = self.blocks(torch.relu(self.stem(x.transpose(1, 2))))
+        rms = torch.sqrt((found**2).mean(2) + 1e-12)
+        return torch.cat([found.mean(2), rms], dim=1)
+
+
 class Arx(SequenceNetwork):
     """Linear in the last rows of the window; :meth:`solve` finds its coefficients."""
 
@@ -258,6 +303,8 @@ def _built(
         return Lstm(settings, channels, outputs)
     if isinstance(settings, TcnSettings):
         return Tcn(settings, channels, outputs)
+    if isinstance(settings, ResNetSettings):
+        return ResNet(settings, length, channels, outputs)
     if isinstance(settings, ArxSettings):
         return Arx(settings, length, channels, outputs)
     raise ValueError(

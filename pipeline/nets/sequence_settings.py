@@ -86,6 +86,47 @@ class TcnSettings(SequenceSettings, section="tcn"):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ResNetSettings(SequenceSettings, section="resnet"):
+    """Settings of a residual network of strided convolutions over whole windows.
+
+    Residual blocks of He, Zhang, Ren and Sun 2016 over time as in Wang, Yan and Oates 2017, without
+    batch normalisation, which would take a window's amplitude away or need the statistics of
+    others.
+
+    Parameters
+    ----------
+    filters : int
+        Of the first block; each later one has twice as many at half the rate.
+    kernel : int
+        Rows that each convolution sees, an odd number.
+    blocks : int
+        Residual blocks of two convolutions.
+    rows : int
+        Of the first block at most: the stride of the convolution before it brings a longer window
+        down to them.
+
+    Raises
+    ------
+    ValueError
+        When the kernel is even.
+    """
+
+    kind: ClassVar[str] = "resnet"
+    filters: Count = 16
+    kernel: Count = 7
+    blocks: Annotated[int, Range(least=1, most=6)] = 3
+    rows: Count = 128
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.kernel % 2 == 0:
+            raise ValueError(
+                f"resnet.kernel = {self.kernel} is even: give an odd number, so that a sample has "
+                "as many on either side"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class ArxSettings(SequenceSettings, section="arx"):
     """Settings of the linear model with lagged inputs, solved by ridge least squares.
 

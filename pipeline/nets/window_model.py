@@ -21,6 +21,7 @@ from pipeline.nets.sequence_settings import (
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    ResNetSettings,
     SequenceSettings,
     TcnSettings,
     WindowTraining,
@@ -31,7 +32,14 @@ from pipeline.schema.arrays import Floats
 
 KINDS: dict[str, type[SequenceSettings]] = {
     one.kind: one
-    for one in (CnnLstmAttentionSettings, CnnLstmSettings, LstmSettings, TcnSettings, ArxSettings)
+    for one in (
+        CnnLstmAttentionSettings,
+        CnnLstmSettings,
+        LstmSettings,
+        TcnSettings,
+        ResNetSettings,
+        ArxSettings,
+    )
 }
 """Kind of network by its name in files -> its settings."""
 ROWS = 1024
@@ -139,6 +147,12 @@ class TrainedSequence:
         found = np.concatenate(parts) if parts else np.empty(shape)
         return found.astype(np.float64) * self.scaling.y_scale + self.scaling.y_shift
 
+    def features(self, windows: ArrayLike) -> Floats:
+        """What the dense layer sees of windows, shape (B, F); raises as :meth:`predict`."""
+        parts = [self.network.features(x).numpy() for x in self._steps(windows)]
+        empty = np.empty((0, self.network.dense.in_features))
+        return (np.concatenate(parts) if parts else empty).astype(np.float64)
+
     def attention(self, windows: ArrayLike) -> Floats:
         """Weight of each row of the states, shape (B, T // pool); those of a window add up to 1.
 
@@ -187,7 +201,7 @@ class TrainedSequence:
                 "x_shift": scaling.x_shift.tolist(), "x_scale": scaling.x_scale.tolist(),
                 "y_shift": scaling.y_shift, "y_scale": scaling.y_scale,
             },
-            "state": {k: _packed(v.numpy()) for k, v in self.network.state_dict().items()},
+            "state": {k: packed(v.numpy()) for k, v in self.network.state_dict().items()},
             "history": self.history.tolist(),
             "validation_groups": list(self.validation_groups),
         }  # fmt: skip
@@ -212,7 +226,7 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
         built = sequence_network(
             kind, document["length"], len(scaling.x_shift), document["outputs"], torch.Generator()
         )
-        state = {k: torch.from_numpy(_unpacked(v)) for k, v in document["state"].items()}
+        state = {k: torch.from_numpy(unpacked(v)) for k, v in document["state"].items()}
         built.load_state_dict(state)
         return TrainedSequence(
             kind=kind, settings=WindowTraining(**document["training"]),
@@ -229,14 +243,15 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
         raise ValueError(f"the document of a network does not fit together: {said}") from error
 
 
-def _packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:
+def packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:
     """Shape, type and little-endian bytes of an array, in base64."""
     kind = values.dtype.newbyteorder("<")
     data = b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
     return {"shape": list(values.shape), "type": values.dtype.name, "base64": data}
 
 
-def _unpacked(packed: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
+def unpacked(packed: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
+    """The array of a document of :func:`packed`."""
     if packed["type"] not in ("float32", "float64"):
         raise TypeError(f"weights are of type {packed['type']}, not float32 or float64")
     kind = np.dtype(packed["type"])

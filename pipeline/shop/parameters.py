@@ -31,6 +31,7 @@ from pipeline.schema.ranges import Range, Ranged
 from pipeline.shop.cutting.parameters import Cutting
 from pipeline.shop.drives.parameters import Drives
 from pipeline.shop.growth.parameters import Growth
+from pipeline.shop.wear.parameters import Wear
 
 Bounds = tuple[float, float]
 """Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
@@ -373,6 +374,7 @@ class ShopParameters(Ranged, section="ShopParameters"):
     drives: Drives = field(default_factory=Drives)
     cutting: Cutting = field(default_factory=Cutting)
     growth: Growth = field(default_factory=Growth)
+    wear: Wear = field(default_factory=Wear)
 
     def __post_init__(self) -> None:
         super().__post_init__()

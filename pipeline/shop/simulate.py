@@ -22,6 +22,7 @@ from pipeline.shop.records.log_faults import Unobserved
 from pipeline.shop.schedule import Shop, working_day
 from pipeline.shop.timeline import Cycle, Timeline
 from pipeline.shop.trial.job import write_parts
+from pipeline.shop.wear.records import write_wear
 
 
 def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
@@ -34,8 +35,8 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
         ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``feed/<trace>.csv``,
         ``dynamometer/<test>.csv``, ``cutting/<program>.nc``, ``cutting/<run>.txt``,
-        ``growth/<profile>.csv``, ``parts/<name>.nc``.  Made if it is missing; files of the same
-        names are replaced.
+        ``growth/<profile>.csv``, ``wear/<tool>_<number>.parquet``, ``wear/lives.csv``,
+        ``parts/<name>.nc``.  Made if it is missing; files of the same names are replaced.
     truth : Path
         File for the truth (JSON), outside ``out``: parameters, working days, cycles, and every
         fault with its exact time.
@@ -80,6 +81,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         "feed": write_feed(out, parameters),
         "cutting": write_cutting(out, parameters),
         "growth": write_growth(out, parameters),
+        "wear": write_wear(out, parameters),
         "thermocouples": sensors.write_thermocouples(
             out / "thermocouples", np.concatenate(tips), parameters
         ),

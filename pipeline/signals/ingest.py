@@ -108,8 +108,12 @@ _DOWNSTREAM = (
     "cleaning/",
     "conditions.py",
     "contracts.py",
+    "parts.py",
     "recordings.py",
     "sampling.py",
+    "wear_lives.py",
+    "wear_records.py",
+    "wear_windows.py",
     "windows.py",
 )
 """Modules that read what the ingest wrote; they have no part in it."""

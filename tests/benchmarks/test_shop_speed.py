@@ -13,6 +13,7 @@ from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.records import write_drives
 from pipeline.shop.growth.records import write_growth
 from pipeline.shop.trial.trials import prepare, trial
+from pipeline.shop.wear.records import write_wear
 from tests.shop.conftest import run, shop_parameters
 from tests.shop.test_trial import JOB, MACHINE, SLOT
 
@@ -21,8 +22,8 @@ Write = Callable[[Path, str], object]
 
 
 def week(folder: Path, machine: str) -> object:
-    """One week without what comes once for all weeks: servo tool, cutting tests, growth."""
-    once = {name: {"recorded": False} for name in ("drives", "cutting", "growth")}
+    """One week without what comes once for all weeks: servo tool, cutting tests, growth, lives."""
+    once = {name: {"recorded": False} for name in ("drives", "cutting", "growth", "wear")}
     return run(folder, machine, weeks=1, **once)
 
 
@@ -38,11 +39,17 @@ def growth(folder: Path, machine: str) -> object:
     return write_growth(folder, shop_parameters(machine))
 
 
+def wear(folder: Path, machine: str) -> object:
+    return write_wear(folder, shop_parameters(machine))
+
+
 @pytest.mark.benchmark(timer=process_time)
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize(
-    ("write", "limit"), [(week, 20 / 3), (drives, 6.0), (cutting, 5.0), (growth, 8.0)],
-    ids=["a third of three weeks", "servo records", "dynamometer records", "growth records"],
+    ("write", "limit"),
+    [(week, 20 / 3), (drives, 6.0), (cutting, 5.0), (growth, 8.0), (wear, 20.0)],
+    ids=["a third of three weeks", "servo records", "dynamometer records", "growth records",
+         "tool lives"],
 )  # fmt: skip
 def test_records_of_a_machine(
     write: Write, limit: float, machine: str, tmp_path: Path, benchmark

@@ -12,6 +12,7 @@ from pipeline.nets.sequence_settings import (
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    ResNetSettings,
     SequenceSettings,
     TcnSettings,
     WindowTraining,
@@ -23,6 +24,8 @@ TINY: tuple[SequenceSettings, ...] = (
     CnnLstmSettings(filters=3, kernel=2, units=4),
     LstmSettings(units=4),
     TcnSettings(filters=3, kernel=2, blocks=2),
+    ResNetSettings(filters=2, kernel=3, blocks=2),
+    ResNetSettings(filters=2, kernel=3, blocks=1, rows=2),
     ArxSettings(lags=3),
 )
 

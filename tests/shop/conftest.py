@@ -107,15 +107,16 @@ def run(root: Path, machine: str, **changes: Any) -> Simulated:
 
 NO_CUTS, NO_DRIVES = {"cutting": {"recorded": False}}, {"drives": {"recorded": False}}
 NO_FEED, NO_GROWTH = {"drives": {"feed": {"recorded": False}}}, {"growth": {"recorded": False}}
-"""Changes by which the cutting tests, the servo tool (as a whole, or of feeds) and the growth's
-logger write nothing."""
+NO_WEAR = {"wear": {"recorded": False}}
+"""Changes by which the cutting tests, the servo tool (as a whole, or of feeds), the growth's logger
+and the records of tool lives write nothing."""
 
 
 @pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """Without cutting tests, feeds and spindle growth: ``cuts``, ``feeds`` and ``warm``."""
+    """Without cutting tests, feeds, spindle growth and tool lives, which have their own."""
     folder = tmp_path_factory.mktemp(request.param)
-    return run(folder, request.param, weeks=1, **NO_CUTS, **NO_FEED, **NO_GROWTH)
+    return run(folder, request.param, weeks=1, **NO_CUTS, **NO_FEED, **NO_GROWTH, **NO_WEAR)
 
 
 @pytest.fixture(scope="session")
@@ -123,7 +124,7 @@ def plain_week(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Sim
     """The same week once more, without the servo tool."""
     machine = week.parameters.machine
     folder = tmp_path_factory.mktemp(f"{machine}-plain")
-    return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES, **NO_GROWTH)
+    return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES, **NO_GROWTH, **NO_WEAR)
 
 
 @pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])

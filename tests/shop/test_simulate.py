@@ -18,7 +18,16 @@ from pipeline.shop.parameters import (
 from pipeline.shop.simulate import simulate
 from pipeline.shop.trial.job import write_parts
 
-from .conftest import NO_CUTS, NO_DRIVES, NO_GROWTH, Simulated, digests, run, shop_parameters
+from .conftest import (
+    NO_CUTS,
+    NO_DRIVES,
+    NO_GROWTH,
+    NO_WEAR,
+    Simulated,
+    digests,
+    run,
+    shop_parameters,
+)
 
 one_machine = pytest.mark.parametrize(
     "week", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
@@ -55,7 +64,7 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
 @one_machine
 @pytest.mark.parametrize(
     "parts",
-    [NO_CUTS | NO_DRIVES | NO_GROWTH, pytest.param({}, marks=pytest.mark.proof)],
+    [NO_CUTS | NO_DRIVES | NO_GROWTH | NO_WEAR, pytest.param({}, marks=pytest.mark.proof)],
     ids=["plain", "all"],
 )
 def test_another_seed_is_another_week(

@@ -8,21 +8,17 @@ its own, with the hash of its own samples, so that no part is judged under anoth
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.signals.parts import PART, parts_of, samples_sha256
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
 from pipeline.signals.sampling import UniformSegment, uniform_segments
 
-PART = "#"
-"""Between the name of a raw file and that of a part of it."""
 MOTION = ("reference", "position", "error")
 """Channels of an axis that are lengths."""
 
@@ -230,50 +226,18 @@ def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
     if file.file is None:
         return [_nothing(blank, records, file.reason)]
     samples = file.load()
+    if not records.parts:
+        return _stretches(samples, np.ones(len(samples.time), bool), blank, records)
     try:
-        labels = _labels(file.file, records)
+        parts = parts_of(file.file, records.parts, "compensation_records.parts")
     except ValueError as error:
         return [_nothing(blank, records, str(error))]
-    if labels is None:
-        return _stretches(samples, np.ones(len(samples.time), bool), blank, records)
     found = []
-    for values, rows in labels:
-        named = [f"{key}={value}" for key, value in zip(records.parts, values, strict=True)]
-        by = values[records.parts.index(records.group)] if records.group else ""
-        part = replace(
-            blank, name=f"{file.name}{PART}{','.join(named)}",
-            group=f"{records.group} {by}" if by else f"{file.name}{PART}{','.join(named)}",
-        )  # fmt: skip
-        found += _stretches(samples, rows, part, records)
+    for one in parts:
+        name, by = one.name(file.name), one.values.get(records.group, "")
+        part = replace(blank, name=name, group=f"{records.group} {by}" if by else name)
+        found += _stretches(samples, one.rows, part, records)
     return found
-
-
-def _labels(path: Path, records: CompensationRecords) -> list[tuple[tuple[str, ...], Any]] | None:
-    """Values of the columns that tell parts apart, and the rows of each; None without such."""
-    if not records.parts:
-        return None
-    names = pq.read_schema(path).names
-    for name in records.parts:
-        if name not in names:
-            raise ValueError(
-                f"it has no column {name!r}, which compensation_records.parts names: correct it"
-            )
-    table = pq.read_table(path, columns=list(records.parts))
-    columns = [_words(table[name]) for name in records.parts]
-    joined = np.array(["\x1f".join(row) for row in zip(*columns, strict=True)])
-    kinds, first = np.unique(joined, return_index=True)
-    return [(tuple(kinds[k].split("\x1f")), joined == kinds[k]) for k in np.argsort(first).tolist()]
-
-
-def _words(column: pa.ChunkedArray) -> list[str]:
-    """Values as words; whole numbers without a fraction."""
-    return [
-        "" if value is None
-        else f"{value:g}" if isinstance(value, float) and abs(value) < 1e6
-        else f"{value:.0f}" if isinstance(value, float) and value == int(value)
-        else str(value)
-        for value in column.to_pylist()
-    ]  # fmt: skip
 
 
 def _stretches(samples: Samples, rows: Any, blank: Run, records: CompensationRecords) -> list[Run]:
@@ -360,10 +324,9 @@ def _split(run: Run, share: float) -> list[Run]:
 
 def content_hash(run: Run) -> str:
     """SHA-256 of the samples of a run: a copy of it has the same, whatever it is called."""
-    digest = sha256()
-    for letter, one in sorted(run.axes.items()):
-        digest.update(letter.encode())
-        for values in (one.error, one.reference, one.command):
-            if values is not None:
-                digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
-    return digest.hexdigest()
+    return samples_sha256(
+        (letter, values)
+        for letter, one in sorted(run.axes.items())
+        for values in (one.error, one.reference, one.command)
+        if values is not None
+    )

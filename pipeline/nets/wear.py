@@ -1,0 +1,209 @@
+"""Judge of tool wear from windows of signals: a residual network with its scaling and inputs.
+
+Windows have shape (N, C, L), in the units of the recordings.  Each channel is brought to about zero
+and one wide by a scaling of training windows; known conditions enter as further channels that are
+constant over the window.  The output is flank wear [um], or the share of worn tools among such
+windows where wear is a class (least squares on 0 and 1 estimate it).  Whole tools are kept for
+early stopping.  A judge is stored as JSON: settings, scaling, and weights in base64; no pickle is
+written or read.
+
+    judge = train_judge(values, wear, tool, scaling=(shift, scale), wear_unit="um",
+                        conditions={"feed": feed}, training=WindowTraining(epochs=40))
+    judge.predict(values, {"feed": feed})             # (N,) in judge.wear_unit
+    judge.embeddings(values, {"feed": feed})          # (N, F), what its last layer sees
+    write_json(judge.document(), path); restore_judge(json.loads(path.read_text()))
+
+Sources: DCGAN2019 (a ResNet as the judge of generated signals); He, Zhang, Ren and Sun 2016.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.nets.window_model import TrainedSequence, restore_sequence
+from pipeline.nets.window_training import Watch, train_windows
+from pipeline.nets.windows import Windows
+from pipeline.schema.arrays import Floats
+
+PROBABILITY = "1"
+"""Unit of wear that is a class."""
+CLIP = 20.0
+"""Greatest magnitude of a scaled sample [1]: a glitch counts no more than that."""
+
+Scaling = tuple[Sequence[float], Sequence[float]]
+"""What is taken off each of C channels, and what it is divided by."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WearJudge:
+    """A trained residual network that gives wear of windows.
+
+    Parameters
+    ----------
+    trained : TrainedSequence
+        On scaled channels and conditions.
+    shift, scale : tuple of float
+        Of the C channels, in their units.
+    conditions : tuple of str
+        Known numbers that it takes beside the window.
+    condition_shift, condition_scale : tuple of float
+        Middle and half range of each, in training.
+    wear_unit : str
+        ``"um"``, or ``"1"`` where wear is a class.
+    """
+
+    trained: TrainedSequence
+    shift: tuple[float, ...]
+    scale: tuple[float, ...]
+    conditions: tuple[str, ...]
+    condition_shift: tuple[float, ...]
+    condition_scale: tuple[float, ...]
+    wear_unit: str
+
+    @property
+    def length(self) -> int:
+        """Samples L of a window [1]."""
+        return self.trained.length
+
+    def predict(
+        self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None = None
+    ) -> Floats:
+        """Wear of windows in ``wear_unit``, shape (N,); a class from 0 to 1.
+
+        Parameters
+        ----------
+        values : array_like, shape (N, C, L)
+            In the units of the recordings.
+        conditions : mapping of str to array_like, shape (N,)
+            Those that it was trained with.
+
+        Raises
+        ------
+        ValueError
+            When shapes do not fit, a condition is missing, or a value is not finite.
+        """
+        found = self.trained.predict(self._inputs(values, conditions))
+        return np.clip(found, 0.0, 1.0) if self.wear_unit == PROBABILITY else found
+
+    def embeddings(
+        self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None = None
+    ) -> Floats:
+        """What the last layer sees of windows, shape (N, F); raises as :meth:`predict`."""
+        return self.trained.features(self._inputs(values, conditions))
+
+    def _inputs(self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None) -> Floats:
+        return _inputs(
+            values, conditions or {}, (self.shift, self.scale), self.conditions,
+            (self.condition_shift, self.condition_scale),
+        )  # fmt: skip
+
+    def document(self) -> dict[str, Any]:
+        """All of it in plain lists, numbers and words, as JSON holds them."""
+        return {
+            "shift": list(self.shift), "scale": list(self.scale),
+            "conditions": list(self.conditions), "condition_shift": list(self.condition_shift),
+            "condition_scale": list(self.condition_scale), "wear_unit": self.wear_unit,
+            "trained": self.trained.document(),
+        }  # fmt: skip
+
+
+def restore_judge(document: Mapping[str, Any]) -> WearJudge:
+    """The judge of a :meth:`WearJudge.document`; it predicts the same bits.
+
+    Raises
+    ------
+    ValueError
+        When the document lacks something, or its numbers do not fit together.
+    """
+    try:
+        return WearJudge(
+            trained=restore_sequence(document["trained"]),
+            shift=tuple(map(float, document["shift"])), scale=tuple(map(float, document["scale"])),
+            conditions=tuple(document["conditions"]),
+            condition_shift=tuple(map(float, document["condition_shift"])),
+            condition_scale=tuple(map(float, document["condition_scale"])),
+            wear_unit=str(document["wear_unit"]),
+        )  # fmt: skip
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"the document of a judge of wear has no or no fit {error}") from error
+
+
+def train_judge(
+    values: ArrayLike, wear: ArrayLike, tool: ArrayLike, *, scaling: Scaling, wear_unit: str,
+    conditions: Mapping[str, ArrayLike] | None = None, network: ResNetSettings | None = None,
+    training: WindowTraining | None = None, watch: Watch | None = None, device: str = "cpu",
+) -> WearJudge:  # fmt: skip
+    """Train a judge on windows of known wear.
+
+    Parameters
+    ----------
+    values : array_like, shape (N, C, L)
+        Windows in the units of the recordings.
+    wear : array_like, shape (N,)
+        In ``wear_unit``.
+    tool : array_like of str, shape (N,)
+        Whole ones are kept for early stopping.
+    scaling : (sequence, sequence)
+        Shift and scale of the C channels, of training windows.
+    wear_unit : str
+        ``"um"``, or ``"1"`` for 0 and 1.
+    conditions : mapping of str to array_like, shape (N,)
+        Known numbers; none by default.
+    network, training : settings
+        Of the network and its budget.
+    watch : callable or None
+        Called after each epoch; true ends the training.
+    device : str
+        Of torch.
+
+    Raises
+    ------
+    ValueError
+        When shapes do not fit, a value is not finite, or there are fewer than two tools to learn
+        from and to stop by.
+    """
+    given = dict(conditions or {})
+    middle, half = [], []
+    for one in given.values():
+        numbers = np.asarray(one, float)
+        low, high = (float(numbers.min()), float(numbers.max())) if numbers.size else (0.0, 0.0)
+        middle.append(0.5 * (low + high))
+        half.append(0.5 * (high - low) or 1.0)
+    names = tuple(given)
+    x = _inputs(values, given, scaling, names, (middle, half))
+    groups: NDArray[np.str_] = np.asarray(tool, str)
+    trained = train_windows(
+        network or ResNetSettings(), Windows(x=x, y=np.asarray(wear, float), group=groups),
+        settings=training or WindowTraining(), watch=watch, device=device,
+    )  # fmt: skip
+    return WearJudge(
+        trained=trained, shift=tuple(map(float, scaling[0])), scale=tuple(map(float, scaling[1])),
+        conditions=names, condition_shift=tuple(middle), condition_scale=tuple(half),
+        wear_unit=wear_unit,
+    )  # fmt: skip
+
+
+def _inputs(
+    values: ArrayLike, conditions: Mapping[str, ArrayLike], scaling: Scaling,
+    names: Sequence[str], ranges: Scaling,
+) -> Floats:  # fmt: skip
+    """Scaled channels and conditions, shape (N, L, C + K)."""
+    x = np.asarray(values, np.float64)
+    if x.ndim != 3 or x.shape[1] != len(scaling[0]):
+        raise ValueError(
+            f"windows have shape {x.shape}: this judge takes (N, {len(scaling[0])}, L), one row a "
+            "channel"
+        )
+    shift, scale = (np.asarray(one, float)[:, None] for one in scaling)
+    rows = [np.clip((x - shift) / scale, -CLIP, CLIP).transpose(0, 2, 1)]
+    for name, middle, half in zip(names, *ranges, strict=True):
+        if name not in conditions:
+            raise ValueError(f"condition {name!r} of the windows is missing: give it")
+        known = np.broadcast_to(np.asarray(conditions[name], float), x.shape[:1])
+        scaled = (known - middle) / half
+        rows.append(np.broadcast_to(scaled[:, None, None], (x.shape[0], x.shape[2], 1)))
+    return np.concatenate(rows, axis=2)

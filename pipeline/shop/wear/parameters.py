@@ -1,0 +1,405 @@
+"""Parameters of tool lives: cutters, cuts, wear rate, sensors of force, vibration and emission.
+
+Sources of the orders of magnitude:
+
+- Usui, Shirakashi, Kitagawa: *Analytical prediction of cutting tool wear*, Wear 100 (1984):
+  dW/dt = C_1 σ v exp(-C_2 / θ), C_2 of 5302 K for carbide in carbon steel below 1150 K.
+- Cook: *Tool wear and tool life*, J. Eng. Ind. 95 (1973); Shaw: *Metal cutting principles*, 2nd
+  ed., ch. 9 and 12: temperature as v^0.4, less by the feed; a land that heats itself ends the life.
+- ISO 8688-2:1989, tool life testing in end milling: flank wear VB 1 uniform over the teeth, 0.3 mm
+  of carbide as the end of life, 0.2 mm in finishing; steps of the measurement below 10 % of it.
+- Wager, Barash: *Study of the distribution of the life of HSS tools*, J. Eng. Ind. 93 (1971);
+  Rossetto, Levi: *Fracture and wear as factors affecting stochastic tool-life models*, J. Eng. Ind.
+  99 (1977): lives of one batch scatter by a coefficient of variation of 0.15 to 0.35.
+- Smithey, Kapoor, DeVor (2000), see :mod:`pipeline.shop.cutting.parameters`: a worn flank adds a
+  force that grows as its width.
+- Dornfeld, Kannatey-Asibu: *Acoustic emission during orthogonal metal cutting*, Int. J. Mech. Sci.
+  22 (1980): the signal's rms is the square root of the rate of work; Kannatey-Asibu, Dornfeld: *A
+  study of tool wear using statistical analysis of metal-cutting acoustic emission*, Wear 76 (1982):
+  the flank's share grows with the land; coupling changes from mounting to mounting.
+- Harris, Kotzalas: *Rolling bearing analysis*, ch. 1: pass frequencies of balls, multiples of the
+  speed that are no whole numbers.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, TypeVar
+
+from pipeline.schema.ranges import Range, Ranged
+
+Named = TypeVar("Named", "Cutter", "PlannedCut")
+CHANNELS = 7
+"""Forces x, y, z, accelerations x, y, z, envelope of the acoustic emission."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steel(Ranged, section="Steel"):
+    """The material: fields as of :class:`pipeline.shop.cutting.parameters.Workpiece`."""
+
+    name: str = "42CrMo4"
+    tangential: Annotated[float, Range(least=50, most=1e4, unit="N/mm2")] = 2180.0
+    radial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 870.0
+    axial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 410.0
+    thickness: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
+    exponent: Annotated[float, Range(least=0, most=0.9)] = 0.1
+    edge_tangential: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 33.0
+    edge_radial: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 49.0
+    edge_axial: Annotated[float, Range(least=-100, most=500, unit="N/mm")] = 4.0
+    ploughing: Annotated[float, Range(least=0.01, most=100, unit="um")] = 6.0
+    flank_pressure: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 560.0
+    flank_friction: Annotated[float, Range(least=0, most=1.5)] = 0.36
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cutter(Ranged, section="Cutter"):
+    """A type of end mill; each tool of it has a runout and edges of its own.
+
+    Parameters
+    ----------
+    name : str
+        As the tool store calls it.
+    runout, tilt : float
+        Usual offset of the axis at the tip and its change over the height.
+    edge_scatter : float
+        Of the teeth's edge forces, standard deviation.
+    """
+
+    name: str
+    diameter: Annotated[float, Range(least=1, most=100, unit="mm")] = 12.0
+    flutes: Annotated[int, Range(least=1, most=12)] = 4
+    helix: Annotated[float, Range(least=0, most=65, unit="deg")] = 38.0
+    runout: Annotated[float, Range(least=0, most=100, unit="um")] = 5.0
+    tilt: Annotated[float, Range(least=0, most=20, unit="um/mm")] = 0.5
+    edge_scatter: Annotated[float, Range(least=0, most=0.4)] = 0.08
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedCut(Ranged, section="PlannedCut"):
+    """A cut of the programs in which tools wear: a slot is as wide as the tool."""
+
+    name: str
+    immersion: Literal["slot", "up", "down"] = "down"
+    depth: Annotated[float, Range(least=0.05, most=100, unit="mm")] = 4.0
+    width: Annotated[float, Range(least=0.05, most=100, unit="mm")] = 3.0
+    cutting_speed: Annotated[float, Range(least=5, most=2e3, unit="m/min")] = 130.0
+    feed_per_tooth: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedLife(Ranged, section="PlannedLife"):
+    """One tool from new to worn: its type, its cuts by turns, its speed, how often it is recorded.
+
+    Parameters
+    ----------
+    tool : str
+        Name of this very tool.
+    cutter : str
+        Its type.
+    cuts : tuple of str
+        Cuts that it makes, one after another.
+    speed : float
+        Factor on the cutting speed of its cuts.
+    interval : float
+        Time in the cut between two records.
+    records : int or None
+        How many there are of a tool that is still in the spindle; None for a whole life.
+    """
+
+    tool: str
+    cutter: str
+    cuts: tuple[str, ...]
+    records: Annotated[int, Range(least=1, most=500)] | None = None
+    speed: Annotated[float, Range(least=0.2, most=3)] = 1.0
+    interval: Annotated[float, Range(least=0.05, most=100, unit="min")] = 2.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearRate(Ranged, section="WearRate"):
+    """Rate of flank wear, as Usui has it, with scatter.
+
+    Parameters
+    ----------
+    rate : float
+        Of a tooth without a land at ``cutting_speed`` and ``feed_per_tooth`` in a slot.
+    temperature, activation : float
+        Of the flank there, and of the wear.
+    speed_exponent, feed_exponent : float
+        By which the temperature rises with cutting speed and feed per tooth.
+    land_heating : float
+        Share by which a land raises the temperature.
+    break_in, break_in_time : float
+        Wear of a sharp edge, and the time that it takes.
+    tool_scatter, tooth_scatter : float
+        Standard deviation of the rate's logarithm from tool to tool, from tooth to tooth.
+    hardness_scatter, batch : float
+        From batch to batch of the material, and mean time in the cut of a batch.
+    hardness_exponent : float
+        Of the rate over the hardness.
+    """
+
+    rate: Annotated[float, Range(least=0.01, most=50, unit="um/min")] = 2.6
+    cutting_speed: Annotated[float, Range(least=5, most=2e3, unit="m/min")] = 130.0
+    feed_per_tooth: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
+    temperature: Annotated[float, Range(least=400, most=1600, unit="K")] = 1050.0
+    activation: Annotated[float, Range(least=0, most=4e4, unit="K")] = 5302.0
+    speed_exponent: Annotated[float, Range(least=0, most=1)] = 0.4
+    feed_exponent: Annotated[float, Range(least=0, most=1)] = 0.2
+    land_heating: Annotated[float, Range(least=0, most=5, unit="1/mm")] = 0.8
+    break_in: Annotated[float, Range(least=0, most=150, unit="um")] = 28.0
+    break_in_time: Annotated[float, Range(least=0.05, most=60, unit="min")] = 2.5
+    tool_scatter: Annotated[float, Range(least=0, most=1)] = 0.2
+    tooth_scatter: Annotated[float, Range(least=0, most=1)] = 0.1
+    hardness_scatter: Annotated[float, Range(least=0, most=0.5)] = 0.04
+    batch: Annotated[float, Range(least=0.5, most=1e4, unit="min")] = 25.0
+    hardness_exponent: Annotated[float, Range(least=0, most=10)] = 2.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode(Ranged, section="Mode"):
+    """A mode of spindle, tool or table that one accelerometer sees."""
+
+    frequency: Annotated[float, Range(least=10, most=2e4, unit="Hz")]
+    damping: Annotated[float, Range(least=1e-3, most=0.5)] = 0.04
+    mass: Annotated[float, Range(least=0.05, most=1e5, unit="kg")] = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensors(Ranged, section="Sensors"):
+    """The measuring chain of seven channels and the files of its data-acquisition system.
+
+    Parameters
+    ----------
+    plate : tuple of 3 floats
+        Natural frequencies of the dynamometer with vise and workpiece.
+    plate_damping : float
+        Of these.
+    x, y, z : tuple of Mode
+        What the accelerometers at the spindle's nose see.
+    mounting, mounting_damping : float
+        Resonance of an accelerometer on its magnet.
+    across : float
+        Share of the force along x that y shows, and the other way round.
+    unbalance : float
+        Acceleration at the speed of the spindle at 6000 rev/min; it grows as the square.
+    bearing : tuple of (float, float)
+        Multiples of the speed, and their amplitudes at 6000 rev/min [m/s2].
+    shear, flank : float
+        Square of the envelope for each rate of work in the chip and at the flank.
+    lag : float
+        Time constant of the detector of the envelope.
+    speckle : float
+        Relative standard deviation of the envelope from row to row.
+    bursts, burst : float
+        Bursts by breaking chips, and their mean height.
+    coupling : float
+        Of the emission from mounting to mounting, standard deviation of the logarithm; it also
+        creeps by half of that over a life.
+    gain : float
+        Of the other channels from mounting to mounting, standard deviation.
+    noise, offset, drift, ranges : tuple of 7 floats
+        Standard deviations of noise [unit of the channel], offset and drift over a second from
+        record to record; ends of the converter.
+    hum, mains : float
+        In the forces.
+    bits : int
+        Of the converter.
+    columns, units : tuple of 7 str
+        As the files have them.
+    factors : tuple of 7 floats
+        From N, m/s2 and V to those units.
+    lost, lost_from, lost_count : int
+        Channel that a loose plug takes out, the record (from 1) of the first life from which on,
+        and how many; 0 records for none.
+    """
+
+    rate: Annotated[int, Range(least=2000, most=50000, unit="Hz")] = 10000
+    seconds: Annotated[float, Range(least=0.1, most=10, unit="s")] = 0.5
+    plate: tuple[float, ...] = (2100.0, 1840.0, 2860.0)
+    plate_damping: Annotated[float, Range(least=1e-3, most=0.5)] = 0.03
+    x: tuple[Mode, ...] = (
+        Mode(frequency=92.0, damping=0.05, mass=900.0),
+        Mode(frequency=790.0, mass=9.0),
+        Mode(frequency=1640.0, damping=0.03, mass=3.5),
+    )
+    y: tuple[Mode, ...] = (
+        Mode(frequency=74.0, damping=0.06, mass=1100.0),
+        Mode(frequency=830.0, mass=8.0),
+        Mode(frequency=1590.0, damping=0.03, mass=3.8),
+    )
+    z: tuple[Mode, ...] = (
+        Mode(frequency=118.0, damping=0.05, mass=1500.0),
+        Mode(frequency=1210.0, damping=0.035, mass=14.0),
+    )
+    mounting: Annotated[float, Range(least=1000, most=2e4, unit="Hz")] = 4100.0
+    mounting_damping: Annotated[float, Range(least=1e-3, most=0.9)] = 0.08
+    across: Annotated[float, Range(least=0, most=1)] = 0.12
+    unbalance: Annotated[float, Range(least=0, most=100, unit="m/s2")] = 1.1
+    bearing: tuple[tuple[float, float], ...] = ((7.21, 0.35), (9.79, 0.25), (14.42, 0.2))
+    shear: Annotated[float, Range(least=0, most=1, unit="V2/W")] = 2.0e-4
+    flank: Annotated[float, Range(least=0, most=1, unit="V2/W")] = 3.5e-4
+    lag: Annotated[float, Range(least=1e-4, most=1, unit="s")] = 1.2e-3
+    speckle: Annotated[float, Range(least=0, most=2)] = 0.25
+    bursts: Annotated[float, Range(least=0, most=1e4, unit="1/s")] = 60.0
+    burst: Annotated[float, Range(least=0, most=10, unit="V")] = 0.05
+    coupling: Annotated[float, Range(least=0, most=2)] = 0.15
+    gain: Annotated[float, Range(least=0, most=0.5)] = 0.01
+    noise: tuple[float, ...] = (1.5, 1.5, 1.5, 0.6, 0.6, 0.6, 0.003)
+    offset: tuple[float, ...] = (4.0, 4.0, 4.0, 0.05, 0.05, 0.05, 0.01)
+    drift: tuple[float, ...] = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.002)
+    ranges: tuple[float, ...] = (2500.0, 2500.0, 1000.0, 500.0, 500.0, 500.0, 5.0)
+    hum: Annotated[float, Range(least=0, most=50, unit="N")] = 0.8
+    mains: Annotated[float, Range(least=15, most=70, unit="Hz")] = 50.0
+    bits: Annotated[int, Range(least=8, most=24)] = 16
+    columns: tuple[str, ...] = ("Fx", "Fy", "Fz", "Ax", "Ay", "Az", "AE_env")
+    units: tuple[str, ...] = ("N", "N", "N", "m/s^2", "m/s^2", "m/s^2", "V")
+    factors: tuple[float, ...] = (1.0,) * CHANNELS
+    lost: Annotated[int, Range(least=1, most=CHANNELS)] = 5
+    lost_from: Annotated[int, Range(least=1, most=1000)] = 9
+    lost_count: Annotated[int, Range(least=0, most=1000)] = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wanted = ("noise", "offset", "drift", "ranges", "columns", "units", "factors")
+        for name in wanted:
+            if len(getattr(self, name)) != CHANNELS:
+                raise ValueError(
+                    f"Sensors.{name} = {getattr(self, name)} must have {CHANNELS} values, one for "
+                    "each channel"
+                )
+        if len(self.plate) != 3 or min(self.plate) <= 0:
+            raise ValueError(f"Sensors.plate = {self.plate} must be 3 frequencies above 0 Hz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Microscope(Ranged, section="Microscope"):
+    """Measurement of the land: mean of all teeth, after some cuts only.
+
+    Parameters
+    ----------
+    error, step : float
+        Standard deviation, and the unit in which it is written down.
+    every : int
+        Records from one measurement to the next; the first record is measured too.
+    forgotten : float
+        Share of them that nobody wrote down.
+    changed_at : float
+        Reading at which the tool is taken out.
+    """
+
+    error: Annotated[float, Range(least=0, most=50, unit="um")] = 2.5
+    step: Annotated[float, Range(least=0.01, most=50, unit="um")] = 1.0
+    every: Annotated[int, Range(least=1, most=100)] = 3
+    forgotten: Annotated[float, Range(least=0, most=0.9)] = 0.06
+    changed_at: Annotated[float, Range(least=20, most=2000, unit="um")] = 215.0
+
+
+CUTS = (
+    PlannedCut(name="slot roughing", immersion="slot", depth=2.0, feed_per_tooth=0.045),
+    PlannedCut(name="side roughing", depth=6.0, width=3.0, feed_per_tooth=0.06),
+    PlannedCut(name="side finishing", depth=8.0, width=0.8, cutting_speed=150.0),
+)
+CUTTERS = (
+    Cutter(name="EM12Z4"),
+    Cutter(name="EM10Z4", diameter=10.0, helix=35.0, runout=4.0, edge_scatter=0.1),
+)
+
+
+def _life(
+    tool: str, cutter: str, cuts: tuple[str, str], speed: float, interval: float,
+    records: int | None = None,
+) -> PlannedLife:  # fmt: skip
+    return PlannedLife(
+        tool=tool, cutter=cutter, cuts=cuts, speed=speed, interval=interval, records=records
+    )
+
+
+SLOT, SIDE, FINISH = (one.name for one in CUTS)
+LIVES = (
+    _life("T21", "EM12Z4", (SLOT, SIDE), 1.0, 4.0),
+    _life("T22", "EM12Z4", (SIDE, FINISH), 1.1, 5.0),
+    _life("T23", "EM12Z4", (SLOT, FINISH), 0.92, 5.0),
+    _life("T24", "EM12Z4", (SIDE, SLOT), 1.05, 4.0),
+    _life("T25", "EM12Z4", (FINISH, SIDE), 0.97, 6.0),
+    _life("T31", "EM10Z4", (SLOT, SIDE), 1.08, 3.0),
+    _life("T32", "EM10Z4", (SIDE, FINISH), 1.0, 5.0),
+    _life("T33", "EM10Z4", (SIDE, SLOT), 0.95, 3.5),
+    _life("T26", "EM12Z4", (SLOT, SIDE), 1.02, 4.0, records=10),
+    _life("T34", "EM10Z4", (SIDE, FINISH), 1.04, 5.0, records=8),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wear(Ranged, section="Wear"):
+    """Tool lives of a machine: nothing of them is written unless they are ``recorded``.
+
+    Parameters
+    ----------
+    most : int
+        Records of one life at the most.
+    depth_error, width_error : float
+        Relative standard deviations of what is in the way of the tool.
+    speed_error, speed_wander : float
+        Of the spindle, as in the dynamometer's tests.
+    unsteady : float
+        Relative standard deviation of the force inside one cut by the material's structure.
+    entries : float
+        Share of the records that hold the tool's way into the material, and as many out of it.
+    delimiter, decimal : str
+        Of the list of records.
+
+    Raises
+    ------
+    ValueError
+        When a life names a cutter or a cut that there is not, or two tools have one name.
+    """
+
+    recorded: bool = True
+    workpiece: Steel = field(default_factory=Steel)
+    cutters: tuple[Cutter, ...] = CUTTERS
+    cuts: tuple[PlannedCut, ...] = CUTS
+    lives: tuple[PlannedLife, ...] = LIVES
+    rate: WearRate = field(default_factory=WearRate)
+    sensors: Sensors = field(default_factory=Sensors)
+    microscope: Microscope = field(default_factory=Microscope)
+    most: Annotated[int, Range(least=1, most=500)] = 48
+    depth_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
+    width_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
+    speed_error: Annotated[float, Range(least=0, most=0.05)] = 1e-3
+    speed_wander: Annotated[float, Range(least=0, most=0.05)] = 1e-3
+    unsteady: Annotated[float, Range(least=0, most=0.5)] = 0.02
+    entries: Annotated[float, Range(least=0, most=0.5)] = 0.08
+    delimiter: Literal[",", ";"] = ","
+    decimal: Literal[".", ","] = "."
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for life in self.lives:
+            self.cutter(life)
+            self.planned(life)
+        if len({life.tool for life in self.lives}) != len(self.lives):
+            raise ValueError("Wear.lives: two tools have one name: give each a name of its own")
+        if self.delimiter == self.decimal:
+            raise ValueError(f"Wear.delimiter = {self.delimiter!r} is the decimal mark too")
+
+    def cutter(self, life: PlannedLife) -> Cutter:
+        """Type of the tool of a life."""
+        return _named(self.cutters, life.cutter, life.tool)
+
+    @property
+    def longest(self) -> int:
+        """Records over which a life is followed, so that its end is known of each tool."""
+        return 2 * self.most
+
+    def planned(self, life: PlannedLife) -> list[PlannedCut]:
+        """Cuts of a life."""
+        if not life.cuts:
+            raise ValueError(f"Wear.lives: {life.tool} has no cuts: name at least one")
+        return [_named(self.cuts, name, life.tool) for name in life.cuts]
+
+
+def _named(some: tuple[Named, ...], name: str, tool: str) -> Named:
+    for one in some:
+        if one.name == name:
+            return one
+    raise ValueError(
+        f"Wear.lives: {tool} has {name!r}, which is none of {', '.join(o.name for o in some)}"
+    )

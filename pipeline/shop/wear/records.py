@@ -1,0 +1,265 @@
+"""Records of tool lives: half a second of some cuts as Parquet, the list of them, the truth.
+
+``wear/<tool>_<number>.parquet`` has seven channels, the unit of each in its field's metadata, and
+no time: the rate stands in the machine's file.  ``wear/lives.csv`` has one row a record in the
+order of cutting; the land has a value where somebody measured it.
+"""
+
+from dataclasses import asdict, dataclass, replace
+from math import pi
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pipeline.schema import store
+from pipeline.schema.arrays import Floats
+from pipeline.shop.cutting.force import Motion
+from pipeline.shop.cutting.parameters import Conditions, Workpiece
+from pipeline.shop.files import write_text
+from pipeline.shop.motion import lagged
+from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.wear.force import cut_forces, workpiece
+from pipeline.shop.wear.parameters import PlannedLife, Wear
+from pipeline.shop.wear.rate import WornTool, conditions, flank_wear, new_tool
+from pipeline.shop.wear.sensors import (
+    FINE,
+    LOST,
+    Mounting,
+    channels,
+    mounted,
+    recorded,
+    truth,
+)
+
+Window = Literal["inside", "entry", "exit"]
+
+BLOCK = 120.0
+"""Length of a pass [mm]."""
+LEAD = 0.04
+"""Time before the first row in which modes and filters settle [s]."""
+AIR = 0.08
+"""Time in the air of a record that holds the way in or out [s]."""
+SLOW = 0.15
+"""Time constant of the spindle's wander and of the material's structure [s]."""
+COLUMNS = (
+    ("Recorded", "UTC"), ("File", ""), ("Tool", ""), ("Tool type", ""), ("Material", ""),
+    ("Cut", ""), ("Speed", "1/min"), ("Feed", "mm/min"), ("Depth", "mm"), ("Width", "mm"),
+    ("Time in cut", "min"), ("Feed travel", "m"), ("VB", "um"),
+)  # fmt: skip
+"""Columns of the list and their units."""
+DEFINITION = {
+    "wear_um": "width of the flank's land of each tooth at the record",
+    "worn_after_min": "time in the cut until the mean land is what ends a life by its reading",
+    "slope": "edge force by the land of a tooth: N for each mm of depth and each mm of land",
+    "hardness": "of the batch against the usual one; force and wear follow it",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """One life at its K records: time in cut (K,) [min], hardness (K,) [1], land (K, F) [um]."""
+
+    cuts: list[Conditions]
+    names: list[str]
+    tool: WornTool
+    times: Floats
+    hardness: Floats
+    land: Floats
+    measured: Floats
+    """What was written down after each record [um], NaN where nothing was; shape (K,)."""
+    worn_after: float
+    """Time in the cut until the tool is worn, also of one that is still in use [min]."""
+
+
+def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course:
+    """The life of one tool, until somebody reads that it is worn."""
+    cutter, planned = wear.cutter(life), wear.planned(life)
+    tool = new_tool(cutter, wear.rate, random)
+    cuts = [conditions(one, cutter, life.speed) for one in planned]
+    every = np.arange(wear.longest) + random.uniform(0.2, 0.6, wear.longest)
+    times = every * life.interval
+    changes = random.random(wear.longest) < 1 - np.exp(-life.interval / wear.rate.batch)
+    drawn = 1 + random.normal(0, wear.rate.hardness_scatter, wear.longest + 1)
+    hardness = drawn[np.cumsum(changes)]
+    land = flank_wear(wear.rate, tool, cuts, times, hardness)
+    mean, limit = land.mean(axis=1), wear.microscope.changed_at
+    measured = _measured(wear, mean, random)
+    over = np.flatnonzero(measured >= limit)
+    count = min(int(over[0]) + 1 if over.size else wear.most, life.records or wear.most)
+    return Course(
+        cuts=cuts, names=[one.name for one in planned], tool=tool, times=times[:count],
+        hardness=hardness[:count], land=land[:count], measured=measured[:count],
+        worn_after=float(np.interp(limit, mean, times, right=np.inf)),
+    )  # fmt: skip
+
+
+def _measured(wear: Wear, mean: Floats, random: np.random.Generator) -> Floats:
+    """Readings of the microscope of mean lands (K,) [um], NaN where there is none."""
+    scope = wear.microscope
+    read = mean + random.normal(0, scope.error, mean.size)
+    read = np.maximum(np.round(read / scope.step) * scope.step, 0.0)
+    skipped = np.arange(mean.size) % scope.every != 0
+    forgotten = random.random(mean.size) < scope.forgotten
+    return np.where(skipped | forgotten, np.nan, read)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cut:
+    """One recorded cut: what is true of it."""
+
+    conditions: Conditions
+    workpiece: Workpiece
+    window: Window
+    motion: Motion
+
+
+def _cut(wear: Wear, life: Course, k: int, random: np.random.Generator) -> _Cut:
+    """Draw depth, width, speed and the stretch of the pass of the record ``k``."""
+    told = life.cuts[k % len(life.cuts)]
+    depth = told.depth * (1 + random.normal(0, wear.depth_error))
+    side = told.width if told.immersion == "slot" else told.width * (
+        1 + random.normal(0, wear.width_error)
+    )  # fmt: skip
+    lot = random.random()
+    window: Window = "inside"
+    if lot < 2 * wear.entries:
+        window = "entry" if lot < wear.entries else "exit"
+    width = float(min(max(side, 0.01), life.tool.mill.diameter))
+    true = replace(told, depth=float(max(depth, 0.05)), width=width)
+    motion = _motion(wear, true, window, life.tool.mill.radius, random)
+    batch = workpiece(wear.workpiece, float(life.hardness[k]))
+    return _Cut(conditions=true, workpiece=batch, window=window, motion=motion)
+
+
+def _motion(
+    wear: Wear, c: Conditions, window: Window, radius: float, random: np.random.Generator
+) -> Motion:
+    """Position of the tool at each step of a record, its lead included."""
+    rate, velocity, length = wear.sensors.rate * FINE, c.feed / 60e3, BLOCK * 1e-3
+    ramp = AIR + radius / velocity if window != "inside" else 0.0
+    steps = round((wear.sensors.seconds + ramp + LEAD) * rate)
+    travel = steps / rate * velocity
+    inside = random.uniform(radius, max(length - radius - travel, radius + 1e-4))
+    first = {
+        "inside": inside, "entry": -radius - (AIR + LEAD) * velocity,
+        "exit": length + radius + AIR * velocity - travel,
+    }[window]  # fmt: skip
+    share = 1 / (SLOW * rate)
+    wander = lagged(random.standard_normal(steps), share, 0.0) * np.sqrt(2 / share)
+    error = random.uniform(-1, 1) * wear.speed_error
+    speed = c.speed * pi / 30 * (1 + error + wear.speed_wander * wander)
+    angle = random.uniform(0, 2 * pi) + np.cumsum(speed) / rate
+    return Motion(angle=angle, x=first + np.arange(steps) * velocity / rate)
+
+
+def write_wear(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
+    """Write ``wear/*.parquet`` and ``wear/lives.csv`` into ``folder``, when wear is recorded.
+
+    Returns
+    -------
+    dict
+        Of each tool its runout, rates, gains of its mounting; of each record the land of its teeth,
+        hardness, depth and fault; the slope of the edge forces over the land.  Nothing when wear
+        is not recorded.
+    """
+    wear = parameters.wear
+    if not wear.recorded:
+        return {}
+    rows: list[list[str | float]] = []
+    tools = [_life(folder, number, parameters, rows) for number in range(len(wear.lives))]
+    write_text(folder / "wear" / "lives.csv", _listed(rows, wear))
+    w = wear.workpiece
+    return {
+        "definition": DEFINITION,
+        "slope_N_mm2": {
+            "tangential": w.flank_pressure * w.flank_friction, "radial": w.flank_pressure,
+        },
+        "tools": tools,
+    }  # fmt: skip
+
+
+def _life(
+    folder: Path, number: int, parameters: ShopParameters, rows: list[list[str | float]]
+) -> dict[str, Any]:
+    """Write the records of one tool, add their ``rows`` to the list; the truth about it."""
+    wear = parameters.wear
+    plan = wear.lives[number]
+    random = parameters.generator(f"wear {plan.tool}")
+    life, mounting = course(wear, plan, random), mounted(wear.sensors, random)
+    files = []
+    start = parameters.start + np.timedelta64(DAY * (parameters.days + number) + 8 * 3600, "s")
+    for k, minutes in enumerate(life.times.tolist()):
+        lost = (
+            number == 0 and 0 <= k + 1 - wear.sensors.lost_from < wear.sensors.lost_count
+        )  # fmt: skip
+        name = f"wear/{plan.tool}_{k + 1:03d}.parquet"
+        cut, values = _values(wear, life, mounting, k, random)
+        if lost:
+            values[:, wear.sensors.lost - 1] *= LOST
+        _write(folder / name, values, wear)
+        c, told = life.cuts[k % len(life.cuts)], life.measured[k]
+        travel = np.mean([one.feed for one in life.cuts]) * minutes * 1e-3
+        rows.append([
+            stamp(start, minutes * 90.0), name, plan.tool, plan.cutter, wear.workpiece.name,
+            life.names[k % len(life.cuts)], c.speed, c.feed, c.depth, c.width, minutes,
+            float(travel), float(told),
+        ])  # fmt: skip
+        files.append({
+            "file": name, "wear_um": np.round(life.land[k], 2).tolist(),
+            "hardness": round(float(life.hardness[k]), 5), "window": cut.window,
+            "depth_mm": round(cut.conditions.depth, 4), "width_mm": round(cut.conditions.width, 4),
+            "lost": wear.sensors.columns[wear.sensors.lost - 1] if lost else "",
+            "measured_um": None if np.isnan(told) else float(told),
+        })  # fmt: skip
+    mill = asdict(life.tool.mill)
+    kept = ("runout", "runout_angle", "tilt", "tilt_angle", "sharpness")
+    return {
+        "tool": plan.tool, "cutter": plan.cutter, **{name: mill[name] for name in kept},
+        "rates": np.round(life.tool.teeth, 4).tolist(),
+        "worn_after_min": round(life.worn_after, 3) if np.isfinite(life.worn_after) else None,
+        **truth(wear.sensors, mounting),
+        "files": files,
+    }  # fmt: skip
+
+
+def _values(
+    wear: Wear, life: Course, mounting: Mounting, k: int, random: np.random.Generator
+) -> tuple[_Cut, Floats]:
+    """The record ``k`` of a life, and its seven channels as the converter has them, (T, 7)."""
+    cut = _cut(wear, life, k, random)
+    mill, motion = life.tool.mill, cut.motion
+    force = cut_forces(cut.conditions, mill, cut.workpiece, life.land[k], motion, BLOCK)
+    share = 1 / (SLOW * wear.sensors.rate * FINE)
+    structure = lagged(random.standard_normal(len(force)), share, 0.0) * np.sqrt(2 / share)
+    force *= 1 + wear.unsteady * structure[:, None]
+    speed = cut.conditions.speed * pi / 30 * mill.radius
+    true = channels(wear.sensors, force, motion.angle, speed, random)
+    rows = true[round(LEAD * wear.sensors.rate) :]
+    return cut, recorded(wear.sensors, rows, mounting, k / wear.most, random)
+
+
+def _write(path: Path, values: Floats, wear: Wear) -> None:
+    """Write the seven channels of one record in the units of its files."""
+    import pyarrow as pa
+
+    sensors = wear.sensors
+    columns = (values * np.array(sensors.factors)).astype(np.float32).T
+    fields = [
+        pa.field(name, pa.float32(), metadata={"unit": unit})
+        for name, unit in zip(sensors.columns, sensors.units, strict=True)
+    ]
+    store.write_table(pa.table([pa.array(c) for c in columns], schema=pa.schema(fields)), path)
+
+
+def _listed(rows: list[list[str | float]], wear: Wear) -> str:
+    """The list of all records: names, units, a row each."""
+    head = [wear.delimiter.join(part) for part in zip(*COLUMNS, strict=True)]
+    lines = [wear.delimiter.join(_cell(v, wear.decimal) for v in row) for row in rows]
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def _cell(value: str | float, decimal: str) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if np.isnan(value) else f"{value:.3f}".rstrip("0").rstrip(".").replace(".", decimal)

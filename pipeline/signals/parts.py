@@ -1,0 +1,94 @@
+"""Parts of a recorded table: rows that the values of some columns tell apart, as records by name.
+
+A table may hold many tools, cuts or experiments, with words or whole numbers in columns that say
+which; each part is then a recording of its own, called ``<file>#<column>=<value>,…`` in section
+``roles`` of the machine's file, with the hash of its own samples.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.schema.arrays import Bools, Floats
+
+PART = "#"
+"""Between the name of a raw file and that of a part of it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TablePart:
+    """Rows of a table in which some columns hold the same values.
+
+    Parameters
+    ----------
+    values : mapping of str to str
+        Column -> its value, as a word.
+    rows : ndarray of bool, shape (T,)
+        Of the table.
+    """
+
+    values: Mapping[str, str]
+    rows: Bools
+
+    def name(self, file: str) -> str:
+        """Name of the part of the raw file ``file``."""
+        named = ",".join(f"{key}={value}" for key, value in self.values.items())
+        return f"{file}{PART}{named}"
+
+
+def parts_of(path: Path, columns: Sequence[str], section: str) -> list[TablePart]:
+    """Parts of a table of the ingest, in the order of their first rows.
+
+    Parameters
+    ----------
+    path : Path
+        Parquet of the table.
+    columns : sequence of str
+        Whose values tell parts apart.
+    section : str
+        Key of the machine's file that names them, for the message.
+
+    Raises
+    ------
+    ValueError
+        When the table has no column of that name.
+    """
+    names = pq.read_schema(path).names
+    for name in columns:
+        if name not in names:
+            raise ValueError(f"it has no column {name!r}, which {section} names: correct it")
+    table = pq.read_table(path, columns=list(columns))
+    words = [as_words(table[name]) for name in columns]
+    joined = np.array(["\x1f".join(row) for row in zip(*words, strict=True)])
+    kinds, first = np.unique(joined, return_index=True)
+    return [
+        TablePart(
+            values=dict(zip(columns, kinds[k].split("\x1f"), strict=True)), rows=joined == kinds[k]
+        )
+        for k in np.argsort(first).tolist()
+    ]
+
+
+def as_words(column: pa.ChunkedArray) -> list[str]:
+    """Values of a column as words; whole numbers without a fraction, ``""`` for none."""
+    return [
+        "" if value is None
+        else f"{value:g}" if isinstance(value, float) and abs(value) < 1e6
+        else f"{value:.0f}" if isinstance(value, float) and value == int(value)
+        else str(value)
+        for value in column.to_pylist()
+    ]  # fmt: skip
+
+
+def samples_sha256(named: Iterable[tuple[str, Floats]]) -> str:
+    """SHA-256 of named channels: a copy has the same, whatever its file is called."""
+    digest = sha256()
+    for name, values in named:
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return digest.hexdigest()

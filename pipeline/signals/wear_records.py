@@ -1,0 +1,217 @@
+"""Section ``wear_records`` of a machine's file: which recordings show the wear of tools, and how.
+
+A recording is a table of any number of channels; it is one file a cut, a part of a table with many
+experiments, or one file an experiment.  Tool, wear and conditions stand in columns of the
+recording, in its name, in what tells parts of a table apart, or in a table beside the recordings.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged, Share
+from pipeline.signals.recordings import WORDS, Channel
+from pipeline.signals.units import conversion
+
+WEAR_UNIT = "um"
+"""Unit of flank wear VB (ISO 8688-2) in windows and models."""
+CLASS_UNIT = "1"
+"""Unit of wear that is a class: 1 worn, 0 not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearSource(Ranged, section="wear_records.wear"):
+    """Where the wear of the tool stands: a number, or words for worn and not worn.
+
+    Parameters
+    ----------
+    name : str
+        Of the column or condition.
+    unit : str
+        Of the number where it is recorded without one.
+    worn, unworn : tuple of str
+        Words of a tool that is worn and of one that is not; empty where wear is a number.
+
+    Raises
+    ------
+    ValueError
+        When there are words of one class only, or the unit is none of a length.
+    """
+
+    name: str
+    unit: str = WEAR_UNIT
+    worn: tuple[str, ...] = ()
+    unworn: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.worn) != bool(self.unworn):
+            raise ValueError(
+                f"wear_records.wear of {self.name!r} has words of one class only: name those of "
+                "both worn and unworn, or none for a number"
+            )
+        try:
+            conversion(self.unit, WEAR_UNIT)
+        except ValueError as error:
+            raise ValueError(f"wear_records.wear.unit = {self.unit!r}: {error}") from error
+
+    @property
+    def is_class(self) -> bool:
+        """Whether wear is worn or not, no number."""
+        return bool(self.worn)
+
+    @property
+    def target_unit(self) -> str:
+        """Unit of wear in windows."""
+        return CLASS_UNIT if self.is_class else WEAR_UNIT
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionTable:
+    r"""A table beside the recordings with one row for each.
+
+    Parameters
+    ----------
+    file : str
+        Its raw file below the machine's folder, among the tables of section ``records``.
+    key : str
+        Column by which a recording's row is found.
+    name : str
+        Regular expression on the recording's name whose first group is the key's value
+        (``"experiment_(\d+)"``); empty where the key holds names of files, below the machine's
+        folder or beside the table.
+    """
+
+    file: str
+    key: str
+    name: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InCut(Ranged, section="wear_records.in_cut"):
+    """Which rows of a recording are in cut.
+
+    Parameters
+    ----------
+    channel : Channel
+        Of words (a phase of the process), or of numbers whose level tells.
+    values : tuple of str
+        Patterns of the words of a cut.
+    least : float or None
+        Level from which on the tool is in cut, in SI; the level is the RMS over ``over_s``.
+    share : float
+        Where ``least`` is not given, that level as a share of the recording's 95 % quantile [1].
+    over_s : float
+        Time of the RMS [s].
+
+    Raises
+    ------
+    ValueError
+        When a channel of words has no values, or one of numbers has some.
+    """
+
+    channel: Channel
+    values: tuple[str, ...] = ()
+    least: NotNegative | None = None
+    share: Share = 0.2
+    over_s: Positive = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.channel.quantity == WORDS) != bool(self.values):
+            raise ValueError(
+                f"wear_records.in_cut.values = {list(self.values)} do not fit channel "
+                f"{self.channel.column!r}: name the words of a cut for a channel of quantity words,"
+                " and none for one of numbers"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearRecords(Ranged, section="wear_records"):
+    """Recordings that show the wear of tools, and the windows that are made of them.
+
+    Parameters
+    ----------
+    recordings : tuple of str
+        Patterns of raw files below the machine's folder.
+    channels : mapping of str to Channel
+        Signals of a window, in its order; any number of them.
+    wear : WearSource
+        Where the wear stands.
+    tool : str
+        Condition that names the tool, whose recordings belong together in every split; empty where
+        each recording, or part of one, is a tool of its own.
+    progress : str
+        Continuous condition that grows with the use of the tool (time in cut, length, number of the
+        cut); empty for the time since the recording began [s], or where a tool has several
+        recordings without such a condition, for their number in the order of their names.
+    continuous : mapping of str to str
+        Conditions that are numbers -> the unit in which they are given and, where they are recorded
+        without one, are taken to be.
+    discrete : tuple of str
+        Conditions that are words: material, type of cut.
+    parts : tuple of str
+        Columns whose values tell the parts of a table apart; they are conditions too.
+    table : ConditionTable or None
+        Table of conditions beside the recordings.
+    name : str or None
+        Regular expression on a recording's name whose named groups are conditions.
+    in_cut : InCut or None
+        Which rows are in cut; None where all are.
+    rate_Hz : float
+        Rate of the windows [Hz]; what was recorded faster is low-passed and decimated.
+    length : int
+        Samples L of a window [1].
+    most : int or None
+        Windows of one recording at most, evenly spread [1]; None for all.
+    interpolate : bool
+        Whether wear of a recording that was not measured is interpolated between those of the same
+        tool before and after it; else the recording is left out.
+
+    Raises
+    ------
+    ValueError
+        When there is no channel, ``progress`` is no continuous condition, or a condition is both
+        continuous and discrete.
+    """
+
+    recordings: tuple[str, ...]
+    channels: Mapping[str, Channel]
+    wear: WearSource
+    tool: str = ""
+    progress: str = ""
+    continuous: Mapping[str, str] = field(default_factory=dict)
+    discrete: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
+    table: ConditionTable | None = None
+    name: str | None = None
+    in_cut: InCut | None = None
+    rate_Hz: Positive
+    length: Annotated[int, Range(least=8)] = 500
+    most: Count | None = None
+    interpolate: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.channels:
+            raise ValueError("wear_records.channels is empty: name a channel")
+        if self.progress and self.progress not in self.continuous:
+            raise ValueError(
+                f"wear_records.progress = {self.progress!r} is none of wear_records.continuous = "
+                f"{list(self.continuous)}: name it there with its unit"
+            )
+        if both := sorted(set(self.continuous) & set(self.discrete)):
+            raise ValueError(
+                f"wear_records: condition {both[0]!r} is both continuous and discrete: name it in "
+                "one of them"
+            )
+        for name, channel in self.channels.items():
+            if channel.quantity == WORDS:
+                raise ValueError(
+                    f"wear_records.channels.{name} is a channel of words: name one of numbers"
+                )
+
+    @property
+    def window_s(self) -> float:
+        """Length of a window [s]."""
+        return self.length / self.rate_Hz

@@ -1,0 +1,211 @@
+"""Windows of signals at known tool wear, their scaling, and lives of tools.
+
+A life is all that was recorded of one tool.  Wear is flank wear VB [um], or a class (1 worn, 0
+not).  :func:`pipeline.signals.wear_lives.read_lives` reads them by section ``wear_records`` of the
+machine's file:
+
+    lives = read_lives(signals, records)
+    windows = WearWindows.joined([life.windows for life in lives.lives])
+    windows.values                                    # (N, C, L) float32, in windows.units
+    windows.wear, windows.tool, windows.conditions["feed"]    # (N,) each
+    scaling = ChannelScaling.of(windows.of(windows.tool != "T3").values)   # training windows only
+    scaling.scaled(windows.values)                    # (N, C, L) float32, about zero and one wide
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.schema.arrays import Bools, Floats
+
+Words = NDArray[np.str_]
+Singles = NDArray[np.float32]
+
+NORMAL_IQR = 1.349
+"""Interquartile range of a normal distribution of standard deviation 1."""
+NORMAL_90 = 3.290
+"""Range of a normal distribution of standard deviation 1 that holds 90 %."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelScaling:
+    """What is taken off each channel and what it is divided by; kept with a model.
+
+    Parameters
+    ----------
+    shift, scale : tuple of float
+        C each, in the channel's unit.
+    """
+
+    shift: tuple[float, ...]
+    scale: tuple[float, ...]
+
+    @staticmethod
+    def of(values: Singles) -> "ChannelScaling":
+        """Median and normal-consistent interquartile range of windows, shape (N, C, L).
+
+        A channel that rests for most of the time takes the range that holds 90 % instead, or its
+        standard deviation where it rests for longer still; a constant one takes 1.
+        """
+        flat = np.asarray(values, np.float64).transpose(1, 0, 2).reshape(values.shape[1], -1)
+        least, low, shift, high, most = np.quantile(flat, [0.05, 0.25, 0.5, 0.75, 0.95], axis=1)
+        spread, wide = (high - low) / NORMAL_IQR, (most - least) / NORMAL_90
+        scale = np.where(spread > 0.3 * wide, spread, np.where(wide > 0, wide, flat.std(axis=1)))
+        scale = np.where(scale > 1e-9 * np.maximum(np.abs(shift), 1e-300), scale, 1.0)
+        return ChannelScaling(shift=tuple(shift.tolist()), scale=tuple(scale.tolist()))
+
+    def scaled(self, values: Singles) -> Singles:
+        """Windows about zero and about one wide, shape (N, C, L)."""
+        shift, scale = (np.array(one)[:, None] for one in (self.shift, self.scale))
+        return ((values - shift) / scale).astype(np.float32)
+
+    def unscaled(self, values: Singles) -> Singles:
+        """Windows in the channels' units again, shape (N, C, L)."""
+        shift, scale = (np.array(one)[:, None] for one in (self.shift, self.scale))
+        return (values * scale + shift).astype(np.float32)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WearWindows:
+    """N windows of C channels and L samples, with the wear that they were recorded at.
+
+    Parameters
+    ----------
+    values : ndarray of float32, shape (N, C, L)
+        In ``units``.
+    channels, units : tuple of str
+        C each.
+    rate_Hz : float
+        Of the samples [Hz].
+    wear : ndarray, shape (N,)
+        Flank wear [um], or 1 worn and 0 not; in ``wear_unit``.  NaN where it is not known, which
+        only recordings whose wear is to be estimated have.
+    wear_unit : str
+        ``"um"``, or ``"1"`` for a class.
+    measured : ndarray of bool, shape (N,)
+        False where the wear was interpolated between measurements of the same tool.
+    conditions : mapping of str to ndarray, shape (N,)
+        Numbers in ``condition_units``, or words; those of the settings.
+    condition_units : mapping of str to str
+        Unit of each condition that is a number; words have none.
+    tool, recording : ndarray of str, shape (N,)
+        Which tool, and which recording or part of one.
+    time : ndarray, shape (N,)
+        Beginning of the window in its recording [s].
+    progress : ndarray, shape (N,)
+        Use of the tool, as the settings name it; it orders the windows of a life.
+    progress_unit : str
+        ``"s"`` of the recording's time, ``"1"`` of the recording's number.
+    """
+
+    values: Singles
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    rate_Hz: float
+    wear: Floats
+    wear_unit: str
+    measured: Bools
+    conditions: Mapping[str, Any]
+    condition_units: Mapping[str, str]
+    tool: Words
+    recording: Words
+    time: Floats
+    progress: Floats
+    progress_unit: str
+
+    def __len__(self) -> int:
+        return len(self.wear)
+
+    @property
+    def is_class(self) -> bool:
+        """Whether wear is worn or not, no number."""
+        return self.wear_unit == "1"
+
+    @property
+    def window_s(self) -> float:
+        """Length of a window [s]."""
+        return self.values.shape[2] / self.rate_Hz
+
+    def of(self, rows: Any) -> "WearWindows":
+        """Some of the windows, by a mask, by numbers or as a slice."""
+        named = ("values", "wear", "measured", "tool", "recording", "time", "progress")
+        return replace(
+            self, **{name: getattr(self, name)[rows] for name in named},
+            conditions={name: values[rows] for name, values in self.conditions.items()},
+        )  # fmt: skip
+
+    @staticmethod
+    def joined(parts: Sequence["WearWindows"]) -> "WearWindows":
+        """Windows of several parts of one machine, one after the other.
+
+        Raises
+        ------
+        ValueError
+            When there are none, or their channels, rates or lengths differ.
+        """
+        if not parts:
+            raise ValueError("there are no windows to join: give one part at least")
+        first = parts[0]
+        for other in parts[1:]:
+            mine, theirs = (
+                (one.channels, one.units, one.rate_Hz, one.values.shape[1:], one.wear_unit)
+                for one in (first, other)
+            )
+            if mine != theirs:
+                raise ValueError(f"windows of {mine} and of {theirs} do not go together")
+        named = ("values", "wear", "measured", "tool", "recording", "time", "progress")
+        arrays: dict[str, Any] = {n: np.concatenate([getattr(w, n) for w in parts]) for n in named}
+        return replace(
+            first, **arrays,
+            conditions={
+                name: np.concatenate([one.conditions[name] for one in parts])
+                for name in first.conditions
+            },
+        )  # fmt: skip
+
+    def sha256s(self) -> list[str]:
+        """SHA-256 of the samples of each window: a copy has the same, wherever it stands."""
+        return [sha256(np.ascontiguousarray(one).tobytes()).hexdigest() for one in self.values]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LifeFile:
+    """A recording of a life: its name, its raw file, and the hash of its bytes.
+
+    The hash is one of the samples where the recording is a part of a table.
+    """
+
+    name: str
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToolLife:
+    """All that was recorded of one tool.
+
+    Parameters
+    ----------
+    tool : str
+        Its name.
+    files : tuple of LifeFile
+        Recordings, in the order of progress.
+    windows : WearWindows
+        In the order of progress.
+    """
+
+    tool: str
+    files: tuple[LifeFile, ...]
+    windows: WearWindows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lives:
+    """Lives of tools in the order of their names, and recordings of no use with the reason."""
+
+    lives: tuple[ToolLife, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,106 @@
+"""Lives of tools as cases: roles, conditions, and windows that were copied from a training life."""
+
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.schema.golden import GoldenSets
+from pipeline.schema.model import LeftOut, SourceFile
+from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.wear_lives import read_lives
+from pipeline.signals.wear_records import WearRecords
+from pipeline.signals.wear_windows import ToolLife, WearWindows
+from pipeline.submodels.cases import Case, Cases, Roles, role_of
+
+
+def life_cases(
+    signals: Path, records: WearRecords, roles: Roles, sets: GoldenSets | None,
+    in_use: Collection[str] = (),
+) -> Cases:  # fmt: skip
+    """Lives of a machine's tools.
+
+    A tool is in training as soon as one of its recordings is, so that none is learnt from and
+    judged on.  A window of another life with the samples of one in training makes the case name the
+    training recording among its files: the judge then refuses it as seen.  Of tools ``in_use`` the
+    recordings after the last measurement of their wear are kept, with NaN.
+
+    Raises
+    ------
+    ValueError
+        When no recording fits the patterns, or the table of conditions cannot be read.
+    """
+    found = read_lives(signals, records, roles.is_training, in_use=in_use)
+    by_role: list[tuple[ToolLife, Role]] = [
+        (life, role_of(_names(life), roles, sets)) for life in found.lives
+    ]
+    training = [life for life, role in by_role if role == "training"]
+    learnt = {
+        digest: life.files[_file_of(life, k)].sha256
+        for life in training
+        for k, digest in enumerate(life.windows.sha256s())
+    }
+    cases = []
+    for life, role in by_role:
+        files = [SourceFile(file=one.file, sha256=one.sha256) for one in life.files]
+        if role != "training":
+            files += _copied(life, learnt)
+        conditions = {} if role == "sealed" else _conditions(life, training)
+        cases.append(
+            Case(
+                name=life.tool, group=life.tool, role=role, files=tuple(files),
+                load=_constant(life.windows), conditions=conditions,
+            )
+        )  # fmt: skip
+    left_out = [LeftOut(case=name, reason=reason) for name, reason in found.left_out.items()]
+    return Cases(cases=tuple(cases), left_out=tuple(left_out))
+
+
+def _names(life: ToolLife) -> list[str]:
+    """Names by which a life may be given a role: those of its recordings and raw files."""
+    return [*dict.fromkeys(n for one in life.files for n in (one.name, one.file)), life.tool]
+
+
+def _file_of(life: ToolLife, window: int) -> int:
+    names = [one.name for one in life.files]
+    return names.index(str(life.windows.recording[window]))
+
+
+def _copied(life: ToolLife, learnt: dict[str, str]) -> list[SourceFile]:
+    """For each training recording of which a window stands in this life, that copy."""
+    seen: dict[str, SourceFile] = {}
+    for k, digest in enumerate(life.windows.sha256s()):
+        if (source := learnt.get(digest)) is not None:
+            name = f"{life.windows.recording[k]}, window at {life.windows.time[k]:.4g} s,"
+            seen.setdefault(source, SourceFile(file=name, sha256=source))
+    return list(seen.values())
+
+
+def _conditions(life: ToolLife, training: list[ToolLife]) -> dict[str, Fact]:
+    """Of each condition the value of the life that lies furthest from what training lives have."""
+    found = {}
+    for name, values in life.windows.conditions.items():
+        others = [one.windows.conditions[name] for one in training]
+        if name in life.windows.condition_units:
+            numbers = [np.asarray(one, float) for one in others]
+            low = min((float(one.min()) for one in numbers), default=-np.inf)
+            high = max((float(one.max()) for one in numbers), default=np.inf)
+            beyond = np.maximum(low - values, values - high)
+            furthest = float(values[int(np.argmax(beyond))])
+            value = float(f"{furthest:.6g}")
+            if np.isfinite(value):
+                found[name] = Fact(value=value, unit=life.windows.condition_units[name])
+        else:
+            known = {word for one in others for word in one.tolist()}
+            words = dict.fromkeys(values.tolist())
+            found[name] = Fact(value=next((w for w in words if w not in known), next(iter(words))))
+    return found
+
+
+def _constant(windows: WearWindows) -> Callable[[], WearWindows]:
+    return lambda: windows
+
+
+def windows_of(cases: Iterable[Case]) -> WearWindows:
+    """Windows of all cases, one after the other."""
+    return WearWindows.joined([case.load() for case in cases])

@@ -1,0 +1,286 @@
+"""Fit of tool wear: every method on training tools, and who serves by tools left out.
+
+Whole tools are left out in turn.  The blend's weights for a tool come from the predictions of the
+others, each of which was left out itself.  The interval's half width is conformal over tools.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.parallel import mapped
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.interval import Bands
+from pipeline.signals.wear_windows import ChannelScaling, WearWindows
+from pipeline.submodels.conformal import Residuals, bands, splits
+from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
+from pipeline.submodels.wear.methods import (
+    blend_weights,
+    fit_curve,
+    fit_forest,
+    fit_ridge,
+)
+from pipeline.submodels.wear.model import (
+    BLEND,
+    FOREST,
+    GUESS,
+    METHODS,
+    RESNET,
+    RIDGE,
+    Fitted,
+    MethodScore,
+    MethodsFile,
+    Readings,
+    WearFitSettings,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WearFit:
+    """What the fit found; see :class:`~pipeline.submodels.wear.model.WearModel`."""
+
+    scaling: ChannelScaling
+    known: KnownConditions
+    per_recording: bool
+    champion: str
+    alone: str
+    scores: Mapping[str, MethodScore]
+    weights: Mapping[str, float]
+    bands: Mapping[str, Bands]
+    methods: MethodsFile
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A fold: windows to fit on, and those of the tools left out."""
+
+    training: WearWindows
+    left: WearWindows
+    progress: str
+    settings: WearFitSettings
+    fold: int
+
+
+def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> WearFit:
+    """Fit every method on training windows, and decide who serves.
+
+    Parameters
+    ----------
+    windows : WearWindows
+        Of all training tools, in the order of tools and of their use.
+    progress : str
+        Condition that is the tool's use; empty where there is none.
+    settings : WearFitSettings
+        Of the fit.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than three tools, or one class only.
+    """
+    tools = list(dict.fromkeys(windows.tool.tolist()))
+    if len(tools) < 3:
+        raise ValueError(
+            f"there are {len(tools)} training tools with windows in cut, three are the least: one "
+            "to leave out, one to learn from and one to stop by; name more in roles.training"
+        )
+    if windows.is_class and len(np.unique(windows.wear)) < 2:
+        raise ValueError(
+            "all training tools are of one class: name worn ones and others in roles.training"
+        )
+    several = {tool: len(set(windows.recording[windows.tool == tool].tolist())) for tool in tools}
+    per_recording = max(several.values()) > 1
+    order = _balanced(windows, tools)
+    tasks = []
+    for fold, (_, left) in enumerate(splits(order, settings.folds)):
+        kept = np.isin(windows.tool, left)
+        tasks.append(
+            _Task(
+                training=windows.of(~kept), left=windows.of(kept), progress=progress,
+                settings=settings, fold=fold,
+            )
+        )  # fmt: skip
+    slow = RESNET in settings.methods  # else a process takes longer to start than to fit
+    done = mapped(_fold, tasks, compute="processes" if slow else "serial")
+    told = [_Told.of(task.left, found, per_recording) for task, (found, _) in zip(
+        tasks, done, strict=True
+    )]  # fmt: skip
+    out = _Told.joined(told)
+    weights = _with_blend(out)
+    scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
+    alone = min((n for n in METHODS if n in scores), key=lambda n: scores[n].rmse)
+    champion = alone
+    if weights and scores[BLEND].rmse < scores[alone].rmse:
+        champion = BLEND
+    own = _fitted(windows, progress, settings)
+    documents = tuple(document for _, document in done if document is not None)
+    return WearFit(
+        scaling=own.scaling, known=own.known, per_recording=per_recording, champion=champion,
+        alone=alone, scores=scores, weights=weights,
+        bands={} if windows.is_class else {
+            name: bands(_residuals(out, name)) for name in dict.fromkeys((champion, alone))
+        },
+        methods=MethodsFile(
+            scaling=own.feature_scaling, ridge=own.ridge,
+            forest=None if own.forest is None else own.forest.document(), networks=documents,
+            guess=own.guess, by_conditions=own.by_conditions, mean=own.mean,
+        ),
+    )  # fmt: skip
+
+
+def _balanced(windows: WearWindows, tools: list[str]) -> list[str]:
+    """Tools so that neighbours, which are left out together, differ in wear: of a class, in turn.
+
+    Every training then has tools of either class as far as there are enough.
+    """
+    if not windows.is_class:
+        return tools
+    mean = {tool: float(windows.wear[windows.tool == tool].mean()) for tool in tools}
+    worn, unworn = ([t for t in tools if (mean[t] > 0.5) is is_worn] for is_worn in (True, False))
+    placed = [
+        ((k + 0.5) / len(part), tool) for part in (worn, unworn) for k, tool in enumerate(part)
+    ]
+    return [tool for _, tool in sorted(placed)]
+
+
+def _fold(task: _Task) -> tuple[dict[str, Floats], dict[str, object] | None]:
+    """Predictions of the tools left out by every method, and the network's document."""
+    fitted = _fitted(task.training, task.progress, task.settings)
+    document = None
+    if RESNET in task.settings.methods:
+        from pipeline.nets.wear import train_judge
+
+        part = task.training.of(_spread(task.training, task.settings.windows))
+        budget = task.settings.training
+        judge = train_judge(
+            part.values, part.wear, part.tool,
+            scaling=(fitted.scaling.shift, fitted.scaling.scale), wear_unit=part.wear_unit,
+            conditions=fitted.known.columns(part), network=task.settings.network,
+            training=replace(budget, seed=budget.seed + task.fold),
+        )  # fmt: skip
+        fitted = replace(fitted, networks=(judge,))
+        document = judge.document()
+    return fitted.predict(task.left), document
+
+
+def _fitted(windows: WearWindows, progress: str, settings: WearFitSettings) -> Fitted:
+    """Every method but the network, on windows of training tools."""
+    scaling, known = ChannelScaling.of(windows.values), KnownConditions.of(windows, progress)
+    x = features(windows, scaling, known)
+    of_features = FeatureScaling.of(x)
+    x, tool = of_features.scaled(x), windows.tool
+    matrix = known.matrix(windows)
+    use = np.asarray(windows.progress, float)
+    timed = not windows.is_class and bool(np.isfinite(use).all())
+    means = [float(windows.wear[tool == one].mean()) for one in np.unique(tool)]
+    chosen = settings.methods
+    return Fitted(
+        scaling=scaling, known=known, feature_scaling=of_features,
+        ridge=fit_ridge(x, windows.wear, tool) if RIDGE in chosen else None,
+        forest=fit_forest(x, windows.wear, tool, settings.forest, settings.seed)
+        if FOREST in chosen else None,
+        networks=(),
+        guess=fit_curve(use, windows.wear, tool) if timed else None,
+        by_conditions=fit_ridge(matrix, windows.wear, tool)
+        if windows.is_class and matrix.shape[1] else None,
+        mean=float(np.mean(means)), is_class=windows.is_class,
+    )  # fmt: skip
+
+
+def _spread(windows: WearWindows, most: int) -> Bools:
+    """At most so many windows, evenly spread over each tool; shape (N,)."""
+    if len(windows) <= most:
+        return np.ones(len(windows), bool)
+    every = np.zeros(len(windows), bool)
+    tools, count = np.unique(windows.tool, return_counts=True)
+    for tool, many in zip(tools, count, strict=True):
+        wanted = max(round(most * many / len(windows)), 1)
+        rows = np.flatnonzero(windows.tool == tool)
+        every[rows[np.linspace(0, many - 1, wanted).round().astype(int)]] = True
+    return every
+
+
+# ---- tools left out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Told:
+    """Readings of tools left out: wear measured and told by every method, (K,) each."""
+
+    by: dict[str, Floats]
+    wear: Floats
+    tool: np.ndarray
+    use: Floats
+
+    @staticmethod
+    def of(windows: WearWindows, found: Mapping[str, Floats], per_recording: bool) -> "_Told":
+        readings = Readings.among(windows, per_recording=per_recording)
+        known = windows.measured[readings.first]
+        return _Told(
+            by={name: readings.mean(one)[known] for name, one in found.items()},
+            wear=readings.mean(windows.wear)[known], tool=windows.tool[readings.first][known],
+            use=np.asarray(windows.progress, float)[readings.first][known],
+        )  # fmt: skip
+
+    @staticmethod
+    def joined(parts: "list[_Told]") -> "_Told":
+        return _Told(
+            by={
+                name: np.concatenate([one.by[name] for one in parts])
+                for name in parts[0].by
+                if all(name in one.by for one in parts)
+            },
+            wear=np.concatenate([one.wear for one in parts]),
+            tool=np.concatenate([one.tool for one in parts]),
+            use=np.concatenate([one.use for one in parts]),
+        )
+
+
+def _with_blend(out: _Told) -> dict[str, float]:
+    """Adds the blend to what was told, each tool's by weights of the others; weights of all."""
+    names = [name for name in (*METHODS, GUESS) if name in out.by]
+    if len(names) < 2:
+        return {}
+    told = np.stack([out.by[name] for name in names], axis=1)
+    blend = np.empty(len(out.wear))
+    for tool in np.unique(out.tool):
+        own = out.tool == tool
+        weights = blend_weights(told[~own], out.wear[~own], out.tool[~own])
+        blend[own] = told[own] @ weights
+    out.by[BLEND] = blend
+    found = blend_weights(told, out.wear, out.tool)
+    return {name: float(weight) for name, weight in zip(names, found, strict=True)}
+
+
+def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
+    error = told - out.wear
+    tools = np.unique(out.tool)
+    squares = [float(np.mean(error[out.tool == tool] ** 2)) for tool in tools]
+    sizes = [float(np.mean(np.abs(error[out.tool == tool]))) for tool in tools]
+    return MethodScore(
+        rmse=float(np.sqrt(np.mean(squares))), mae=float(np.mean(sizes)),
+        worst=float(np.sqrt(max(squares))),
+        balanced_accuracy=balanced_accuracy(told, out.wear) if is_class else None,
+    )  # fmt: skip
+
+
+def balanced_accuracy(told: Floats, truth: Floats) -> float | None:
+    """Mean share of either class that is told right at 0.5 [1]; None with one class only.
+
+    Examples
+    --------
+    >>> balanced_accuracy(np.array([0.9, 0.2, 0.6]), np.array([1.0, 1.0, 0.0]))
+    0.25
+    """
+    right = (told > 0.5) == (truth > 0.5)
+    shares = [right[truth > 0.5], right[truth <= 0.5]]
+    if not all(len(one) for one in shares):
+        return None
+    return float(np.mean([one.mean() for one in shares]))
+
+
+def _residuals(out: _Told, name: str) -> Residuals:
+    return Residuals(
+        error=out.wear - out.by[name], regime=np.full(len(out.wear), ""), group=out.tool, t=out.use
+    )

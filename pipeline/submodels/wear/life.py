@@ -1,0 +1,439 @@
+"""Life of tools from measured wear: how long until the criterion, from tool to tool.
+
+A flank wears with the length over which its teeth rub in the material, so that lives under
+different cuts are compared by that length: time in the cut times v_c (phi_ex - phi_st) / 2 pi,
+averaged over the cuts that a tool makes.  Its logarithm until the criterion is a line over log
+v_c with an offset for each type of tool; the slope starts at that of Taylor's V T^n = C, 1 - 1/n.
+Its scatter from tool to tool starts at 0.25 (Rossetto, Levi 1977, have lives scatter by 0.15 to
+0.35) with the weight of three tools; five tools alone would not tell it.  The estimate is Bayes'
+with normal-inverse-gamma priors, the prediction of a further tool a t distribution (Gelman et
+al., *Bayesian Data Analysis*, 3rd ed., ch. 14).
+
+How far a tool is through its life the training tools tell too: the share of the length that was
+spent when the land had each width.  What was read or estimated of a tool in use corrects its own
+life by that; the more precise of the two counts.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import numpy as np
+
+from pipeline.cutting.economics.tool_life import Taylor, life
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+from pipeline.signals.units import conversion
+from pipeline.signals.wear_windows import WearWindows
+
+EXPONENT = 0.25
+"""Taylor's n of cemented carbide where the machine's file has none [1]."""
+SLOPE_SCATTER, KIND_SCATTER = 1.0, 0.3
+"""Prior standard deviations of the slope over log v_c, of a type's offset [1]."""
+TOOL_SCATTER, WEIGHT = 0.25, 3.0
+"""Prior scatter of log life from tool to tool [1], and the tools that it weighs [1]."""
+LEVELS = np.linspace(0.1, 1.0, 19)
+"""Widths of the land against the criterion at which shares of life are known [1]."""
+FEWEST = 3
+"""Worn tools from which on a life is told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutterShape(Ranged, section="wear_life.cutters"):
+    """What a type of tool says beside its name."""
+
+    diameter_mm: Annotated[float, Range(above=0.0, most=500.0, unit="mm")]
+    flutes: Annotated[int, Range(least=1, most=50)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearLifeSettings(Ranged, section="wear_life"):
+    """When a tool counts as worn, which tools are in use, and where their cuts are described.
+
+    Parameters
+    ----------
+    criterion_um : float or None
+        Flank wear VB at which a tool is changed [um]; None where no lives are asked for.
+    reading_error_um : float
+        Standard deviation of a measured VB [um].
+    in_use : tuple of str
+        Tools that are in the machine now.
+    kind : str
+        Condition that names a tool's type; empty where there is one only.
+    cutters : mapping of str to CutterShape
+        By type.
+    speed, feed, depth, width : str
+        Conditions of a recording: spindle speed, feed, axial and radial depth.
+    cut, up : str, tuple of str
+        Condition that names the cut, and its words where teeth enter without a chip (up-milling).
+    forces : mapping of {"feed", "normal"} to str
+        Channel of the force on the tool along the feed and to the left of it, with ``-`` before it
+        where it points the other way, as that on the workpiece does; empty without forces.
+    taylor : Taylor or None
+        What a catalogue says of these tools in this material.
+    """
+
+    criterion_um: Positive | None = None
+    reading_error_um: NotNegative = 3.0
+    in_use: tuple[str, ...] = ()
+    kind: str = ""
+    cutters: Mapping[str, CutterShape] = field(default_factory=dict)
+    speed: str = "spindle_speed"
+    feed: str = "feed"
+    depth: str = "axial_depth"
+    width: str = "radial_depth"
+    cut: str = "cut_type"
+    up: tuple[str, ...] = ()
+    forces: Mapping[Literal["feed", "normal"], str] = field(default_factory=dict)
+    taylor: Taylor | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Engaged:
+    """Geometry of the cuts of N windows, by their conditions.
+
+    Parameters
+    ----------
+    kind : ndarray of str, shape (N,)
+        Type of tool.
+    flutes, v_c, f_z, a_p, phi_st, phi_ex : ndarray, shape (N,)
+        Teeth [1], cutting speed [m/min], feed per tooth [m], axial depth [m], arc of a tooth [rad].
+    """
+
+    kind: np.ndarray
+    flutes: Floats
+    v_c: Floats
+    f_z: Floats
+    a_p: Floats
+    phi_st: Floats
+    phi_ex: Floats
+
+    @property
+    def rubbing(self) -> Floats:
+        """Length over which a tooth rubs for each minute in the cut [m/min], shape (N,)."""
+        return self.v_c * (self.phi_ex - self.phi_st) / (2 * np.pi)
+
+
+def engaged(windows: WearWindows, settings: WearLifeSettings) -> Engaged:
+    """Cuts of windows.
+
+    Raises
+    ------
+    ValueError
+        When a condition is not recorded, or a type has no cutter.
+    """
+
+    def number(name: str, unit: str) -> Floats:
+        if name not in windows.condition_units:
+            raise ValueError(
+                f"wear_life: {name!r} is no condition with a unit: name it in "
+                "wear_records.continuous"
+            )
+        factor, offset = conversion(windows.condition_units[name], unit)
+        return np.asarray(windows.conditions[name], np.float64) * factor + offset
+
+    kind = _words(windows, settings.kind)
+    if strange := sorted(set(kind.tolist()) - set(settings.cutters)):
+        raise ValueError(
+            f"wear_life.cutters has no {strange[0]!r}: give its diameter and its number of flutes"
+        )
+    shapes = [settings.cutters[one] for one in kind.tolist()]
+    diameter = np.array([one.diameter_mm for one in shapes])
+    flutes = np.array([float(one.flutes) for one in shapes])
+    speed = number(settings.speed, "rev/min")
+    width = np.minimum(number(settings.width, "mm"), diameter)
+    arc = np.arccos(np.clip(1.0 - 2.0 * width / diameter, -1.0, 1.0))
+    up = np.isin(_words(windows, settings.cut), settings.up)
+    return Engaged(
+        kind=kind, flutes=flutes, v_c=np.pi * diameter * speed * 1e-3,
+        f_z=number(settings.feed, "mm/min") / (speed * flutes) * 1e-3,
+        a_p=number(settings.depth, "mm") * 1e-3,
+        phi_st=np.where(up, 0.0, np.pi - arc), phi_ex=np.where(up, arc, np.pi),
+    )  # fmt: skip
+
+
+def _words(windows: WearWindows, name: str) -> np.ndarray:
+    if not name:
+        return np.full(len(windows), "")
+    if name not in windows.conditions:
+        raise ValueError(f"wear_life: {name!r} is no condition: name it in wear_records.discrete")
+    return np.asarray(windows.conditions[name], str)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToolUse:
+    """Use of one tool over K recordings.
+
+    Parameters
+    ----------
+    tool, kind : str
+        Its name and its type.
+    time : ndarray, shape (K,)
+        In the cut since new [min].
+    read : ndarray, shape (K,)
+        Measured wear [um], NaN where nobody measured it.
+    v_c, rubbing : float
+        Mean cutting speed, mean length of rubbing for each minute [m/min].
+    """
+
+    tool: str
+    kind: str
+    time: Floats
+    read: Floats
+    v_c: float
+    rubbing: float
+
+
+def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
+    """Use of each tool in windows, in the order of their names.
+
+    Raises
+    ------
+    ValueError
+        As :func:`engaged`, and when the use of tools is no time.
+    """
+    try:
+        per, _ = conversion(windows.progress_unit, "min")
+    except ValueError as error:
+        raise ValueError(
+            f"wear_life: the use of tools is told in {windows.progress_unit!r}: name the time in "
+            "the cut as wear_records.progress"
+        ) from error
+    cuts, found = engaged(windows, settings), []
+    for tool in sorted(set(windows.tool.tolist())):
+        rows = np.flatnonzero(windows.tool == tool)
+        _, first = np.unique(windows.recording[rows], return_index=True)
+        at = rows[first]
+        at = at[np.argsort(windows.progress[at], kind="stable")]
+        found.append(ToolUse(
+            tool=tool, kind=str(cuts.kind[at[0]]),
+            time=np.asarray(windows.progress[at], np.float64) * per,
+            read=np.where(windows.measured[at], windows.wear[at], np.nan),
+            v_c=float(cuts.v_c[at].mean()), rubbing=float(cuts.rubbing[at].mean()),
+        ))  # fmt: skip
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class WornTool:
+    """A tool that reached the criterion: time [min] and length of rubbing [m] until then.
+
+    ``catalogue_minutes`` is the life by the catalogue's constants, None without them.
+    """
+
+    tool: str
+    kind: str
+    v_c_m_min: float
+    minutes: float
+    length_m: float
+    catalogue_minutes: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LifeLaw:
+    """Life of tools of one machine and material, as stored.
+
+    Parameters
+    ----------
+    criterion_um, reading_error_um : float
+        Of the settings.
+    worn : tuple of WornTool
+        Tools that it was fitted on.
+    kinds : tuple of str
+        Types, in the order of their offsets.
+    v_ref_m_min : float
+        Cutting speed at which the offsets hold.
+    mean : tuple of float
+        Of log length [log m]: intercept, offset of each type, slope over log v_c.
+    covariance : tuple of tuple of float
+        Of ``mean``, against ``scale`` squared.
+    scale, dof : float
+        Of the t distribution of tools about the line [1], its degrees of freedom.
+    share_mean, share_sd : tuple of float
+        Of the logarithm of the share of the length spent at each of ``LEVELS`` [1].
+    """
+
+    criterion_um: float
+    reading_error_um: float
+    worn: tuple[WornTool, ...]
+    kinds: tuple[str, ...]
+    v_ref_m_min: float
+    mean: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    scale: float
+    dof: float
+    share_mean: tuple[float, ...]
+    share_sd: tuple[float, ...]
+
+    def log_length(self, kind: str, v_c: float) -> tuple[float, float]:
+        """Centre and scale of a further tool's log length until the criterion [log m]."""
+        x = _row(kind, v_c, self.kinds, self.v_ref_m_min)
+        spread = 1.0 + float(x @ np.array(self.covariance) @ x)
+        return float(x @ np.array(self.mean)), self.scale * np.sqrt(spread)
+
+    def life(self, kind: str, v_c: float, rubbing: float) -> "TimeLeft":
+        """Life of a further tool from new, with its 90 % interval from tool to tool."""
+        centre, scale = self.log_length(kind, v_c)
+        return _left(centre, scale, self.dof, 0.0, rubbing)
+
+    def left(self, use: ToolUse, *, now: float, wear: float, error: float) -> "TimeLeft":
+        """Time in the cut that is left of a tool.
+
+        Parameters
+        ----------
+        use : ToolUse
+            Its type, speed and rubbing.
+        now : float
+            Time in the cut when its wear was ``wear`` [min].
+        wear, error : float
+            Its wear then and its standard deviation [um].
+        """
+        if wear >= self.criterion_um:
+            return TimeLeft(low=0.0, middle=0.0, high=0.0)
+        centre, scale = self.log_length(use.kind, use.v_c)
+        spent, level = now * use.rubbing, wear / self.criterion_um
+        if spent > 0 and level > LEVELS[0]:
+            shares = np.array(self.share_mean)
+            share, spread = (
+                np.interp(level, LEVELS, shares),
+                np.interp(level, LEVELS, self.share_sd),
+            )
+            steep = np.interp(level, LEVELS, np.gradient(shares, LEVELS))
+            own = np.hypot(spread, steep * error / self.criterion_um)
+            weight = scale**2 / (scale**2 + own**2)
+            centre += weight * (np.log(spent) - share - centre)
+            scale *= np.sqrt(1.0 - weight)
+        return _left(float(centre), float(scale), self.dof, spent, use.rubbing)
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Median life length of each type, exponent and scatter, with their 95 % intervals."""
+        from scipy.stats import chi2, t
+
+        quantile, cov = float(t.ppf(0.975, self.dof)), np.array(self.covariance)
+        n = len(self.worn)
+        method = f"measured wear of {n} tools, Bayes with Taylor's exponent and usual scatter"
+        found = {}
+        for kind in self.kinds:
+            x = _row(kind, self.v_ref_m_min, self.kinds, self.v_ref_m_min)
+            half = quantile * self.scale * float(np.sqrt(x @ cov @ x))
+            middle = float(x @ np.array(self.mean))
+            found[f"life_length_{kind}" if kind else "life_length"] = Parameter(
+                value=float(np.exp(middle)), unit="m", determined=True, method=method,
+                interval_95=(float(np.exp(middle - half)), float(np.exp(middle + half))),
+            )  # fmt: skip
+        slope, half = self.mean[-1], quantile * self.scale * float(np.sqrt(cov[-1, -1]))
+        ends = (1 - slope - half, 1 - slope + half)
+        sure = half < 0.5 * SLOPE_SCATTER and ends[0] > 0
+        found["inverse_taylor_exponent"] = Parameter(
+            value=1 - slope if sure else None, unit="1", interval_95=ends if sure else None,
+            determined=sure,
+            method=method if sure else "speeds of the tools lie too close: it is as assumed",
+            remedy="" if sure else "wear tools at speeds that differ by a third",
+        )  # fmt: skip
+        found["tool_scatter"] = Parameter(
+            value=self.scale, unit="1", determined=True, method=method,
+            interval_95=(
+                float(self.scale * np.sqrt(self.dof / chi2.ppf(0.975, self.dof))),
+                float(self.scale * np.sqrt(self.dof / chi2.ppf(0.025, self.dof))),
+            ),
+        )  # fmt: skip
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeLeft:
+    """Time in the cut until the criterion [min]: median and ends of the 90 % interval."""
+
+    low: float
+    middle: float
+    high: float
+
+
+def _left(centre: float, scale: float, dof: float, spent: float, rubbing: float) -> TimeLeft:
+    """Quantiles of what is left of a length that is known to be more than ``spent`` [m]."""
+    from scipy.stats import t
+
+    below = float(t.cdf((np.log(spent) - centre) / scale, dof)) if spent > 0 else 0.0
+    shares = below + np.array([0.05, 0.5, 0.95]) * (1.0 - below)
+    lengths = np.exp(centre + scale * t.ppf(np.minimum(shares, 1.0 - 1e-12), dof))
+    low, middle, high = (np.maximum(lengths - spent, 0.0) / rubbing).tolist()
+    return TimeLeft(low=low, middle=middle, high=high)
+
+
+def _row(kind: str, v_c: float, kinds: Sequence[str], v_ref: float) -> Floats:
+    own = [1.0 if kind == one else 0.0 for one in kinds]
+    return np.array([1.0, *own, np.log(v_c / v_ref)])
+
+
+def fit_life(tools: Sequence[ToolUse], settings: WearLifeSettings) -> LifeLaw:
+    """The life law of training tools.
+
+    Raises
+    ------
+    ValueError
+        When no criterion is given, or fewer than three tools were measured up to it.
+    """
+    limit = settings.criterion_um
+    if limit is None:
+        raise ValueError("no tool life: give wear_life.criterion_um, the wear at which tools go")
+    worn, shares = [], []
+    for use in tools:
+        curve = _curve(use)
+        if curve is None or curve[1][-1] < limit:
+            continue
+        minutes = float(np.interp(limit, curve[1], curve[0]))
+        worn.append(WornTool(
+            tool=use.tool, kind=use.kind, v_c_m_min=use.v_c, minutes=minutes,
+            length_m=minutes * use.rubbing, catalogue_minutes=_catalogue(use, settings),
+        ))  # fmt: skip
+        shares.append(np.log(np.interp(LEVELS * limit, curve[1], curve[0]) / minutes))
+    if len(worn) < FEWEST:
+        raise ValueError(
+            f"no tool life: {len(worn)} tools were measured up to VB = {limit:g} um, {FEWEST} are "
+            "needed: measure more tools until they are changed"
+        )
+    kinds = tuple(sorted({one.kind for one in worn}))
+    v_ref = float(np.exp(np.mean([np.log(one.v_c_m_min) for one in worn])))
+    n_taylor = EXPONENT if settings.taylor is None else settings.taylor.n
+    x = np.array([_row(one.kind, one.v_c_m_min, kinds, v_ref) for one in worn])
+    y = np.log([one.length_m for one in worn])
+    prior = np.array([0.0, *[0.0] * len(kinds), 1.0 - 1.0 / n_taylor])
+    precision = np.diag(
+        [1e-6, *[(TOOL_SCATTER / KIND_SCATTER) ** 2] * len(kinds),
+         (TOOL_SCATTER / SLOPE_SCATTER) ** 2]
+    )  # fmt: skip
+    whole = precision + x.T @ x
+    mean = np.linalg.solve(whole, precision @ prior + x.T @ y)
+    off, from_prior = y - x @ mean, mean - prior
+    dof = WEIGHT + len(worn) - 1
+    squares = float(off @ off + from_prior @ precision @ from_prior)
+    variance = (WEIGHT * TOOL_SCATTER**2 + squares) / dof
+    spread = np.std(shares, axis=0, ddof=1) * np.sqrt(1 + 1 / len(worn))
+    return LifeLaw(
+        criterion_um=limit, reading_error_um=settings.reading_error_um, worn=tuple(worn),
+        kinds=kinds, v_ref_m_min=v_ref, mean=tuple(mean.tolist()),
+        covariance=tuple(map(tuple, np.linalg.inv(whole).tolist())),
+        scale=float(np.sqrt(variance)), dof=float(dof),
+        share_mean=tuple(np.mean(shares, axis=0).tolist()), share_sd=tuple(spread.tolist()),
+    )  # fmt: skip
+
+
+def _catalogue(use: ToolUse, settings: WearLifeSettings) -> float | None:
+    """Life of the tool by the catalogue's constants [min]."""
+    if settings.taylor is None:
+        return None
+    reference = {"f_z": settings.taylor.f_z_ref_mm, "a_p": settings.taylor.a_p_ref_mm,
+                 "a_e": settings.taylor.a_e_ref_mm}  # fmt: skip
+    conditions = {name: value * 1e-3 for name, value in reference.items() if value is not None}
+    return float(life(settings.taylor, use.v_c / 60.0, conditions)) / 60.0  # type: ignore[arg-type]
+
+
+def _curve(use: ToolUse) -> tuple[Floats, Floats] | None:
+    """Times [min] and wear [um] of the readings of a tool from new, wear rising; None without."""
+    there = np.isfinite(use.read)
+    if not there.any():
+        return None
+    time = np.concatenate([[0.0], use.time[there]])
+    wear = np.maximum.accumulate(np.concatenate([[0.0], use.read[there]]))
+    return time, wear + 1e-9 * np.arange(wear.size)  # so that a width has one time

@@ -1,0 +1,227 @@
+"""Methods on features, the guess without sensors, and the blend; all as plain numbers for a file.
+
+Ridge regression chooses its penalty on tools left out of the training tools; the forest is
+scikit-learn's, kept as arrays of its nodes; the guess is wear over the use of the tool (isotonic
+regression), or the share of worn tools by the conditions alone where wear is a class.
+"""
+
+from base64 import b64decode, b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.ranges import Count, Range, Ranged
+from pipeline.submodels.conformal import splits
+
+PENALTIES = tuple(float(x) for x in np.geomspace(1e-3, 1e3, 13))
+"""Of the ridge regression, as multiples of the mean eigenvalue of the features' products [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForestSettings(Ranged, section="wear_fit.forest"):
+    """Size of the forest on features.
+
+    Parameters
+    ----------
+    trees, leaf : int
+        Trees, and windows in the smallest leaf.
+    features : float
+        Share of the features that a split is chosen among [1].
+    """
+
+    trees: Count = 100
+    leaf: Count = 3
+    features: Annotated[float, Range(above=0.0, most=1.0)] = 0.3
+
+
+def tool_weights(tool: np.ndarray) -> Floats:
+    """Weights of windows so that each tool weighs the same, of mean one; shape (N,)."""
+    _, place, count = np.unique(tool, return_inverse=True, return_counts=True)
+    weight: Floats = 1.0 / count[place]
+    return weight / weight.mean()
+
+
+# ---- ridge
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ridge:
+    """Linear in scaled features: ``constant`` and F ``slopes``, found with ``penalty``."""
+
+    constant: float
+    slopes: Sequence[float]
+    penalty: float
+
+    def predict(self, x: Floats) -> Floats:
+        """Wear from scaled features (N, F), shape (N,)."""
+        found: Floats = self.constant + x @ np.array(self.slopes)
+        return found
+
+
+def fit_ridge(x: Floats, y: Floats, tool: np.ndarray) -> Ridge:
+    """Ridge regression whose penalty has the least error on tools left out one at a time."""
+    tools = list(dict.fromkeys(tool.tolist()))
+    error = np.zeros(len(PENALTIES))
+    for _, left in splits(tools, len(tools)):
+        out = np.isin(tool, left)
+        for k, one in enumerate(_ridges(x[~out], y[~out], tool[~out])):
+            error[k] += float(np.mean((one.predict(x[out]) - y[out]) ** 2))
+    best = int(np.argmin(error)) if len(tools) > 1 else len(PENALTIES) // 2
+    return _ridges(x, y, tool)[best]
+
+
+def _ridges(x: Floats, y: Floats, tool: np.ndarray) -> list[Ridge]:
+    """One for each penalty, from one decomposition."""
+    weight = tool_weights(tool)
+    share = weight / weight.sum()
+    x_mean, y_mean = share @ x, float(share @ y)
+    a, b = x - x_mean, y - y_mean
+    values, vectors = np.linalg.eigh((a * share[:, None]).T @ a)
+    along = vectors.T @ ((a * share[:, None]).T @ b)
+    unit = max(float(values.mean()), 1e-12)
+    found = []
+    for penalty in PENALTIES:
+        slopes = vectors @ (along / (np.maximum(values, 0.0) + penalty * unit))
+        constant = y_mean - float(x_mean @ slopes)
+        found.append(Ridge(constant=constant, slopes=tuple(slopes.tolist()), penalty=penalty))
+    return found
+
+
+# ---- forest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forest:
+    """Trees as arrays: nodes one after the other, of each its children, feature, limit, value.
+
+    Parameters
+    ----------
+    roots : ndarray of int, shape (R,)
+        First node of each tree.
+    left, right, feature : ndarray of int, shape (K,)
+        Children of a node (-1 at a leaf), and the feature that it looks at.
+    limit, value : ndarray, shape (K,)
+        Up to which one goes left; mean of the training windows there.
+    """
+
+    roots: Ints
+    left: Ints
+    right: Ints
+    feature: Ints
+    limit: Floats
+    value: Floats
+
+    def predict(self, x: Floats) -> Floats:
+        """Mean of the trees for scaled features (N, F), shape (N,)."""
+        rows, at = np.arange(len(x))[:, None], np.tile(self.roots, (len(x), 1))
+        x = x.astype(np.float32)  # as the trees compared them
+        while (inner := self.left[at] >= 0).any():
+            goes_left = x[rows, self.feature[at]] <= self.limit[at]
+            below = np.where(goes_left, self.left[at], self.right[at])
+            at = np.where(inner, below, at)
+        found: Floats = self.value[at].mean(axis=1)
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """As JSON holds it: little-endian arrays in base64."""
+        return {name: _packed(values) for name, values in vars(self).items()}
+
+    @staticmethod
+    def restored(document: Mapping[str, Any]) -> "Forest":
+        """The forest of a :meth:`document`."""
+        return Forest(**{name: _unpacked(one) for name, one in document.items()})
+
+
+def fit_forest(
+    x: Floats, y: Floats, tool: np.ndarray, settings: ForestSettings, seed: int
+) -> Forest:
+    """A forest of scaled features (N, F); each tool weighs the same."""
+    from sklearn.ensemble import RandomForestRegressor
+
+    made = RandomForestRegressor(
+        n_estimators=settings.trees, min_samples_leaf=settings.leaf,
+        max_features=settings.features, random_state=seed, n_jobs=1,
+    ).fit(x, y, sample_weight=tool_weights(tool))  # fmt: skip
+    trees = [one.tree_ for one in made.estimators_]
+    starts = np.cumsum([0, *(tree.node_count for tree in trees)])
+
+    def shifted(name: str) -> Ints:
+        parts = [
+            np.where(getattr(tree, name) < 0, -1, getattr(tree, name) + start)
+            for tree, start in zip(trees, starts, strict=False)
+        ]
+        return np.concatenate(parts).astype(np.int64)
+
+    return Forest(
+        roots=starts[:-1].astype(np.int64), left=shifted("children_left"),
+        right=shifted("children_right"),
+        feature=np.maximum(np.concatenate([tree.feature for tree in trees]), 0).astype(np.int64),
+        limit=np.concatenate([tree.threshold for tree in trees]),
+        value=np.concatenate([tree.value[:, 0, 0] for tree in trees]),
+    )  # fmt: skip
+
+
+def _packed(values: np.ndarray) -> dict[str, str]:
+    kind = "<i4" if values.dtype.kind == "i" else "<f8"
+    data = np.ascontiguousarray(values, dtype=kind).tobytes()
+    return {"type": kind, "base64": b64encode(data).decode("ascii")}
+
+
+def _unpacked(packed: Mapping[str, str]) -> Any:
+    kind = packed["type"]
+    if kind not in ("<i4", "<f8"):
+        raise ValueError(f"nodes of a forest are of type {kind!r}: train it again")
+    values = np.frombuffer(b64decode(packed["base64"], validate=True), np.dtype(kind))
+    return values.astype(np.int64 if kind == "<i4" else np.float64)
+
+
+# ---- without sensors, and together
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """Wear over the use of the tool: straight lines between points, constant beyond them."""
+
+    use: Sequence[float]
+    wear: Sequence[float]
+
+    def predict(self, use: Floats) -> Floats:
+        """Wear at a use, shape (N,); NaN where that is not known."""
+        known = np.isfinite(use)
+        found = np.interp(np.where(known, use, 0.0), self.use, self.wear)
+        return np.where(known, found, np.nan)
+
+
+def fit_curve(use: Floats, wear: Floats, tool: np.ndarray) -> Curve:
+    """Least squares among curves that never fall, over tools of the same weight."""
+    from sklearn.isotonic import IsotonicRegression
+
+    made = IsotonicRegression().fit(use, wear, sample_weight=tool_weights(tool))
+    at, first = np.unique(made.X_thresholds_, return_index=True)
+    return Curve(use=tuple(at.tolist()), wear=tuple(made.y_thresholds_[first].tolist()))
+
+
+def blend_weights(predicted: Floats, measured: Floats, tool: np.ndarray) -> Floats:
+    """Weights from 0 to 1 that add up to 1, of the least squared error; shape (M,).
+
+    Parameters
+    ----------
+    predicted : ndarray, shape (N, M)
+        Of M methods on tools that they were not fitted on.
+    measured : ndarray, shape (N,)
+        Wear.
+    tool : ndarray of str, shape (N,)
+        Each weighs the same.
+    """
+    from scipy.optimize import nnls
+
+    root = np.sqrt(tool_weights(tool))[:, None]
+    scale = max(float(np.std(measured)), 1e-9) * np.sqrt(len(measured))
+    heavy = 1e3 * np.ones((1, predicted.shape[1]))
+    a = np.concatenate([root * predicted / scale, heavy])
+    b = np.concatenate([root[:, 0] * measured / scale, [1e3]])
+    weights: Floats = nnls(a, b)[0]
+    return weights / weights.sum()

@@ -1,0 +1,345 @@
+"""Stored model of tool wear, and the object that predicts from it with every method."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+
+from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.interval import Bands
+from pipeline.schema.model import Model
+from pipeline.schema.ranges import Count, Range, Ranged
+from pipeline.schema.store import read_json
+from pipeline.signals.wear_records import CLASS_UNIT
+from pipeline.signals.wear_windows import ChannelScaling, WearWindows
+from pipeline.submodels.conformal import ALL_REGIMES
+from pipeline.submodels.wear.due import Lasting
+from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
+from pipeline.submodels.wear.methods import Curve, Forest, ForestSettings, Ridge
+
+if TYPE_CHECKING:
+    from pipeline.nets.wear import WearJudge
+
+RESNET, FOREST, RIDGE, BLEND, GUESS, MEAN = "resnet", "forest", "ridge", "blend", "guess", "mean"
+METHODS = (RESNET, FOREST, RIDGE)
+"""Those that look at the signals."""
+WEAR, WORN = "flank wear", "probability of a worn tool"
+"""Quantities: a number, and a class."""
+NAMES = {
+    RESNET: "residual network", FOREST: "forest", RIDGE: "ridge regression",
+    BLEND: "blend with the guess", GUESS: "guess without sensors", MEAN: "mean wear",
+}  # fmt: skip
+"""Methods in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearFitSettings(Ranged, section="wear_fit"):
+    """How methods are fitted and compared.
+
+    Parameters
+    ----------
+    folds : int
+        Parts of the training tools that are left out in turn, at most one a tool.
+    methods : tuple of str
+        Of :data:`METHODS`, those that are fitted.
+    forest : ForestSettings
+        Size of the forest.
+    network : ResNetSettings
+        Of the residual network.
+    training : WindowTraining
+        Its budget on each fold; what serves is the mean of the folds' networks.
+    windows : int
+        Of one training of the network at most, evenly spread over each tool.
+    seed : int
+        Of the forest; the network's is in ``training``.
+
+    Raises
+    ------
+    ValueError
+        When a method is none of those that there are.
+    """
+
+    folds: Annotated[int, Range(least=2, most=50)] = 5
+    methods: tuple[str, ...] = METHODS
+    forest: ForestSettings = field(default_factory=ForestSettings)
+    network: ResNetSettings = field(default_factory=ResNetSettings)
+    training: WindowTraining = field(default_factory=WindowTraining)
+    windows: Count = 2000
+    seed: Annotated[int, Range(least=0)] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.methods or ("",):
+            if name not in METHODS:
+                raise ValueError(
+                    f"wear_fit.methods names {name!r}: choose one or more of {', '.join(METHODS)}"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodScore:
+    """A method on training tools left out, each of the same weight.
+
+    Parameters
+    ----------
+    rmse, mae : float
+        In the unit of wear.
+    worst : float
+        RMSE of the tool that it errs on most.
+    balanced_accuracy : float or None
+        Mean share of windows of either class that it tells right [1]; None for a number.
+    """
+
+    rmse: float
+    mae: float
+    worst: float
+    balanced_accuracy: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearModel(Model):
+    """Content of ``model.json`` of tool wear.
+
+    Parameters
+    ----------
+    wear_unit : str
+        ``"um"``, or ``"1"`` for a class.
+    learnt : (float, float)
+        Least and greatest wear of training windows.
+    channels, units : tuple of str
+        Of a window.
+    rate_Hz, length : float, int
+        Of its samples [Hz], and their number.
+    scaling : ChannelScaling
+        Of the channels, from training windows.
+    known : KnownConditions
+        That predictions look at.
+    condition_units : mapping of str to str
+        Of the conditions that are numbers.
+    progress, progress_unit : str
+        Use of the tool that the guess looks at; the name is empty where it is the recording's time
+        or number.
+    per_recording : bool
+        Whether a recording has one wear, the mean of its windows; else each window has one.
+    champion : str
+        Method with the least RMSE on training tools left out among those that look at signals.
+    alone : str
+        The same among those that need no use of the tool.
+    scores : mapping of str to MethodScore
+        Of every method.
+    weights : mapping of str to float
+        Of the methods in the blend.
+    bands : mapping of str to mapping of str to Band
+        Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class.
+    lasting : Lasting
+        Life of tools, and what their wear adds to edge forces.
+    """
+
+    wear_unit: str
+    learnt: tuple[float, float]
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    rate_Hz: float
+    length: int
+    scaling: ChannelScaling
+    known: KnownConditions
+    condition_units: Mapping[str, str]
+    progress: str
+    progress_unit: str
+    per_recording: bool
+    champion: str
+    alone: str
+    scores: Mapping[str, MethodScore]
+    weights: Mapping[str, float]
+    bands: Mapping[str, Bands]
+    lasting: Lasting = field(default_factory=Lasting)
+
+    @property
+    def is_class(self) -> bool:
+        """Whether wear is worn or not, no number."""
+        return self.wear_unit == CLASS_UNIT
+
+    @property
+    def quantity(self) -> str:
+        """What is predicted."""
+        return WORN if self.is_class else WEAR
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodsFile:
+    """Content of ``methods.json``: what the methods learnt from all training tools.
+
+    Parameters
+    ----------
+    scaling : FeatureScaling
+        Of the features.
+    ridge : Ridge or None
+        On features.
+    forest : mapping or None
+        Document of the forest.
+    networks : tuple of mapping
+        Documents of the folds' networks (:func:`pipeline.nets.wear.restore_judge`).
+    guess : Curve or None
+        Wear over the use of the tool; None for a class.
+    by_conditions : Ridge or None
+        Share of worn tools by their conditions; None for a number, and without conditions, where
+        the guess is the mean.
+    mean : float
+        Wear of the training tools.
+    """
+
+    scaling: FeatureScaling
+    ridge: Ridge | None
+    forest: Mapping[str, Any] | None
+    networks: tuple[Mapping[str, Any], ...]
+    guess: Curve | None
+    by_conditions: Ridge | None
+    mean: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fitted:
+    """Methods that were fitted on some tools, and predict windows of others.
+
+    Parameters
+    ----------
+    scaling, known, feature_scaling
+        Of those tools.
+    ridge, forest, guess, by_conditions, mean
+        As in :class:`MethodsFile`.
+    networks : tuple of WearJudge
+        What serves is their mean.
+    is_class : bool
+        Whether wear is a class.
+    """
+
+    scaling: ChannelScaling
+    known: KnownConditions
+    feature_scaling: FeatureScaling
+    ridge: Ridge | None
+    forest: Forest | None
+    networks: "tuple[WearJudge, ...]"
+    guess: Curve | None
+    by_conditions: Ridge | None
+    mean: float
+    is_class: bool
+
+    def predict(self, windows: WearWindows) -> dict[str, Floats]:
+        """Wear of windows by every method that is fitted, (N,) each; NaN where it cannot tell."""
+        x = self.feature_scaling.scaled(features(windows, self.scaling, self.known))
+        columns = self.known.columns(windows)
+        found: dict[str, Floats] = {}
+        if self.networks:
+            by_each = [one.predict(windows.values, columns) for one in self.networks]
+            found[RESNET] = np.mean(by_each, axis=0)
+        if self.forest is not None:
+            found[FOREST] = self.forest.predict(x)
+        if self.ridge is not None:
+            found[RIDGE] = self.ridge.predict(x)
+        if self.guess is not None:
+            found[GUESS] = self.guess.predict(np.asarray(windows.progress, float))
+        found[MEAN] = np.full(len(windows), self.mean)
+        if self.is_class:
+            by = self.by_conditions
+            found[GUESS] = found[MEAN] if by is None else by.predict(self.known.matrix(windows))
+        if self.is_class:
+            return {name: np.clip(values, 0.0, 1.0) for name, values in found.items()}
+        return {name: np.maximum(values, 0.0) for name, values in found.items()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """K values of wear that are told: one a window, or one a recording.
+
+    Parameters
+    ----------
+    of : ndarray of int, shape (N,)
+        Reading that each window belongs to.
+    first : ndarray of int, shape (K,)
+        First window of each.
+    """
+
+    of: Ints
+    first: Ints
+
+    @staticmethod
+    def among(windows: WearWindows, *, per_recording: bool) -> "Readings":
+        """Readings of windows, in their order."""
+        if not per_recording:
+            every = np.arange(len(windows))
+            return Readings(of=every, first=every)
+        _, first, place = np.unique(windows.recording, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        return Readings(of=rank[place], first=first[order])
+
+    def mean(self, values: Floats) -> Floats:
+        """Mean over the windows of each reading, shape (K,)."""
+        found: Floats = np.bincount(self.of, weights=values) / np.bincount(self.of)
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wear:
+    """A stored model that predicts."""
+
+    file: WearModel
+    fitted: Fitted
+
+    def predict(self, windows: WearWindows) -> tuple[Readings, dict[str, Floats]]:
+        """Readings of windows, and their wear by every method and the blend, (K,) each."""
+        readings = Readings.among(windows, per_recording=self.file.per_recording)
+        found = {name: readings.mean(one) for name, one in self.fitted.predict(windows).items()}
+        if self.file.weights:
+            found[BLEND] = blended(found, self.file.weights)
+        return readings, found
+
+    def served(self, found: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
+        """Method that serves, its wear and the ends of the 90 % interval, (K,) each.
+
+        It is the champion, or the best one that needs no use of the tool where that is not known.
+        """
+        name = self.file.champion
+        if not np.isfinite(found[name]).all():
+            name = self.file.alone
+        wear, bands = found[name], self.file.bands.get(name)
+        if bands is None:
+            nothing = np.full(len(wear), np.nan)
+            return name, wear, nothing, nothing
+        band = bands[ALL_REGIMES]
+        return name, wear, np.maximum(wear - band.lower, 0.0), wear + band.upper
+
+
+def blended(found: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:
+    """Weighted sum of methods, (K,)."""
+    total: Floats = np.sum([w * found[name] for name, w in weights.items() if w > 0], axis=0)
+    return total
+
+
+def load_wear(folder: Path) -> Wear:
+    """The model in ``folder`` with its methods.
+
+    Raises
+    ------
+    ValueError
+        When a file is missing or broken.
+    """
+    from pipeline.nets.wear import restore_judge
+
+    file = read_json(folder / "model.json", WearModel)
+    stored = read_json(folder / "methods.json", MethodsFile)
+    try:
+        forest = None if stored.forest is None else Forest.restored(stored.forest)
+        networks = tuple(restore_judge(one) for one in stored.networks)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{folder}/methods.json is broken ({error}): run `dvc repro`") from error
+    fitted = Fitted(
+        scaling=file.scaling, known=file.known, feature_scaling=stored.scaling, ridge=stored.ridge,
+        forest=forest, networks=networks, guess=stored.guess, by_conditions=stored.by_conditions,
+        mean=stored.mean, is_class=file.is_class,
+    )  # fmt: skip
+    return Wear(file=file, fitted=fitted)
