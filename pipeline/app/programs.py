@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
-from pipeline.gcode.dialects.statement_parser import words_without_motion
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.gcode.program import Program, read_program
@@ -151,7 +150,7 @@ def passed_over(path: Path, setup: Setup) -> Iterator[str]:
     """Words of a program that move nothing and are not followed, a line of text each."""
     if setup.dialect != "fanuc":
         return
-    for word, places in words_without_motion(program_at(path)).items():
+    for word, places in program_at(path).output.items():
         where = ", ".join(map(str, places[:5])) + " …" * (len(places) > 5)
         yield (
             f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "

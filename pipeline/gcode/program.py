@@ -1,5 +1,6 @@
 """Lossless tree of a part program: tokens, lines and words, each with its bytes."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
@@ -228,6 +229,11 @@ class Line:
         )
 
 
+OUTPUT = frozenset({"POPEN", "PCLOS", "DPRNT", "BPRNT", "SETVN"})
+"""Words of Macro B that write to a device or name variables; what follows belongs to them."""
+_OUTPUT = re.compile(rb"(?im)^[\s/\d]*(?:N\s*\d+\s*)?(%s)\b" % "|".join(sorted(OUTPUT)).encode())
+
+
 class Program:
     """Bytes of a part program, and their tokens.
 
@@ -310,6 +316,15 @@ class Program:
         """Tokens (K,) that say nothing to the control."""
         kinds = (TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END)
         return np.isin(self.tokens.kind, kinds)
+
+    @property
+    def output(self) -> dict[str, list[int]]:
+        """Lines of each word of ``OUTPUT`` that heads one."""
+        found: dict[str, list[int]] = {}
+        for match in _OUTPUT.finditer(self.data):
+            line = self.data.count(b"\n", 0, match.start(1)) + 1
+            found.setdefault(match[1].decode("ascii").upper(), []).append(line)
+        return found
 
     def heads(self, letter: str) -> list[tuple[float, int]]:
         """Number and line of each word ``letter`` that is the first of its line, in order.

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from pipeline.gcode.dialects.statement_parser import (
     parse_statement,
     statement_from_tokens,
-    words_without_motion,
 )
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
@@ -275,7 +274,7 @@ def test_heidenhain_is_called_so(text, kind):
 
 def test_words_that_are_passed_over_are_told():
     program = parse_program(b"G0 X1\nN20 POPEN\n/ DPRNT[X]\n(DPRNT)\nDPRNT[Y]\n", "P")
-    assert words_without_motion(program) == {"POPEN": [2], "DPRNT": [3, 5]}
+    assert program.output == {"POPEN": [2], "DPRNT": [3, 5]}
 
 
 CORNER = "F100 G0 X0 Y0\nG1 X10 {word}\nY{end}\nX0\n"

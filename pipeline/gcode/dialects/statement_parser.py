@@ -1,10 +1,8 @@
 """Lines of ISO 6983 code, Macro B or LinuxCNC, parsed to statements."""
 
-import re
-
 from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.program import Line, Program, TokenKind
+from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind
 from pipeline.gcode.statements import (
     LARGEST,
     Assignment,
@@ -16,8 +14,6 @@ from pipeline.gcode.statements import (
 )
 
 LETTERS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
-WITHOUT_MOTION = frozenset({"POPEN", "PCLOS", "DPRNT", "BPRNT", "SETVN"})
-"""Words of Macro B that write to a device or name variables; what follows belongs to them."""
 POLAR = frozenset("@^$")
 """LinuxCNC's words without a letter: polar radius and angle, spindle number."""
 
@@ -40,15 +36,6 @@ def parse_statement(line: Line, file: str, dialect: str) -> Statement:
         At the first character that cannot be parsed.
     """
     return _LineParser(line, file, dialect).statement()
-
-
-def words_without_motion(program: Program) -> dict[str, list[int]]:
-    """Lines of each word of ``WITHOUT_MOTION`` in a program."""
-    found: dict[str, list[int]] = {}
-    for match in _PASSED_OVER.finditer(program.data):
-        line = program.data.count(b"\n", 0, match.start()) + 1
-        found.setdefault(match[1].decode("ascii").upper(), []).append(line)
-    return found
 
 
 class _LineParser:
@@ -109,7 +96,7 @@ class _LineParser:
                 raise self.cursor.error(start, "N is followed by no number: add it or delete N")
         else:
             run = self.cursor.letters()
-            if self.dialect == "fanuc" and first and run in WITHOUT_MOTION:
+            if self.dialect == "fanuc" and first and run in OUTPUT:
                 self.cursor.at = len(self.cursor.code)
                 return
             control = None
@@ -160,9 +147,6 @@ class _LineParser:
             raise GcodeError(self.cursor.file, self.line.number, column, word, reason)
 
 
-_PASSED_OVER = re.compile(
-    rb"(?im)^[\s/\d]*(?:N\s*\d+\s*)?(%s)\b" % "|".join(sorted(WITHOUT_MOTION)).encode()
-)
 _VALUE = frozenset("0123456789.+-#[ABCDEFGHIJKLMNOPQRSTUVWXYZ")
 _REASONS = {
     "(": "the comment is not closed: add )",
