@@ -17,10 +17,12 @@ from nbclient import NotebookClient
 from pipeline.app.fleet import use_fleet
 from pipeline.stages.__main__ import run
 from tests.small_project import MACHINE, ROOT, build, change, inside, new_project
+from tests.submodels.synthesis import generated_lives
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 WEEK = "01_a_week_of_the_machine.ipynb"
+EXPLAINED = "03_which_wear_explains_a_recording.ipynb"
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
@@ -118,3 +120,34 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
             run(f"{stage}@{machine}", *(f"data/{folder}/{machine}" for folder in folders))
     said = held_against_the_tables(project, machine)
     assert ", recorded" in said and "NIST" in said
+
+
+@pytest.fixture(scope="module")
+def with_generator(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with a small generator of signals, and the lives that it is held against."""
+    project = tmp_path_factory.mktemp("wear") / "project"
+    built = generated_lives.once()
+    shutil.copytree(built.signals, project / "data/signals/rig")
+    shutil.copytree(built.folder, project / "data/models/rig/synthesis")
+    records = {
+        "recordings": ["wear/*.parquet"],
+        "channels": {"force": {"column": "force", "quantity": "force"},
+                     "vibration": {"column": "vibration", "quantity": "acceleration"}},
+        "wear": {"name": "wear"}, "tool": "tool", "progress": "time_in_cut",
+        "continuous": {"feed": "mm/min", "time_in_cut": "min"}, "discrete": ["cut_type"],
+        "table": {"file": "wear/lives.csv", "key": "file"}, "rate_Hz": 1000.0, "length": 100,
+    }  # fmt: skip
+    (project / "params.yaml").write_text(
+        json.dumps({"machine": {"rig": {"wear_records": records}}})
+    )
+    return project
+
+
+def test_the_wear_that_explains_a_recording(with_generator: Path) -> None:
+    asked = "[error, guess, table['tool'].tolist(), len(explanations)]"
+    outputs, (error, guess, tools, many) = executed(with_generator, EXPLAINED, asked)
+    assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
+    assert images(outputs) == 2
+    assert many == len(tools) >= 4
+    assert set(tools) <= set(generated_lives.HELD_OUT)
+    assert error < guess

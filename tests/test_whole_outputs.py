@@ -21,6 +21,7 @@ import pytest
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
 from tests.small_project import MACHINE, ROOT
+from tests.submodels.synthesis import generated_lives
 from tests.test_optimise_command import GIVEN, PART
 
 CUT = [word for pair in GIVEN.items() for word in pair if pair[0] != "--objective"]
@@ -53,6 +54,11 @@ COMMANDS = {
     "predict": Written(
         words=("predict", MACHINE, "spindle", "hour.parquet", "--out", "p.csv"),
         outputs=("p.csv",),
+    ),
+    "synthesise": Written(
+        words=("synthesise", "--machine", MACHINE, "--wear", "100", "--set", "feed=300", "--n", "3",
+               "--out", "g.parquet", "--anyway"),
+        outputs=("g.parquet",),
     ),
     "ingest": Written(words=("ingest", "log.txt", "--machine", MACHINE, "--out", "in"),
                       outputs=("in",), stated=False),
@@ -94,6 +100,8 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     params = root / "params.yaml"
     params.write_text(params.read_text() + "budget: quick\n")
     bundled_project.hour(root).to_parquet(root / "hour.parquet")
+    lives = generated_lives.build(root.parent / "lives", settings=generated_lives.SHORT)
+    shutil.copytree(lives.folder, root / f"data/champion/{MACHINE}/synthesis", dirs_exist_ok=True)
     (root / "part.nc").write_text(PART)
     (root / "log.txt").write_bytes(LOGS[6])
     return root

@@ -5,16 +5,9 @@ in lines.  Units are those of the shop floor: mm, mm/min, rev/min, N.
 """
 
 __all__ = [
-    "check",
-    "compensation",
-    "correction",
-    "cut",
-    "fleet",
-    "main",
-    "optimise",
-    "programs",
-    "wear",
-]
+    "check", "compensation", "correction", "cut", "fleet", "main", "optimise", "programs",
+    "synthesise", "wear",
+]  # fmt: skip
 
 
 def main() -> None:

@@ -210,6 +210,47 @@ def wear(
 
 
 @app.command()
+def synthesise(
+    machine: kerf.Whose,
+    wear: Annotated[
+        str | None, typer.Option(help="Of the tool: VB in um, or 1 worn and 0 not.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Another condition, name=value; may be repeated."),
+    ] = None,
+    n: Annotated[int, typer.Option("--n", help="Windows to make.")] = 100,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Parquet or CSV of the windows.")] = None,
+    explain: Annotated[
+        Path | None, typer.Option(help="Recording whose wear is sought, CSV or Parquet.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of what --explain found.")] = None,
+    model: kerf.Model = "champion",
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+    ] = False,
+) -> None:
+    """Make signals of MACHINE at a wear of the tool, or say which wear explains a recording."""
+    import pipeline.app.synthesise as work
+
+    with one_sentence():
+        if (explain is None) == (out is None):
+            raise ValueError("give --out for windows to make, or --explain for a recording")
+        if json is not None and explain is None:
+            raise ValueError("--json holds what --explain finds: give a recording with it")
+        words = work.pairs([*(set_ or ()), *([] if wear is None else [f"wear={wear}"])])
+        served = work.served_of(machine, model, anyway=anyway)
+        if explain is not None:
+            lines = work.explained_lines(work.explained(served, explain, words, json), served)
+        elif out is not None:
+            made, rows = work.synthesise(served, words, n, seed, out)
+            lines = work.made_lines(made, rows, out)
+    for line in lines:
+        typer.echo(line)
+
+
+@app.command()
 def interpret(
     program: kerf.Program,
     out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
@@ -218,12 +259,22 @@ def interpret(
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.programs import machine_setup, moves_table, read_moves, write_csv
+    from pipeline.app.programs import (
+        machine_setup,
+        moves_table,
+        passed_over,
+        read_moves,
+        write_csv,
+    )
 
     with one_sentence(), share_bar("interpreting") as share:
         check_outputs(program, out)
-        moves = read_moves(program, machine_setup(machine, dialect), share)
+        setup = machine_setup(machine, dialect)
+        moves = read_moves(program, setup, share)
         write_csv(moves_table(moves), out)
+        notes = list(passed_over(program, setup))
+    for note in notes:
+        typer.echo(note)
     typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
 
 
@@ -296,6 +347,8 @@ def simulate(
                     verdicts=document["verdicts"],
                 )  # fmt: skip
                 write_cut_page(shown, page, json)
+    for line in programs.passed_over(program, simulated.on.setup):
+        typer.echo(line)
     for line in programs.simulated_lines(document, program):
         typer.echo(line)
     for line in correction_lines(document["correction"]) if compensate is not None else ():

@@ -10,6 +10,7 @@ Sources: FFNN2015; Feed2025; Sun and Jang 1993 (filters over channels); Golub an
 """
 
 __all__ = [
-    "ffnn", "sequence_settings", "settings", "trained", "training", "tuning",
+    "dcgan", "dcgan_settings", "dcgan_training", "diversity", "ffnn", "latent_search",
+    "sequence_settings", "settings", "trained", "training", "tuning",
     "wear", "window_model", "window_training", "windows",
 ]  # fmt: skip

@@ -201,7 +201,7 @@ class TrainedSequence:
                 "x_shift": scaling.x_shift.tolist(), "x_scale": scaling.x_scale.tolist(),
                 "y_shift": scaling.y_shift, "y_scale": scaling.y_scale,
             },
-            "state": {k: _packed(v.numpy()) for k, v in self.network.state_dict().items()},
+            "state": {k: packed(v.numpy()) for k, v in self.network.state_dict().items()},
             "history": self.history.tolist(),
             "validation_groups": list(self.validation_groups),
         }  # fmt: skip
@@ -226,7 +226,7 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
         built = sequence_network(
             kind, document["length"], len(scaling.x_shift), document["outputs"], torch.Generator()
         )
-        state = {k: torch.from_numpy(_unpacked(v)) for k, v in document["state"].items()}
+        state = {k: torch.from_numpy(unpacked(v)) for k, v in document["state"].items()}
         built.load_state_dict(state)
         return TrainedSequence(
             kind=kind, settings=WindowTraining(**document["training"]),
@@ -243,14 +243,15 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
         raise ValueError(f"the document of a network does not fit together: {said}") from error
 
 
-def _packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:
+def packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:
     """Shape, type and little-endian bytes of an array, in base64."""
     kind = values.dtype.newbyteorder("<")
     data = b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
     return {"shape": list(values.shape), "type": values.dtype.name, "base64": data}
 
 
-def _unpacked(packed: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
+def unpacked(packed: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
+    """The array of a document of :func:`packed`."""
     if packed["type"] not in ("float32", "float64"):
         raise TypeError(f"weights are of type {packed['type']}, not float32 or float64")
     kind = np.dtype(packed["type"])

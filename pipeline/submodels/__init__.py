@@ -4,10 +4,11 @@
 predictions are held against what was measured.  A folder a sub-model: its identification, its
 predictor, its own figures.  The physics that it identifies lies below, in rooms of its own.
 ``deformation`` also writes its model as a correction for a control; ``compensation`` gives the
-twin its prediction of what the drives leave over; ``wear`` tells the wear of a recording.
+twin its prediction of what the drives leave over; ``wear`` tells the wear of a recording and
+``synthesis`` makes signals at a given one.
 """
 
 __all__ = [
     "cases", "compensation", "conformal", "contract", "deformation", "judge", "promotion",
-    "spindle", "wear",
+    "spindle", "synthesis", "wear",
 ]  # fmt: skip

@@ -40,8 +40,8 @@ class Roles:
 class Records:
     """Folders and files of one machine; a sub-model names those that it reads, others are None.
 
-    ``drive`` is the folder of the identified drives, for what builds on them; it holds no
-    ``model.json`` where a machine has none.
+    ``drive`` is the folder of the identified drives, ``wear`` that of the wear model, for what
+    builds on them; it holds no ``model.json`` where a machine has none.
     """
 
     raw: Path | None = None
@@ -49,6 +49,7 @@ class Records:
     clean: Path | None = None
     manifest: Path | None = None
     drive: Path | None = None
+    wear: Path | None = None
 
     @property
     def files(self) -> Mapping[str, Mapping[str, Any]]:

@@ -1,7 +1,7 @@
 """Wear of tools as a sub-model: cases are lives of tools, from new to worn."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -71,7 +71,7 @@ class Fitting:
     identity: MachineIdentity
     roles: Roles
     wear_records: WearRecords
-    wear_life: WearLifeSettings
+    wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_fit: WearFitSettings
 
 
@@ -82,7 +82,7 @@ class Judging:
     identity: MachineIdentity
     roles: Roles
     wear_records: WearRecords
-    wear_life: WearLifeSettings
+    wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_limits: WearLimits
 
 
@@ -279,7 +279,8 @@ def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
     if file.lasting.life is not None:
         estimate = Estimate(wear=float(told[-1]), low=float(low[-1]), high=float(high[-1]))
         facts |= due_facts(windows, estimate, file.lasting.life, life)
-    return Prediction(frame=frame, facts=facts)
+    note = "" if len(frame) else "its wear was not measured, so that nothing can be held against it"
+    return Prediction(frame=frame, facts=facts, note=note)
 
 
 def _seconds(use: Any, unit: str) -> Any:
@@ -303,8 +304,8 @@ def _facts(windows: WearWindows, frame: pd.DataFrame, file: WearModel) -> dict[s
             value=float((~scored).sum()), unit="1"
         )
     low, high = file.learnt
-    most = float(np.nanmax(windows.wear))
-    if most > high or float(np.nanmin(windows.wear)) < low:
+    wear = windows.wear[np.isfinite(windows.wear)]
+    if wear.size and (float(wear.max()) > high or float(wear.min()) < low):
         facts["wear learnt up to"] = Fact(value=float(f"{high:.4g}"), unit="um")
     return facts
 

@@ -1,0 +1,130 @@
+"""The command `kerf synthesise`: windows at a wear and conditions, or the wear of recorded ones."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pipeline.app.fleet import check_outputs, machine_parameters
+from pipeline.app.programs import model_folder, write_document
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
+from pipeline.submodels.synthesis.explanation import Explanation, explanation, read_windows
+from pipeline.submodels.synthesis.model import WEAR, Synthesis, load_synthesis
+from pipeline.submodels.synthesis.samples import (
+    Generated,
+    conditions_of_words,
+    generated,
+    write_generated,
+)
+from pipeline.submodels.synthesis.submodel import SUBMODEL
+
+SAID = {"passed": "passed", "failed": "failed", "not judged": "was not judged"}
+
+
+def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:
+    """The generator of a machine; refused where it did not pass, unless ``anyway``.
+
+    Raises
+    ------
+    ValueError
+        When the machine or its model is not known, or the model failed or was not judged.
+    """
+    machine_parameters(machine)  # refuses one that is not known
+    folder = model_folder(machine, model) / SUBMODEL.name
+    if not (folder / "model.json").exists():
+        raise ValueError(f"{folder} holds no model: {machine} needs {SUBMODEL.needs}")
+    path = folder / "verdict.json"
+    verdict = read_json(path, Verdict) if path.exists() else None
+    status = "not judged" if verdict is None else verdict.status
+    if status != "passed" and not anyway:
+        why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
+        raise ValueError(
+            f"the generator in {folder} {SAID[status]}{why}: mend that first, or use it with "
+            "--anyway"
+        )
+    return load_synthesis(folder)
+
+
+def pairs(texts: Sequence[str]) -> dict[str, str]:
+    """Names and values of ``name=value``.
+
+    Raises
+    ------
+    ValueError
+        When a text is none, or a name stands twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise ValueError(f"--set {text!r} is not name=value: name a condition and its value")
+        if name in found:
+            raise ValueError(f"--set {name} is given twice: give it once")
+        found[name] = value
+    return found
+
+
+def synthesise(
+    served: Synthesis, words: Mapping[str, str], many: int, seed: int, out: Path
+) -> tuple[Generated, int]:
+    """Windows at conditions, written; the number of rows.
+
+    Raises
+    ------
+    ValueError
+        When a condition is missing, was not learnt, or lies outside of what was.
+    """
+    check_outputs(None, out)
+    made = generated(served, conditions_of_words(served, words), many, seed)
+    return made, write_generated(made, out)
+
+
+def explained(
+    served: Synthesis, recording: Path, words: Mapping[str, str], out: Path | None
+) -> Explanation:
+    """Wear that explains a recording best; its profile as JSON where a file is named.
+
+    Raises
+    ------
+    ValueError
+        When the recording cannot be read, or a condition is missing or was not learnt.
+    """
+    check_outputs(None, out, inputs=[recording])
+    given = conditions_of_words(served, {k: v for k, v in words.items() if k != WEAR})
+    found = explanation(served, read_windows(recording, served), given)
+    if out is not None:
+        write_document({**found.document, **_label(served)}, out)
+    return found
+
+
+def _label(served: Synthesis) -> dict[str, Any]:
+    return {"machine": served.file.machine, "trained_on": served.file.origin}
+
+
+def made_lines(made: Generated, rows: int, out: Path) -> Iterator[str]:
+    """What the command says of windows."""
+    file = made.served.file
+    simulated = " (simulated)" if file.origin == "simulated" else ""
+    told = ", ".join(
+        f"{name} {_words(one['value'])} {one['unit']}".rstrip()
+        for name, one in made.head["conditions"].items()
+    )
+    yield f"{file.machine}{simulated}: {len(made.values)} synthetic windows at {told}"
+    yield f"wrote {rows} rows to {out}"
+
+
+def _words(value: float | str) -> str:
+    return (value or "not given") if isinstance(value, str) else f"{value:g}"
+
+
+def explained_lines(found: Explanation, served: Synthesis) -> Iterator[str]:
+    """What the command says of a recording."""
+    simulated = " (simulated)" if served.file.origin == "simulated" else ""
+    low, high = found.as_good
+    yield (
+        f"{served.file.machine}{simulated}: wear {found.best:.3g} {found.unit} explains it best; "
+        f"{low:.3g} to {high:.3g} {found.unit} do about as well"
+    )
+    yield f"{'wear':>8}  {'distance':>9}"
+    for wear, distance in zip(found.wear, found.distance, strict=True):
+        yield f"{wear:>8.4g}  {distance:>9.4g}"

@@ -1,0 +1,152 @@
+"""Search in the noise of a generator: noise and conditions that explain a recorded window best.
+
+The loss is the distance of short spectra, whose phase does not count, with a penalty on noise
+longer than the generator ever saw.  At each value of one condition the noise is sought anew, from
+several starts, so that what is found is a profile over the condition and not one point.
+
+Source: Creswell and Bharath 2018, Inverting the generator of a GAN; profiles as of a likelihood.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+
+from pipeline.nets.dcgan import TrainedGan, encoded
+from pipeline.nets.settings import Whole
+from pipeline.nets.spectral_distance import distances, short_spectra
+from pipeline.nets.trained import reproducible, samples
+from pipeline.schema.arrays import Floats
+from pipeline.schema.ranges import Count, NotNegative, Positive, Ranged
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatentSearch(Ranged, section="latent_search"):
+    """Budget of a search in the noise.
+
+    Parameters
+    ----------
+    values : int
+        Of the condition, evenly over what was learnt.
+    starts : int
+        Noises from which each begins.
+    steps : int
+        Of Adam.
+    rate : float
+        Of Adam.
+    penalty : float
+        Of the mean square of the noise beyond 1 [1].
+    seed : int
+        Of the starts.
+    """
+
+    values: Count = 11
+    starts: Count = 4
+    steps: Count = 80
+    rate: Positive = 0.1
+    penalty: NotNegative = 0.1
+    seed: Whole = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explained:
+    """What a generator says of a recorded window.
+
+    Parameters
+    ----------
+    condition, unit : str
+        Whose values were gone through.
+    values : ndarray, shape (V,)
+        Of it.
+    distance : ndarray, shape (V,)
+        Least distance of a generated window from the recorded one at each value [1].
+    best : float
+        Value at the least distance.
+    noise : ndarray, shape (Z,)
+        At the best value.
+    window : ndarray, shape (C, L)
+        Generated from it, in the units of the channels.
+    typical : float
+        Median distance of generated windows at the best value with noise at random [1]: how much
+        the search gained.
+    """
+
+    condition: str
+    unit: str
+    values: Floats
+    distance: Floats
+    best: float
+    noise: Floats
+    window: Floats
+    typical: float
+
+
+def explain(
+    gan: TrainedGan, window: ArrayLike, condition: str, given: Mapping[str, Any],
+    settings: LatentSearch | None = None,
+) -> Explained:  # fmt: skip
+    """Noise and value of ``condition`` that explain a recorded window best.
+
+    Parameters
+    ----------
+    gan : TrainedGan
+        Whose weights stay as they are.
+    window : array_like, shape (C, L)
+        In the units of the channels.
+    condition : str
+        A continuous one, that is sought.
+    given : mapping of str to object
+        The other conditions, one value each; discrete ones may be left out.
+    settings : LatentSearch, optional
+        Budget.
+
+    Raises
+    ------
+    ValueError
+        When the window has another shape, the condition is none of the continuous ones, or another
+        condition is missing or lies outside of what was learnt.
+    """
+    settings = settings or LatentSearch()
+    x = samples("window", window, 2)
+    if x.shape != (len(gan.channels), gan.length):
+        raise ValueError(
+            f"the window has shape {x.shape}: this generator makes {len(gan.channels)} channels of "
+            f"{gan.length} samples"
+        )
+    sought = next((one for one in gan.space.continuous if one.name == condition), None)
+    if sought is None:
+        names = ", ".join(one.name for one in gan.space.continuous)
+        raise ValueError(f"{condition} is no continuous condition of this generator: {names} are")
+    values = np.linspace(sought.low, sought.high, settings.values)
+    rows = np.repeat(values, settings.starts)
+    others = {name: np.full(len(rows), one) for name, one in given.items() if name != condition}
+    numbers, words = encoded(gan.space, {**others, condition: rows})
+    goal = [part.expand(len(rows), *part.shape[1:]) for part in short_spectra(
+        gan.scaling.scaled(x[None]))]  # fmt: skip
+    with reproducible():
+        noise = gan.noise(len(rows), settings.seed).requires_grad_(True)
+        adam = torch.optim.Adam([noise], lr=settings.rate)
+        first = None
+        for _ in range(settings.steps):
+            made = gan.network(noise, numbers, words)
+            apart = distances(goal, short_spectra(made))
+            first = apart.detach() if first is None else first
+            size = noise.square().mean(dim=1)
+            loss = (apart + settings.penalty * torch.relu(size - 1.0)).sum()
+            (noise.grad,) = torch.autograd.grad(loss, noise)
+            adam.step()
+        with torch.no_grad():
+            made = gan.network(noise, numbers, words)
+            apart = distances(goal, short_spectra(made))
+    least = int(apart.argmin())
+    each = apart.numpy().reshape(settings.values, settings.starts).astype(np.float64)
+    began = apart if first is None else first
+    near = began.numpy().reshape(settings.values, settings.starts)[least // settings.starts]
+    return Explained(
+        condition=condition, unit=sought.unit, values=values, distance=each.min(axis=1),
+        best=float(rows[least]), noise=noise.detach().numpy()[least].astype(np.float64),
+        window=gan.scaling.restored(made[least : least + 1])[0], typical=float(np.median(near)),
+    )  # fmt: skip

@@ -1,0 +1,171 @@
+"""Training of the generator on the windows of training tools, and how far a judge follows its wear.
+
+The judge is a learner that saw recorded windows alone; it takes no part in the training.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.nets.dcgan_settings import ConditionSpace
+from pipeline.nets.diversity import Collapse, collapse
+from pipeline.schema.arrays import Floats
+from pipeline.signals.wear_windows import WearWindows
+from pipeline.submodels.synthesis.model import (
+    TOOL,
+    WEAR,
+    Reference,
+    Synthesis,
+    WearCurve,
+    beside,
+    conditions_of_windows,
+    of_windows,
+)
+from pipeline.submodels.synthesis.settings import SynthesisFitSettings
+
+if TYPE_CHECKING:
+    from pipeline.nets.dcgan import TrainedGan
+
+THIRDS = 3
+"""Intervals of the range of wear whose tendency is looked at."""
+SHOWN = 3
+"""Windows that a page shows: of the least, the middle and the greatest wear."""
+DIGITS = 6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trained:
+    """A generator with the features of what it was trained on, and whether it collapsed."""
+
+    gan: "TrainedGan"
+    reference: Reference
+    collapse: Collapse
+    windows: int
+
+
+def thinned(windows: WearWindows, most: int) -> WearWindows:
+    """Windows, ``most`` at most, evenly over each tool's life."""
+    tools = np.unique(windows.tool)
+    share = max(most // len(tools), 1)
+    rows = []
+    for tool in tools:
+        mine = np.flatnonzero(windows.tool == tool)
+        at = np.linspace(0, len(mine) - 1, min(share, len(mine))).round().astype(int)
+        rows.append(mine[np.unique(at)])
+    return windows.of(np.sort(np.concatenate(rows)))
+
+
+def trained(
+    windows: WearWindows, settings: SynthesisFitSettings, hidden: tuple[str, ...] = ()
+) -> Trained:
+    """Generator of windows, trained on all that are given.
+
+    Parameters
+    ----------
+    windows : WearWindows
+        Of training tools, with known wear.
+    settings : SynthesisFitSettings
+        Of the fit.
+    hidden : tuple of str
+        Further conditions that are none of the generator's.
+
+    Raises
+    ------
+    ValueError
+        When there are too few windows, or a condition is not known of some.
+    """
+    from pipeline.nets.dcgan_training import train_gan
+
+    windows = thinned(windows, settings.windows)
+    not_used = {*hidden, *settings.left_out, *(() if settings.by_tool else (TOOL,))}
+    conditions = {k: v for k, v in conditions_of_windows(windows).items() if k not in not_used}
+    gan = train_gan(
+        settings.network, windows.values, conditions, training=settings.training,
+        channels=windows.channels, units=windows.units,
+        condition_units={WEAR: windows.wear_unit, **windows.condition_units},
+    )  # fmt: skip
+    made = gan.sample(conditions, seed=settings.seed + 1)
+    numbers, words = gan.space.encoded(conditions)
+    place = np.hstack([numbers, *(2.0 * np.eye(w.max() + 1)[w] for w in words.T)])
+    found = collapse(windows.values, made, place, gan.history[:, 1], seed=settings.seed)
+    wear = np.asarray(windows.wear, float)
+    rows = np.argsort(wear, kind="stable")[np.linspace(0, len(wear) - 1, SHOWN).astype(int)]
+    reference = Reference(
+        recorded=of_windows(windows.values), generated=of_windows(made),
+        conditions=beside(gan.space, conditions), wear=wear,
+        shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
+    )  # fmt: skip
+    return Trained(gan=gan, reference=reference, collapse=found, windows=len(windows))
+
+
+def curves(served: Synthesis, settings: SynthesisFitSettings) -> dict[str, WearCurve]:
+    """Each judge's wear of windows generated over the whole range of wear that was learnt.
+
+    The other conditions are those of training windows, drawn with replacement.
+    """
+    gan = served.gan
+    wear = next(one for one in gan.space.continuous if one.name == WEAR)
+    asked = np.linspace(wear.low, wear.high, 2 if served.file.is_class else settings.wears)
+    rng = np.random.default_rng(settings.seed + 2)
+    rows = rng.integers(0, len(served.reference.wear), settings.each)
+    conditions = _of_rows(served, rows)
+    read = {name: np.empty((len(asked), settings.each)) for name in served.judges}
+    for k, one in enumerate(asked):
+        conditions[WEAR] = np.full(settings.each, one)
+        made = gan.sample(conditions, seed=settings.seed + 3 + k)
+        for name, judge in served.judges.items():
+            read[name][k] = judge(made, conditions)
+    return {name: curve_of(asked, some) for name, some in read.items()}
+
+
+def curve_of(asked: Floats, read: Floats) -> WearCurve:
+    """Figures of wear that was read, shape (W, N), over the wear asked for, shape (W,)."""
+    from scipy.stats import spearmanr
+
+    mean = read.mean(axis=1)
+    low, high = np.quantile(read, [0.05, 0.95], axis=1)
+    error = mean - asked
+    still = np.ptp(read) == 0 or np.ptp(asked) == 0
+    slope = 0.0 if np.ptp(asked) == 0 else np.polyfit(asked, mean, 1)[0]
+    rank = 0.0 if still else float(spearmanr(np.repeat(asked, read.shape[1]), read.ravel())[0])
+    edges = np.linspace(0, len(asked), THIRDS + 1).round().astype(int)
+    false = []
+    for first, end in pairwise(edges):
+        part = slice(max(first - 1, 0), end)
+        if np.ptp(asked[part]) > 0 and np.polyfit(asked[part], mean[part], 1)[0] <= 0:
+            false.append((_rounded(asked[part][0]), _rounded(asked[part][-1])))
+    return WearCurve(
+        asked=_list(asked), mean=_list(mean), low=_list(low), high=_list(high),
+        mae=_rounded(np.abs(error).mean()), mse=_rounded((error**2).mean()),
+        slope=_rounded(slope), rank_correlation=_rounded(rank), false_intervals=tuple(false),
+    )  # fmt: skip
+
+
+def _of_rows(served: Synthesis, rows: Any) -> dict[str, Any]:
+    """Conditions of some training windows, without the wear and the tool."""
+    space: ConditionSpace = served.gan.space
+    numbers = served.reference.conditions[rows]
+    found: dict[str, Any] = {}
+    at = 0
+    for one in space.continuous:
+        if one.name != WEAR:
+            found[one.name] = one.low + 0.5 * (numbers[:, at] + 1.0) * (one.high - one.low)
+            at += 1
+    for word in space.discrete:
+        if word.name == TOOL:
+            continue  # the mean of all tools
+        many = len(word.words) + 1
+        index = numbers[:, at : at + many].argmax(axis=1)
+        found[word.name] = np.array(["", *word.words])[index]
+        at += many
+    return found
+
+
+def _rounded(value: Any) -> float:
+    return float(f"{float(value):.{DIGITS}g}")
+
+
+def _list(values: Floats) -> tuple[float, ...]:
+    return tuple(_rounded(one) for one in values)

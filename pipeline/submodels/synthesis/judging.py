@@ -1,0 +1,285 @@
+"""Comparison of generated windows with recorded ones of a tool, row by row, as the judge takes it.
+
+Each figure is a quantity of its own: the wear that a judge reads from generated windows; the wear
+of recorded windows by learners that saw generated ones only, or both; distances between windows of
+the same conditions; distance to the nearest training window; power in bands; spindle orders.
+
+Density and coverage: Naeem et al. 2020.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+
+from pipeline.nets.diversity import band_edges
+from pipeline.schema.arrays import Floats
+from pipeline.schema.verdict import Fact
+from pipeline.signals.units import conversion
+from pipeline.signals.wear_windows import WearWindows
+from pipeline.submodels.contract import Prediction
+from pipeline.submodels.synthesis.model import FOREST, Synthesis, beside, of_windows
+
+GENERATED = "wear of generated windows"
+LEARNT = "wear learnt from generated windows"
+AUGMENTED = "wear learnt from recorded and generated windows"
+SPREAD = "distance between windows of the same conditions"
+COPY = "distance to the nearest training window"
+SPECTRUM = "power in a band"
+ORDERS = "power at a spindle order"
+RECORDED, NEAREST, MEAN = "recorded", "nearest", "mean"
+"""Baselines: the recorded windows themselves, the nearest training windows, the mean wear."""
+SPEED = ("spindle_speed", "speed", "spindle speed")
+"""Names of the condition by which spindle orders are known."""
+ORDER_COUNT = 12
+"""Spindle orders that are compared [1]; those of tooth passing are among them."""
+NEPERS_TO_DB = 10.0 / np.log(10.0)
+WINDOW_OF_AN_ORDER = 0.5
+"""Half width of an order, in orders [1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pair:
+    """Recorded windows of a case and generated ones at their conditions, as features too."""
+
+    served: Synthesis
+    windows: WearWindows
+    conditions: Mapping[str, Any]
+    made: Floats
+    real: Floats
+    fake: Floats
+    beside: Floats
+    nearest: Any
+
+    @property
+    def scaled(self) -> tuple[Floats, Floats]:
+        """Features on the scale of the training windows."""
+        return self.served.scaling(self.real), self.served.scaling(self.fake)
+
+
+def compared(windows: WearWindows, served: Synthesis, name: str) -> Prediction:
+    """What is compared of a tool.
+
+    Parameters
+    ----------
+    windows : WearWindows
+        Recorded, with known wear.
+    served : Synthesis
+        The generator and its learners.
+    name : str
+        Of the case, which seeds the noise.
+    """
+    many = served.file.judged
+    rows = np.unique(np.linspace(0, len(windows) - 1, min(many, len(windows))).round().astype(int))
+    windows = windows.of(rows)
+    conditions = served.known(windows)
+    inside = served.inside(conditions)
+    facts = {"windows outside of what was learnt": Fact(value=float((~inside).sum()), unit="1")}
+    strange = sorted({
+        str(word) for one in served.gan.space.discrete
+        for word in served_words(windows, one.name) if word not in one.words
+    })  # fmt: skip
+    if strange:
+        facts["words that were not learnt"] = Fact(value=", ".join(strange))
+    if inside.sum() < 3:
+        note = "fewer than three windows lie in the conditions that were learnt"
+        return Prediction(frame=pd.DataFrame(), facts=facts, note=note)
+    windows = windows.of(inside)
+    conditions = {key: values[inside] for key, values in conditions.items()}
+    made = served.gan.sample(conditions, seed=crc32(name.encode()))
+    known = beside(served.gan.space, conditions)
+    pair = _Pair(
+        served=served, windows=windows, conditions=conditions, made=made,
+        real=of_windows(windows.values), fake=of_windows(made), beside=known,
+        nearest=_nearest(served, known, windows.wear),
+    )  # fmt: skip
+    frame = pd.concat([*_wears(pair), *_distances(pair), *_spectra(pair)], ignore_index=True)
+    return Prediction(frame=frame, facts=facts | _facts(pair))
+
+
+def served_words(windows: WearWindows, name: str) -> Any:
+    """Words of a discrete condition of windows."""
+    return windows.tool if name == "tool" else windows.conditions[name]
+
+
+def _nearest(served: Synthesis, known: Floats, wear: Floats) -> Any:
+    """For each window the training window whose conditions and wear are nearest."""
+    mine = served.reference
+    low, high = mine.wear.min(), mine.wear.max()
+    width = max(high - low, 1e-12)
+    here = np.hstack([known, 2.0 * (wear[:, None] - low) / width])
+    there = np.hstack([mine.conditions, 2.0 * (mine.wear[:, None] - low) / width])
+    return squared_distances(here, there).argmin(axis=1)
+
+
+def squared_distances(a: Floats, b: Floats) -> Floats:
+    """Mean squared differences of rows, shape (N, M)."""
+    both = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2.0 * a @ b.T
+    found: Floats = np.maximum(both, 0.0) / max(a.shape[1], 1)
+    return found
+
+
+def _frame(quantity: str, unit: str, t: Any, regime: str = "", **columns: Any) -> pd.DataFrame:
+    found = pd.DataFrame({"t": np.asarray(t, float), **columns})
+    return found.assign(quantity=quantity, unit=unit, regime=regime)
+
+
+def _wears(pair: _Pair) -> list[pd.DataFrame]:
+    """Wear read from generated windows, and wear of recorded ones by what learners saw."""
+    served, windows = pair.served, pair.windows
+    unit, asked = served.file.wear_unit, np.asarray(windows.wear, float)
+    judged = served.judge(pair.real, pair.beside)
+    near = served.judge(served.reference.recorded[pair.nearest], pair.beside)
+    mean = np.full(len(asked), float(served.reference.wear.mean()))
+    t = windows.progress
+    read = [
+        _frame(
+            GENERATED,
+            unit,
+            t,
+            name,
+            measured=asked,
+            predicted=judge(pair.made, pair.conditions),
+            baseline_recorded=judge(np.asarray(windows.values, float), pair.conditions),
+            baseline_nearest=near if name == FOREST else np.full(len(asked), np.nan),
+            baseline_mean=mean,
+        )
+        for name, judge in served.judges.items()
+    ]
+    return [
+        *read,
+        _frame(
+            LEARNT, unit, t, measured=asked,
+            predicted=served.from_generated(pair.real, pair.beside), baseline_recorded=judged,
+            baseline_mean=mean,
+        ),
+        _frame(
+            AUGMENTED, unit, t, measured=asked,
+            predicted=served.augmented(pair.real, pair.beside), baseline_recorded=judged,
+            baseline_mean=mean,
+        ),
+    ]  # fmt: skip
+
+
+def _distances(pair: _Pair) -> list[pd.DataFrame]:
+    """Distances between neighbours in wear and conditions, and to the nearest training window."""
+    real, fake = pair.scaled
+    t = pair.windows.progress
+    other = _neighbour(pair)
+    apart = [np.sqrt(((one - one[other]) ** 2).mean(axis=1)) for one in (real, fake)]
+    training = pair.served.scaling(pair.served.reference.recorded)
+    near = [np.sqrt(squared_distances(one, training).min(axis=1)) for one in (real, fake)]
+    return [
+        _frame(SPREAD, "1", t, measured=apart[0], predicted=apart[1]),
+        _frame(COPY, "1", t, measured=near[0], predicted=near[1]),
+    ]
+
+
+def _neighbour(pair: _Pair) -> Any:
+    """For each window of the case another one next to it in conditions and wear."""
+    place = np.hstack([pair.beside, _standard(np.asarray(pair.windows.wear, float))[:, None]])
+    apart = squared_distances(place, place)
+    np.fill_diagonal(apart, np.inf)
+    return apart.argmin(axis=1)
+
+
+def _standard(values: Floats) -> Floats:
+    found: Floats = (values - values.mean()) / max(float(values.std()), 1e-12)
+    return found
+
+
+def _spectra(pair: _Pair) -> list[pd.DataFrame]:
+    """Mean level of the power in bands of each channel [dB], and in spindle orders."""
+    file = pair.served.file
+    edges = band_edges(file.length)
+    centre = np.sqrt(edges[:-1] * (edges[1:] - 1.0)) * file.rate_Hz / file.length
+    each = pair.real.shape[1] // len(file.channels)
+    near = pair.served.reference.recorded[pair.nearest]
+    found = []
+    for k, channel in enumerate(file.channels):
+        columns = slice((k + 1) * each - len(centre), (k + 1) * each)
+        real, fake, other = (
+            NEPERS_TO_DB * one[:, columns].mean(axis=0) for one in (pair.real, pair.fake, near)
+        )
+        found.append(
+            _frame(
+                SPECTRUM, "dB", centre, channel, measured=real, predicted=fake,
+                baseline_nearest=other,
+            )
+        )  # fmt: skip
+    speed = _speed(pair.windows)
+    if speed is not None:
+        for k, channel in enumerate(file.channels):
+            real, fake = (
+                order_levels(one[:, k], speed, file.rate_Hz)
+                for one in (np.asarray(pair.windows.values, float), pair.made)
+            )
+            seen = np.isfinite(real) & np.isfinite(fake)
+            orders = np.arange(1.0, ORDER_COUNT + 1)[seen]
+            found.append(
+                _frame(ORDERS, "dB", orders, channel, measured=real[seen], predicted=fake[seen])
+            )
+    return found
+
+
+def _speed(windows: WearWindows) -> Floats | None:
+    """Speed of the spindle [1/s] of windows, where it is among their conditions."""
+    for name in SPEED:
+        unit = windows.condition_units.get(name, "")
+        if name in windows.conditions and unit:
+            factor, _ = conversion(unit, "1/min")
+            found: Floats = factor * np.asarray(windows.conditions[name], float) / 60.0
+            return found if (found > 0).all() else None
+    return None
+
+
+def order_levels(signal: Floats, speed: Floats, rate_Hz: float) -> Floats:
+    """Mean level of windows (N, L) at multiples of the spindle's frequency [dB], shape (orders,).
+
+    NaN where an order lies above half of the sampling rate or is narrower than a line.
+    """
+    length = signal.shape[1]
+    power = np.abs(np.fft.rfft(signal - signal.mean(axis=1, keepdims=True), axis=1)) ** 2
+    power /= length**2
+    frequency = np.fft.rfftfreq(length, 1.0 / rate_Hz)
+    found = np.full((len(signal), ORDER_COUNT), np.nan)
+    for order in range(1, ORDER_COUNT + 1):
+        near = np.abs(frequency[None] / speed[:, None] - order) <= WINDOW_OF_AN_ORDER
+        near &= frequency[None] > 0
+        many = near.sum(axis=1)
+        level = np.where(near, power, 0.0).sum(axis=1)
+        there = (many > 0) & (level > 0)
+        found[there, order - 1] = 10.0 * np.log10(level[there])
+    every = np.isfinite(found).all(axis=0)
+    out = np.full(ORDER_COUNT, np.nan)
+    out[every] = found[:, every].mean(axis=0)
+    return out
+
+
+def _facts(pair: _Pair) -> dict[str, Fact]:
+    """Density and coverage of generated windows about the recorded ones of the case."""
+    real, fake = pair.scaled
+    near = min(pair.served.file.neighbours, len(real) - 1)
+    apart = np.sqrt(squared_distances(real, real))
+    radius = np.sort(apart, axis=1)[:, near]  # the first is the window itself
+    reached = np.sqrt(squared_distances(real, fake)) <= radius[:, None]
+    from_training = np.sqrt(
+        squared_distances(real, pair.served.scaling(pair.served.reference.recorded[pair.nearest]))
+    ) <= radius[:, None]  # fmt: skip
+    asked = np.asarray(pair.windows.wear, float)
+    bias = float((pair.served.judge(pair.fake, pair.beside) - asked).mean())
+    return {
+        "density": Fact(value=_rounded(reached.mean() * len(real) / near), unit="1"),
+        "coverage": Fact(value=_rounded(reached.any(axis=1).mean()), unit="1"),
+        "coverage by training windows": Fact(
+            value=_rounded(from_training.any(axis=1).mean()), unit="1"
+        ),
+        "bias of generated wear": Fact(value=_rounded(bias), unit=pair.served.file.wear_unit),
+    }
+
+
+def _rounded(value: Any) -> float:
+    return float(f"{float(value):.4g}")

@@ -1,0 +1,326 @@
+"""The stored generator of signals, the training windows as features, and learners made of them.
+
+``model.json`` says what was trained and how far the judge follows the wear; ``generator.json``
+holds the network, and features of training and generated windows.  Learners are fitted anew from
+the latter, in seconds and to the same numbers.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.nets.dcgan_settings import ConditionSpace
+from pipeline.nets.diversity import FeatureScaling, features
+from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Model
+from pipeline.schema.store import read_json
+from pipeline.signals.wear_windows import WearWindows
+
+if TYPE_CHECKING:
+    from pipeline.nets.dcgan import TrainedGan
+    from pipeline.nets.wear import WearJudge
+
+WEAR, TOOL = "wear", "tool"
+"""Conditions of every generator."""
+FOREST, NETWORK = "forest of features", "residual network"
+"""Names of the judges."""
+SYNTHETIC = "synthetic"
+"""Origin of generated windows, wherever they are shown or written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearCurve:
+    """What a judge reads from generated windows over the wear that was asked for.
+
+    Parameters
+    ----------
+    asked, mean, low, high : tuple of float
+        Wear asked for; mean, 5 % and 95 % quantile of the wear that was read; in the wear's unit.
+    mae, mse : float
+        Of the mean against what was asked for, in the unit and its square.
+    slope : float
+        Of a straight line through the means [1]; 1 for a sound generator.
+    rank_correlation : float
+        Spearman's, of single windows [1].
+    false_intervals : tuple of (float, float)
+        Thirds of the range of wear in which the reading falls while the wear grows.
+    """
+
+    asked: tuple[float, ...]
+    mean: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    mae: float
+    mse: float
+    slope: float
+    rank_correlation: float
+    false_intervals: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SynthesisModel(Model):
+    """``model.json`` of the synthesis of signals.
+
+    Parameters
+    ----------
+    channels, units : tuple of str
+        Of a window.
+    rate_Hz : float
+        Of its samples [Hz].
+    length : int
+        Its samples.
+    wear_unit : str
+        ``"um"``, or ``"1"`` where wear is a class.
+    windows : int
+        That were trained on.
+    steps : int
+        Of the training.
+    curves : mapping of str to WearCurve
+        By name of the judge.
+    judges : tuple of str
+        Their names, the one whose figures go first before the others.
+    within, between : float
+        Distance of generated windows at the same conditions, and over all, by that of training
+        windows [1].
+    faults : tuple of str
+        What is wrong with the training: collapse, a loss that vanished.
+    clipped : float
+        Share of training samples that are cut to the range of the generator's output [1].
+    judged, neighbours, trees, seed : int
+        As in the settings.
+    """
+
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    rate_Hz: float
+    length: int
+    wear_unit: str
+    windows: int
+    steps: int
+    curves: Mapping[str, WearCurve]
+    judges: tuple[str, ...]
+    within: float
+    between: float
+    faults: tuple[str, ...] = ()
+    clipped: float = 0.0
+    judged: int = 200
+    neighbours: int = 5
+    trees: int = 100
+    seed: int = 0
+
+    @property
+    def is_class(self) -> bool:
+        """Whether wear is worn or not, no number."""
+        return self.wear_unit == "1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneratorFile:
+    """``generator.json``: document of the network, features as packed arrays, networks that judge.
+
+    The latter are those of the wear model, which saw recorded windows of training tools alone.
+    """
+
+    document: Mapping[str, Any]
+    reference: Mapping[str, Any]
+    judges: tuple[Mapping[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Life:
+    """Windows of a tool, and the folder of the machine's wear model; None where it has none."""
+
+    windows: WearWindows
+    wear: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """Training windows, and generated ones at the same conditions.
+
+    Parameters
+    ----------
+    recorded, generated : ndarray, shape (N, K)
+        Features.
+    conditions : ndarray, shape (N, D)
+        Encoded, without the wear and the tool.
+    wear : ndarray, shape (N,)
+        In the wear's unit.
+    shown, like : ndarray, shape (S, C, L)
+        A few recorded windows over the wear, and generated ones at their conditions.
+    shown_wear : ndarray, shape (S,)
+        Of both.
+    """
+
+    recorded: Floats
+    generated: Floats
+    conditions: Floats
+    wear: Floats
+    shown: Floats
+    like: Floats
+    shown_wear: Floats
+
+
+Judge = Callable[[Floats, Mapping[str, Any]], Floats]
+Learner = Callable[[Floats, Floats], Floats]
+"""Wear (N,) from features (N, K) and conditions (N, D)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Synthesis:
+    """A stored generator with the learners that judge it."""
+
+    file: SynthesisModel
+    gan: "TrainedGan"
+    reference: Reference
+    networks: "tuple[WearJudge, ...]" = ()
+
+    @cached_property
+    def judges(self) -> Mapping[str, Judge]:
+        """Wear (N,) from windows (N, C, L) and their conditions, by name of the judge.
+
+        None of them took part in the training of the generator.
+        """
+        found: dict[str, Judge] = {FOREST: self._by_features}
+        if self.networks:
+            found[NETWORK] = self._by_networks
+        return found
+
+    def _by_features(self, values: Floats, conditions: Mapping[str, Any]) -> Floats:
+        return self.judge(of_windows(values), beside(self.gan.space, conditions))
+
+    def _by_networks(self, values: Floats, conditions: Mapping[str, Any]) -> Floats:
+        """Mean of the networks; a word is a column of 0 and 1 to them."""
+        found = []
+        for one in self.networks:
+            columns = {name: _column(name, conditions) for name in one.conditions}
+            found.append(one.predict(values, columns))
+        return np.maximum(np.mean(found, axis=0), 0.0)
+
+    @cached_property
+    def scaling(self) -> FeatureScaling:
+        """Of features, by recorded training windows."""
+        return FeatureScaling.of(self.reference.recorded)
+
+    @cached_property
+    def judge(self) -> Learner:
+        """Learnt from recorded training windows."""
+        return self._learner(recorded=True, generated=False)
+
+    @cached_property
+    def from_generated(self) -> Learner:
+        """Learnt from generated windows alone."""
+        return self._learner(recorded=False, generated=True)
+
+    @cached_property
+    def augmented(self) -> Learner:
+        """Learnt from both."""
+        return self._learner(recorded=True, generated=True)
+
+    def _learner(self, *, recorded: bool, generated: bool) -> Learner:
+        from sklearn.ensemble import RandomForestRegressor
+
+        mine = self.reference
+        parts = [p for p, use in ((mine.recorded, recorded), (mine.generated, generated)) if use]
+        x = np.concatenate([np.hstack([self.scaling(p), mine.conditions]) for p in parts])
+        forest = RandomForestRegressor(
+            n_estimators=self.file.trees, min_samples_leaf=3, max_features=0.33, n_jobs=1,
+            random_state=self.file.seed,
+        ).fit(x, np.tile(mine.wear, len(parts)))  # fmt: skip
+
+        def learner(found: Floats, conditions: Floats) -> Floats:
+            wear: Floats = forest.predict(np.hstack([self.scaling(found), conditions]))
+            return wear
+
+        return learner
+
+    def known(self, windows: WearWindows) -> dict[str, Any]:
+        """Conditions of windows as the generator takes them; words not learnt are empty."""
+        found = conditions_of_windows(windows)
+        space = self.gan.space
+        kept: dict[str, Any] = {one.name: found[one.name] for one in space.continuous}
+        for one in space.discrete:
+            given = [str(word) for word in found[one.name]]
+            kept[one.name] = np.array([w if w in one.words else "" for w in given])
+        return kept
+
+    def inside(self, conditions: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
+        """Which windows lie in the ranges that were learnt, shape (N,)."""
+        many = len(next(iter(conditions.values())))
+        found = np.ones(many, bool)
+        for one in self.gan.space.continuous:
+            given, slack = np.asarray(conditions[one.name], float), 1e-6 * (one.high - one.low)
+            found &= (given >= one.low - slack) & (given <= one.high + slack)
+        return found
+
+
+def _column(name: str, conditions: Mapping[str, Any]) -> Floats:
+    """A condition, or whether it is a word: ``cut_type slot``."""
+    if name in conditions:
+        return np.asarray(conditions[name], float)
+    of, _, word = name.partition(" ")
+    return (np.asarray(conditions[of]) == word).astype(float)
+
+
+def conditions_of_windows(windows: WearWindows) -> dict[str, Any]:
+    """Wear, conditions and tool of windows by name, shape (N,) each."""
+    return {WEAR: windows.wear, **windows.conditions, TOOL: windows.tool.astype(str)}
+
+
+def beside(space: ConditionSpace, conditions: Mapping[str, Any]) -> Floats:
+    """Encoded conditions that a learner may know, shape (N, D): all but wear and tool."""
+    numbers, words = space.encoded(conditions)
+    kept = [k for k, one in enumerate(space.continuous) if one.name != WEAR]
+    parts = [numbers[:, kept]]
+    for k, one in enumerate(space.discrete):
+        if one.name != TOOL:
+            parts.append(np.eye(len(one.words) + 1)[words[:, k]])
+    return np.hstack(parts)
+
+
+def of_windows(values: Any) -> Floats:
+    """Features of windows (N, C, L), shape (N, K)."""
+    return features(values)
+
+
+def reference_of(stored: GeneratorFile) -> Reference:
+    """Features and windows that are stored beside a generator.
+
+    Raises
+    ------
+    ValueError
+        When the file lacks one, or holds another type of number.
+    """
+    from pipeline.nets.window_model import unpacked
+
+    try:
+        found = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
+        return Reference(**found)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"generator.json does not fit together ({error}): run `dvc repro`") from (
+            error
+        )
+
+
+def load_synthesis(folder: Path) -> Synthesis:
+    """The generator in a folder, with what it is judged by.
+
+    Raises
+    ------
+    StoreError
+        When a file is missing, broken or of another form.
+    """
+    from pipeline.nets.dcgan import restore_gan
+    from pipeline.nets.wear import restore_judge
+
+    stored = read_json(folder / "generator.json", GeneratorFile)
+    return Synthesis(
+        file=read_json(folder / "model.json", SynthesisModel),
+        gan=restore_gan(stored.document),
+        reference=reference_of(stored),
+        networks=tuple(restore_judge(one) for one in stored.judges),
+    )
