@@ -156,6 +156,8 @@ def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path)
         ({"--limit-load": "inf"}, "must lie above 0 and below 1e+12"),
         ({"--unit": "a"}, "has no units: leave --unit out"),
         ({"--tool-table": "twice.yaml"}, "twice.yaml:3: 4 is written twice"),
+        ({"--tool-table": "deep.yaml"}, "lie too deep in each other"),
+        ({"--machine": "../x"}, "conf/machine/../x.yaml does not exist"),
     ],
 )
 def test_what_does_not_fit_is_one_sentence(project: Path, change: dict, said: str) -> None:
@@ -163,6 +165,7 @@ def test_what_does_not_fit_is_one_sentence(project: Path, change: dict, said: st
     (project / "wrong.yaml").write_text("tools: {4: {kind: flat, diameter_mm: 12, teeth: 3}}")
     four = "  4: {kind: flat, diameter_mm: 12, flutes: 3}\n"
     (project / "twice.yaml").write_text(f"tools:\n{four}{four}")
+    (project / "deep.yaml").write_text("[" * 20_000 + "]" * 20_000)
     (project / "other.yaml").write_text("tools: {5: {kind: flat, diameter_mm: 12, flutes: 3}}")
     options = dict(zip(CUT[::2], CUT[1::2], strict=True)) | change
     given = [word for pair in options.items() if pair[1] is not None for word in pair]

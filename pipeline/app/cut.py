@@ -269,6 +269,10 @@ def _read(name: str, folder: str, what: str, wanted: type[T]) -> T:
         twice = _twice(yaml.compose(text, Loader=yaml.SafeLoader))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise ValueError(
+            f"{path} is no {what}: its entries lie too deep in each other, write a flat table"
+        ) from error
     if twice is not None:
         raise ValueError(
             f"{path}:{twice.start_mark.line + 1}: {twice.value} is written twice: leave one out"

@@ -48,8 +48,9 @@ def machine_parameters(machine: str) -> dict[str, Any]:
     ValueError
         When conf/machine/ has no such machine.
     """
-    if not (CONF / "machine" / f"{machine}.yaml").exists():
-        known = ", ".join(sorted(p.stem for p in (CONF / "machine").glob("*.yaml"))) or "none"
+    names = {p.stem for p in (CONF / "machine").glob("*.yaml")}
+    if machine not in names:  # which no path is
+        known = ", ".join(sorted(names)) or "none"
         raise ValueError(
             f"conf/machine/{machine}.yaml does not exist; known machines: {known}. "
             "Run kerf in the project's folder, or write that file"
