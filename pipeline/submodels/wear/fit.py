@@ -1,6 +1,8 @@
 """Fit of tool wear: every method on training tools, and who serves by tools left out.
 
-Whole tools are left out in turn.  The blend's weights for a tool come from the predictions of the
+Whole tools are left out in turn.  A single method serves instead of the median of all only where
+its squared errors are lower significantly over the tools: of few tools the one that happens to be
+best may go astray on the next.  The blend's weights for a tool come from the predictions of the
 others, each of which was left out itself.  The interval's half width is conformal over tools.
 """
 
@@ -14,6 +16,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.interval import Bands
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
+from pipeline.submodels.statistics import gains
 from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
 from pipeline.submodels.wear.methods import (
     blend_weights,
@@ -111,8 +114,9 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     out = _Told.joined(told)
     weights = _with_blend(out)
     scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
-    signals = (n for n in (*METHODS, MEDIAN) if n in scores)
-    alone = min(signals, key=lambda n: scores[n].rmse)
+    best = min((n for n in METHODS if n in scores), key=lambda n: scores[n].rmse)
+    surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]))
+    alone = best if surely else MEDIAN
     champion = alone
     if weights and scores[BLEND].rmse < scores[alone].rmse:
         champion = BLEND
@@ -260,14 +264,19 @@ def _with_blend(out: _Told) -> dict[str, float]:
     return {name: float(weight) for name, weight in zip(names, found, strict=True)}
 
 
+def _squares(out: _Told, told: Floats) -> Floats:
+    """Mean squared error of each tool, in the order of their names."""
+    error = told - out.wear
+    return np.array([np.mean(error[out.tool == tool] ** 2) for tool in np.unique(out.tool)])
+
+
 def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
     error = told - out.wear
-    tools = np.unique(out.tool)
-    squares = [float(np.mean(error[out.tool == tool] ** 2)) for tool in tools]
-    sizes = [float(np.mean(np.abs(error[out.tool == tool]))) for tool in tools]
+    squares = _squares(out, told)
+    sizes = [float(np.mean(np.abs(error[out.tool == tool]))) for tool in np.unique(out.tool)]
     return MethodScore(
-        rmse=float(np.sqrt(np.mean(squares))), mae=float(np.mean(sizes)),
-        worst=float(np.sqrt(max(squares))),
+        rmse=float(np.sqrt(squares.mean())), mae=float(np.mean(sizes)),
+        worst=float(np.sqrt(squares.max())),
         balanced_accuracy=balanced_accuracy(told, out.wear) if is_class else None,
     )  # fmt: skip
 

@@ -127,9 +127,11 @@ class WearModel(Model):
     per_recording : bool
         Whether a recording has one wear, the mean of its windows; else each window has one.
     champion : str
-        Method with the least RMSE on training tools left out among those that look at signals.
+        Method that serves: ``alone``, or the blend where its RMSE on training tools left out is
+        lower.
     alone : str
-        The same among those that need no use of the tool.
+        The one that needs no use of the tool: the median, or a single method that is significantly
+        better on training tools left out.
     scores : mapping of str to MethodScore
         Of every method.
     weights : mapping of str to float
