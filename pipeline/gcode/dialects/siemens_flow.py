@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
 from pipeline.gcode.program import Program
-from pipeline.gcode.statements import Assignment, Control, Number, Parameter
+from pipeline.gcode.statements import Assignment, Control, Expression, Number, Parameter
 
 ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", "REPEAT": "UNTIL"}
 """Word that opens a structure -> word that closes it."""
@@ -58,7 +58,8 @@ def control_of(token: Token, stream: TokenStream) -> Control:
         When the line holds anything else.
     """
     word, kind = token.head, KIND + token.head.lower()
-    condition, then = None, ()
+    condition: Expression | None = None
+    then: tuple[Assignment, ...] = ()
     if word in ("IF", "WHILE", "UNTIL"):
         condition = stream.condition()
         jump = stream.next
