@@ -25,6 +25,7 @@ from pipeline.submodels.wear.model import (
     BLEND,
     FOREST,
     GUESS,
+    MEDIAN,
     METHODS,
     RESNET,
     RIDGE,
@@ -33,6 +34,7 @@ from pipeline.submodels.wear.model import (
     MethodsFile,
     Readings,
     WearFitSettings,
+    median,
 )
 
 
@@ -109,7 +111,8 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     out = _Told.joined(told)
     weights = _with_blend(out)
     scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
-    alone = min((n for n in METHODS if n in scores), key=lambda n: scores[n].rmse)
+    signals = (n for n in (*METHODS, MEDIAN) if n in scores)
+    alone = min(signals, key=lambda n: scores[n].rmse)
     champion = alone
     if weights and scores[BLEND].rmse < scores[alone].rmse:
         champion = BLEND
@@ -238,9 +241,13 @@ class _Told:
 
 
 def _with_blend(out: _Told) -> dict[str, float]:
-    """Adds the blend to what was told, each tool's by weights of the others; weights of all."""
-    names = [name for name in (*METHODS, GUESS) if name in out.by]
-    if len(names) < 2:
+    """Adds the median and the blend to what was told, each tool's by weights of the others.
+
+    Returns the weights of all tools; none without a guess.
+    """
+    out.by[MEDIAN] = median(out.by)
+    names = (MEDIAN, GUESS)
+    if GUESS not in out.by:
         return {}
     told = np.stack([out.by[name] for name in names], axis=1)
     blend = np.empty(len(out.wear))

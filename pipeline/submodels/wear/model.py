@@ -23,14 +23,16 @@ from pipeline.submodels.wear.methods import Curve, Forest, ForestSettings, Ridge
 if TYPE_CHECKING:
     from pipeline.nets.wear import WearJudge
 
-RESNET, FOREST, RIDGE, BLEND, GUESS, MEAN = "resnet", "forest", "ridge", "blend", "guess", "mean"
+RESNET, FOREST, RIDGE, MEDIAN = "resnet", "forest", "ridge", "median"
+BLEND, GUESS, MEAN = "blend", "guess", "mean"
 METHODS = (RESNET, FOREST, RIDGE)
 """Those that look at the signals."""
 WEAR, WORN = "flank wear", "probability of a worn tool"
 """Quantities: a number, and a class."""
 NAMES = {
     RESNET: "residual network", FOREST: "forest", RIDGE: "ridge regression",
-    BLEND: "blend with the guess", GUESS: "guess without sensors", MEAN: "mean wear",
+    MEDIAN: "median of the methods", BLEND: "their median with the guess",
+    GUESS: "guess without sensors", MEAN: "mean wear",
 }  # fmt: skip
 """Methods in words."""
 
@@ -131,7 +133,7 @@ class WearModel(Model):
     scores : mapping of str to MethodScore
         Of every method.
     weights : mapping of str to float
-        Of the methods in the blend.
+        Of the median and the guess in the blend; empty where there is no guess.
     bands : mapping of str to mapping of str to Band
         Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class.
     lasting : Lasting
@@ -294,9 +296,14 @@ class Wear:
         """Readings of windows, and their wear by every method and the blend, (K,) each."""
         readings = Readings.among(windows, per_recording=self.file.per_recording)
         found = {name: readings.mean(one) for name, one in self.fitted.predict(windows).items()}
+        return readings, self.together(found)
+
+    def together(self, found: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Wear by every method, (K,) each, with their median and the blend."""
+        more = {**found, MEDIAN: median(found)}
         if self.file.weights:
-            found[BLEND] = blended(found, self.file.weights)
-        return readings, found
+            more[BLEND] = blended(more, self.file.weights)
+        return more
 
     def served(self, found: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
         """Method that serves, its wear and the ends of the 90 % interval, (K,) each.
@@ -312,6 +319,12 @@ class Wear:
             return name, wear, nothing, nothing
         band = bands[ALL_REGIMES]
         return name, wear, np.maximum(wear - band.lower, 0.0), wear + band.upper
+
+
+def median(found: Mapping[str, Floats]) -> Floats:
+    """Median of the methods that look at signals, (K,): no single one that goes astray moves it."""
+    middle: Floats = np.median([found[name] for name in METHODS if name in found], axis=0)
+    return middle
 
 
 def blended(found: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:

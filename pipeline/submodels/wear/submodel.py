@@ -199,12 +199,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
             windows, of_row = windows_of_table(table, wear.file)
-            found = wear.fitted.predict(windows)
-            if wear.file.weights:
-                from pipeline.submodels.wear.model import BLEND, blended
-
-                found[BLEND] = blended(found, wear.file.weights)
-            _, told, low, high = wear.served(found)
+            _, told, low, high = wear.served(wear.together(wear.fitted.predict(windows)))
             columns = {"wear": told, "low": low, "high": high}
             return pd.DataFrame(
                 {name: values[of_row] for name, values in columns.items()}, index=table.index

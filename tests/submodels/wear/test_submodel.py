@@ -17,6 +17,7 @@ from pipeline.submodels.wear.model import (
     FOREST,
     GUESS,
     MEAN,
+    MEDIAN,
     RESNET,
     RIDGE,
     WEAR,
@@ -71,8 +72,8 @@ def test_a_reading_is_one_a_recording(built: Built) -> None:
 def test_every_method_is_compared_and_stored(tmp_path: Path) -> None:
     found = build(tmp_path, settings=QUICK)
     model = found.model
-    assert set(model.scores) == {RESNET, FOREST, RIDGE, GUESS, MEAN, BLEND}
-    assert model.champion in (RESNET, FOREST, RIDGE, BLEND)
+    assert set(model.scores) == {RESNET, FOREST, RIDGE, MEDIAN, GUESS, MEAN, BLEND}
+    assert model.champion in (RESNET, FOREST, RIDGE, MEDIAN, BLEND)
     assert sum(model.weights.values()) == pytest.approx(1.0)
     assert read_json(found.folder / "model.json", WearModel) == model
     wear = load_wear(found.folder)
