@@ -117,14 +117,15 @@ def _interpolated(
         if there.any():
             found.append((file, one.of(there)))
             continue
+        at = float(one.progress.mean())
+        between = bool(points) and points[0][0] <= at <= points[-1][0]
+        if open_ended and not between and not records.wear.is_class:
+            found.append((file, one))
+            continue
         if records.wear.is_class or not records.interpolate or not points:
             left_out[file.name] = "its wear was not measured: measure it, or leave it out"
             continue
-        at, (first, last) = float(one.progress.mean()), (points[0][0], points[-1][0])
-        if open_ended and not first <= at <= last:
-            found.append((file, one))
-            continue
-        if not first <= at <= last:
+        if not between:
             left_out[file.name] = (
                 "its wear was not measured, and no measurement of the same tool lies on both sides "
                 "of it: measure the wear of the first and the last cut"

@@ -52,6 +52,26 @@ def test_wear_between_two_measurements_is_interpolated_and_said(tmp_path: Path) 
     assert "was not measured" in left.left_out["wear/T0_001.parquet"]
 
 
+def test_of_a_tool_in_use_cuts_after_the_last_measurement_are_kept_without_wear(
+    tmp_path: Path,
+) -> None:
+    signals = signals_of(tmp_path, tools=2, cuts=4, blank=[(0, 1), (0, 3), (1, 3)])
+    found = read_lives(signals, wear_records(), in_use=("T0",))
+    first, second = (life.windows for life in found.lives)
+    last = first.progress == 6.0
+    assert last.any() and np.isnan(first.wear[last]).all() and not first.measured[last].any()
+    assert np.isfinite(first.wear[~last]).all()
+    assert second.progress.max() == 4.0 and list(found.left_out) == ["wear/T1_003.parquet"]
+
+
+def test_a_tool_in_use_that_nobody_measured_is_kept(tmp_path: Path) -> None:
+    signals = signals_of(tmp_path, tools=2, cuts=2, blank=[(0, 0), (0, 1)])
+    tool, other = read_lives(signals, wear_records(), in_use=("T0",)).lives
+    assert tool.tool == "T0" and np.isnan(tool.windows.wear).all()
+    assert np.isfinite(other.windows.wear).all()
+    assert [one.tool for one in read_lives(signals, wear_records()).lives] == ["T1"]
+
+
 def test_a_lower_rate_is_reached_behind_a_low_pass(tmp_path: Path) -> None:
     """180 Hz would fold to 20 Hz at a rate of 200 Hz; 30 Hz stays."""
     (tmp_path / "raw/wear").mkdir(parents=True)

@@ -30,6 +30,7 @@ MINUTES = "min"
 IN_USE, TYPE, TIME, READ, READ_AT = "in use", "type", "time in cut", "wear read", "read at"
 NOW, NOW_LOW, NOW_HIGH = "wear now", "wear now, low", "wear now, high"
 LIFE, LIFE_LOW, LIFE_HIGH = "life of such a tool", "life, low", "life, high"
+NOT_TOLD = "no time left is told"
 TOLD, HELD = "times left that were told", "of those inside the 90 % interval"
 """Names of the facts of a tool."""
 SIGNALS, READING, USE = "signals", "reading", "use alone"
@@ -107,14 +108,14 @@ def due_facts(
 ) -> dict[str, Fact]:
     """What is to be said of one tool: wear now, time left, how often such a time held.
 
-    Raises
-    ------
-    ValueError
-        As :func:`~pipeline.submodels.wear.life.uses`.
+    Of a tool whose type or cuts are not known, only why no time is told.
     """
-    use = uses(windows, settings)[0]
-    if use.kind not in law.kinds:
-        return {}
+    try:
+        use = uses(windows, settings)[0]
+    except ValueError as error:
+        return {NOT_TOLD: Fact(value=str(error))}
+    if use.kind not in law.kinds or not np.isfinite([use.v_c, use.rubbing, use.time[-1]]).all():
+        return {NOT_TOLD: Fact(value="no tool of its type was worn, or its cuts are not known")}
     facts = {TYPE: Fact(value=use.kind)} | _held(use, law)
     if use.tool not in settings.in_use:
         return facts

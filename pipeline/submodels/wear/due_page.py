@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, counted, number
 from pipeline.charts.sections import Heading, Section, present
@@ -84,24 +83,24 @@ def due_section(shown: Shown[WearModel]) -> Section | None:
     model = shown.model
     if model is None or (model.lasting.life is None and not model.lasting.reasons):
         return None
-    law, label = model.lasting.life, "Simulated. " if shown.origin == "simulated" else ""
+    law, label = model.lasting.life, " (simulated)" if shown.origin == "simulated" else ""
     named = sources(shown.shelf, shown.folder / "model.json", shown.folder / "verdict.json")
     if law is None:
         text = [f"No time left can be told: {'; '.join(model.lasting.reasons)}."]
-        return Section(key="tools-due", title="Tools due", text=text)
+        return Section(key="tools-due", title=f"Tools due{label}", text=text)
     tools = due_tools(shown)
     text = [
-        f"{label}A tool counts as worn at a flank wear of {number(law.criterion_um)}{TOGETHER}µm. "
+        f"A tool counts as worn at a flank wear of {number(law.criterion_um)}{TOGETHER}µm. "
         f"Times are time in the cut; the range holds nine of ten tools. {_held_words(shown)}"
     ]
     if not tools:
         text.append("No tool in use is named, so that none can be said to be due.")
     return Section(
-        key="tools-due", title="Tools due", text=text,
+        key="tools-due", title=f"Tools due{label}", text=text,
         blocks=present(
-            tabulated("Tools in use, the next to be changed first", tools, DUE, named),
+            tabulated(f"Tools in use, the next to be changed first{label}", tools, DUE, named),
             Heading(heading="How long tools last", text=_life_words(law)),
-            _worn_table(law, named),
+            tabulated(f"Tools that were used up{label}", law.worn, WORN, named),
             Heading(heading="What wear adds to forces", text=_edge_words(model)),
         ),
     )  # fmt: skip
@@ -113,6 +112,11 @@ def due_key_figures(shown: Shown[WearModel]) -> list[tuple[str, str, str]]:
     if first is None:
         return []
     return [("Next tool due", first.name, f"in {_span(first.left)} of cutting")]
+
+
+def due_notes(shown: Shown[WearModel]) -> list[str]:
+    """Tools that are to be changed now or soon, for the head of the page."""
+    return [f"Tool {one.name}: {one.todo}" for one in due_tools(shown) if one.status != "passed"]
 
 
 def due_truth(shown: Shown[WearModel]) -> list[Table]:
@@ -162,7 +166,7 @@ DUE: tuple[Column[DueTool], ...] = (
     Column("in the cut for", lambda one: number(one.number(due.TIME)), "min"),
     Column("wear last measured", _read),
     Column("wear now, by its signals", _now),
-    Column("lasts another", lambda one: f"{number(one.left[1], 2)} ({_span(one.left)})"),
+    Column("lasts another", lambda one: f"{_minutes(one.left[1])} ({_span(one.left)})"),
     Column("by", lambda one: one.rests_on),
     Column("what to do", lambda one: Cell(text=one.todo, status=one.status)),
 )  # fmt: skip
@@ -184,12 +188,15 @@ def _life_words(law: LifeLaw) -> str:
     words = (
         f"Found from {counted(len(law.worn), 'tool')} whose wear was measured up to "
         f"{number(law.criterion_um)}{TOGETHER}µm. Lives of like tools scatter by about "
-        f"{number(100 * law.scale)}{TOGETHER}%."
+        f"{number(100 * law.scale, 2)}{TOGETHER}%."
     )
     if catalogue:
         mean = sum(one.minutes / (one.catalogue_minutes or 1.0) for one in catalogue)
         share = 100 * mean / len(catalogue)
-        words += f" They last {number(share)}{TOGETHER}% of what the catalogue says."
+        words += (
+            f" They last {number(share, 2)}{TOGETHER}% of what the catalogue says at their speeds; "
+            "it knows nothing of depth and width of cut."
+        )
     return words
 
 
@@ -200,10 +207,6 @@ WORN: tuple[Column[WornTool], ...] = (
     Column("lasted", lambda one: number(one.minutes), "min"),
     Column("by the catalogue", lambda one: number(one.catalogue_minutes), "min"),
 )
-
-
-def _worn_table(law: LifeLaw, named: Any) -> Table | None:
-    return tabulated("Tools that were used up", law.worn, WORN, named)
 
 
 def _edge_words(model: WearModel) -> str:

@@ -279,7 +279,8 @@ def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
     if file.lasting.life is not None:
         estimate = Estimate(wear=float(told[-1]), low=float(low[-1]), high=float(high[-1]))
         facts |= due_facts(windows, estimate, file.lasting.life, life)
-    return Prediction(frame=frame, facts=facts)
+    note = "" if len(frame) else "its wear was not measured, so that nothing can be held against it"
+    return Prediction(frame=frame, facts=facts, note=note)
 
 
 def _seconds(use: Any, unit: str) -> Any:
@@ -303,8 +304,8 @@ def _facts(windows: WearWindows, frame: pd.DataFrame, file: WearModel) -> dict[s
             value=float((~scored).sum()), unit="1"
         )
     low, high = file.learnt
-    most = float(np.nanmax(windows.wear))
-    if most > high or float(np.nanmin(windows.wear)) < low:
+    wear = windows.wear[np.isfinite(windows.wear)]
+    if wear.size and (float(wear.max()) > high or float(wear.min()) < low):
         facts["wear learnt up to"] = Fact(value=float(f"{high:.4g}"), unit="um")
     return facts
 

@@ -11,6 +11,7 @@ import pytest
 from pipeline.schema.store import read_json
 from pipeline.signals.wear_records import WearSource
 from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.judge import judge
 from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     BLEND,
@@ -271,3 +272,18 @@ def test_settings_are_checked() -> None:
         replace(NO_NETWORK, methods=("cnn",))
     with pytest.raises(ValueError, match="least and the greatest share"):
         judging(ROLES, coverage=(0.9, 0.8))
+
+
+def test_a_tool_in_use_without_a_measurement_is_a_case_that_is_not_judged(tmp_path: Path) -> None:
+    signals = signals_of(tmp_path, tools=8, cuts=7, blank=[(7, cut) for cut in range(7)])
+    built = build(tmp_path, signals=signals)
+    settings = replace(judging(), wear_life=WearLifeSettings(in_use=("T7",)))
+    there = Records(signals=signals)
+    found = judge(
+        built.model, SUBMODEL.load(built.folder, settings), SUBMODEL.cases(there, settings),
+        SUBMODEL.targets(settings, built.model), sets=None, files=there.files,
+    )  # fmt: skip
+    (case,) = (one for one in found.verdict.cases if one.case == "T7")
+    assert "was not measured" in case.note
+    assert "T7" not in {one.group for one in found.verdict.scores}
+    assert found.verdict.status == built.judged.verdict.status
