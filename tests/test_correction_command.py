@@ -102,12 +102,13 @@ def test_the_file_holds_commanded_and_corrected_positions_in_the_machines_frame(
     assert len(lead) > 1000
     np.testing.assert_allclose(lead, 1200 / 60 / 40, rtol=0.01)
     found = json.loads((project / "times.json").read_text())["correction"]
-    limited = any(axis["limited_percent"] > 0 for axis in found["axes"])
-    assert limited == ("keep the clearance of rapids" in " ".join(done.stdout.split()))
+    assert "rapids are commanded as planned" in " ".join(done.stdout.split())
     assert found["file"] == "corrected.csv" and found["residual"] == NONE
     assert "holds no bundle.json" in found["champion"]
     for axis in found["axes"]:
-        assert axis["rms_after_um"] < 0.1 * axis["rms_before_um"]
+        # Z is at its limit just before it cuts: not all of its lag can be made up by then
+        least = 0.4 if axis["axis"] == "Z" else 0.1
+        assert axis["cut_rms_after_um"] < least * axis["cut_rms_before_um"]
         assert axis["half_width_90_um"] is None
         assert f"{axis['rms_before_um']:.1f}" in done.stdout
         assert f"{axis['rms_after_um']:.1f}" in " ".join(head)
@@ -155,8 +156,11 @@ def test_a_residual_is_used_where_its_model_passed(project, monkeypatch) -> None
     assert found["residual"].startswith("compensation ")
     assert [axis["half_width_90_um"] for axis in found["axes"]] == [3.0] * 3
     _, table = read(project / "corrected.csv")
-    still = (np.abs(table["t"] - 1.0)).argmin()  # the tool is changed, nothing moves
-    assert table["Y_corrected"][still] - table["Y"][still] == pytest.approx(7e-3, abs=1e-3)
+    still = (table["cutting"] == 1) & (np.gradient(table["Y"], table["t"]) == 0)
+    added = (table["Y_corrected"] - table["Y"])[still]
+    assert np.median(added) == pytest.approx(7e-3, abs=1e-3)
+    rapid = table["t"] < 0  # before the program nothing is asked for
+    np.testing.assert_array_equal(table["Y_corrected"][rapid], table["Y"][rapid])
 
 
 def test_simulate_adds_the_residual_of_a_model_that_passed(project, monkeypatch) -> None:
@@ -224,13 +228,11 @@ def test_the_section_of_conf_is_that_of_the_settings() -> None:
     assert section == CorrectionSettings()
 
 
-def test_rapids_at_their_limits_are_told() -> None:
+def test_what_becomes_of_rapids_is_told() -> None:
     axis = {
         "axis": "X", "rms_before_um": 9.0, "rms_after_um": 1.0, "max_before_um": 90.0,
         "max_after_um": 41.7, "cut_rms_before_um": 8.0, "cut_rms_after_um": 0.5,
         "half_width_90_um": None, "limited_percent": 0.0,
     }  # fmt: skip
-    document = {"file": "f.csv", "residual": NONE, "axes": [axis]}
-    assert not any("clearance" in line for line in correction_lines(document))
-    last = list(correction_lines(document | {"axes": [axis, axis | {"limited_percent": 2.0}]}))[-1]
-    assert "stays behind by up to 42 um" in last and "keep the clearance of rapids" in last
+    last = list(correction_lines({"file": "f.csv", "residual": NONE, "axes": [axis]}))[-1]
+    assert "rapids are commanded as planned" in last and "stays behind by up to 42 um" in last

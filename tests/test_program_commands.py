@@ -135,7 +135,24 @@ def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> Non
     done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
     assert "control identified" in done.stdout
     assert f"{before.plan.total + 10:.1f} s" in done.stdout
-    other = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco02")
+    other = kerf(
+        project,
+        "simulate",
+        "part.nc",
+        "--machine",
+        "hurco",
+        "--unit",
+        "hurco02",
+        "--json",
+        "o.json",
+    )
+    told = json.loads((project / "o.json").read_text())
+    assert told["unit"] == "hurco02" and told["total_time_s_on_other_units"] == {}
+    default = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "d.json")
+    document = json.loads((project / "d.json").read_text())
+    assert document["unit"] == "hurco04"
+    assert document["total_time_s_on_other_units"] == {"hurco02": told["total_time_s"]}
+    assert f"with --unit: hurco02 {told['total_time_s']:.1f} s" in default.stdout
     assert f"{before.plan.total:.1f} s" in other.stdout
     assert "'hurco99'" in refused(
         project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco99"
@@ -294,3 +311,11 @@ def test_a_trace_beyond_all_measure_is_refused(project: Path) -> None:
     (project / "part.nc").write_text("G21 G1 X99999999. F100.\nM30\n")
     said = refused(project, "simulate", "part.nc", "--machine", "hurco", "--out", "t.parquet")
     assert "positions" in said and not (project / "t.parquet").exists()
+
+
+def test_words_that_are_passed_over_are_told_on_screen(project: Path) -> None:
+    (project / "part.nc").write_text(PART.replace("N90 ", "POPEN\nN90 "))
+    for words in (("interpret", "part.nc", "--out", "moves.csv"),
+                  ("simulate", "part.nc", "--machine", "mill01")):  # fmt: skip
+        said = " ".join(kerf(project, *words).stdout.split())
+        assert "part.nc: POPEN is passed over (line 11)" in said, words

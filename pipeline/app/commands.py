@@ -259,12 +259,22 @@ def interpret(
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.programs import machine_setup, moves_table, read_moves, write_csv
+    from pipeline.app.programs import (
+        machine_setup,
+        moves_table,
+        passed_over,
+        read_moves,
+        write_csv,
+    )
 
     with one_sentence(), share_bar("interpreting") as share:
         check_outputs(program, out)
-        moves = read_moves(program, machine_setup(machine, dialect), share)
+        setup = machine_setup(machine, dialect)
+        moves = read_moves(program, setup, share)
         write_csv(moves_table(moves), out)
+        notes = list(passed_over(program, setup))
+    for note in notes:
+        typer.echo(note)
     typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
 
 
@@ -337,6 +347,8 @@ def simulate(
                     verdicts=document["verdicts"],
                 )  # fmt: skip
                 write_cut_page(shown, page, json)
+    for line in programs.passed_over(program, simulated.on.setup):
+        typer.echo(line)
     for line in programs.simulated_lines(document, program):
         typer.echo(line)
     for line in correction_lines(document["correction"]) if compensate is not None else ():

@@ -13,11 +13,9 @@ from pipeline.twin.corrected_program import (
     CorrectedProgram,
     corrected_program,
     correction_table,
-    in_cuts,
 )
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
-from pipeline.twin.program_axes import commanded_positions
 
 
 def correct_simulated(simulated: Simulated, program: Path, machine: str) -> CorrectedProgram:
@@ -40,15 +38,14 @@ def correct_simulated(simulated: Simulated, program: Path, machine: str) -> Corr
     models, plan = simulated.on.models, simulated.plan
     found = needed_drives(models, machine, "--compensate")
     residual, words = residual_of(models)
-    commanded = commanded_positions(plan)
-    axes = corrected_program(
-        commanded, read_drives(found), simulated.on.control, residual,
+    axes, cutting = corrected_program(
+        plan, read_drives(found), residual,
         settings=structure(simulated.on.parameters, "correction", CorrectionSettings),
     )  # fmt: skip
     return CorrectedProgram(
         machine=machine, origin=simulated.on.origin, program=program.stem,
         champion=_champion(models, machine), residual=words, total=plan.total, axes=axes,
-        cutting=in_cuts(plan, commanded, next(iter(axes.values())).time),
+        cutting=cutting,
     )  # fmt: skip
 
 
@@ -74,11 +71,8 @@ def correction_lines(document: dict[str, Any]) -> Iterator[str]:
     yield f"corrected command in {document['file']}, residual network: {document['residual']}"
     yield "following error as predicted:"
     yield from (f"  {line}" for line in correction_table(document["axes"]))
-    limited = [one for one in document["axes"] if one["limited_percent"] > 0]
-    if limited:
-        most = max(one["max_after_um"] for one in limited)
-        yield (
-            f"where a rapid is at its limits it is not led: there an axis stays behind by up to "
-            f"{most:.0f} um, each by another amount, and the path differs; keep the clearance of "
-            "rapids"
-        )
+    most = max(one["max_after_um"] for one in document["axes"])
+    yield (
+        f"rapids are commanded as planned: there an axis stays behind by up to {most:.0f} um; the "
+        "correction fades out after a cut and in before the next, for all axes alike"
+    )

@@ -56,10 +56,19 @@ class Controlled:
         All that conf/ composes to with this machine.
     models : Path
         Folder of the sub-models that are used: the champion's, or the latest ones.
+    unit : str
+        Which of several machines of a kind; empty where there is one.
+    chosen : bool
+        Whether the user named it.
+    units : tuple of str
+        All of them.
     """
 
     control: ControlParameters
     identified: bool
+    unit: str = ""
+    chosen: bool = False
+    units: tuple[str, ...] = ()
     origin: str
     setup: Setup
     parameters: dict[str, Any]
@@ -90,6 +99,19 @@ class Simulated:
     on: Controlled
     residual: Residual | None = None
     residual_name: str = ""
+
+    @property
+    def other_units(self) -> dict[str, float]:
+        """Time of the program [s] on the other units, where the user named none."""
+        on = self.on
+        if on.chosen or not on.identified or len(on.units) < 2:
+            return {}
+        controls = read_controls(on.models / "control/model.json")
+        moves = self.plan.path.moves
+        return {
+            unit: round(planned_program(moves, controls[unit]).total, 3)
+            for unit in on.units if unit != on.unit and unit in controls
+        }  # fmt: skip
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
@@ -122,6 +144,18 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     program = program_at(path)
     lines = max(len(program), 1)
     return interpret(program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0)))
+
+
+def passed_over(path: Path, setup: Setup) -> Iterator[str]:
+    """Words of a program that move nothing and are not followed, a line of text each."""
+    if setup.dialect != "fanuc":
+        return
+    for word, places in program_at(path).output.items():
+        where = ", ".join(map(str, places[:5])) + " …" * (len(places) > 5)
+        yield (
+            f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "
+            "variables, and moves nothing"
+        )
 
 
 def program_at(path: Path) -> Program:
@@ -249,7 +283,10 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
     sections = parameters["machine"][machine]
     folder = model_folder(machine, model)
     control, identified = _control(machine, sections, unit, folder)
+    records = sections.get("control_records", {})
+    units = tuple(records.get("units", ()))
     return Controlled(
+        unit=unit or str(records.get("default_unit", "")), chosen=unit is not None, units=units,
         control=control, identified=identified, setup=_setup(sections), parameters=parameters,
         origin=str(sections["identity"].get("origin", "recorded")), models=folder,
     )  # fmt: skip
@@ -358,6 +395,8 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
             "machine": machine,
             "origin": simulated.on.origin,
             "control": simulated.on.source,
+            "unit": simulated.on.unit,
+            "total_time_s_on_other_units": simulated.other_units,
             "models": simulated.on.models.as_posix(),
             "axes": simulated.axes,
             "blocks": blocks(simulated.plan),
@@ -376,6 +415,12 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     if "/champion/" not in document["models"]:
         yield f"with {document['models']}, not with the champion"
     yield from verdict_lines(document["verdicts"])
+    others = document["total_time_s_on_other_units"]
+    if others:
+        told = ", ".join(f"{unit} {seconds:.1f} s" for unit, seconds in others.items())
+        yield f"on unit {document['unit']}, the default one; with --unit: {told}"
+    elif document["unit"]:
+        yield f"on unit {document['unit']}"
     yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
     for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
         for name, seconds in table.items():

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 
+from pipeline.gcode.dialects.siemens_flow import Structure, structures
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC
@@ -40,11 +41,13 @@ class Source:
         Its index in ``Moves.files``.
     parse : callable
         From a program and a line number to the statement.
+    keeps : bool
+        Whether a line that is carried out again is the same statement.
     """
 
-    def __init__(self, program: Program, file: int, parse: Parser) -> None:
-        self.program, self.file, self.parse = program, file, parse
-        self.body = program.body
+    def __init__(self, program: Program, file: int, parse: Parser, *, keeps: bool = True) -> None:
+        self.program, self.file, self.parse, self.keeps = program, file, parse, keeps
+        self.body, self.opening = program.body, program.opening
         self._statements: dict[int, Statement] = {}
 
     def statement(self, line: int) -> Statement:
@@ -54,7 +57,8 @@ class Source:
             statement = self.parse(self.program, line)
             if len(self._statements) >= KEPT:
                 self._statements.clear()
-            self._statements[line] = statement
+            if self.keeps:
+                self._statements[line] = statement
         return statement
 
     @cached_property
@@ -76,6 +80,11 @@ class Source:
             if isinstance(name, str):
                 labels.setdefault(name, []).append(label)
         return labels
+
+    @cached_property
+    def structures(self) -> dict[int, Structure]:
+        """Branches and loops of a Sinumerik program by each of their lines."""
+        return structures(self.program)
 
     @cached_property
     def loops(self) -> dict[int, int]:
@@ -200,11 +209,13 @@ class CallStack:
         return self.levels[-1]
 
     def call(self, jump: Jump, line: int) -> None:
-        """M98, G65 or G66."""
+        """M97, M98, G65 or G66."""
         if jump.count == 0:
             return
         error = self._error(line, jump)
-        source, first = self._subprogram(jump.number or 0, error)
+        local = jump.kind == "local call"
+        place = self._local if local else self._subprogram
+        source, first = place(jump.number or 0, error)
         level = Level(
             source=source, line=first, first=first, jump=jump, repeats_left=jump.count - 1
         )
@@ -266,7 +277,8 @@ class CallStack:
     def _source(self, program: Program) -> Source:
         if program.name not in self.run.files:
             self.run.files.append(program.name)
-        return Source(program, self.run.files.index(program.name), self.parse)
+        keeps = self.run.dialect != "siemens"  # its reader remembers what it read
+        return Source(program, self.run.files.index(program.name), self.parse, keeps=keeps)
 
     def _subprogram(self, number: int, error: ErrorAt) -> tuple[Source, int]:
         """In this file, in the main program's, or in a file of its own."""
@@ -277,6 +289,14 @@ class CallStack:
         source = self._file(stems, error, f"O{number:04d}")
         head = source.programs.get(number)
         return source, source.body.start if head is None else head + self._skips_head
+
+    def _local(self, number: int, error: ErrorAt) -> tuple[Source, int]:
+        """The line N of a number in the program that runs."""
+        source = self.current.source
+        line = source.line_numbered(number, self.current.line - 1)
+        if line is None:
+            raise error(f"N{number} to call is not in the program: add it, or call with M98")
+        return source, line
 
     @property
     def _skips_head(self) -> int:

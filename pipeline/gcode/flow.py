@@ -1,14 +1,19 @@
-"""Flow control: Macro B's IF, WHILE, DO, GOTO and LinuxCNC's O-words."""
+"""Flow control: Macro B's IF, WHILE, DO, GOTO, LinuxCNC's O-words, the Sinumerik's structures."""
 
 from functools import partial
 
 from pipeline.gcode.calls import CallStack
+from pipeline.gcode.dialects.siemens_flow import KIND as SIEMENS
+from pipeline.gcode.dialects.siemens_flow import Structure
+from pipeline.gcode.dialects.variables import SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.statements import (
     Assignment,
+    Binary,
     Control,
     Expression,
     ExpressionError,
+    Number,
     ParameterStore,
     Statement,
     evaluate,
@@ -34,7 +39,14 @@ class Flow:
         self.calls, self.parameters = calls, parameters
 
     def assign(self, assignments: tuple[Assignment, ...], line: int) -> None:
-        """Evaluate all values, then keep them."""
+        """Evaluate all values, then keep them; on a Sinumerik one after the other."""
+        if not isinstance(self.parameters, SiemensVariables):
+            self._assign(assignments, line)
+            return
+        for one in assignments:
+            self._assign((one,), line)
+
+    def _assign(self, assignments: tuple[Assignment, ...], line: int) -> None:
         made = []
         for assignment in assignments:
             at = self._at(line, assignment.column, "#")
@@ -51,11 +63,14 @@ class Flow:
 
     def follow(self, statement: Statement, control: Control) -> None:
         """Go where the statement leads."""
-        at = self._at(statement.line, control.column, control.kind.replace("_", " ").upper())
+        word = control.kind.removeprefix(SIEMENS).replace("_", " ").upper()
+        at = self._at(statement.line, control.column, word)
         if control.kind in ("goto", "if_goto", "if_then", "while_do", "end") or (
             control.kind == "do" and not isinstance(control.label, str)
         ):
             self._macro(control, statement.line, at)
+        elif control.kind.startswith(SIEMENS):
+            self._siemens(control, statement.line, at)
         elif control.kind in ("program", "endsub", "return", "call"):
             self._subroutine(control, statement.line, at)
         elif control.kind != "endif":
@@ -82,11 +97,54 @@ class Flow:
             case "end":
                 level.line = self._partner(line, at)
 
+    def _siemens(self, control: Control, line: int, at: ErrorAt) -> None:
+        """Branches and loops of the Sinumerik."""
+        level = self.calls.current
+        found = level.source.structures.get(line)
+        if found is None:
+            raise at("it has no partner: every IF, WHILE, FOR, LOOP and REPEAT needs its end")
+        word = control.kind.removeprefix(SIEMENS)
+        unless = {
+            "if": (found.otherwise or found.end) + 1, "while": found.end + 1,
+            "until": found.opening + 1,
+        }  # fmt: skip
+        always = {
+            "else": found.end + 1, "endwhile": found.opening, "endloop": found.opening + 1
+        }  # fmt: skip
+        if word in unless:
+            if not self._value(control.condition, at):
+                level.line = unless[word]
+        elif word == "for":
+            self.assign(control.then, line)
+            self._count(control, found, at)
+        elif word == "endfor":
+            self._next_count(found, line, at)
+        else:
+            level.line = always.get(word, level.line)
+
+    def _next_count(self, found: Structure, line: int, at: ErrorAt) -> None:
+        """ENDFOR: the variable of its FOR one up, and into the loop again or behind it."""
+        level = self.calls.current
+        begun = level.source.statement(found.opening).control
+        if begun is not None:
+            target = begun.then[0].target
+            one_up = Binary("+", target, Number(1.0))
+            self.assign((Assignment(target, one_up, begun.column),), line)
+            level.line = found.opening + 1
+            self._count(begun, found, at)
+
+    def _count(self, control: Control, found: Structure, at: ErrorAt) -> None:
+        """Behind the ENDFOR of a FOR whose variable is beyond its end."""
+        over = Binary("GT", control.then[0].target, control.condition or Number(0.0))
+        if self._value(over, at):
+            self.calls.current.line = found.end + 1
+
     def _subroutine(self, control: Control, line: int, at: ErrorAt) -> None:
         """Call and return of an O-word subroutine; the head of a numbered program."""
         level = self.calls.current
         if control.kind == "program":
-            if line not in (level.first, level.source.section(level.first).start):
+            begins = level.first, level.source.section(level.first).start, level.source.opening
+            if line not in begins:
                 raise at(
                     "the program runs into the next one in the file: end it with M30 or M99 before"
                 )

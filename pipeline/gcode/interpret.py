@@ -1,5 +1,6 @@
 """Interpreter of part programs: a program and the control's setup to moves."""
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -53,7 +54,25 @@ def interpret(
     GcodeError
         At the first word that cannot be interpreted.
     """
+    _refuse_foreign(program)
     return Interpreter(program, setup, progress).moves()
+
+
+_FOREIGN = {
+    "conversational": re.compile(rb"\s*(?:\d+\s+)?BEGIN\s+PGM\b", re.I),
+    "ISO": re.compile(rb"\s*%\w+\s+G7[01]\s*\*"),
+}
+"""How a program for a Heidenhain control begins."""
+
+
+def _refuse_foreign(program: Program) -> None:
+    for kind, head in _FOREIGN.items():
+        if head.match(program.data):
+            raise GcodeError(
+                program.name, 1, 1, "program",
+                f"this is a Heidenhain {kind} program, which is not followed: post it for a Fanuc, "
+                "LinuxCNC or Siemens control",
+            )  # fmt: skip
 
 
 VARIABLES: dict[str, Callable[[Run], Variables]] = {
@@ -108,8 +127,17 @@ class Interpreter:
         while not self.ended:
             self._step()
         run, origin = self.run, list(self.setup.initial_position)
+        self._refuse_corner()
         close_contour(run)
         return run.rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+
+    def _refuse_corner(self) -> None:
+        """A corner that is open where no straight line follows."""
+        corner = self.run.corner
+        if corner is not None:
+            raise corner.block.error(
+                corner.item, "the corner cannot be made: the next block has to be a straight line"
+            )
 
     def _parse(self, program: Program, line: int) -> Statement:
         if self.setup.dialect == "siemens":
@@ -126,7 +154,8 @@ class Interpreter:
         if line >= level.source.body.stop:
             self._end_of_file()
             return
-        if self.compiled and not isinstance(self.variables, SiemensVariables):
+        compiled = self.compiled and not self.run.straight_next and self.run.corner is None
+        if compiled and not isinstance(self.variables, SiemensVariables):
             stop = min(level.source.body.stop, line + FAST_LINES_AT_ONCE)
             after = run_fast_lines(level.source.program, line, stop, self.run, self.variables)
             if after > line:
@@ -170,8 +199,10 @@ class Interpreter:
 
     def _block(self, block: Block) -> None:
         run = self.run
-        before, count = run.state.position, run.rows.count
+        before, count, corner = run.state.position, run.rows.count, run.corner
         carry_out(block, run)
+        if run.corner is corner:
+            self._refuse_corner()
         jump = block.flow
         if jump is None:
             moved = run.rows.count > count and run.state.position is not before
@@ -183,7 +214,7 @@ class Interpreter:
                 self.modal_depth = 0
         elif jump.kind == "end":
             self.ended = True
-        elif jump.kind == "call":
+        elif jump.kind in ("call", "local call"):
             self.calls.call(jump, block.line)
         elif not self.calls.return_to_caller(jump.number, block.line, jump):
             close_contour(run)

@@ -191,7 +191,7 @@ ONE_SHOT: dict[int, tuple[int, frozenset[str]]] = {
     40: (110, ALL_DIALECTS),
     90: (185, ALL_DIALECTS),
     600: (185, FANUC_ONLY),
-    **dict.fromkeys((50, 51, 80), (195, FANUC_ONLY)),
+    **dict.fromkeys((50, 51, 80, 1030, 1870), (195, FANUC_ONLY)),
     **dict.fromkeys((100, 280, 300, 520, 920, 921), (210, ALL_DIALECTS)),
     **dict.fromkeys((110, 270), (210, FANUC_ONLY)),
     **dict.fromkeys((281, 301, 922, 923), (210, LINUXCNC_ONLY)),
@@ -211,7 +211,7 @@ M_STEPS: dict[str, dict[int, int]] = {
     },
     "fanuc": {
         3: 70, 4: 70, 13: 70, 14: 70, 7: 80, 8: 80, 29: 80, 19: 310, 5: 320, 9: 330, 6: 340,
-        0: 400, 1: 400, 2: 410, 30: 410, 98: 420, 198: 420, 99: 430,
+        0: 400, 1: 400, 2: 410, 30: 410, 97: 420, 98: 420, 198: 420, 99: 430,
     },
     "siemens": {
         6: 50, 3: 70, 4: 70, 7: 80, 8: 80, 5: 320, 9: 330, 0: 400, 1: 400, 2: 410, 30: 410, 17: 410,
@@ -230,6 +230,8 @@ M_GROUPS: dict[int, str] = {
 }
 """M code -> group of which LinuxCNC takes one a block."""
 
+LINUXCNC_UNITS = 135
+"""When LinuxCNC carries out G20 and G21: after F, which counts the unit before them."""
 GROUP_OF: dict[int, str] = {code: name for name, group in GROUPS.items() for code in group.codes}
 
 
@@ -246,6 +248,8 @@ def step_of(code: int, dialect: str) -> int | None:
             return step
     if code == CANCELLED:
         return GROUPS["cycle"].step - 1
+    if code in (200, 210) and dialect == "linuxcnc":
+        return LINUXCNC_UNITS
     group = GROUPS.get(GROUP_OF.get(code, ""))
     if group is None or dialect not in group.dialects:
         return None

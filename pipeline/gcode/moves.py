@@ -22,6 +22,8 @@ METRE_PER_SECOND = 1e-3 / 60
 """Metres per second in a millimetre/minute."""
 INCH = 25.4
 """Millimetres in an inch."""
+INCREMENT = {False: 1e-3, True: 1e-4}
+"""Least input increment [mm] and, where the program speaks inches, [inch] (IS-B)."""
 
 
 class Kind(IntEnum):

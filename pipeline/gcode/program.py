@@ -1,5 +1,6 @@
 """Lossless tree of a part program: tokens, lines and words, each with its bytes."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
@@ -228,6 +229,11 @@ class Line:
         )
 
 
+OUTPUT = frozenset({"POPEN", "PCLOS", "DPRNT", "BPRNT", "SETVN"})
+"""Words of Macro B that write to a device or name variables; what follows belongs to them."""
+_OUTPUT = re.compile(rb"(?im)^[\s/\d]*(?:N\s*\d+\s*)?(%s)\b" % "|".join(sorted(OUTPUT)).encode())
+
+
 class Program:
     """Bytes of a part program, and their tokens.
 
@@ -289,17 +295,36 @@ class Program:
         A line of ``%`` with nothing but comments before it opens the program; the next one closes
         it.
         """
-        kind = self.tokens.kind
-        percents = self._line_of(np.flatnonzero(kind == TokenKind.PERCENT))
-        silent = np.isin(
-            kind, (TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END)
-        )
+        percents = self._line_of(np.flatnonzero(self.tokens.kind == TokenKind.PERCENT))
         first, last = 1, len(self) + 1
-        if len(percents) and silent[: self.tokens.first[percents[0] - 1]].all():
+        if len(percents) and self._silent[: self.tokens.first[percents[0] - 1]].all():
             first, percents = int(percents[0]) + 1, percents[1:]
         if len(percents):
             last = int(percents[0])
         return range(first, last)
+
+    @property
+    def opening(self) -> int:
+        """First line of the body that holds more than comments; the body's end where none does."""
+        body, first = self.body, self.tokens.first
+        begin = int(first[body.start - 1])
+        spoken = np.flatnonzero(~self._silent[begin : int(first[body.stop - 1])])
+        return int(self._line_of(begin + spoken[0])) if len(spoken) else body.stop
+
+    @property
+    def _silent(self) -> np.ndarray:
+        """Tokens (K,) that say nothing to the control."""
+        kinds = (TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END)
+        return np.isin(self.tokens.kind, kinds)
+
+    @property
+    def output(self) -> dict[str, list[int]]:
+        """Lines of each word of ``OUTPUT`` that heads one."""
+        found: dict[str, list[int]] = {}
+        for match in _OUTPUT.finditer(self.data):
+            line = self.data.count(b"\n", 0, match.start(1)) + 1
+            found.setdefault(match[1].decode("ascii").upper(), []).append(line)
+        return found
 
     def heads(self, letter: str) -> list[tuple[float, int]]:
         """Number and line of each word ``letter`` that is the first of its line, in order.

@@ -16,16 +16,16 @@ AXES = {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jump:
-    """Jump out of a block: M98, M99, G65 or the end of the program.
+    """Jump out of a block: M97, M98, M99, G65 or the end of the program.
 
     Parameters
     ----------
     kind : str
-        ``"call"``, ``"return"`` or ``"end"``.
+        ``"call"``, ``"local call"``, ``"return"`` or ``"end"``.
     item : WordItem
         The word that says so.
     number : int or None
-        Of the program to call, or of the N word to return to.
+        Of the program to call, or of the N word to call or to return to.
     count : int
         How often.
     arguments : mapping of int to float, or None
@@ -207,6 +207,31 @@ class Contour:
     word: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corner:
+    """A corner whose next line is still to come.
+
+    Parameters
+    ----------
+    rounded : bool
+        An arc, else a chamfer.
+    size : float
+        Radius, or length of each side that a chamfer takes off [mm].
+    row : int
+        That ends in the corner.
+    block : Block
+        Of that row, for errors.
+    item : WordItem
+        That asks for it.
+    """
+
+    rounded: bool
+    size: float
+    row: int
+    block: Block
+    item: WordItem
+
+
 SAVED = (
     "unit", "plane", "absolute", "arc_absolute", "feed_mode", "path_mode", "tolerance", "feed",
     "speed", "direction", "constant_surface_speed", "wcs",
@@ -257,6 +282,8 @@ class Run:
         self.length_number = self.radius_number = 0
         self.pending_length = 0.0
         self.rigid = self.diameter = self.probed = self.waited = False
+        self.straight_next = False
+        self.corner: Corner | None = None
         self.remap()
 
     def remap(self) -> None:

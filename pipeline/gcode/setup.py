@@ -56,6 +56,10 @@ class Setup(Ranged, section="setup"):
     decimal : str
         What ``X10`` without a decimal point means on a Fanuc: ``"calculator"`` 10 mm,
         ``"increment"`` 10 least input increments (0.001 mm, 0.0001 inch).
+    peck_increments : bool or None
+        Whether Q of G73 and G83 counts least input increments where it has no decimal point, as
+        Q5000 for 5 mm, though other words count millimetres; None asks where it would be more than
+        the hole is deep.
     parameters : mapping of (int or str) to float
         ``#`` variables that have a value at the start, by number or name.
     folders : tuple of Path
@@ -71,6 +75,9 @@ class Setup(Ranged, section="setup"):
         parameter TOS (5006#6) is set; otherwise the coordinates shift.
     peck_clearance : float
         Gap that G83 keeps to the depth reached, and what G73 retracts by [mm].
+    plain_m_codes : tuple of int
+        M codes of a Fanuc that may have a P since it calls nothing; any other with a P is refused,
+        but for M97, M98, M99 and M198.
     boring_shift : str
         Axis and sign in which G76 and G87 shift by Q, ``"+X"``, ``"-Y"``, … (parameter 5148).
     """
@@ -84,6 +91,7 @@ class Setup(Ranged, section="setup"):
     inch: bool = False
     inch_machine: bool = False
     decimal: Literal["calculator", "increment"] = "calculator"
+    peck_increments: bool | None = None
     parameters: Mapping[int | str, float] = field(default_factory=dict)
     folders: tuple[Path, ...] = ()
     block_skip: tuple[int, ...] = ()
@@ -91,6 +99,7 @@ class Setup(Ranged, section="setup"):
     arc_tolerance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.05
     length_moves: bool = True
     peck_clearance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.254
+    plain_m_codes: tuple[int, ...] = ()
     boring_shift: str = "-Y"
 
     def __post_init__(self) -> None:

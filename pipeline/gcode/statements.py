@@ -254,8 +254,9 @@ _BITS: dict[str, Callable[[int, int], int]] = {
 def _call(call: Call, parameters: ParameterStore) -> float:
     if call.function == "EXISTS":
         parameter = call.arguments[0]
-        known = isinstance(parameter, Parameter) and isinstance(parameter.key, str)
-        return float(known and parameters.exists(parameter.key))  # type: ignore[union-attr,arg-type]
+        named = isinstance(parameter, Parameter) and isinstance(parameter.key, str)
+        # every numbered parameter of LinuxCNC exists
+        return float(not named or parameters.exists(parameter.key))  # type: ignore[union-attr,arg-type]
     values = [_filled(evaluate(argument, parameters)) for argument in call.arguments]
     try:
         return _FUNCTIONS[call.function, len(values)](*values)

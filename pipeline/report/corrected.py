@@ -72,7 +72,11 @@ def _gain(programs: dict[str, Any]) -> Iterator[str]:
 
 
 def _rapids(programs: dict[str, Any]) -> Iterator[str]:
-    """A warning where the path as a whole, rapids among it, is further off than as planned."""
+    """What becomes of rapids, and a warning where the path as a whole is further off."""
+    yield (
+        "Rapids are commanded as planned, since their axes are at their limits: the correction "
+        "fades out after a cut and in before the next, for all axes at the same time."
+    )
     off = [
         f"{name} by {number(place['after']['max_um']['mean'], 2)} µm"
         for name, one in programs.items()
@@ -80,11 +84,7 @@ def _rapids(programs: dict[str, Any]) -> Iterator[str]:
         and _mean(place["share_left"] or 0.0) > 1
     ]  # fmt: skip
     if off:
-        yield (
-            "Rapids are at their limits already: a correction cannot lead them, and as the axes "
-            f"lag by different amounts their path is further off than as planned in {joined(off)} "
-            "at most. Keep the clearance of rapids, or take the corrected commands in cuts alone."
-        )
+        yield f"The whole path is further off than as planned in {joined(off)} at most."
 
 
 def _share(part: float) -> str:

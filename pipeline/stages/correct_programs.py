@@ -19,12 +19,11 @@ from pipeline.twin.control import (
 from pipeline.twin.corrected_program import (
     CorrectedProgram,
     corrected_program,
-    in_cuts,
     write_corrected,
 )
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
-from pipeline.twin.program_axes import Residual, commanded_positions
+from pipeline.twin.program_axes import Residual
 
 NO_RESIDUAL = "none: no compensation model of this machine passed"
 
@@ -74,18 +73,16 @@ def correct_programs(
         out = written / f"{path.stem}.csv"
         try:
             plan = planned_program(program_moves(path, setup), control)
-            commanded = commanded_positions(plan)
-            axes = corrected_program(
-                commanded, drives, control, residual, settings=correction,
-                longest=correction.longest_s,
-            )  # fmt: skip
+            axes, cutting = corrected_program(
+                plan, drives, residual, settings=correction, longest=correction.longest_s
+            )
         except (GcodeError, ValueError) as error:
             write_text(f"# Kerf: no corrected command of {path.stem}: {error}\n", out)
             continue
         done = CorrectedProgram(
             machine=identity.name, origin=identity.origin, program=path.stem,
             champion=bundle_words(champion), residual=words, total=plan.total, axes=axes,
-            cutting=in_cuts(plan, commanded, next(iter(axes.values())).time),
+            cutting=cutting,
         )  # fmt: skip
         write_corrected(done, out)
 

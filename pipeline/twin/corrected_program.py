@@ -25,36 +25,36 @@ from pipeline.twin.correction import (
     CorrectionSettings,
     corrected_command,
     cutoff,
+    smooth_step,
 )
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import Residual, moved_axes
+from pipeline.twin.program_axes import Residual, commanded_positions, moved_axes
 
 HALF = "90 % half width [um]"
 
 
 def corrected_program(
-    commanded: Trace,
+    plan: Plan,
     drives: Mapping[str, IdentifiedDrive],
-    control: ControlParameters,
     residual: Residual | None = None,
     *,
     settings: CorrectionSettings | None = None,
     longest: float = inf,
-) -> dict[str, CorrectedAxis]:
+) -> tuple[dict[str, CorrectedAxis], Bools]:
     """Linear axes with a servo that move in a program, each with its corrected command.
 
-    The axes stand for a moment before and after the program, at times below 0 and beyond its end:
-    a correction begins before the motion that it corrects.  The bounds are the rapid speed and the
-    acceleration that the control may command.
+    Cuts are corrected.  In the rapids between them the correction fades out, for all axes at the
+    same time, so that a rapid keeps the path on which it lags today.  It takes the time that the
+    slowest loop needs to forget: in a longer fade axes at their limits part more.  The axes stand
+    for a moment before and after the program, at times below 0 and beyond its end.  The bounds are
+    the rapid speed and the acceleration that the control may command.
 
     Parameters
     ----------
-    commanded : Trace
-        Positions that the control commands.
+    plan : Plan
+        Of the program on its control.
     drives : mapping of str to IdentifiedDrive
         By the axis' letter.
-    control : ControlParameters
-        Of the machine.
     residual : Residual, optional
         What the twin leaves over.
     settings : CorrectionSettings, optional
@@ -62,11 +62,19 @@ def corrected_program(
     longest : float
         Time of the program that is corrected, from its start [s].
 
+    Returns
+    -------
+    axes : dict of str to CorrectedAxis
+        By letter, on the same T samples.
+    cutting : (T,) array of bool
+        Samples in blocks that cut.
+
     Raises
     ------
     ValueError
         When no axis can be corrected, or a drive is unstable.
     """
+    commanded = commanded_positions(plan)
     letters = moved_axes(commanded, drives)
     if not letters:
         raise ValueError(
@@ -75,18 +83,21 @@ def corrected_program(
         )
     period = float(commanded.time[1] - commanded.time[0])
     lead = max(_reach(drives[letter], period) for letter in letters)
-    rows = len(commanded) + 2 * lead
+    whole = rows = len(commanded) + 2 * lead
     if longest / period < len(commanded) - 1:
         rows = ceil(longest / period) + 1 + lead
+    time: Floats = np.float64(period) * (np.arange(min(rows + lead, whole)) - lead)
+    cutting = in_cuts(plan, commanded, time)
+    share = fading(cutting, lead)
     axes = {}
     for letter in letters:
         position = np.pad(commanded.position[:, AXES.index(letter)], lead, mode="edge")
         axis = corrected_command(
-            letter, position[: rows + lead], period, drives[letter], residual,
-            bounds=axis_bounds(control, letter), settings=settings,
+            letter, position[: len(time)], period, drives[letter], residual,
+            bounds=axis_bounds(plan.path.control, letter), settings=settings, share=share,
         )  # fmt: skip
-        axes[letter] = _rows(axis, rows, axis.time - period * lead)
-    return axes
+        axes[letter] = _rows(axis, rows, time)
+    return axes, cutting[:rows]
 
 
 def in_cuts(plan: Plan, commanded: Trace, time: Floats) -> Bools:
@@ -106,6 +117,21 @@ def in_cuts(plan: Plan, commanded: Trace, time: Floats) -> Bools:
     rows = np.rint(time / period).astype(int)
     inside = (rows >= 0) & (rows < len(cuts))
     found: Bools = inside & cuts[np.clip(rows, 0, len(cuts) - 1)]
+    return found
+
+
+def fading(cuts: Bools, reach: int) -> Floats:
+    """1 in cuts, smoothly to 0 within ``reach`` samples before and after each, shape (T,)."""
+    ways = [_since(cuts), _since(cuts[::-1])[::-1]]
+    after, before = (1.0 - smooth_step(np.minimum(way / (reach + 1), 1.0)) for way in ways)
+    found: Floats = 1.0 - (1.0 - after) * (1.0 - before)
+    return found
+
+
+def _since(cuts: Bools) -> Floats:
+    """Samples since the last cut, inf before the first."""
+    rows = np.arange(len(cuts), dtype=float)
+    found: Floats = rows - np.maximum.accumulate(np.where(cuts, rows, -inf))
     return found
 
 

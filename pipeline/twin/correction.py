@@ -12,6 +12,9 @@ G is the linear part of the loop from command to position.  Q, a Gaussian low-pa
 in time, has its -3 dB where G has them: beyond, the axis does not follow, and what is asked there
 only amplifies what the model does not know.  Up to there Q / G is about 1 or less.  The learning
 factor q is 1, and is halved when a step makes the predicted error larger; the best step is kept.
+
+A share w of 0 to 1 at each sample says how much of it is made: a rapid at the limits of its axes
+cannot be led, and axes that are led as far as each one's limit allows leave the path.
 """
 
 from dataclasses import dataclass, field
@@ -113,9 +116,8 @@ class _Step:
     half_width: Floats | None
     limited: Bools
 
-    @property
-    def rms(self) -> float:
-        return float(np.sqrt(np.mean(self.missed**2)))
+    def rms(self, share: Floats) -> float:
+        return float(np.sqrt(np.mean((share * self.missed) ** 2)))
 
 
 def corrected_command(
@@ -127,6 +129,7 @@ def corrected_command(
     *,
     bounds: AxisBounds | None = None,
     settings: CorrectionSettings | None = None,
+    share: npt.ArrayLike | None = None,
 ) -> CorrectedAxis:
     """The command with which an axis is predicted to be where the program wants it.
 
@@ -149,11 +152,14 @@ def corrected_command(
         Of the command; none by default.
     settings : CorrectionSettings, optional
         ``iterations`` and ``tolerance`` count.
+    share : (T,) array_like, optional
+        How much of the correction is made, 0 to 1 [1]; errors count as much.  All by default.
 
     Raises
     ------
     ValueError
-        When the reference is too short or not finite, or the drive has no servo or is unstable.
+        When the reference is too short or not finite, the share has another length, or the drive
+        has no servo or is unstable.
     """
     wanted, known = samples("reference", reference), settings or CorrectionSettings()
     check_steps(period, 1)
@@ -161,7 +167,10 @@ def corrected_command(
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
     if len(wanted) < 3:
         raise ValueError(f"reference has {len(wanted)} samples: give at least 3 to correct it")
-    learning = _Learning(drive.servo, drive.feed_drive, period, len(wanted))
+    made = np.ones(len(wanted)) if share is None else np.asarray(share, float)
+    if made.shape != wanted.shape:
+        raise ValueError(f"share has shape {made.shape}: give one value for each of {len(wanted)}")
+    learning = _Learning(drive.servo, drive.feed_drive, period, made)
 
     def step(correction: Floats, asked: Floats) -> _Step:
         u = wanted + correction
@@ -175,15 +184,15 @@ def corrected_command(
 
     nothing = np.zeros(len(wanted))
     before = best = step(nothing, nothing)
-    share = 1.0
+    factor = 1.0
     for _ in range(known.iterations):
-        learnt = learning.learnt(best.correction, share * best.missed)
+        learnt = learning.learnt(best.correction, factor * best.missed)
         kept = bounded(wanted, learnt, period, bounds or AxisBounds(), learning.reach)
         following = step(kept, learnt)
-        if following.rms >= best.rms:
-            share *= 0.5
+        if following.rms(made) >= best.rms(made):
+            factor *= 0.5
             continue
-        gained, best = 1.0 - following.rms / best.rms, following
+        gained, best = 1.0 - following.rms(made) / best.rms(made), following
         if gained < known.tolerance:
             break
     return CorrectedAxis(
@@ -194,13 +203,14 @@ def corrected_command(
 
 
 class _Learning:
-    """The filters of the iteration for T samples of a loop."""
+    """The filters of the iteration for T samples of a loop, of which a share (T,) is made."""
 
     def __init__(
-        self, servo: ServoParameters, feed_drive: FeedDriveParameters, period: float, length: int
+        self, servo: ServoParameters, feed_drive: FeedDriveParameters, period: float, share: Floats
     ) -> None:
         from scipy.fft import next_fast_len
 
+        length = len(share)
         self.cutoff = cutoff(servo, feed_drive, period)
         whole = ceil(REACH / self.cutoff / period)
         self.reach = min(whole, length // 2)
@@ -211,11 +221,12 @@ class _Learning:
         self.inverse = np.ones(len(omega), np.complex128)
         self.inverse[1:] = 1.0 / reference_response(servo, feed_drive, omega[1:])
         self.window = np.ones(length)
-        rise = _smooth_step(np.arange(self.reach) / max(self.reach, 1))
+        rise = smooth_step(np.arange(self.reach) / max(self.reach, 1))
         self.window[: self.reach], self.window[length - self.reach :] = rise, rise[::-1]
+        self.window *= share
 
     def learnt(self, correction: Floats, missed: Floats) -> Floats:
-        """The next correction [m]; zero at both ends."""
+        """The next correction [m]; zero at both ends and where nothing of it is made."""
         spectrum = self._spectrum(correction) + self.inverse * self._spectrum(missed)
         whole = np.fft.irfft(self.low_pass * spectrum, self.padded)
         found: Floats = self.window * whole[self.pad : self.pad + self.length]
@@ -226,7 +237,7 @@ class _Learning:
         return np.fft.rfft(np.pad(self.window * values, (self.pad, after)))
 
 
-def _smooth_step(s: Floats) -> Floats:
+def smooth_step(s: Floats) -> Floats:
     """From 0 to 1 over s from 0 to 1, its speed and acceleration zero at both ends."""
     found: Floats = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     return found
@@ -316,7 +327,7 @@ def bounded(
     speed, acceleration = most[0], min(most[1], 2.0 * most[0] / period)  # from -speed to speed
     kept, ending = np.empty(length), np.ones(length)
     while taken < length:
-        ending[length - taken :] = _smooth_step(np.arange(taken)[::-1] / taken)
+        ending[length - taken :] = smooth_step(np.arange(taken)[::-1] / taken)
         follow_within(reference + ending * correction, period, speed, acceleration, kept)
         if abs(kept[-1] - reference[-1]) < END:
             return kept - reference

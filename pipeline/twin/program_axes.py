@@ -237,16 +237,64 @@ def driven(
         traces = simulate_traces(fine, step, row[np.newaxis], load=load)
         position, command = traces.position[0], traces.command[0]
     else:
-        from pipeline.machine.axis.presliding import presliding_trace
-
-        push = np.zeros(len(fine)) if load is None else load
-        position, command = np.empty(len(fine)), np.empty(len(fine))
-        loss = 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
-        spring = (drive.presliding_stiffness, loss)
-        presliding_trace(fine, push, row, spring, step, position, command)
+        position, command, _ = _presliding(
+            drive, drive.presliding_stiffness, row, fine, load=load, step=step
+        )
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
     return position[::substeps], command[::substeps]
+
+
+def driven_by_fuzzy(
+    letter: str, drive: IdentifiedDrive, reference: Floats, period: float, *,
+    substeps: int = SUBSTEPS,
+) -> Floats:  # fmt: skip
+    """Where an axis would be with a fuzzy PI speed loop in place of its PI, from rest, (T,) [m].
+
+    The gains that were identified are the middles of both ranges.  The inputs' scales are not
+    published (Feed2025): here the greatest speed error of the PI along the same command, and the
+    greatest change of it, are the ends of the sets.
+
+    Parameters
+    ----------
+    letter, drive, reference, period, substeps
+        As of :func:`driven`.
+
+    Raises
+    ------
+    ValueError
+        When the drive has no servo, or is unstable.
+    """
+    from pipeline.machine.axis.presliding import fuzzy_rules
+
+    if drive.servo is None:
+        raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
+    row, fine = drive_row(drive.servo, drive.feed_drive), between(reference, substeps)
+    step = period / substeps
+    # friction that sticks exactly is a spring as stiff as the step can follow
+    stiffness = drive.presliding_stiffness or 0.1 * drive.feed_drive.mass / step**2
+    _, _, greatest = _presliding(drive, stiffness, row, fine, step=step)
+    rules = fuzzy_rules(*greatest)
+    position, _, _ = _presliding(drive, stiffness, row, fine, step=step, rules=rules)
+    if not np.isfinite(position).all():
+        raise ValueError(f"the drive of axis {letter} is unstable under a fuzzy speed loop")
+    return position[::substeps]
+
+
+def _presliding(
+    drive: IdentifiedDrive, stiffness: float, row: Floats, fine: Floats, *, step: float,
+    load: Floats | None = None, rules: tuple[float, ...] | None = None,
+) -> tuple[Floats, Floats, tuple[float, float]]:  # fmt: skip
+    """Position, command, and greatest speed error and change of it, at the servo's samples."""
+    from pipeline.machine.axis.presliding import PLAIN, presliding_trace
+
+    push = np.zeros(len(fine)) if load is None else load
+    position, command = np.empty(len(fine)), np.empty(len(fine))
+    loss = 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
+    greatest = presliding_trace(
+        fine, push, row, (stiffness, loss), step, position, command, rules or PLAIN
+    )
+    return position, command, greatest
 
 
 def between(values: Floats, substeps: int) -> Floats:

@@ -47,6 +47,8 @@ class Answer:
         Sum [s].
     probed : bool
         It probed: then its stand-in for a machine backs away by 0.01 inch, which none does.
+    feeds : (M,) array
+        F of each move in the unit of its mode, lengths in mm; NaN in traverses.
     """
 
     error: str
@@ -56,6 +58,7 @@ class Answer:
     arcs: np.ndarray
     dwell: float
     probed: bool
+    feeds: np.ndarray
 
 
 class Oracle:
@@ -115,6 +118,7 @@ class Oracle:
             arcs=np.array(path.arcs).reshape(-1, 4),
             dwell=path.dwell,
             probed=b"STRAIGHT_PROBE" in done.stdout,
+            feeds=np.array(path.feeds),
         )
 
     def ask_text(self, text: str) -> Answer:
@@ -136,6 +140,8 @@ class _Path:
         self.ends: list[np.ndarray] = []
         self.rapid: list[bool] = []
         self.lengths: list[float] = []
+        self.feeds: list[float] = []
+        self.feed, self.inverse = 0.0, False
         self.arcs: list[tuple[float, ...]] = []
 
     def command(self, name: str, text: str) -> None:
@@ -143,6 +149,8 @@ class _Path:
             self.unit = INCH if "INCHES" in text else 1.0
         elif name == "SELECT_PLANE":
             self.plane = {"XY": 17, "XZ": 18, "YZ": 19}[text[-2:]]
+        elif name == "COMMENT" and "feed mode" in text:
+            self.inverse = "inverse" in text
         elif name in _HANDLERS:
             numbers = [float.fromhex(n) if "x" in n else float(n) for n in _NUMBER.findall(text)]
             _HANDLERS[name](self, numbers)
@@ -184,13 +192,16 @@ class _Path:
     def dwelt(self, numbers: list[float]) -> None:
         self.dwell += numbers[0]
 
+    def set_feed(self, numbers: list[float]) -> None:
+        self.feed = numbers[0] * (1.0 if self.inverse else self.unit)
+
     def straight(self, numbers: list[float]) -> None:
         end = self._mm(numbers)
         self._moved(end, float(np.linalg.norm((end - self.point)[:3])))
 
     def traverse(self, numbers: list[float]) -> None:
         self.straight(numbers)
-        self.rapid[-1] = True
+        self.rapid[-1], self.feeds[-1] = True, math.nan
 
     def tap(self, numbers: list[float]) -> None:
         there = np.array(numbers[:3]) * self.unit
@@ -202,6 +213,7 @@ class _Path:
         self.point_before, self.point = self.point, end
         self.lengths.append(length)
         self.rapid.append(False)
+        self.feeds.append(self.feed)
         self.ends.append(self.machine(end))
 
     def arc(self, numbers: list[float]) -> None:
@@ -241,6 +253,7 @@ _HANDLERS = {
     "SET_G92_OFFSET": _Path.set_g92,
     "SET_XY_ROTATION": _Path.set_rotation,
     "USE_TOOL_LENGTH_OFFSET": _Path.set_tool,
+    "SET_FEED_RATE": _Path.set_feed,
     "DWELL": _Path.dwelt,
     "STRAIGHT_TRAVERSE": _Path.traverse,
     "STRAIGHT_FEED": _Path.straight,

@@ -147,3 +147,17 @@ def test_cycles_turn_with_g68():
 )
 def test_what_is_missing_is_said(text, words):
     assert words in refusal(HEAD + text)
+
+
+@pytest.mark.parametrize("code", ["G83", "G73"])
+def test_q_without_a_point_that_is_deeper_than_the_hole_is_asked_about(code):
+    text = HEAD + f"G99 {code} X1 Z-10 R2 Q5000 F100\nG80"
+    assert "setup.peck_increments" in refusal(text)
+    assert follow(text, peck_increments=True).end.tolist() == (
+        follow(text.replace("Q5000", "Q5."), peck_increments=True).end.tolist()
+    )
+    assert heights(text, peck_increments=False) == heights(text.replace("Q5000", "Q12."))
+    # as deep as the hole it is asked about no more, and in inches increments are of 0.0001 inch
+    assert heights(text.replace("Q5000", "Q12")) == heights(text.replace("Q5000", "Q12."))
+    inch = "G20\n" + text.replace("Q5000", "Q50000")
+    assert heights(inch, peck_increments=True) == heights(inch.replace("Q50000", "Q5."))

@@ -172,3 +172,22 @@ def test_m99_p_returns_to_a_block_of_the_caller(head: str) -> None:
 def test_macro_arguments_are_taken_as_written_where_lengths_count_increments():
     text = "G65 P1000 A1 X2.\nM30\nO1000\nG0 X#24 Y#1\nM99"
     assert points(follow(text, decimal="increment")) == [[2, 1, 0]]
+
+
+@pytest.mark.parametrize("dialect", ["fanuc", "linuxcnc"])
+@pytest.mark.parametrize(
+    "head", ["%\n\nO16\n", "(by hand)\n%\n(part)\n\nO16 (BRACKET)\n", "\nO1 (main)\n"]
+)
+def test_comments_and_blank_lines_may_stand_before_the_number(head, dialect):
+    text = head + "G21 G90 G94 F100\nM98 P2\nG1 X2\nM30\nO2\nG1 X1\nM99\n"
+    assert xs(text, dialect=dialect) == [1, 2]
+
+
+def test_a_number_after_code_is_the_next_program():
+    assert "runs into the next" in refusal("\nG0 X1\nO16\nG0 X2\nM30")
+
+
+def test_m97_calls_lines_of_the_same_program():
+    text = "G0 X1\nM97 P100 L2\nG0 X9\nM30\nN100 G91 G0 X1\nG90\nM99\n"
+    assert xs(text) == [1, 2, 3, 9]
+    assert "N7 to call is not in the program" in refusal("M97 P7\nM30")

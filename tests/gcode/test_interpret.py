@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
+from pipeline.gcode.dialects.statement_parser import (
+    parse_statement,
+    statement_from_tokens,
+)
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.modal import INTS, State
@@ -82,7 +85,7 @@ def test_t_waits_for_m6_which_comes_after_the_motion_on_a_fanuc():
 
 
 def test_m_codes():
-    moves = follow("M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1")
+    moves = follow("M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1", plain_m_codes=(51,))
     assert kinds(moves) == ["M_CODE", "STOP", "STOP", "M_CODE", "M_CODE", "END"]
     assert moves.code.tolist()[:1] + moves.code.tolist()[3:5] == [8, 51, 9]
     assert moves.value[3] == 2
@@ -226,3 +229,96 @@ def test_no_program_does_anything_but_be_read_or_refused(text, dialect):
         assert str(error).startswith("P:")
     else:
         assert np.isfinite(moves.end).all()
+
+
+@pytest.mark.parametrize("words", ["M96 P5", "M200 P5", "M97 P5"])
+def test_an_m_code_that_may_call_a_program_is_not_passed_over(words):
+    assert words.split()[0] in refusal(f"G21\n{words}\nM30")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("G12 I5 D1", "circular pockets"),
+        ("G13 I5 D1", "circular pockets"),
+        ("G150 P5 X0", "pocket milling"),
+    ],
+)
+def test_pockets_of_a_haas_are_refused_by_name(words, said):
+    assert said in refusal(f"F100\n{words}")
+
+
+@pytest.mark.parametrize(
+    "words", ["G103 P1", "G187 P2 E0.1", "POPEN", "DPRNT[X#1[53]]", "SETVN100[A]"]
+)
+def test_words_that_move_nothing_are_passed_over(words):
+    assert points(follow(f"G0 X1\n{words}\nG0 X2")) == [[1, 0, 0], [2, 0, 0]]
+
+
+def test_g154_is_the_work_offset_of_g54_1():
+    choices = {"work_offsets": {"G54.1 P3": (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)}}
+    assert points(follow("G154 P3\nG0 X1", **choices)) == [[6, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n", "conversational"),
+        ("%A G71 *\nN10 G00 X+10 *\n", "ISO"),
+    ],
+)
+def test_heidenhain_is_called_so(text, kind):
+    with pytest.raises(GcodeError, match=f"this is a Heidenhain {kind} program"):
+        interpret(parse_program(text.encode(), "P"), Setup())
+
+
+def test_words_that_are_passed_over_are_told():
+    program = parse_program(b"G0 X1\nN20 POPEN\n/ DPRNT[X]\n(DPRNT)\nDPRNT[Y]\n", "P")
+    assert program.output == {"POPEN": [2], "DPRNT": [3, 5]}
+
+
+CORNER = "F100 G0 X0 Y0\nG1 X10 {word}\nY{end}\nX0\n"
+
+
+@pytest.mark.parametrize("turn", [1, -1], ids=["left", "right"])
+def test_a_rounded_corner_is_an_arc_that_touches_both_lines(turn):
+    moves = follow(CORNER.format(word=",R2.", end=10 * turn))
+    rows = moves.end[1:5, :2].round(9).tolist()
+    assert rows == [[8, 0], [10, 2 * turn], [10, 10 * turn], [0, 10 * turn]]
+    assert kinds(moves)[1:5] == ["FEED", "ARC", "FEED", "FEED"]
+    assert moves.centre[2, :2].round(9).tolist() == [8, 2 * turn]
+    assert moves.angle[2] == pytest.approx(turn * np.pi / 2)
+    assert moves.length.sum() == pytest.approx(8 + np.pi + 8 + 10)
+
+
+def test_a_chamfer_takes_as_much_of_both_lines():
+    moves = follow(CORNER.format(word=",C3", end="10 F50"))
+    assert moves.feed[1:4].tolist() == [100, 100, 50]
+    assert moves.end[1:5, :2].tolist() == [[7, 0], [10, 3], [10, 10], [0, 10]]
+    assert kinds(moves)[1:5] == ["FEED"] * 4
+
+
+def test_corners_follow_each_other_in_any_plane_and_at_any_angle():
+    moves = follow("G18 F100 G0 X0 Z0\nG1 Z10,R1\nG91 X10 Z10,C2.\nG90 Z50\n")
+    assert kinds(moves)[1:6] == ["FEED", "ARC", "FEED", "FEED", "FEED"]
+    centre, leave, join = moves.centre[2], moves.end[1], moves.end[2]
+    np.testing.assert_allclose([np.linalg.norm(p[:3] - centre) for p in (leave, join)], 1.0)
+    assert abs(moves.angle[2]) == pytest.approx(np.pi / 4)
+    np.testing.assert_allclose(np.linalg.norm(moves.end[4] - moves.end[3]), 4 * np.cos(np.pi / 8))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("F100\nG1 X10,R20\nY5", "takes 20 mm of lines of 10 and 5 mm"),
+        ("F100\nG1 X10,R2\nX20", "two lines that meet at an angle"),
+        ("F100\nG1 X10,R2\nG2 X20 Y10 I10", "has to be a straight line"),
+        ("F100\nG1 X10,R2\nG4 P100", "has to be a straight line"),
+        ("F100\nG1 X10,R2", "has to be a straight line"),
+        ("F100\nG1 X10,R2\nY10 Z1", "in the plane"),
+        ("F100\nG1 X10,C0\nY10", "give more than 0"),
+        ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
+    ],
+)
+def test_a_corner_that_cannot_be_made_is_said(text, said):
+    assert said in refusal(text)

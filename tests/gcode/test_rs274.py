@@ -6,7 +6,7 @@ import pytest
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import Kind
 from pipeline.gcode.setup import Tool
-from tests.gcode.following import ends, follow
+from tests.gcode.following import MOVING, ends, follow
 from tests.gcode.random_programs import random_program
 from tests.gcode.rs274 import AXES, RS274, Oracle
 
@@ -29,19 +29,31 @@ def oracle(tmp_path_factory):
     return Oracle(tmp_path_factory.mktemp("rs274"), TOOLS)
 
 
-def _without_stays(places, rapid):
+def _without_stays(places, *others):
     """Without the moves that stay where they are (but circles do so too, on both sides)."""
     before = np.vstack([np.zeros(6), places[:-1]]) if len(places) else places
     goes = ~np.isclose(places, before, atol=1e-9, rtol=0).all(axis=1)
-    return places[goes], rapid[goes]
+    return places[goes], *(one[goes] for one in others)
+
+
+def _feeds(moves):
+    """F of the moving rows; NaN of threads, whose pitch it is here."""
+    rows = np.isin(moves.kind, MOVING)
+    return np.where(moves.kind == Kind.THREAD, np.nan, moves.feed)[rows]
 
 
 def assert_same(moves, answer):
     """Every end of a move, every arc, the length of the path and the time of dwells."""
-    ours, rapid = _without_stays(*ends(moves, axes=6))
-    theirs, rapid_theirs = _without_stays(answer.ends, answer.rapid)
+    ours, rapid, feeds = _without_stays(*ends(moves, axes=6), _feeds(moves))
+    theirs, rapid_theirs, feeds_theirs = _without_stays(answer.ends, answer.rapid, answer.feeds)
     np.testing.assert_allclose(ours, theirs, atol=SAME, rtol=0)
     assert (rapid == rapid_theirs).all()
+    linear = (
+        ~rapid
+        & ~np.isnan(feeds)
+        & (np.diff(ours[:, :3], axis=0, prepend=np.zeros((1, 3))) != 0).any(axis=1)
+    )
+    np.testing.assert_allclose(feeds[linear], feeds_theirs[linear], rtol=1e-9)
     np.testing.assert_allclose(moves.length.sum(), answer.lengths.sum(), atol=SAME, rtol=0)
     arcs = np.flatnonzero(moves.kind == Kind.ARC)
     in_plane = [AXES[plane][:2] for plane in moves.plane[arcs]]
@@ -57,6 +69,10 @@ def assert_same(moves, answer):
 RULES = {
     "G91 counts from where the tool stands": "G0 X1 Y2\nG91 X1\nZ3\nG90 Y0",
     "F comes before G20 in a block": "G21 F100\nG20 G1 X1\nG21 X1",
+    "F counts the unit before G21 in its block": "G20\nG21 F5 G1 X25.4\nX0 F6\nG20 X1 F7",
+    "EXISTS of a number is true": "G0 X[EXISTS[#77]+1] Y[EXISTS[#<a>]+1]",
+    "a function may say which parameter": "#2=7\nG0 X#abs[-2]\n#sin[90]=4\nY#1 Z#atan[1]/[1]",
+    "a comment after a call": "O9 SUB\nG0 X#1\nO9 ENDSUB\nO9 CALL [5] (comment)\nO9 CALL [6] ;c",
     "G90.1 takes I J as coordinates": "F9 G0 X5\nG90.1 G3 X0 Y5 I0 J0\nG91.1 G3 X-5 Y0 J-5",
     "P counts the turns of a helix": "F9 G0 X5\nG2 X5 Y0 Z4 I-5 P3",
     "no end point is a full circle": "F9 G0 X5\nG3 I-5",
@@ -163,6 +179,8 @@ REFUSED = {
     "an unknown M code": "M250",
     "M72 without M70": "M72",
     "a compensated arc that is too small": "T2 M6 F9 G41 G1 X5 Y5\nG3 X6 Y6 J1\nG40 X0",
+    "an arc right after G40": "F9 G41.1 D2 G1 X10\nY10\nG40\nM3\nG2 X20 Y10 I5",
+    "A in a canned cycle": "G81 X1 Y1 Z-5 R2 A30 F9",
     "G41 in force already": "T2 M6 F9\nG41 G1 X9\nG41 G1 X5",
     "(abort,)": "(abort,enough)\nG0 X1",
 }

@@ -129,10 +129,15 @@ def test_statement_says_where_its_words_stand():
         ("G43 X1", "G43", 1, "not known in the dialect siemens"),
         ("X1 H2", "H2", 4, "no address"),
         ("X1 D=2", "D=", 4, "no expression"),
-        ("G91 G0 B90 C0\nTRAORI\nAROT Y90\nX1", "X1", 1, "not square"),
-        ("GOTOF END", "GOTOF", 1, "not known"),
+        ("G91 G0 B90 C0\nTRAORI\nAROT Y90\nX1", "X1", 1, "is not known"),
+        ("GOTOF END", "GOTOF", 1, "is not followed"),
+        ("IF R1==0 GOTOF END", "GOTOF", 10, "IF … ELSE … ENDIF"),
+        ("FOR R1 TO 5", "R1", 5, "FOR needs a variable"),
+        ("FOR I=1", "end of line", 1, "FOR needs TO"),
+        ("WHILE R1<2 X1", "X1", 12, "own line"),
+        ("G2 X1 I=AC(1) J2", "J2", 15, "all of them"),
         ('MSG("open)', '"', 5, "no meaning"),
-        ("TRAORI\nAROT Y90.\nG0 X1", "X1", 4, "not square"),
+        ("TRAORI\nAROT Y90.\nG0 X1", "X1", 4, "is not known"),
         ("AROT Z10\nG1 X5", "X5", 4, "not square"),
         ("G0 B90 C0\nTRAORI\nAROT Y90\nG1 X1 B80 C0 F1", "X1", 4, "not square"),
         ("G0 B0 C0\nTRAORI\nG1 X1 C0 F1", "X1", 4, "3+2"),
@@ -292,3 +297,49 @@ def test_recorded_work_planes_are_square_to_the_tool():
             assert tilt(frame, *table) < 1e-14
             frame, planes = UNROTATED, planes + 1
     assert planes == 21
+
+
+def ends_of(text, **choices):
+    """X Y Z after each row that moves."""
+    program = parse_program(f"G71 G90 G94 F100\n{text}\nM30\n".encode(), "test.mpf")
+    moves = interpret(program, Setup(dialect="siemens", **choices))
+    return [end[:3].round(9).tolist() for end in moves.end[moves.kind != Kind.END]]
+
+
+def test_r_parameters_are_there_and_are_set_one_after_the_other():
+    assert ends_of("R1=10 R2=R1*2\nG1 X=R2 Y=R3") == [[20, 0, 0]]
+    assert ends_of("G1 X=R5", parameters={"R5": 7.0}) == [[7, 0, 0]]
+
+
+def test_a_centre_may_count_from_the_origin():
+    text = "G1 X10\nG3 X20 Y10 I=AC(10) J=AC(10)\nG3 X10 Y20 I-10 J0"
+    assert ends_of(text) == [[10, 0, 0], [20, 10, 0], [10, 20, 0]]
+
+
+def test_branches_and_loops_nest():
+    text = (
+        "FOR I=1 TO 2\nFOR J1=1 TO 2\nIF (I==1) AND NOT (J1==2)\nG1 X=I*10+J1\nELSE\n"
+        "IF J1>1 OR I<>1\nG1 Y=I*10+J1\nENDIF\nENDIF\nENDFOR\nENDFOR"
+    )
+    assert ends_of(text) == [[11, 0, 0], [11, 12, 0], [11, 21, 0], [11, 22, 0]]
+    text = (
+        "REPEAT\nR1=R1+1\nG1 X=R1 MOD 2 Y=R1\nUNTIL R1>=3\nFOR R2=5 TO 1\nG1 Z5\nENDFOR\n"
+        "WHILE R1==3\nR1=0\nG91 G1 X1\nENDWHILE"
+    )
+    assert ends_of(text) == [[1, 1, 0], [0, 2, 0], [1, 3, 0], [2, 3, 0]]
+
+
+def test_what_a_line_means_follows_the_lines_that_ran_before_it():
+    """The second time G91 is in force, and TRAORI asks where the table stands."""
+    text = (
+        "G0 B90 C0\nFOR I=1 TO 2\nG0 B90 C0\nTRAORI\nAROT Y90\nG1 X1\nTRAFOOF\nTRANS\nG91\nENDFOR"
+    )
+    with pytest.raises(GcodeError, match="where the table stands under TRAORI is not known"):
+        ends_of(text)
+
+
+def test_a_structure_without_its_end_is_refused():
+    with pytest.raises(GcodeError, match="IF: it has no partner"):
+        ends_of("IF R1==0\nG1 X1")
+    with pytest.raises(GcodeError, match="blocks were executed"):
+        ends_of("LOOP\nG1 X1\nENDLOOP", block_limit=500)

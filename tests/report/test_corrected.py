@@ -66,5 +66,5 @@ def test_a_path_that_is_further_off_is_said(tmp_path: Path) -> None:
     (table,) = section.blocks
     assert isinstance(table, Table)
     assert table.rows[-1][-1].text.replace("\u202f", " ") == "590 %"
-    assert len(section.text) == 2
-    assert "further off than as planned in O1 by 177 µm" in section.text[1]
+    assert len(section.text) == 3
+    assert "further off than as planned in O1 by 177 µm" in section.text[2]

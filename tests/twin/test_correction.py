@@ -10,8 +10,14 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial.corrected import off_path
 from pipeline.twin.control import planned_program
-from pipeline.twin.corrected_program import CorrectedProgram, corrected_program, write_corrected
+from pipeline.twin.corrected_program import (
+    CorrectedProgram,
+    corrected_program,
+    fading,
+    write_corrected,
+)
 from pipeline.twin.correction import (
     AxisBounds,
     CorrectionSettings,
@@ -41,9 +47,12 @@ DRIVES = {
 }  # fmt: skip
 
 
+def planned(text: bytes):
+    return planned_program(interpret(parse_program(text, "part"), Setup()), CONTROL)
+
+
 def commanded(text: bytes):
-    moves = interpret(parse_program(text, "part"), Setup())
-    return commanded_positions(planned_program(moves, CONTROL))
+    return commanded_positions(planned(text))
 
 
 def reference(text: bytes):
@@ -228,14 +237,15 @@ def test_what_cannot_be_corrected_is_one_sentence() -> None:
     with pytest.raises(ValueError, match="reference has 2 samples: give at least 3"):
         corrected_command("X", np.zeros(2), T, drive())
     with pytest.raises(ValueError, match="no linear axis with an identified servo moves"):
-        corrected_program(commanded(STROKE), {"Y": drive()}, CONTROL)
+        corrected_program(planned(STROKE), {"Y": drive()})
     with pytest.raises(ValueError, match=r"speed = 0.*must be positive"):
         AxisBounds(speed=0.0)
 
 
 def test_a_program_keeps_its_bounds_and_its_axes_stand_before_and_after() -> None:
-    trace = commanded(b"G21 G90 G94 G17\nG0 X50 Y10\nG1 X100 F3000\nG3 Y50 J20\nG0 X0 Y0\nM30\n")
-    axes = corrected_program(trace, {"X": DRIVES["X"], "Y": DRIVES["Y"], "Z": DRIVES["Z"]}, CONTROL)
+    plan = planned(b"G21 G90 G94 G17\nG0 X50 Y10\nG1 X100 F3000\nG3 Y50 J20\nG0 X0 Y0\nM30\n")
+    trace = commanded_positions(plan)
+    axes, cutting = corrected_program(plan, {letter: DRIVES[letter] for letter in "XYZ"})
     assert list(axes) == ["X", "Y"]
     most = CONTROL.filtered_acceleration("X") * 1e-3
     for one in axes.values():
@@ -245,16 +255,45 @@ def test_a_program_keeps_its_bounds_and_its_axes_stand_before_and_after() -> Non
         assert now.sum() == len(trace)
         reached = speed_and_acceleration(one.corrected)
         assert reached[0] <= 0.5 * (1 + 1e-9) and reached[1] <= most * (1 + 1e-6)
-        assert rms(one.error_after) < 0.35 * rms(one.error_before)
-        assert abs(one.error_after[-1]) < 50e-6
+        assert rms(one.error_after[cutting]) < 0.05 * rms(one.error_before[cutting])
+        assert one.error_after[-1] == pytest.approx(one.error_before[-1], abs=10e-6)
         assert abs(one.corrected[-1] - one.reference[-1]) < 1e-9
     np.testing.assert_array_equal(axes["X"].reference[now], trace.position[:, 0])
 
 
+def test_a_rapid_between_cuts_stays_as_near_to_its_path_as_without_a_correction() -> None:
+    plan = planned(b"G21 G90 G94\nG0 X50 Y10\nG1 X60 F3000\nG0 X400 Y120\nG1 Y140\nG0 X0 Y0\nM30\n")
+    drives = {"X": DRIVES["X"], "Y": DRIVES["Y"]}
+    axes, cutting = corrected_program(plan, drives)
+    share = fading(cutting, round(-axes["X"].time[0] / T))
+    far = share == 0
+    assert far.sum() > 0.1 / T
+    wanted = np.stack([axes[letter].reference for letter in "XY"], axis=1)
+    for letter in "XY":
+        np.testing.assert_array_equal(axes[letter].corrected[far], axes[letter].reference[far])
+    off = {
+        when: off_path(wanted - np.stack([getattr(axes[a], when) for a in "XY"], axis=1), wanted)
+        for when in ("error_before", "error_after")
+    }
+    assert rms(off["error_after"][cutting]) < 0.1 * rms(off["error_before"][cutting])
+    assert off["error_after"].max() < 0.5 * off["error_before"].max()
+
+
+def test_a_share_fades_alike_before_and_after_a_cut() -> None:
+    cuts = np.zeros(60, bool)
+    cuts[20:25] = cuts[40:42] = True
+    share = fading(cuts, 9)
+    assert (share[cuts] == 1).all() and (share[:11] == 0).all() and (share[51:] == 0).all()
+    np.testing.assert_allclose(share[10:20], share[42:52][::-1])
+    assert 0 < share[25:40].min() < 1 and np.abs(np.diff(share)).max() < 0.25
+    np.testing.assert_array_equal(fading(np.zeros(5, bool), 3), np.zeros(5))
+
+
 def test_of_a_long_program_the_beginning_is_corrected(tmp_path) -> None:
     trace = commanded(STROKE)
-    whole = corrected_program(trace, {"X": DRIVES["X"]}, CONTROL)["X"]
-    begun = corrected_program(trace, {"X": DRIVES["X"]}, CONTROL, longest=0.9)["X"]
+    plan, drives = planned(STROKE), {"X": DRIVES["X"]}
+    whole = corrected_program(plan, drives)[0]["X"]
+    begun = corrected_program(plan, drives, longest=0.9)[0]["X"]
     assert begun.time[-1] == pytest.approx(0.9) and len(begun.corrected) == len(begun.time)
     rows = len(begun.time)
     np.testing.assert_allclose(begun.corrected, whole.corrected[:rows], atol=0.1e-3)

@@ -1,5 +1,7 @@
 """A program on axes: what is far behind, where, against the closed form of the lag."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,13 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.twin.control import planned_program
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import between, commanded_positions, follow_program
+from pipeline.twin.program_axes import (
+    between,
+    commanded_positions,
+    driven,
+    driven_by_fuzzy,
+    follow_program,
+)
 
 GAIN, FEED = 40.0, 3000.0
 PROGRAM = b"G21 G90 G94\nG1 X200 F3000\nY20 F600\nG4 P500\nM30\n"
@@ -108,3 +116,26 @@ def test_a_residual_is_added_to_what_the_model_says(plan) -> None:
     # an axis that was not learnt keeps its model, and has no interval
     np.testing.assert_array_equal(found["Y"].error, bare["Y"].error)
     assert found["Y"].half_width is None and bare["X"].half_width is None
+
+
+def there_and_back() -> np.ndarray:
+    """40 mm at 50 mm/s to and fro, smoothly, and a rest [m], each millisecond."""
+    speed = np.repeat([0.0, 0.05, 0.0, -0.05, 0.0], [200, 800, 200, 800, 400])
+    return np.cumsum(np.convolve(speed, np.ones(60) / 60, "same")) * 1e-3
+
+
+def test_a_fuzzy_speed_loop_follows_as_far_behind_at_constant_speed() -> None:
+    """The lag there is speed over loop gain, whatever the speed loop."""
+    reference = there_and_back()
+    plain, _ = driven("X", drive(), reference, 1e-3)
+    fuzzy = driven_by_fuzzy("X", drive(), reference, 1e-3)
+    assert (reference - fuzzy)[900] == pytest.approx(0.05 / GAIN, rel=1e-3)
+    apart = np.abs(fuzzy - plain)
+    assert 0.5e-6 < apart.max() < 0.05 * np.abs(reference - plain).max()
+    assert apart[900] < 0.2 * apart.max()
+
+
+def test_a_fuzzy_speed_loop_needs_a_servo() -> None:
+    bare = replace(drive(), servo=None, servo_reason="no reference was recorded")
+    with pytest.raises(ValueError, match="axis X has no servo: no reference was recorded"):
+        driven_by_fuzzy("X", bare, np.zeros(9), 1e-3)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from pipeline.gcode.codes.motion import check_feed, programmed, seconds
 from pipeline.gcode.modal import CANCELLED, FANUC, LINUXCNC, g_code
-from pipeline.gcode.moves import FeedMode, Kind
+from pipeline.gcode.moves import INCREMENT, FeedMode, Kind
 from pipeline.gcode.offsets import IN_PLANE
 from pipeline.gcode.run import AXES, Block, Cycle, Run
-from pipeline.gcode.statements import WordItem
+from pipeline.gcode.statements import Number, WordItem
 
 LETTERS = "XYZ"
 NEGLIGIBLE_DEPTH = 1e-9
@@ -260,6 +260,7 @@ def drill(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     first, second, normal = IN_PLANE[state.plane]
     if run.contour is not None:
         raise block.error(item, f"{g_code(code)} cannot run under G41 or G42: write G40 before")
+    run.straight_next = False
     _check_cycle(run, block, code, item)
     fresh = _begin_cycle(run, block, code, item)
     repeats = _repeats(run, block)
@@ -281,6 +282,11 @@ def drill(run: Run, block: Block, code: int, item: WordItem | None) -> None:
 
 
 def _check_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> None:
+    rotary = next((letter for letter in "ABC" if letter in block.words), None)
+    if run.state.dialect == LINUXCNC and rotary is not None:
+        raise block.error(
+            block.items[rotary], f"LinuxCNC turns no {rotary} in a canned cycle: turn it before"
+        )
     if run.state.dialect == LINUXCNC and code == 740 and run.state.direction > 0:
         raise block.error(item, "G74 taps left-handed and the spindle turns clockwise: write M4")
     if run.state.dialect == LINUXCNC and code == 840 and run.state.direction < 0:
@@ -331,6 +337,8 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
         value = block.take(letter)
         if value is None:
             continue
+        if letter == "Q":
+            value = _peck(run, block, value)
         dwell = letter == "P"
         cycle.words[letter] = seconds(run, block, value) if dwell else value * state.unit
     plane_r, bottom = cycle.words["R"], cycle.words["Z"]
@@ -351,6 +359,28 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
             f"R lies at {plane_r:g} mm, below the bottom of the hole at {bottom:g} mm: "
             "exchange them",
         )
+
+
+def _peck(run: Run, block: Block, value: float) -> float:
+    """Q of a peck in the program's unit; without a decimal point it may count increments."""
+    setup, item = run.setup, block.items["Q"]
+    bare = type(item.value) is Number and "." not in item.text
+    if not bare or run.state.dialect != FANUC or setup.decimal == "increment":
+        return value
+    if HOLE_CYCLES[run.cycle.code] is not _pecking or setup.peck_increments is False:
+        return value
+    step = value * INCREMENT[run.state.unit != 1.0]
+    if setup.peck_increments:
+        return step
+    depth = (run.cycle.words["R"] - run.cycle.words["Z"]) / run.state.unit
+    if value > depth:
+        raise block.error(
+            item,
+            f"{item.text} has no decimal point and as {value:g} is more than the hole is deep, "
+            f"{depth:g}: many controls count it in increments, {step:g}; say which in "
+            "setup.peck_increments of the machine's file, true or false",
+        )
+    return value
 
 
 def _rise_to_r(run: Run, line: int, normal: int) -> None:

@@ -5,6 +5,7 @@ from operator import itemgetter
 
 from pipeline.gcode.codes import motion, tools, work_offsets
 from pipeline.gcode.codes.cycles import drill
+from pipeline.gcode.corner import begin_corner, finish_corner
 from pipeline.gcode.modal import (
     CANCELLED,
     FANUC,
@@ -19,7 +20,7 @@ from pipeline.gcode.modal import (
     g_code,
     step_of,
 )
-from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
+from pipeline.gcode.moves import INCH, INCREMENT, FeedMode, Kind, PathMode
 from pipeline.gcode.run import AXES, Block, Run
 from pipeline.gcode.statements import (
     ExpressionError,
@@ -34,8 +35,6 @@ MACRO_CALLS = (650, 660, 661)
 MOTION_STEP = 220
 LENGTHS = frozenset("XYZABCIJKRQ")
 """Words that a Fanuc reads in input increments where they have no decimal point."""
-INCREMENT = {False: 1e-3, True: 1e-4}
-"""Least input increment [mm] and, for G20, [inch] (IS-B)."""
 
 
 def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: str) -> Block:
@@ -108,7 +107,9 @@ def _value(item: WordItem, parameters: ParameterStore, block: Block) -> float | 
 
 def _g_word(block: Block, run: Run, item: WordItem, value: float) -> None:
     code = round(value * 10)
-    step = step_of(code, run.dialect) if abs(code - value * 10) < 1e-3 else None
+    whole = abs(code - value * 10) < 1e-3
+    code = HAAS.get(code, code) if run.dialect == "fanuc" else code
+    step = step_of(code, run.dialect) if whole else None
     if step is None:
         reason = UNSUPPORTED.get((run.dialect, code)) or UNSUPPORTED.get(("", code))
         unknown = f"G{value:g} is not known in the dialect {run.dialect}: delete it or rewrite it"
@@ -166,6 +167,8 @@ def _refuse_rest(block: Block, run: Run) -> None:
     raise block.error(item, reason)
 
 
+HAAS = {1540: 541}
+"""G code of a Haas, times ten -> the one of a Fanuc that does the same: G154 P is G54.1 P."""
 UNSUPPORTED: dict[tuple[str, int], str] = {
     ("", 50): "splines (G5) are not supported: post the program with lines and arcs",
     ("linuxcnc", 51): "splines (G5.1) are not supported: post the program with lines and arcs",
@@ -184,6 +187,9 @@ UNSUPPORTED: dict[tuple[str, int], str] = {
     ("fanuc", 290): "return from the reference position (G29) is not supported: post G0 moves",
     ("fanuc", 434): "tool centre point control (G43.4) is not supported: post 3-axis moves",
     ("fanuc", 435): "tool centre point control (G43.5) is not supported: post 3-axis moves",
+    ("fanuc", 120): "circular pockets (G12 of a Haas) are not followed: post single moves",
+    ("fanuc", 130): "circular pockets (G13 of a Haas) are not followed: post single moves",
+    ("fanuc", 1500): "pocket milling (G150 of a Haas) is not followed: post single moves",
     ("fanuc", 682): "tilted work planes (G68.2) are not supported: post 3-axis moves",
 }
 """Codes that are refused, with the remedy."""
@@ -242,6 +248,12 @@ def _g8(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.remap()
 
 
+def _quality(run: Run, block: Block, code: int, item: WordItem) -> None:
+    """G103 and G187 of a Haas: blocks looked ahead and smoothness; the path is as written."""
+    for letter in "PE":
+        block.take(letter)
+
+
 def _look_ahead(run: Run, block: Block, code: int, item: WordItem) -> None:
     """G5 P…, G5.1 Q…: how the control computes, not where it goes."""
     letter = "P" if code == 50 else "Q"
@@ -294,7 +306,17 @@ def _motion_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def move(run: Run, block: Block) -> None:
-    """Carry out the axis words under the motion in force."""
+    """Carry out the axis words under the motion in force, and the corners that it makes."""
+    before = run.rows.count
+    _move(run, block)
+    moved = run.rows.count > before
+    if run.corner is not None and moved:
+        finish_corner(run, run.corner)
+    if moved and run.state.motion == 10 and run.dialect == "fanuc":
+        begin_corner(run, block)
+
+
+def _move(run: Run, block: Block) -> None:
     code = run.state.motion
     words = block.words
     item = next((i for _, kind, c, i in block.actions if kind == "G" and c == code), None)
@@ -331,6 +353,7 @@ HANDLERS: dict[int, Handler] = {
     **dict.fromkeys((170, 180, 190), _plane),
     **dict.fromkeys((70, 80), _g8),
     **dict.fromkeys((50, 51), _look_ahead),
+    **dict.fromkeys((1030, 1870), _quality),
     **dict.fromkeys((90, 530, 310), _modifier),
     **dict.fromkeys((900, 910, 901, 911), _distance),
     **dict.fromkeys((980, 990), _retract),

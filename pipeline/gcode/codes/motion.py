@@ -103,6 +103,7 @@ def seconds(run: Run, block: Block, value: float) -> float:
 
 def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """G0, G1, G31 and G38: one row."""
+    run.straight_next = False
     rotary_only = AXES.keys().isdisjoint("XYZ") or block.words.keys().isdisjoint("XYZ@^")
     check_feed(run, block, code, item)
     end = target(run, block)
@@ -136,6 +137,11 @@ CENTRE_WORDS = "IJK"
 
 def arc(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """G2 and G3: arc, helix, full circles or spiral."""
+    if run.straight_next:
+        raise block.error(
+            item or block.any_item(),
+            "LinuxCNC takes no arc right after G40: go straight first",
+        )
     check_feed(run, block, code, item)
     state = run.state
     turn = -1 if code == 20 else 1

@@ -68,6 +68,7 @@ def _linuxcnc_length(run: Run, block: Block, code: int, item: WordItem) -> list[
 def cutter_side(run: Run, block: Block, code: int, item: WordItem) -> None:
     """G40, G41, G41.1, G42 and G42.1."""
     if code == 400:
+        run.straight_next = run.contour is not None and run.state.dialect == LINUXCNC
         close_contour(run)
         return
     state = run.state
@@ -189,9 +190,11 @@ def m_code(run: Run, block: Block, code: int, item: WordItem) -> None:
         block.flow = Jump(kind="return", item=item, number=where)
     elif run.state.dialect == LINUXCNC:
         _linuxcnc_m(run, block, code, item)
+    elif code == 97 and "P" in block.words:
+        _local_subprogram(run, block, item)
     else:
         run.rigid = run.rigid or code == 29
-        run.add_row(Kind.M_CODE, block.line, code=code, value=block.take("P") or 0.0)
+        run.add_row(Kind.M_CODE, block.line, code=code, value=_plain_p(run, block, code, item))
 
 
 def tool_word(run: Run, block: Block, item: WordItem) -> None:
@@ -234,6 +237,27 @@ def _subprogram(run: Run, block: Block, item: WordItem) -> None:
     else:
         times = 1
     block.flow = Jump(kind="call", item=item, number=number, count=times)
+
+
+def _local_subprogram(run: Run, block: Block, item: WordItem) -> None:
+    """M97 P L of a Haas: the lines from N P to M99 in the same program."""
+    number = block.whole("P", block.need("P", "M97", item), 0, LARGEST)
+    count = block.take("L")
+    times = 1 if count is None else block.whole("L", count, 0, MOST_CALLS)
+    block.flow = Jump(kind="local call", item=item, number=number, count=times)
+
+
+def _plain_p(run: Run, block: Block, code: int, item: WordItem) -> float:
+    """P of an M code that calls nothing; a machine may make any M code a call."""
+    value = block.take("P")
+    if value is not None and run.dialect == "fanuc" and code not in run.setup.plain_m_codes:
+        raise block.error(
+            item,
+            f"M{code} P{value:g} may call a program, which would not be followed: rewrite it as "
+            "M98, or name the code in setup.plain_m_codes of the machine's file where its P calls "
+            "nothing",
+        )
+    return value or 0.0
 
 
 def _linuxcnc_m(run: Run, block: Block, code: int, item: WordItem) -> None:

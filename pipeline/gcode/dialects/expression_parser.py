@@ -212,6 +212,8 @@ class ExpressionParser:
             key = self.bracketed()
         elif (number := cursor.number()) is not None:
             key = Number(number)
+        elif not self.fanuc and cursor.letters() in self.functions:
+            key = self._call(cursor.letters())
         else:
             raise cursor.error(start, "# is followed by no number, name or [expression]: add it")
         cursor.nesting -= 1
@@ -257,8 +259,8 @@ class ExpressionParser:
             if len(arguments) == 1:
                 raise cursor.error(start, "POW takes two arguments: write POW[base,exponent]")
             return Binary("**", *arguments)
-        if name == "EXISTS" and not isinstance(getattr(arguments[0], "key", None), str):
-            raise cursor.error(start, "EXISTS asks for a named parameter: write EXISTS[#<name>]")
+        if name == "EXISTS" and not isinstance(arguments[0], Parameter):
+            raise cursor.error(start, "EXISTS asks for a parameter: write EXISTS[#<name>]")
         return Call(meaning, tuple(arguments))
 
     def _operator(self) -> str | None:

@@ -2,9 +2,9 @@
 
 Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
 G53, CYCLE81 as G81, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
-:data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Jumps are
-not supported, so that lines are read in the order in which they are carried out and a reader may
-remember what it read: the tool, the modal call, the turned work plane.
+:data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Lines
+are read each time that they are carried out, and in that order, so that a reader may remember what
+it read: the tool, the modal call, the turned work plane.
 
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
@@ -25,7 +25,7 @@ from pipeline.gcode.statements import Binary, Number, Statement, WordItem
 
 
 class SiemensReader:
-    """Reads the lines of one program, in order.
+    """Reads the lines of one program, in the order in which they are carried out.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class SiemensReader:
             reader.number,
             tuple(self._drilled(reader)),
             tuple(reader.assignments),
-            None,
+            reader.control,
             tuple(stream.comments),
         )
 
@@ -85,7 +85,12 @@ class SiemensReader:
         if moved is None or reader.machine:
             return
         b, c = (memory.at["B"], memory.at["C"]) if memory.transformed else (0.0, 0.0)
-        if b is None or c is None or tilt(memory.frame, b, c) > SQUARE:
+        if b is None or c is None:
+            reason = (
+                "where the table stands under TRAORI is not known: give B and C as numbers, under "
+                "G90, before the first move"
+            )
+        elif tilt(memory.frame, b, c) > SQUARE:
             reason = (
                 "the work plane that AROT makes is not square to the tool with the table at this B "
                 "and C under TRAORI: correct the angles, or give B and C as numbers before"

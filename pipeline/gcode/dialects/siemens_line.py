@@ -21,8 +21,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.gcode.dialects.siemens_flow import JUMPS, WORDS, control_of
 from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
-from pipeline.gcode.statements import Assignment, Expression, Number, Parameter, Unary, WordItem
+from pipeline.gcode.statements import (
+    Assignment,
+    Control,
+    Expression,
+    Number,
+    Parameter,
+    Unary,
+    WordItem,
+)
 
 Matrix = npt.NDArray[np.float64]
 SQUARE = 1e-6
@@ -90,6 +99,7 @@ WITHOUT_MOTION: dict[str, str] = {
 """Word -> what it sets; where the path goes does not depend on it."""
 
 AXES = frozenset("XYZABC")
+CENTRES = frozenset("IJK")
 LETTERS = frozenset("ABCFIJKMSXYZ")
 """Addresses whose value is passed on as it stands; H would be a function of the machine builder."""
 TYPES = frozenset({"REAL", "INT", "BOOL"})
@@ -149,6 +159,8 @@ class LineReader:
         self.number: float | None = None
         self.words: list[WordItem] = []
         self.assignments: list[Assignment] = []
+        self.control: Control | None = None
+        self.centres: set[str] = set()
         self.machine = self.shifts = self.calls = False
 
     def read(self) -> None:
@@ -156,6 +168,11 @@ class LineReader:
         first = self.stream.next
         if first is not None and first.kind == "address" and first.head == "N":
             self.number = self.stream.take().value
+        head = self.stream.next
+        if head is not None and head.kind == "name" and head.head in WORDS:
+            self.stream.at += 1
+            self.control = control_of(head, self.stream)
+            return
         while (token := self.stream.next) is not None:
             self.stream.at += 1
             kind = _KINDS.get(token.kind)
@@ -163,6 +180,7 @@ class LineReader:
                 raise self.stream.error(token, "a word is expected here: delete this")
             kind(self, token)
         self._dwell()
+        self._centre_mode()
 
     def word(self, letter: str, value: Expression | float, token: Token) -> None:
         """Add a word of ISO 6983."""
@@ -197,6 +215,21 @@ class LineReader:
             )
         self.word("G", code, token)
 
+    def _centre_mode(self) -> None:
+        """G90.1 where the centres of the block count from the origin, else G91.1."""
+        given = [word for word in self.words if word.letter in CENTRES]
+        if not given:
+            return
+        relative = next((word for word in given if word.letter not in self.centres), None)
+        if self.centres and relative is not None:
+            raise self.stream.error(
+                Token("", relative.text, relative.column, "", 0.0),
+                "the other centre of the block is given with AC: give all of them so, or none",
+            )
+        first = given[0]
+        mode = Number(90.1 if self.centres else 91.1)
+        self.words.append(WordItem("G", mode, first.column, first.text))
+
     def _dwell(self) -> None:
         """G4 F: seconds."""
         if any(word.letter == "G" and word.value == Number(4.0) for word in self.words):
@@ -225,6 +258,10 @@ class LineReader:
             stream.at += 1
             self._tool(Number(self.memory.tool_number(following.text.strip('" '))), token)
             return
+        absolute = following is not None and following.kind == "call" and following.head == "AC"
+        if absolute and name in CENTRES:
+            self._absolute_centre(name, token)
+            return
         value = stream.expression()
         if name == "CR":
             self.word("R", value, token)
@@ -236,11 +273,24 @@ class LineReader:
         else:
             raise stream.error(token, f"{name} takes no expression here: write a number")
 
+    def _absolute_centre(self, name: str, token: Token) -> None:
+        """``I=AC(30)``: a centre from the program's origin; all of a block are given so."""
+        self.stream.at += 1
+        arguments = self.stream.arguments()
+        if len(arguments) != 1:
+            raise self.stream.error(token, f"{name}=AC takes one value: write {name}=AC(30)")
+        self.word(name, arguments[0], token)
+        self.centres.add(name)
+
     def named(self, token: Token) -> None:
         """A word of its own."""
         if token.head in WITHOUT_MOTION:
             return
         action = _NAMED.get(token.head)
+        if action is None and token.head in JUMPS:
+            raise self.stream.error(
+                token, f"{token.head} is not followed: write IF … ENDIF, WHILE or FOR"
+            )
         if action is None:
             raise self.stream.error(
                 token, "this word is not known in the dialect siemens: delete it or rewrite it"

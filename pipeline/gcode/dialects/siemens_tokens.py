@@ -4,6 +4,7 @@ Source: Sinumerik 840D sl, Programming Manual Fundamentals, "Block rules" and "V
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from pipeline.gcode.errors import GcodeError
@@ -13,17 +14,22 @@ DEEPEST = 60
 """Brackets and signs within each other in an expression."""
 VARIABLE = "def "
 """Prefix of variable names, which keeps them apart from those that other dialects predefine."""
+COMPARED = {"==": "EQ", "<>": "NE", "<": "LT", "<=": "LE", ">": "GT", ">=": "GE"}
+"""Comparison as written -> in the tree."""
+BEFORE_BRACKETS = frozenset({"AND", "OR", "NOT", "MOD", "IF", "WHILE", "UNTIL", "TO"})
+"""Words that are no functions, though a bracket may follow them."""
+PRODUCTS = {"*": "*", "/": "/", "MOD": "REM"}
 FUNCTIONS = frozenset({"SIN", "COS", "TAN", "ASIN", "ACOS", "SQRT", "ABS", "LN", "EXP"})
 _TOKEN = re.compile(
     r"""(?P<blank>[ \t\v\f\x00\x7f\r\n]+)
     |(?P<comment>;.*)
     |(?P<string>"[^"]*")
-    |(?P<set>(?P<target>[A-Z_$][A-Z0-9_]*)[ \t]*=)
+    |(?P<set>(?P<target>[A-Z_$][A-Z0-9_]*)[ \t]*=(?!=))
     |(?P<call>(?P<function>[A-Z_$][A-Z0-9_]*)[ \t]*\()
     |(?P<address>(?P<letter>[A-Z])[ \t]*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))(?![A-Z0-9_.]))
     |(?P<name>[A-Z_$][A-Z0-9_]*)
     |(?P<number>\d+\.?\d*|\.\d+)
-    |(?P<sign>[-+*/(),])""",
+    |(?P<sign><=|>=|<>|==|[-+*/(),<>])""",
     re.X | re.S | re.I,
 )
 
@@ -78,8 +84,11 @@ class TokenStream:
             elif kind != "blank":
                 head = match["target"] or match["function"] or match["letter"] or match["name"]
                 value = float(match["value"] or match["number"] or 0.0)
-                text_read = match[0].rstrip()
-                self.tokens.append(Token(kind, text_read, start + 1, (head or "").upper(), value))
+                text_read, head = match[0].rstrip(), (head or "").upper()
+                if kind == "call" and head in BEFORE_BRACKETS:  # no function: AND (R1 == 2)
+                    self.tokens.append(Token("name", text_read[:-1].rstrip(), start + 1, head, 0.0))
+                    kind, text_read, head = "sign", "(", ""
+                self.tokens.append(Token(kind, text_read, start + 1, head, value))
             start = match.end()
 
     @property
@@ -117,6 +126,54 @@ class TokenStream:
             if not self.skips(","):
                 raise self.error(self.next, "a comma or ) is expected here: correct the call")
 
+    def condition(self, depth: int = 0) -> Expression:
+        """Comparisons joined by AND, and these by OR."""
+        return self._joined("OR", depth, lambda: self._joined("AND", depth, self._compared(depth)))
+
+    def _joined(self, word: str, depth: int, part: Callable[[], Expression]) -> Expression:
+        left = part()
+        while self.next is not None and self.next.kind == "name" and self.next.head == word:
+            self.at += 1
+            left = Binary(word, left, part())
+        return left
+
+    def _compared(self, depth: int) -> Callable[[], Expression]:
+        def one() -> Expression:
+            if self.next is not None and self.next.head == "NOT":
+                self.at += 1
+                return Binary("EQ", one(), Number(0.0))
+            if self.next is not None and self.next.text == "(" and self._holds_condition():
+                self.at += 1
+                inner = self.condition(self._deeper(depth))
+                self._close()
+                return inner
+            left = self.expression(depth)
+            sign = self.next
+            if sign is None or sign.text not in COMPARED:
+                return left
+            self.at += 1
+            return Binary(COMPARED[sign.text], left, self.expression(depth))
+
+        return one
+
+    def _holds_condition(self) -> bool:
+        """Whether the bracket that comes next holds a comparison, AND, OR or NOT."""
+        depth = 0
+        for token in self.tokens[self.at :]:
+            depth += (token.text == "(" or token.kind == "call") - (token.text == ")")
+            if depth == 0:
+                return False
+            if token.text in COMPARED or token.head in ("AND", "OR", "NOT"):
+                return True
+        return False
+
+    def _deeper(self, depth: int) -> int:
+        if depth >= DEEPEST:
+            raise self.error(
+                self.next, f"more than {DEEPEST} brackets lie in each other: shorten it"
+            )
+        return depth + 1
+
     def expression(self, depth: int = 0) -> Expression:
         """A sum of products."""
         left = self._product(depth)
@@ -131,8 +188,8 @@ class TokenStream:
 
     def _product(self, depth: int) -> Expression:
         left = self._factor(depth)
-        while self.next is not None and self.next.text in ("*", "/"):
-            operator = self.take().text
+        while self.next is not None and self.next.text.upper() in PRODUCTS:
+            operator = PRODUCTS[self.take().text.upper()]
             left = Binary(operator, left, self._factor(depth))
         return left
 
@@ -155,7 +212,7 @@ class TokenStream:
             inner = self.expression(depth + 1)
             self._close()
             return Call(token.head, (inner,))
-        if token.kind == "name" or (token.kind == "address" and token.head == "R"):
+        if token.kind == "name" or (token.kind == "address" and token.text[1:].isdigit()):
             return Parameter(VARIABLE + token.text.lower())
         raise self.error(token, "this is no value: use numbers, variables, + - * / and ( )")
 

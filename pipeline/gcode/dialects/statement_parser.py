@@ -2,7 +2,7 @@
 
 from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.program import Line, Program, TokenKind
+from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind
 from pipeline.gcode.statements import (
     LARGEST,
     Assignment,
@@ -96,6 +96,9 @@ class _LineParser:
                 raise self.cursor.error(start, "N is followed by no number: add it or delete N")
         else:
             run = self.cursor.letters()
+            if self.dialect == "fanuc" and first and run in OUTPUT:
+                self.cursor.at = len(self.cursor.code)
+                return
             control = None
             if len(run) > 1 and self.dialect == "fanuc" and first:
                 control = macro_control(run, self.expressions)

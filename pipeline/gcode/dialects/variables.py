@@ -4,8 +4,10 @@ Sources: Fanuc 0i-F operator's manual B-64694EN, 16.2 "System variables"; LinuxC
 "Numbered parameters" and "Predefined named parameters".
 """
 
+import re
 from collections.abc import Callable
 
+from pipeline.gcode.dialects.siemens_tokens import VARIABLE
 from pipeline.gcode.modal import CANCELLED
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.run import Register, Run
@@ -23,6 +25,7 @@ FANUC_REGISTERS = {10: "length_wear", 11: "length", 12: "radius", 13: "radius_we
 WITHOUT_EFFECT = (3003, 3004, 3005)
 """Single block, feed hold and settings: how the control runs, not where it goes."""
 ALARM, STOP = 3000, 3006
+_R_PARAMETER = re.compile(r"r\d{1,3}")
 
 
 class FanucVariables:
@@ -388,6 +391,9 @@ _PREDEFINED: dict[str, Callable[[Run], float]] = {
 class SiemensVariables:
     """Names and their values; DEF makes them, with 0 where it gives no value.
 
+    R0 to R999 are there without DEF; one that neither the program nor the setup gives a value reads
+    0, as on a control that is new.
+
     Parameters
     ----------
     run : Run
@@ -406,9 +412,12 @@ class SiemensVariables:
 
     def read(self, key: int | str) -> float | None:
         """Value of a name."""
-        if key not in self.values:
-            raise ExpressionError(f"{key} has no value: define it with DEF before")
-        return self.values[key]
+        if key in self.values:
+            return self.values[key]
+        name = str(key).removeprefix(VARIABLE)
+        if _R_PARAMETER.fullmatch(name):
+            return float(self.values.get(name, self.values.get(name.upper(), 0.0)))
+        raise ExpressionError(f"{name.upper()} has no value: define it with DEF before")
 
     def write(self, key: int | str, value: float | None) -> None:
         """Keep a value."""

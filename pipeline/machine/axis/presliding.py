@@ -12,12 +12,16 @@ off. So does what shakes an axis that is held in position and nothing else (nois
 the torque's ripple, machines beside it): slowly, within seconds, as the deflection's own loss z' =
 v - sigma |v| z / g(v) - z / T; the command of a standing axis falls with it. A feed feels it below
 g / (sigma T) alone, some um/s. Servo and mass are those of :mod:`pipeline.twin.drive`.
+
+The velocity loop may be a fuzzy PI: the rules of :mod:`pipeline.machine.axis.loops` move both of
+its gains about those of the servo.
 """
 
 from math import exp, expm1
 
 from pipeline.kernels import compiled
 from pipeline.machine.axis.feed_drive import DriveColumn
+from pipeline.machine.axis.loops import FuzzyParameters, increments
 
 _GAIN, _P, _I = (
     int(DriveColumn.LOOP_GAIN), int(DriveColumn.PROPORTIONAL), int(DriveColumn.INTEGRAL),
@@ -30,10 +34,27 @@ _OFFSET, _UP, _DOWN = (
     int(DriveColumn.OFFSET), int(DriveColumn.COULOMB_POSITIVE), int(DriveColumn.COULOMB_NEGATIVE),
 )  # fmt: skip
 _LAG_V, _LAG_REF = int(DriveColumn.VELOCITY_LAG), int(DriveColumn.POSITION_LAG)
+_increments = compiled(increments)
+PLAIN = (0.0, 0.0, 0.0, 0.0)
+"""Rules that move no gain."""
+
+
+def fuzzy_rules(error: float, change: float) -> tuple[float, float, float, float]:
+    """Rules of :func:`presliding_trace` whose sets end at these inputs, with the published spans.
+
+    Parameters
+    ----------
+    error, change : float
+        Greatest speed error [m/s] and greatest change of it [m/s^2]; 0 leaves an input out.
+    """
+    scales = [10.0 / one if one > 0 else 0.0 for one in (error, change)]
+    known = FuzzyParameters(error_scale=scales[0], change_scale=scales[1])
+    spans = known.proportional_span, known.integral_span
+    return known.error_scale, known.change_scale, *spans
 
 
 @compiled
-def presliding_trace(reference, load, row, spring, period, position, command):  # type: ignore[no-untyped-def]
+def presliding_trace(reference, load, row, spring, period, position, command, rules=PLAIN):  # type: ignore[no-untyped-def]
     """Fill position [m] and command [A] of an axis at T samples of its servo, from rest.
 
     Parameters
@@ -49,6 +70,14 @@ def presliding_trace(reference, load, row, spring, period, position, command):  
         From sample to sample [s].
     position, command : (T,) arrays
         That are filled.
+    rules : tuple of four floats
+        Scales of the speed error [s/m] and of its change [s^2/m], and the spans of the proportional
+        and of the integral gain [1], as :class:`pipeline.machine.axis.loops.FuzzyParameters`.
+
+    Returns
+    -------
+    error, change : float
+        Greatest speed error [m/s] and greatest change of it [m/s^2], as magnitudes.
     """
     share_v = -expm1(-period / row[_LAG_V]) if row[_LAG_V] > 0.0 else 1.0
     share_ref = -expm1(-period / row[_LAG_REF]) if row[_LAG_REF] > 0.0 else 1.0
@@ -56,7 +85,8 @@ def presliding_trace(reference, load, row, spring, period, position, command):  
     mass, constant, offset = row[_MASS], row[_FORCE], row[_OFFSET]
     x, v, z, seen, v_ref = reference[0], 0.0, 0.0, 0.0, 0.0
     integral = offset / constant / row[_I] if row[_I] > 0.0 else 0.0
-    last, rate = reference[0], 0.0
+    last, rate, before, greatest, fastest = reference[0], 0.0, 0.0, 0.0, 0.0
+    proportional = growth = 1.0
     for k in range(reference.shape[0]):
         was, rate = rate, (reference[k] - last) / period
         last = reference[k]
@@ -64,10 +94,17 @@ def presliding_trace(reference, load, row, spring, period, position, command):  
         v_ref += share_ref * (asked - v_ref)
         seen += share_v * (v - seen)
         error = v_ref - seen
-        demand = row[_P] * error + row[_I] * integral + row[_FA] * (rate - was) / period
+        change, before = (error - before) / period, error
+        greatest, fastest = max(greatest, abs(error)), max(fastest, abs(change))
+        if rules[2] > 0.0 or rules[3] > 0.0:
+            p, i = _increments(rules[0] * error, rules[1] * change)
+            proportional, growth = 1.0 + rules[2] * p, 1.0 + rules[3] * i
+        demand = (
+            row[_P] * proportional * error + row[_I] * integral + row[_FA] * (rate - was) / period
+        )
         drawn = min(max(demand, -row[_LIMIT]), row[_LIMIT])
         if (demand - drawn) * error <= 0.0:
-            integral += period * error
+            integral += period * growth * error
         position[k], command[k] = x, drawn
         # the spring follows the speed that was, and pulls on the mass for one step
         side = _UP if v > 0.0 else _DOWN
@@ -78,3 +115,4 @@ def presliding_trace(reference, load, row, spring, period, position, command):  
         v_next = (v + period / mass * force) / (1.0 + period / mass * row[side + 3])
         x += 0.5 * period * (v + v_next)
         v = v_next
+    return greatest, fastest

@@ -8,7 +8,7 @@ enters the model's run: it begins at rest before the first commanded position, a
 settle is not learnt from.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
@@ -20,7 +20,7 @@ from pipeline.nets.windows import Recording, WindowInput
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.compensation.records import AxisRun, Run
 from pipeline.twin.drive import IdentifiedDrive
-from pipeline.twin.program_axes import driven
+from pipeline.twin.program_axes import driven, driven_by_fuzzy
 
 RESIDUAL = "residual"
 """Measured less modelled following error [m]: what is learnt."""
@@ -71,6 +71,8 @@ class Features:
         Of each sample.
     known : ndarray of bool, shape (N,)
         Samples that were recorded, neither put in between nor beside such.
+    fuzzy : ndarray, shape (N,), or None
+        Following error of the drives' model with a fuzzy PI speed loop [m], where asked for.
     """
 
     recording: Recording
@@ -80,6 +82,7 @@ class Features:
     modelled: Floats
     regime: "np.ndarray[Any, np.dtype[np.str_]]"
     known: Bools
+    fuzzy: Floats | None = None
 
 
 def every(period: float, step_s: float) -> int:
@@ -162,31 +165,51 @@ def modelled_following(
     A recording that begins in motion gets a run-up from rest to its first speed, so that the model
     is where an axis is that has moved so for a while.
     """
+    whole, rows = _with_run_up(reference, period)
+    position, command = driven(letter, drive, whole, period, substeps=_substeps(period))
+    return (whole - position)[rows], command[rows]
+
+
+def fuzzy_following(
+    letter: str, reference: Floats, period: float, drive: IdentifiedDrive
+) -> Floats:
+    """As :func:`modelled_following` with a fuzzy PI speed loop; the error alone."""
+    whole, rows = _with_run_up(reference, period)
+    position = driven_by_fuzzy(letter, drive, whole, period, substeps=_substeps(period))
+    return (whole - position)[rows]
+
+
+def _with_run_up(reference: Floats, period: float) -> tuple[Floats, slice]:
+    """A command with its run-up, and the rows of the command in it."""
     speed = float(np.diff(reference[:3]).mean()) / period if len(reference) > 1 else 0.0
     up, on = round(RUN_UP_S / period), round(RUN_ON_S / period)
     before = np.concatenate([np.linspace(0.0, speed, up), np.full(on, speed)])
     way = period * np.cumsum(before[::-1])[::-1]
-    whole = np.concatenate([reference[0] - way, reference])
-    substeps = max(ceil(period / SERVO_S * (1 - 1e-6)), 1)
-    position, command = driven(letter, drive, whole, period, substeps=substeps)
-    rows = slice(up + on, None)
-    return (whole - position)[rows], command[rows]
+    return np.concatenate([reference[0] - way, reference]), slice(up + on, None)
+
+
+def _substeps(period: float) -> int:
+    return max(ceil(period / SERVO_S * (1 - 1e-6)), 1)
 
 
 def features_of(
-    run: Run, letter: str, drive: IdentifiedDrive | None, *, step_s: float, lead_mm: float | None
-) -> Features:
+    run: Run, letter: str, drive: IdentifiedDrive | None, *, step_s: float, lead_mm: float | None,
+    with_fuzzy: bool = False,
+) -> Features:  # fmt: skip
     """One axis of a recording as the networks see it."""
     axis: AxisRun = run.axes[letter]
     stride = every(run.period, step_s)
     signals: dict[str, Floats] = {}
     modelled = np.zeros(len(axis.error))
     regime = np.full(len(axis.error), "")
+    fuzzy = None
     if axis.reference is not None:
         of_model = None
         if drive is not None and drive.servo is not None:
             of_model = modelled_following(letter, axis.reference, run.period, drive)
             modelled = of_model[0]
+            if with_fuzzy:
+                fuzzy = fuzzy_following(letter, axis.reference, run.period, drive)
         signals = before_motion(axis.reference, run.period, of_model, lead_mm)
         regime = regimes(signals)
     signals = {**signals, RESIDUAL: axis.error - modelled}
@@ -201,7 +224,7 @@ def features_of(
             signals={name: values[rows] for name, values in signals.items()},
         ),
         group=run.group, time=time, measured=axis.error[rows], modelled=modelled[rows],
-        regime=regime[rows], known=~beside[rows],
+        regime=regime[rows], known=~beside[rows], fuzzy=None if fuzzy is None else fuzzy[rows],
     )  # fmt: skip
 
 
@@ -222,6 +245,3 @@ def inputs_of(features: Sequence[Features], horizon_s: float | None) -> tuple[Wi
             WindowInput(name=n, older_than_s=horizon_s) for n in (RESIDUAL, TORQUE) if n in shared
         ]
     return tuple(known)
-
-
-Loader = Callable[[], Mapping[str, Features]]

@@ -5,7 +5,7 @@ the training recordings; what serves is the mean of those of the champion.  Its 
 is the prediction before the motion for the twin.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, inf
 from pathlib import Path
@@ -23,6 +23,7 @@ from pipeline.nets.sequence_settings import (
     WindowTraining,
 )
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Model
@@ -42,17 +43,10 @@ if TYPE_CHECKING:
 PREDICTION, ESTIMATION = "prediction", "estimation"
 """Before the motion, from commands and the drives' model; with measurements of before."""
 USES = (PREDICTION, ESTIMATION)
-FOLLOWING, ESTIMATED = "following error", "following error, estimated"
+QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
-QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
-TWIN, PERSISTENCE = "twin alone", "persistence"
-"""No network; the last measured residual that is known."""
-FOLLOWING = "following error"
-"""Quantity of a prediction before the motion, followed by the axis' letter."""
-ESTIMATED = "following error, estimated"
-"""The same from measurements that are older than the horizon."""
-QUANTITIES = {PREDICTION: FOLLOWING, ESTIMATION: ESTIMATED}
-"""Quantities of the uses."""
+TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
+"""No network; none, and a fuzzy PI speed loop; the last measured residual that is known."""
 KINDS: dict[str, type[SequenceSettings]] = {
     "arx": ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
     "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,
@@ -60,7 +54,7 @@ KINDS: dict[str, type[SequenceSettings]] = {
 NAMES = {
     "arx": "ARX", "lstm": "LSTM", "cnn_lstm": "CNN-LSTM",
     "cnn_lstm_attention": "CNN-LSTM with attention", "tcn": "TCN",
-    TWIN: "drive model alone", PERSISTENCE: "persistence",
+    TWIN: "drive model alone", FUZZY: "drive model with fuzzy PI", PERSISTENCE: "persistence",
 }  # fmt: skip
 """Kinds of network by their name in words."""
 
@@ -328,6 +322,18 @@ class Compensation:
         found = [one.predict(windows.x) for one in self.networks(letter, use, kind)]
         mean: Floats = np.mean(found, axis=0)
         return mean
+
+    def predicted_by(
+        self, letter: str, use: str, kinds: Sequence[str], windows: Windows
+    ) -> dict[str, Floats]:
+        """:meth:`predicted` by each of some kinds, on all cores."""
+        from pipeline.nets.trained import reproducible
+
+        with reproducible():
+            found = mapped(
+                lambda kind: self.predicted(letter, use, kind, windows), kinds, compute="threads"
+            )
+        return dict(zip(kinds, found, strict=True))
 
     def residual(
         self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,

@@ -21,6 +21,7 @@ from pipeline.schema.verdict import JudgedCase, Score
 from pipeline.submodels.compensation import figures
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
+    FUZZY,
     NAMES,
     PREDICTION,
     TWIN,
@@ -302,8 +303,12 @@ def _recordings_table(
     rows = facts.recordings(letter, use)
     if not rows:
         return None
-    kinds = [BASES[use], *(kind for kind in one.scores if kind != BASES[use])]
     total = facts.total(letter, use)
+    judged = () if total is None else total.baselines
+    kinds = [
+        BASES[use], *(kind for kind in (FUZZY,) if kind in judged),
+        *(kind for kind in one.scores if kind != BASES[use]),
+    ]  # fmt: skip
     every: list[tuple[Score, JudgedCase | None]] = [
         *rows[:MOST_ROWS], *([(total, None)] if total is not None else [])
     ]  # fmt: skip

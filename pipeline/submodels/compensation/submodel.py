@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.nets.sequence_settings import TuningSettings
-from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
@@ -20,6 +19,7 @@ from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of,
 from pipeline.submodels.compensation.features import Features, features_of
 from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
+    FUZZY,
     PERSISTENCE,
     PREDICTION,
     QUANTITIES,
@@ -28,6 +28,7 @@ from pipeline.submodels.compensation.model import (
     CompensationFitSettings,
     CompensationModel,
     NetworksFile,
+    UseModel,
     load_compensation,
 )
 from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
@@ -97,7 +98,7 @@ class Driven:
     records: CompensationRecords
     most: int | None = None
 
-    def features(self, letter: str, step_s: float) -> Features:
+    def features(self, letter: str, step_s: float, *, with_fuzzy: bool = False) -> Features:
         """One axis as the networks see it."""
         return features_of(
             self.run,
@@ -105,6 +106,7 @@ class Driven:
             self.drives.get(letter),
             step_s=step_s,
             lead_mm=self.records.axes[letter].lead_mm,
+            with_fuzzy=with_fuzzy,
         )
 
 
@@ -135,7 +137,9 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         for letter, uses in model.axes.items():
             for use, one in uses.items():
                 base = TWIN if use == PREDICTION else PERSISTENCE
-                others = tuple(name for name in one.scores if name != one.champion)
+                others = others_of(one)
+                if use == PREDICTION and model.with_drive:
+                    others = (*others, FUZZY)
                 found.append(
                     Target(
                         quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
@@ -324,7 +328,7 @@ def _predicted(driven: Driven, model: Compensation) -> Prediction:
     for letter, uses in model.file.axes.items():
         if letter not in driven.run.axes:
             continue
-        features = driven.features(letter, model.file.step_s)
+        features = driven.features(letter, model.file.step_s, with_fuzzy=True)
         for use, one in uses.items():
             known = set(features.recording.signals)
             if any(wanted.name not in known for wanted in one.inputs):
@@ -355,17 +359,22 @@ def _frame(
     at = windows.at
     modelled, regime = UM * features.modelled[at], features.regime[at]
 
-    def error(kind: str) -> Floats:
-        return modelled + UM * model.predicted(letter, use, kind, windows)
-
-    found = error(one.champion)
+    left = model.predicted_by(letter, use, [one.champion, *others_of(one)], windows)
+    found = modelled + UM * left[one.champion]
     low, high = interval(found, regime, one.bands)
-    others = {f"baseline_{kind}": error(kind) for kind in one.scores if kind != one.champion}
+    others = {f"baseline_{kind}": modelled + UM * left[kind] for kind in others_of(one)}
+    if use == PREDICTION and features.fuzzy is not None:
+        others[f"baseline_{FUZZY}"] = UM * features.fuzzy[at]
     return pd.DataFrame({
         "quantity": f"{QUANTITIES[use]} {letter}", "unit": "um", "t": features.time[at],
         "measured": UM * features.measured[at], "predicted": found, "low": low, "high": high,
         **others,
     })  # fmt: skip
+
+
+def others_of(one: UseModel) -> tuple[str, ...]:
+    """Kinds that do not serve, the baseline among them."""
+    return tuple(name for name in one.scores if name != one.champion)
 
 
 def _facts(frame: pd.DataFrame, letter: str, use: str) -> dict[str, Fact]:

@@ -17,10 +17,10 @@ from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Records
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, modelled_following
 from pipeline.submodels.compensation.model import (
-    ESTIMATED,
     ESTIMATION,
-    FOLLOWING,
+    FUZZY,
     PREDICTION,
+    QUANTITIES,
     TWIN,
     CompensationFitSettings,
     CompensationModel,
@@ -112,10 +112,10 @@ def test_the_fit_does_not_change_when_held_out_recordings_do(built: Built, tmp_p
 
 
 def test_it_predicts_recordings_that_were_held_out(built: Built) -> None:
-    for quantity in (f"{FOLLOWING} X", f"{ESTIMATED} X"):
+    for quantity in (f"{QUANTITIES[PREDICTION]} X", f"{QUANTITIES[ESTIMATION]} X"):
         total = built.verdict.total(quantity)
         assert total is not None and total.rmse is not None
-        (base,) = (one.rmse for one in total.baselines.values())
+        (base,) = (one.rmse for name, one in total.baselines.items() if name != FUZZY)
         assert base is not None and total.rmse < 0.4 * base
         assert total.rmse < 0.6  # um, noise is 0.2
     assert built.verdict.judged_role == "held_out"
@@ -123,10 +123,20 @@ def test_it_predicts_recordings_that_were_held_out(built: Built) -> None:
     assert all("share inside" in one or "90 %" in one for one in built.verdict.reasons)
 
 
+def test_the_model_with_a_fuzzy_speed_loop_stands_beside_the_prediction(built: Built) -> None:
+    """Of the prediction alone, and it decides nothing."""
+    total = built.verdict.total(f"{QUANTITIES[PREDICTION]} X")
+    assert total is not None and total.baselines[FUZZY].rmse is not None
+    estimated = built.verdict.total(f"{QUANTITIES[ESTIMATION]} X")
+    assert estimated is not None and FUZZY not in estimated.baselines
+
+
 def test_predictions_are_of_the_whole_following_error(built: Built) -> None:
     """Not of what is left over alone: in um, in recorded time, after the settling."""
     rows = built.predictions
-    one = rows[(rows["case"] == "feed/p5.csv") & (rows["quantity"] == f"{FOLLOWING} X")]
+    one = rows[
+        (rows["case"] == "feed/p5.csv") & (rows["quantity"] == f"{QUANTITIES[PREDICTION]} X")
+    ]
     there = table(5)
     error = 1e6 * (there["x_command"] - there["x_actual"])
     at = np.rint(one["t"] / PERIOD).astype(int)
@@ -200,7 +210,7 @@ def test_a_machine_without_drives_or_commands_is_estimated(tmp_path: Path) -> No
     )  # fmt: skip
     assert list(found.model.axes["X"]) == [ESTIMATION]
     assert not found.model.with_drive
-    assert set(found.predictions["quantity"]) == {f"{ESTIMATED} X"}
+    assert set(found.predictions["quantity"]) == {f"{QUANTITIES[ESTIMATION]} X"}
     assert found.verdict.judged_role == "held_out"
     served = SUBMODEL.serve(found.folder)(SUBMODEL.example(found.folder))
     assert list(served.columns) == ["t"]
@@ -210,7 +220,7 @@ def test_a_machine_without_drives_learns_the_error_itself(tmp_path: Path) -> Non
     found = build(tmp_path, recordings(), with_drive=False)
     names = [one.name for one in found.model.axes["X"][PREDICTION].inputs]
     assert names and not any("modelled" in name for name in names)
-    rows = found.predictions[found.predictions["quantity"] == f"{FOLLOWING} X"]
+    rows = found.predictions[found.predictions["quantity"] == f"{QUANTITIES[PREDICTION]} X"]
     column = "predicted" if found.model.axes["X"][PREDICTION].champion == TWIN else None
     assert (rows[column or f"baseline_{TWIN}"] == 0.0).all()
 

@@ -1,11 +1,13 @@
 """Stiffness of friction before it slides: its closed form, and recovered from a closed loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.presliding import presliding_trace
+from pipeline.machine.axis.presliding import PLAIN, presliding_trace
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from pipeline.submodels.drive.servo.presliding import identify_presliding
@@ -30,6 +32,23 @@ def traced(reference, load=None, stiffness: float = STIFFNESS, loss: float = 0.0
         reference, push, drive_row(SERVO, SCREW), (stiffness, loss), STEP, position, command
     )
     return position, command
+
+
+def test_rules_move_the_gains_by_their_spans() -> None:
+    """A speed error far above its scale: the increments are those of the tables' corner."""
+    reference = 0.02 * np.arange(0, 0.2, STEP)
+    row, found = drive_row(SERVO, SCREW), []
+    stiffer = drive_row(replace(SERVO, velocity_gain=1.6 * SERVO.velocity_gain), SCREW)
+    for one, rules in ((row, PLAIN), (row, (1e9, 0.0, 0.6, 0.0)), (stiffer, PLAIN)):
+        position, command = np.empty(len(reference)), np.empty(len(reference))
+        presliding_trace(
+            reference, np.zeros(len(reference)), one, (STIFFNESS, 0.0), STEP, position, command,
+            rules,
+        )  # fmt: skip
+        found.append(command[1])
+    # E = PB, EC = ZO: K_p by NM, two thirds of the span down
+    assert found[1] / found[0] == pytest.approx(1 - 0.6 * 2 / 3, rel=1e-6)
+    assert found[2] / found[0] == pytest.approx(1.6, rel=1e-2)
 
 
 def reversals(feed: float = 0.01) -> np.ndarray:
