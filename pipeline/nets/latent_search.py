@@ -44,8 +44,8 @@ class LatentSearch(Ranged, section="latent_search"):
     """
 
     values: Count = 11
-    starts: Count = 4
-    steps: Count = 80
+    starts: Count = 3
+    steps: Count = 60
     rate: Positive = 0.1
     penalty: NotNegative = 0.1
     seed: Whole = 0

@@ -100,7 +100,7 @@ def explanation(
     )  # fmt: skip
 
 
-def read_windows(path: Path, served: Synthesis, most: int = 4) -> list[Floats]:
+def read_windows(path: Path, served: Synthesis, most: int = 2) -> list[Floats]:
     """Windows of a table that has the channels as columns, CSV or Parquet, evenly spread.
 
     The rows are samples at the model's rate, in its units; a unit may stand in brackets behind a

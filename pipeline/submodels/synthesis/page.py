@@ -119,7 +119,7 @@ def _augmentation(shown: Seen) -> str:
         else:
             real = ends[0] > 0
             interval = f"95 % interval {number(100 * ends[0])} to {number(100 * ends[1])} %"
-        what = "lowers" if gain > 0 else "raises"
+        what = "lower" if gain > 0 else "raise"
         use = "" if real else " The gain is not shown to be real, so none are used for learning."
         return (
             f"Generated windows beside the recorded ones {what} the mean error of wear by "
