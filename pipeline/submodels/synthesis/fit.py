@@ -3,7 +3,8 @@
 The judge is a learner that saw recorded windows alone; it takes no part in the training.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.synthesis.model import (
     TOOL,
     WEAR,
+    Look,
     Reference,
     Synthesis,
     WearCurve,
@@ -27,6 +29,7 @@ from pipeline.submodels.synthesis.settings import SynthesisFitSettings
 
 if TYPE_CHECKING:
     from pipeline.nets.dcgan import TrainedGan
+    from pipeline.nets.dcgan_training import GanStep
 
 THIRDS = 3
 """Intervals of the range of wear whose tendency is looked at."""
@@ -37,9 +40,13 @@ DIGITS = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trained:
-    """A generator with the features of what it was trained on, and whether it collapsed."""
+    """A generator with the features of what it was trained on, and whether it collapsed.
+
+    ``earlier`` are its states at stated steps of the training.
+    """
 
     gan: "TrainedGan"
+    earlier: Mapping[int, "TrainedGan"]
     reference: Reference
     collapse: Collapse
     windows: int
@@ -81,10 +88,18 @@ def trained(
     windows = thinned(windows, settings.windows)
     not_used = {*hidden, *settings.left_out, *(() if settings.by_tool else (TOOL,))}
     conditions = {k: v for k, v in conditions_of_windows(windows).items() if k not in not_used}
+    steps, every = settings.training.steps, settings.training.every
+    stated = {round(steps * k / settings.looks / every) * every for k in range(1, settings.looks)}
+    earlier: dict[int, TrainedGan] = {}
+
+    def look(said: "GanStep") -> None:
+        if said.number in stated:
+            earlier[said.number] = said.so_far()
+
     gan = train_gan(
         settings.network, windows.values, conditions, training=settings.training,
         channels=windows.channels, units=windows.units,
-        condition_units={WEAR: windows.wear_unit, **windows.condition_units},
+        condition_units={WEAR: windows.wear_unit, **windows.condition_units}, watch=look,
     )  # fmt: skip
     made = gan.sample(conditions, seed=settings.seed + 1)
     numbers, words = gan.space.encoded(conditions)
@@ -97,7 +112,22 @@ def trained(
         conditions=beside(gan.space, conditions), wear=wear,
         shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
     )  # fmt: skip
-    return Trained(gan=gan, reference=reference, collapse=found, windows=len(windows))
+    return Trained(
+        gan=gan, earlier=earlier, reference=reference, collapse=found, windows=len(windows)
+    )
+
+
+def looks(
+    served: Synthesis, earlier: Mapping[int, "TrainedGan"], settings: SynthesisFitSettings
+) -> tuple[Look, ...]:
+    """Curves of the first judge at steps of the training, the last one among them."""
+    name = served.file.judges[0]
+    states = {**earlier, served.file.steps: served.gan}
+    found = []
+    for step, gan in sorted(states.items()):
+        one = curves(replace(served, gan=gan), settings)[name]
+        found.append(Look(step=step, mae=one.mae, slope=one.slope))
+    return tuple(found)
 
 
 def curves(served: Synthesis, settings: SynthesisFitSettings) -> dict[str, WearCurve]:

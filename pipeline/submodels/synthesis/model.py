@@ -62,6 +62,25 @@ class WearCurve:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Look:
+    """How far the first judge followed the generator at a step of its training.
+
+    Parameters
+    ----------
+    step : int
+        Of the training.
+    mae : float
+        Mean error of the wear that is read over the range of wear, in its unit.
+    slope : float
+        Of a straight line through the means [1].
+    """
+
+    step: int
+    mae: float
+    slope: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class SynthesisModel(Model):
     """``model.json`` of the synthesis of signals.
 
@@ -81,6 +100,8 @@ class SynthesisModel(Model):
         Of the training.
     curves : mapping of str to WearCurve
         By name of the judge.
+    looks : tuple of Look
+        Of the first judge, from early in the training to its end.
     judges : tuple of str
         Their names, the one whose figures go first before the others.
     within, between : float
@@ -105,6 +126,7 @@ class SynthesisModel(Model):
     judges: tuple[str, ...]
     within: float
     between: float
+    looks: tuple[Look, ...] = ()
     faults: tuple[str, ...] = ()
     clipped: float = 0.0
     judged: int = 200

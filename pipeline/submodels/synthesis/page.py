@@ -207,6 +207,11 @@ def _curve_words(model: SynthesisModel) -> list[str]:
             where = joined([f"{number(a)} to {number(b)}" for a, b in one.false_intervals])
             words += f" The reading falls while the wear grows from {where}: trust nothing there."
         said.append(words)
+    if len(model.looks) > 1:
+        looked = joined(
+            [f"{_with_unit(one.mae, _unit(model))} after {one.step} steps" for one in model.looks]
+        )
+        said.append(f"In training the mean error of the {model.judges[0]} was {looked}.")
     return said
 
 

@@ -30,6 +30,8 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
         Of each random forest.
     wears : int
         Wears, evenly over what was learnt, at which the judge's curve is read.
+    looks : int
+        Steps, evenly over the training, at which the first judge's curve is read.
     each : int
         Generated windows of each of these wears.
     judged : int
@@ -47,6 +49,7 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
     windows: Annotated[int, Range(least=20)] = 20_000
     trees: Count = 100
     wears: Annotated[int, Range(least=3)] = 20
+    looks: Count = 4
     each: Annotated[int, Range(least=2)] = 40
     judged: Annotated[int, Range(least=5)] = 200
     neighbours: Count = 5

@@ -19,7 +19,7 @@ from pipeline.signals.wear_records import WearRecords
 from pipeline.signals.wear_windows import ToolLife, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.synthesis.fit import Trained, curves, trained
+from pipeline.submodels.synthesis.fit import Trained, curves, looks, trained
 from pipeline.submodels.synthesis.judging import (
     AUGMENTED,
     COPY,
@@ -189,7 +189,9 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
         _write(found, folder, judges)
         # the curve is read from what was stored, in its precision
         write_json(model, folder / "model.json")
-        return replace(model, curves=curves(load_synthesis(folder), fitting))
+        served = load_synthesis(folder)
+        read = looks(served, found.earlier, fitting)
+        return replace(model, curves=curves(served, fitting), looks=read)
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of lives."""
@@ -230,9 +232,13 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
         return pd.DataFrame([row, row])
 
     def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
-        """Losses of discriminator and generator over the training."""
-        history = load_synthesis(folder).gan.history
-        return {"discriminator": history[:, 1].tolist(), "generator": history[:, 2].tolist()}
+        """Losses of discriminator and generator, and the judge's error, over the training."""
+        served = load_synthesis(folder)
+        history = served.gan.history
+        return {
+            "discriminator": history[:, 1].tolist(), "generator": history[:, 2].tolist(),
+            "judge": [one.mae for one in served.file.looks],
+        }  # fmt: skip
 
     def page(self, shown: Shown[SynthesisModel]) -> Any:
         """Windows over the wear, the judge's curve, spectra, what is learnt from them."""

@@ -73,6 +73,16 @@ def test_the_curve_rises_with_the_wear(built: Built) -> None:
     assert one.mse >= one.mae**2 - 1e-6
 
 
+def test_the_judge_looks_on_at_stated_steps(built: Built) -> None:
+    model = built.model
+    steps = [one.step for one in model.looks]
+    assert steps == sorted(set(steps)) and steps[-1] == model.steps and len(steps) > 1
+    last = model.curves[model.judges[0]]
+    assert (model.looks[-1].mae, model.looks[-1].slope) == (last.mae, last.slope)
+    assert len({one.mae for one in model.looks}) == len(steps)
+    assert list(SUBMODEL.curves(built.folder)["judge"]) == [one.mae for one in model.looks]
+
+
 def test_a_tendency_that_is_false_is_named() -> None:
     asked = np.linspace(0.0, 90.0, 10)
     read = asked.copy()
