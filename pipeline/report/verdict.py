@@ -26,6 +26,10 @@ STOPPED_SHARE = 0.25  # of a day's working time in feed hold or interrupted
 WORKED_S = 3600.0  # a day with less work than this says nothing about its stops
 
 
+BESIDE = frozenset({"synthesis"})
+"""Sub-models that no other figure of a machine rests on: they are told, and reserve nothing."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MachineVerdict:
     """``status``, ``sentences``, then ``notes`` in order of weight.
@@ -48,7 +52,11 @@ class MachineVerdict:
 def machine_verdict(facts: MachineFacts) -> MachineVerdict:
     """The head of one machine's page, made from its facts alone."""
     grave, doubts = _grave(facts), [words for page in facts.pages for words in page.doubts]
-    parts = [page.verdict for page in facts.pages if page.verdict is not None]
+    told = [(one.name, one.page.verdict) for one in facts.models if one.page.verdict is not None]
+    parts = [verdict for name, verdict in told if name not in BESIDE]
+    beside = [verdict for name, verdict in told if name in BESIDE]
+    if not parts:
+        parts, beside = beside, []
     # what could be judged leads; grave faults stand before all but the first sentence
     judged, ranked = combined(parts or [_without_verdict(facts)])
     status, todo, because = judged.status, judged.todo, judged.sentence
@@ -62,7 +70,10 @@ def machine_verdict(facts: MachineFacts) -> MachineVerdict:
         todo = f"{todo} {loading}"
     return MachineVerdict(
         status=status, sentences=sentences[:2], todo=todo, because=because,
-        notes=[*sentences[2:], *warning_words(facts.parts), *doubts, *_notes(facts)],
+        notes=[
+            *sentences[2:], *(one.sentence for one in beside), *warning_words(facts.parts),
+            *doubts, *_notes(facts),
+        ],
     )  # fmt: skip
 
 
