@@ -315,7 +315,7 @@ def said(told: WearTold) -> Iterator[str]:
             ends = (
                 "" if one.low is None or one.high is None else f"  {one.low:.0f} to {one.high:.0f}"
             )
-            yield f"{name:<{width}}  {one.time_s:9.2f}  {value}{ends}"
+            yield f"{name:<{width}}  {max(one.time_s, 0.0):9.2f}  {value}{ends}"
         if len(some) > SHOWN:
             mean = float(np.mean([one.wear for one in some]))
             yield f"{name}: {len(places)} of {len(some)} windows shown, mean {mean:.3g} {told.unit}"
