@@ -268,8 +268,8 @@ def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) ->
         assert said in refused(
             root, "predict", MACHINE, "spindle", table, "--out", "q.csv", *latest
         )
-    said = refused(root, "predict", MACHINE, "wear", "hour.parquet", "--out", "q.csv", *latest)
-    assert "'wear'" in said
+    said = refused(root, "predict", MACHINE, "rust", "hour.parquet", "--out", "q.csv", *latest)
+    assert "'rust'" in said
     assert not (root / "q.csv").exists()
 
 
@@ -295,7 +295,7 @@ def test_another_fleet_is_made_active(project: Path) -> None:
     done = kerf(project, "fleet", "recorded")
     assert (done.exit_code, done.stdout) == (
         0,
-        "fleet recorded: mazak01, hurco, emps, umich_mill, kistler_slot, fanuc_millturn\n",
+        "fleet recorded: mazak01, hurco, emps, umich_mill, kistler_slot, fanuc_millturn, uniwear\n",
     )
     assert active(project) == "recorded"
     assert kerf(project, "fleet", "recorded").exit_code == 0
@@ -338,7 +338,8 @@ def recordings(tmp_path: Path) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name)
     for name in ("nist_box/logs/1.txt", "emps/1.mat", "umich_mill/experiment_01.csv",
-                 "kistler_slot/n6000f600ap3.csv", "fanuc_millturn/split_cuts.parquet"):  # fmt: skip
+                 "kistler_slot/n6000f600ap3.csv", "fanuc_millturn/split_cuts.parquet",
+                 "uniwear/uniwear.parquet"):  # fmt: skip
         (tmp_path / "recordings" / name).parent.mkdir(parents=True)
         (tmp_path / "recordings" / name).write_text("1")
     return folder

@@ -47,9 +47,10 @@ def project(tmp_path_factory) -> Path:
             "mazak01": 15,
             "hurco": 23,
             "emps": 1,
-            "umich_mill": 13,
+            "umich_mill": 14,
             "kistler_slot": 2,
             "fanuc_millturn": 1,
+            "uniwear": 1,
         }
         run("compose", "conf", "params.yaml")
     build(folder)

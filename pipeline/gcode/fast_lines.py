@@ -258,7 +258,9 @@ def modes_of(words: Words, floats: Floats, integers: Ints) -> tuple[int, int, in
     if not np.isnan(words[word.UNIT]):
         unit = INCH if words[word.UNIT] == 20 else 1.0
     if not np.isnan(words[word.F]):
-        feed = words[word.F] * unit
+        # LinuxCNC reads F before it changes the unit
+        linuxcnc = integers[modal.DIALECT] == modal.LINUXCNC
+        feed = words[word.F] * (floats[modal.UNIT] if linuxcnc else unit)
     return motion, plane, absolute, unit, feed
 
 

@@ -48,7 +48,7 @@ class Answer:
     probed : bool
         It probed: then its stand-in for a machine backs away by 0.01 inch, which none does.
     feeds : (M,) array
-        F of each move in the unit of its mode, lengths in mm; NaN in traverses.
+        Of each move [mm/min] or [mm/rev]; under G93 the speed that comes of it; NaN in traverses.
     """
 
     error: str
@@ -141,7 +141,7 @@ class _Path:
         self.rapid: list[bool] = []
         self.lengths: list[float] = []
         self.feeds: list[float] = []
-        self.feed, self.inverse = 0.0, False
+        self.feed = 0.0
         self.arcs: list[tuple[float, ...]] = []
 
     def command(self, name: str, text: str) -> None:
@@ -149,8 +149,6 @@ class _Path:
             self.unit = INCH if "INCHES" in text else 1.0
         elif name == "SELECT_PLANE":
             self.plane = {"XY": 17, "XZ": 18, "YZ": 19}[text[-2:]]
-        elif name == "COMMENT" and "feed mode" in text:
-            self.inverse = "inverse" in text
         elif name in _HANDLERS:
             numbers = [float.fromhex(n) if "x" in n else float(n) for n in _NUMBER.findall(text)]
             _HANDLERS[name](self, numbers)
@@ -193,7 +191,7 @@ class _Path:
         self.dwell += numbers[0]
 
     def set_feed(self, numbers: list[float]) -> None:
-        self.feed = numbers[0] * (1.0 if self.inverse else self.unit)
+        self.feed = numbers[0] * self.unit
 
     def straight(self, numbers: list[float]) -> None:
         end = self._mm(numbers)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.moves import Kind
+from pipeline.gcode.moves import FeedMode, Kind
 from pipeline.gcode.setup import Tool
 from tests.gcode.following import MOVING, ends, follow
 from tests.gcode.random_programs import random_program
@@ -37,9 +37,13 @@ def _without_stays(places, *others):
 
 
 def _feeds(moves):
-    """F of the moving rows; NaN of threads, whose pitch it is here."""
+    """F of the moving rows; NaN of threads, whose pitch it is here, and of inverse times.
+
+    rs274 tells the speed that comes of an inverse time.
+    """
     rows = np.isin(moves.kind, MOVING)
-    return np.where(moves.kind == Kind.THREAD, np.nan, moves.feed)[rows]
+    other = (moves.kind == Kind.THREAD) | (moves.feed_mode == FeedMode.INVERSE_TIME)
+    return np.where(other, np.nan, moves.feed)[rows]
 
 
 def assert_same(moves, answer):
