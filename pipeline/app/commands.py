@@ -259,23 +259,18 @@ def interpret(
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.programs import (
-        machine_setup,
-        moves_table,
-        passed_over,
-        read_moves,
-        write_csv,
-    )
+    from pipeline.app.moves_table import write_moves
+    from pipeline.app.programs import machine_setup, passed_over, read_moves
 
     with one_sentence(), share_bar("interpreting") as share:
         check_outputs(program, out)
         setup = machine_setup(machine, dialect)
-        moves = read_moves(program, setup, share)
-        write_csv(moves_table(moves), out)
         notes = list(passed_over(program, setup))
+        moves = read_moves(program, setup, share)
+        length = write_moves(moves, out)
     for note in notes:
         typer.echo(note)
-    typer.echo(f"{len(moves)} moves, {moves.length.sum():.3f} mm, wrote {out}")
+    typer.echo(f"{len(moves)} moves, {length:.3f} mm, wrote {out}")
 
 
 @app.command()

@@ -10,8 +10,8 @@ import pandas as pd
 
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
 from pipeline.gcode.interpret import interpret
-from pipeline.gcode.moves import AXES, Kind, Moves
-from pipeline.gcode.program import Program, read_program
+from pipeline.gcode.moves import Moves
+from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
@@ -150,7 +150,8 @@ def passed_over(path: Path, setup: Setup) -> Iterator[str]:
     """Words of a program that move nothing and are not followed, a line of text each."""
     if setup.dialect != "fanuc":
         return
-    for word, places in program_at(path).output.items():
+    check_program(path)
+    for word, places in output_lines(path.read_bytes()).items():
         where = ", ".join(map(str, places[:5])) + " …" * (len(places) > 5)
         yield (
             f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "
@@ -186,30 +187,6 @@ def check_program(path: Path) -> None:
 def setup_beside(setup: Setup, path: Path) -> Setup:
     """The set-up that also finds subprograms in the program's folder."""
     return replace(setup, folders=(*setup.folders, path.resolve().parent))
-
-
-def moves_table(moves: Moves) -> pd.DataFrame:
-    """One row a move, in mm and degree, in the machine's frame."""
-    table: dict[str, Any] = {
-        "block": moves.line,
-        "type": [Kind(k).name.lower() for k in moves.kind.tolist()],
-    }
-    for i, axis in enumerate(AXES):
-        table[f"{axis.lower()}_{'mm' if i < 3 else 'deg'}"] = moves.end[:, i]
-    for i, axis in enumerate("xyz"):
-        table[f"centre_{axis}_mm"] = moves.centre[:, i]
-    table |= {
-        "angle_deg": np.degrees(moves.angle),
-        "plane": [f"G{p}" for p in moves.plane.tolist()],
-        "feed": moves.feed,
-        "feed_mode": [f"G{m}" for m in moves.feed_mode.tolist()],
-        "speed": moves.speed * np.where(moves.direction == 0, 0, 1),
-        "tool": moves.tool,
-        "length_mm": moves.length,
-        "frame": [moves.frames[f].name for f in moves.frame.tolist()],
-        "file": [Path(moves.files[f]).name for f in moves.file.tolist()],
-    }
-    return pd.DataFrame(table)
 
 
 def write_csv(table: pd.DataFrame, out: Path) -> None:

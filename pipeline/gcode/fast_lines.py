@@ -96,7 +96,7 @@ def run_fast_lines(
     floats, integers = run.state.to_arrays()
     line, count = follow(
         np.frombuffer(program.data, dtype=np.uint8),
-        (tokens.kind, tokens.start, tokens.value, tokens.first),
+        (tokens.kind, tokens.start, tokens.first),
         (number, stop),
         floats,
         integers,
@@ -109,7 +109,7 @@ def run_fast_lines(
     if count > rows.count:
         run.compensated_position = None
         for name in rows.arrays.keys() - set(VARYING):
-            rows.arrays[name][rows.count : count] = _constant(name, run.state)
+            _fill(rows.arrays[name][rows.count : count], _constant(name, run.state))
     rows.count = count
     run.state.from_arrays(floats, integers)
     if run.state.dialect == FANUC:
@@ -131,6 +131,12 @@ def _table_variables(variables: Variables | None) -> dict[int | str, float]:
             if isinstance(key, str) or key < FIRST_SYSTEM_PARAMETER
         )
     return table
+
+
+def _fill(column: npt.NDArray[Any], value: float) -> None:
+    """Set a column; pages that hold nothing but zeros stay unwritten, and so cost no memory."""
+    if value != 0 or column.any():
+        column[:] = value
 
 
 def _constant(name: str, state: State) -> float:
@@ -168,7 +174,7 @@ def follow(
     Parameters
     ----------
     data, tokens
-        A program's bytes and its tokens' kind, start, value and first.
+        A program's bytes and its tokens' kind, start and first.
     lines : (int, int)
         The first, and the one to stop before, counting from 1.
     floats, integers
@@ -348,7 +354,8 @@ def write(columns: Columns, row: int, line: int, modes: tuple[int, int, float]) 
     columns[LINE][row] = line
     for axis in range(3):
         columns[CENTRE][row, axis] = np.nan
-    columns[ANGLE][row] = 0.0
+    if columns[ANGLE][row] != 0.0:  # a page of zeros that is not written costs no memory
+        columns[ANGLE][row] = 0.0
     columns[PLANE][row] = plane
     columns[FEED_COLUMN][row] = feed
 

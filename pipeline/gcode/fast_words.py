@@ -195,10 +195,8 @@ def same_name(data: Bytes, at: int, end: int, texts: Bytes, begin: int, stop: in
 
 
 Words: TypeAlias = npt.NDArray[np.float64]
-TokenArrays: TypeAlias = tuple[
-    npt.NDArray[np.uint8], npt.NDArray[np.int32], Floats, npt.NDArray[np.int32]
-]
-"""``kind``, ``start``, ``value`` and ``first`` of :class:`~pipeline.gcode.program.Tokens`."""
+TokenArrays: TypeAlias = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]
+"""``kind``, ``start`` and ``first`` of :class:`~pipeline.gcode.program.Tokens`."""
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 A, C, F, G, N, R, X, Z = (LETTERS.index(letter) for letter in "ACFGNRXZ")
@@ -236,15 +234,17 @@ def read_words(
     words: Words,
 ) -> bool:
     """Whether a line is a fast one, with expressions or without; then ``words`` holds it."""
-    kind, start, value, first = tokens
+    kind, start, first = tokens
     words[:STACK_START] = np.nan
     words[COUNT] = 0
     for index in range(first[line - 1], first[line]):
         begin, end = start[index], start[index + 1]
         what = kind[index]
         if what in (scanner.WORD, scanner.VALUED):
-            number = value[index]
-            if what == scanner.VALUED and expressions:
+            number = np.nan
+            if what == scanner.WORD:
+                number = scanner.number_of(data, begin)
+            elif expressions:
                 number = value_of(data, begin + 1, end, table, words[STACK_START:])
             if not _keep(data[begin], number, words):
                 return False
@@ -298,7 +298,7 @@ def _keep(letter: int, value: float, words: Words) -> bool:
 @compiled
 def scale_increments(data: Bytes, tokens: TokenArrays, line: int, inch: bool, words: Words) -> None:
     """Numbers without a decimal point count least input increments (IS-B)."""
-    _, start, _, first = tokens
+    _, start, first = tokens
     for index in range(first[line - 1], first[line]):
         letter = data[start[index]]
         if not is_letter(letter):

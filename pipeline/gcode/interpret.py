@@ -83,6 +83,19 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
 """Dialect -> class that stores its variables."""
 
 
+def _reader(program: Program, setup: Setup) -> Callable[[Program, int], Statement]:
+    """What reads lines; no method of the interpreter, so that nothing keeps a read program."""
+    if setup.dialect == "siemens":
+        siemens = SiemensReader(program.name, setup.tool_names)
+        return lambda source, line: siemens.statement(source.line(line))
+
+    def read(source: Program, line: int) -> Statement:
+        plain = statement_from_tokens(source, line)
+        return plain or parse_statement(source.line(line), source.name, setup.dialect)
+
+    return read
+
+
 class Interpreter:
     """Interpretation of one program.
 
@@ -114,8 +127,7 @@ class Interpreter:
         self.compiled = compiled and setup.dialect != "siemens"
         self.run = Run(setup, len(program) + SPARE_ROWS)
         self.variables: Variables = VARIABLES[setup.dialect](self.run)
-        self.siemens = SiemensReader(program.name, setup.tool_names)
-        self.calls = CallStack(self.run, self.variables, self._parse, program)
+        self.calls = CallStack(self.run, self.variables, _reader(program, setup), program)
         self.flow = Flow(self.calls, self.variables)
         self.blocks = 0
         self.reported = 0
@@ -138,14 +150,6 @@ class Interpreter:
             raise corner.block.error(
                 corner.item, "the corner cannot be made: the next block has to be a straight line"
             )
-
-    def _parse(self, program: Program, line: int) -> Statement:
-        if self.setup.dialect == "siemens":
-            return self.siemens.statement(program.line(line))
-        plain = statement_from_tokens(program, line)
-        if plain is not None:
-            return plain
-        return parse_statement(program.line(line), program.name, self.setup.dialect)
 
     def _step(self) -> None:
         """Execute one line, or consecutive fast lines at once."""

@@ -6,7 +6,7 @@ repeats the position.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, get_args, get_type_hints
 
@@ -196,6 +196,12 @@ class Moves:
         """Name and array of each column."""
         return ((name, getattr(self, name)) for name in COLUMNS)
 
+    def part(self, first: int, last: int) -> "Moves":
+        """Rows from ``first`` to before ``last``, which begin where the row before them ends."""
+        columns: dict[str, Any] = {name: array[first:last] for name, array in self.columns()}
+        origin = self.end[first - 1] if first else self.origin
+        return replace(self, origin=origin, **columns)
+
     @property
     def start(self) -> npt.NDArray[np.float64]:
         """Start of each row [mm, deg]; shape (M, 6)."""
@@ -262,14 +268,14 @@ class Rows:
     Parameters
     ----------
     capacity : int
-        Rows to allocate at first (pages that are never written cost no memory).
+        Rows to allocate at first (pages that are never written cost no memory, and hold zeros).
     """
 
     def __init__(self, capacity: int) -> None:
         self.count = 0
         self.capacity = max(capacity, 16)
         self.arrays: dict[str, npt.NDArray[Any]] = {
-            name: np.empty((self.capacity, width) if width else self.capacity, dtype=kind)
+            name: np.zeros((self.capacity, width) if width else self.capacity, dtype=kind)
             for name, (kind, width) in COLUMNS.items()
         }
 
@@ -279,7 +285,7 @@ class Rows:
             return
         self.capacity = max(self.count + rows, self.capacity * 2)
         for name, array in self.arrays.items():
-            larger = np.empty((self.capacity, *array.shape[1:]), dtype=array.dtype)
+            larger = np.zeros((self.capacity, *array.shape[1:]), dtype=array.dtype)
             larger[: self.count] = array[: self.count]
             self.arrays[name] = larger
 

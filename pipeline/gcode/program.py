@@ -42,15 +42,12 @@ class Tokens:
         :class:`Kind`.
     start : (K + 1,) array of int32
         Byte that each begins at; it ends where the next begins.
-    value : (K,) array of float64
-        Number of a WORD, level of a SKIP, else NaN.
     first : (L + 1,) array of int32
         First token of each line.
     """
 
     kind: npt.NDArray[np.uint8]
     start: npt.NDArray[np.int32]
-    value: npt.NDArray[np.float64]
     first: npt.NDArray[np.int32]
 
 
@@ -74,13 +71,31 @@ def tokens(data: bytes, name: str) -> Tokens:
     capacity = len(data) + 1
     kind = np.empty(capacity, dtype=np.uint8)
     start, first = np.empty(capacity, dtype=np.int32), np.empty(capacity, dtype=np.int32)
-    value = np.empty(capacity, dtype=np.float64)
-    count, lines = scanner.scan(np.frombuffer(data, dtype=np.uint8), kind, start, value, first)
-    for array, length in ((kind, count), (start, count + 1), (value, count), (first, lines + 1)):
+    count, lines = scanner.scan(np.frombuffer(data, dtype=np.uint8), kind, start, first)
+    for array, length in ((kind, count), (start, count + 1), (first, lines + 1)):
         array.resize(length, refcheck=False)  # in place: gives back what was not written
-    made = Tokens(kind=kind, start=start, value=value, first=first)
-    _read_long_numbers(data, made)
-    return made
+    return Tokens(kind=kind, start=start, first=first)
+
+
+def numbers(data: bytes, made: Tokens, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
+    """Numbers of some tokens.
+
+    Parameters
+    ----------
+    data : bytes
+        A program.
+    made : Tokens
+        Its K tokens.
+    which : (n,) array of int
+        WORD tokens, counting from 0.
+    """
+    found = np.empty(len(which))
+    scanner.read_numbers(np.frombuffer(data, dtype=np.uint8), made.start[which], found)
+    for index in np.flatnonzero(np.isnan(found)).tolist():
+        at = which[index]
+        # more digits than the scanner rounds correctly
+        found[index] = float(number_text(data[made.start[at] : made.start[at + 1]]))
+    return found
 
 
 def number_text(word: bytes) -> str:
@@ -89,13 +104,6 @@ def number_text(word: bytes) -> str:
 
 
 LETTERS = b",@^$abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-
-
-def _read_long_numbers(data: bytes, made: Tokens) -> None:
-    """Numbers with more digits than the scanner rounds correctly."""
-    for index in np.flatnonzero((made.kind == TokenKind.WORD) & np.isnan(made.value)).tolist():
-        word = data[made.start[index] : made.start[index + 1]]
-        made.value[index] = float(number_text(word))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +142,6 @@ class Piece:
 
     kind: TokenKind
     text: bytes
-    value: float
     start: int
 
 
@@ -171,7 +178,7 @@ class Line:
         for index in range(self._first, self._last):
             begin, end = made.start[index : index + 2].tolist()
             text = raw[begin - self.start : end - self.start]
-            yield Piece(TokenKind(made.kind[index]), text, float(made.value[index]), begin)
+            yield Piece(TokenKind(made.kind[index]), text, begin)
 
     @property
     def words(self) -> tuple[Word, ...]:
@@ -198,7 +205,10 @@ class Line:
     def skip(self) -> int | None:
         """Level of block skip: 1 for ``/``, 2 for ``/2``; None where the line has none."""
         at, skips = self._head()
-        return int(self._tokens.value[at]) if skips else None
+        if not skips:
+            return None
+        begin = int(self._tokens.start[at]) - self.start
+        return int(self.text[begin : self.code_start].strip(b"/" + BLANKS) or b"1")
 
     @property
     def code_start(self) -> int:
@@ -219,7 +229,7 @@ class Line:
         number = piece.kind == TokenKind.WORD
         return Word(
             letter=letter,
-            value=piece.value if number else None,
+            value=float(number_text(piece.text)) if number else None,
             expression=None if number else value.decode("latin-1"),
             text=piece.text,
             line=self.number,
@@ -232,6 +242,17 @@ class Line:
 OUTPUT = frozenset({"POPEN", "PCLOS", "DPRNT", "BPRNT", "SETVN"})
 """Words of Macro B that write to a device or name variables; what follows belongs to them."""
 _OUTPUT = re.compile(rb"(?im)^[\s/\d]*(?:N\s*\d+\s*)?(%s)\b" % "|".join(sorted(OUTPUT)).encode())
+
+
+def output_lines(data: bytes) -> dict[str, list[int]]:
+    """Lines of a program that a word of ``OUTPUT`` heads, by that word."""
+    found: dict[str, list[int]] = {}
+    line, at = 1, 0
+    for match in _OUTPUT.finditer(data):
+        line += data.count(b"\n", at, match.start(1))
+        at = match.start(1)
+        found.setdefault(match[1].decode("ascii").upper(), []).append(line)
+    return found
 
 
 class Program:
@@ -268,6 +289,10 @@ class Program:
         if not 1 <= number <= len(self):
             raise IndexError(f"{self.name} has lines 1 to {len(self)}, not {number}")
         return Line(self.data, self.tokens, number)
+
+    def numbers(self, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
+        """Numbers of the WORD tokens ``which`` (n,)."""
+        return numbers(self.data, self.tokens, which)
 
     def text(self, changes: Mapping[Word, bytes] | None = None) -> bytes:
         """The program put together from its pieces, with other bytes for some words.
@@ -314,17 +339,7 @@ class Program:
     @property
     def _silent(self) -> np.ndarray:
         """Tokens (K,) that say nothing to the control."""
-        kinds = (TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END)
-        return np.isin(self.tokens.kind, kinds)
-
-    @property
-    def output(self) -> dict[str, list[int]]:
-        """Lines of each word of ``OUTPUT`` that heads one."""
-        found: dict[str, list[int]] = {}
-        for match in _OUTPUT.finditer(self.data):
-            line = self.data.count(b"\n", 0, match.start(1)) + 1
-            found.setdefault(match[1].decode("ascii").upper(), []).append(line)
-        return found
+        return _SILENT[self.tokens.kind]
 
     def heads(self, letter: str) -> list[tuple[float, int]]:
         """Number and line of each word ``letter`` that is the first of its line, in order.
@@ -335,13 +350,13 @@ class Program:
         data = np.frombuffer(self.data, dtype=np.uint8)
         capital = data[self.tokens.start[:-1]] & 0xDF
         found = np.flatnonzero((kind == TokenKind.WORD) & (capital == ord(letter)))
-        counted = np.concatenate(
-            [[0], np.cumsum((kind != TokenKind.BLANK) & (kind != TokenKind.SKIP))]
-        )
         lines = self._line_of(found)
-        leads = counted[found] == counted[self.tokens.first[lines - 1]]
-        values = self.tokens.value[found[leads]]
-        return list(zip(values.tolist(), lines[leads].tolist(), strict=True))
+        first = self.tokens.first[lines - 1]
+        leads = found - first <= AT_HEAD
+        for back in range(1, AT_HEAD + 1):
+            before = np.maximum(found - back, first)
+            leads &= (before == found) | np.isin(kind[before], (TokenKind.BLANK, TokenKind.SKIP))
+        return list(zip(self.numbers(found[leads]).tolist(), lines[leads].tolist(), strict=True))
 
     def _line_of(self, token: np.ndarray) -> np.ndarray:
         return np.searchsorted(self.tokens.first, token, side="right")
@@ -352,6 +367,10 @@ _CONTENT[
     [TokenKind.BLANK, TokenKind.WORD, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END]
 ] = 0
 _CONTENT[TokenKind.VALUED] = 1
+_SILENT = np.zeros(len(TokenKind), dtype=np.bool_)
+_SILENT[[TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END]] = True
+AT_HEAD = 3
+"""Tokens that may stand before the first word of a line: blanks, a block skip, blanks."""
 
 
 def parse_program(data: bytes, name: str) -> Program:

@@ -129,12 +129,16 @@ class Cycle:
 
 @dataclass(slots=True)
 class Register:
-    """A number of the tool table while the program runs [mm]."""
+    """A number of the tool table while the program runs [mm].
+
+    ``across`` holds the offsets that LinuxCNC knows in other axes than Z, by axis [mm, deg].
+    """
 
     length: float = 0.0
     length_wear: float = 0.0
     radius: float = 0.0
     radius_wear: float = 0.0
+    across: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)

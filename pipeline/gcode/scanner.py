@@ -225,7 +225,6 @@ def scan(
     data: Bytes,
     kind: npt.NDArray[np.uint8],
     start: npt.NDArray[np.int32],
-    value: npt.NDArray[np.float64],
     first_token: npt.NDArray[np.int32],
 ) -> tuple[int, int]:
     """Write the tokens of ``data``; their number and that of the lines.
@@ -239,7 +238,7 @@ def scan(
             first_token[lines] = tokens
             lines += 1
             in_line = head = True
-        kind[tokens], end, value[tokens] = token(data, at, head)
+        kind[tokens], end = token(data, at, head)
         start[tokens] = at
         in_line = kind[tokens] != LINE_END
         head = head and kind[tokens] == BLANK
@@ -251,46 +250,45 @@ def scan(
 
 
 @compiled
-def token(data: Bytes, at: int, head: bool) -> tuple[int, int, float]:
-    """Kind, end and value of the token that begins at ``at``."""
+def token(data: Bytes, at: int, head: bool) -> tuple[int, int]:
+    """Kind and end of the token that begins at ``at``."""
     n, c = len(data), data[at]
     if is_blank(c):
-        return BLANK, after_blanks(data, at), np.nan
+        return BLANK, after_blanks(data, at)
     if is_letter(c) or c in (AT, CARET, DOLLAR):
         return word(data, at, at + 1)
     if is_line_end(c):
         pair = c == RETURN and at + 1 < n and data[at + 1] == NEW_LINE
-        return LINE_END, at + 1 + pair, np.nan
+        return LINE_END, at + 1 + pair
     if c == OPEN:
         return comment(data, at)
     if c == SEMICOLON:
-        return REMARK, line_end(data, at), np.nan
+        return REMARK, line_end(data, at)
     if c == COMMA:
         letter = after_blanks(data, at + 1)
         if letter < n and data[letter] & 0xDF in (LETTER_C, LETTER_R):
             return word(data, at, letter + 1)
     if c in (HASH, OPEN_BRACKET, EQUALS):
-        return MACRO, code_end(data, at), np.nan
+        return MACRO, code_end(data, at)
     return rare(data, at, head)
 
 
 @compiled
-def rare(data: Bytes, at: int, head: bool) -> tuple[int, int, float]:
+def rare(data: Bytes, at: int, head: bool) -> tuple[int, int]:
     """Head of a line, byte order mark, and what has no meaning."""
     n, c = len(data), data[at]
     if head and c == PERCENT_SIGN:
-        return PERCENT, line_end(data, at), np.nan
+        return PERCENT, line_end(data, at)
     if head and c == SLASH:
         level = after_blanks(data, at + 1)
-        if level < n and is_digit(data[level]) and data[level] != 48:
-            return SKIP, level + 1, float(data[level] - 48)
-        return SKIP, at + 1, 1.0
+        numbered = level < n and is_digit(data[level]) and data[level] != ZERO
+        return SKIP, level + 1 if numbered else at + 1
     if at == 0 and n >= 3 and c == 0xEF and data[1] == 0xBB and data[2] == 0xBF:
-        return BLANK, 3, np.nan
+        return BLANK, 3
     end = at + 1
     while end < n and not starts(data[end]):
         end += 1
-    return OTHER, end, np.nan
+    return OTHER, end
 
 
 @compiled
@@ -302,40 +300,55 @@ def starts(c: int) -> bool:
 
 
 @compiled
-def comment(data: Bytes, at: int) -> tuple[int, int, float]:
+def comment(data: Bytes, at: int) -> tuple[int, int]:
     """``(…)``, or what follows an open ``(``."""
     end = at + 1
     while end < len(data) and not is_line_end(data[end]):
         end += 1
         if data[end - 1] == CLOSE:
-            return COMMENT, end, np.nan
-    return OTHER, end, np.nan
+            return COMMENT, end
+    return OTHER, end
 
 
 @compiled
-def word(data: Bytes, at: int, behind: int) -> tuple[int, int, float]:
+def word(data: Bytes, at: int, behind: int) -> tuple[int, int]:
     """The word whose letter ends at ``behind``: with a number, with an expression, or lone."""
     begin = after_blanks(data, behind)
     if begin == len(data):
-        return LONE, behind, np.nan
-    end, value = number(data, begin)
+        return LONE, behind
+    end, _ = number(data, begin)
     if end > begin:
-        return WORD, end, value
+        return WORD, end
     c = data[begin]
     if is_letter(c):
         return lettered(data, at, begin)
     if c == EQUALS or (c == LESS and data[at] & 0xDF == LETTER_O):
-        return MACRO, code_end(data, at), np.nan
+        return MACRO, code_end(data, at)
     end = value_end(data, begin)
     if end > begin:
-        return VALUED, end, np.nan
-    return LONE, behind, np.nan
+        return VALUED, end
+    return LONE, behind
 
 
 @compiled
-def lettered(data: Bytes, at: int, begin: int) -> tuple[int, int, float]:
+def lettered(data: Bytes, at: int, begin: int) -> tuple[int, int]:
     """Letters in a row: a function's value, or a name that makes the rest of the line macro."""
     end = function_end(data, begin)
     if end > begin:
-        return VALUED, end, np.nan
-    return MACRO, code_end(data, at), np.nan
+        return VALUED, end
+    return MACRO, code_end(data, at)
+
+
+@compiled
+def number_of(data: Bytes, at: int) -> float:
+    """Number of the WORD at ``at``; NaN where it has more digits than are rounded here."""
+    letter = after_blanks(data, at + 1) if data[at] == COMMA else at
+    _, value = number(data, after_blanks(data, letter + 1))
+    return value
+
+
+@compiled
+def read_numbers(data: Bytes, at: npt.NDArray[np.int32], found: npt.NDArray[np.float64]) -> None:
+    """Write the numbers of the WORDs at ``at`` (n,) to ``found`` (n,), as :func:`number_of`."""
+    for index in range(len(at)):
+        found[index] = number_of(data, at[index])

@@ -31,7 +31,7 @@ for turn in range(5):
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     best = min(best, end - begin)
 tokens = program.tokens
-kept = len(data) + sum(a.nbytes for a in (tokens.kind, tokens.start, tokens.value, tokens.first))
+kept = len(data) + sum(a.nbytes for a in (tokens.kind, tokens.start, tokens.first))
 kept += sum(array.nbytes for _, array in moves.columns())
 print(len(program), len(moves), best, parsed - begin, kept, grown * 1024)
 """

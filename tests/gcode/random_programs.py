@@ -87,7 +87,9 @@ def _length(rng):
                 f"G43.2 H{rng.integers(1, 4)}",
                 "G49",
                 f"G10 L1 P{rng.integers(1, 4)} Z{_number(rng, -5, 5)}",
+                f"G10 L1 P{rng.integers(1, 4)} X{_number(rng, -5, 5)} Y{_number(rng, -5, 5)}",
                 f"G10 L10 P{rng.integers(1, 4)} Z{_number(rng, -5, 5)}",
+                f"G10 L10 P{rng.integers(1, 4)} X{_number(rng, -5, 5)}",
             ]
         )
     )

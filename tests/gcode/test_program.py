@@ -185,13 +185,13 @@ def test_regular_tokens_equal_their_regular_expressions(data: bytes) -> None:
     more=2,
 )
 def test_numbers_equal_pythons_bit_for_bit(text: str) -> None:
-    made = tokens(f"X{text}".encode(), "test")
-    assert made.kind.tolist() == [Kind.WORD]
-    assert made.value.tolist()[0].hex() == float(text).hex()
+    program = parse_program(f"X{text}".encode(), "test")
+    assert program.tokens.kind.tolist() == [Kind.WORD]
+    assert program.numbers(np.array([0])).tolist()[0].hex() == float(text).hex()
 
 
 def test_a_number_of_many_digits_is_infinite_as_in_python() -> None:
-    assert tokens(b"X" + b"9" * 400, "test").value.tolist() == [np.inf]
+    assert parse_program(b"X" + b"9" * 400, "test").numbers(np.array([0])).tolist() == [np.inf]
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,10 @@ def _linuxcnc_length(run: Run, block: Block, code: int, item: WordItem) -> list[
     else:
         # H0 is the tool in the spindle too
         tool = block.whole("H", number or 0.0, 0, LARGEST) or run.state.tool
-        offset[2] = run.listed_tool(tool, block, item).length
+        entry = run.listed_tool(tool, block, item)
+        offset[2] = entry.length
+        for axis, value in entry.across.items():
+            offset[axis] = value
     if code == 432:
         return [a + b for a, b in zip(run.offsets.length, offset, strict=True)]
     return offset

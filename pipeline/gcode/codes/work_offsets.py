@@ -233,21 +233,17 @@ def _linuxcnc_tool(run: Run, block: Block, item: WordItem, kind: int) -> None:
     for letter in "IJQ":
         block.take(letter)  # angles and orientation of a lathe tool: no motion on a mill
     given = block.take_axes(run.state.unit)
-    if given.keys() - {2}:
-        raise block.error(item, "only Z offsets of tools are supported: leave the other axes out")
-    if 2 not in given:
-        return
-    if kind == 1:
-        entry.length = given[2]
-        return
-    offsets = run.offsets
-    active, length = offsets.active, offsets.length
-    offsets.length = [0.0] * 6
-    if kind == 11:
-        offsets.active = "G59.3"
-    bare = offsets.transform().program(run.state.position)
-    entry.length = bare[2] - given[2]
-    offsets.active, offsets.length = active, length
+    if kind != 1:
+        offsets = run.offsets
+        active, length = offsets.active, offsets.length
+        offsets.length = [0.0] * 6
+        if kind == 11:
+            offsets.active = "G59.3"
+        bare = offsets.transform().program(run.state.position)
+        given = {axis: bare[axis] - value for axis, value in given.items()}
+        offsets.active, offsets.length = active, length
+    entry.length = given.pop(2, entry.length)
+    entry.across.update(given)
 
 
 LETTERS = "XYZ"

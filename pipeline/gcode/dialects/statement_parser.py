@@ -2,7 +2,7 @@
 
 from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind
+from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind, number_text
 from pipeline.gcode.statements import (
     LARGEST,
     Assignment,
@@ -269,7 +269,7 @@ def statement_from_tokens(program: Program, line: int) -> Statement | None:
     kinds = tokens.kind[first:last].tolist()
     if not _PLAIN.issuperset(kinds):
         return None
-    starts, values = tokens.start[first : last + 1].tolist(), tokens.value[first:last].tolist()
+    starts = tokens.start[first : last + 1].tolist()
     text = program.data[starts[0] : starts[-1]].decode("latin-1")
     head = starts[0]
     number, words = None, []
@@ -278,13 +278,14 @@ def statement_from_tokens(program: Program, line: int) -> Statement | None:
             continue
         begin, end = starts[index] - head, starts[index + 1] - head
         letter = text[begin].upper()
-        if not abs(values[index]) <= LARGEST:
+        value = float(number_text(program.data[starts[index] : starts[index + 1]]))
+        if not abs(value) <= LARGEST:
             return None  # the parser says why
         if letter in _PLAIN_LETTERS:
-            item = WordItem(letter, Number(values[index]), begin + 1, text[begin:end])
+            item = WordItem(letter, Number(value), begin + 1, text[begin:end])
             words.append(item)
         elif letter == "N" and number is None and not words and _SIGNS.isdisjoint(text[begin:end]):
-            number = values[index]
+            number = value
         else:
             return None
     return Statement(line, None, number, tuple(words), (), None, ())

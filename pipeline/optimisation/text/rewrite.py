@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.gcode.program import Program
+from pipeline.gcode.program import Program, number_text
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.problem.arrays import Editable, Rows
 from pipeline.optimisation.proof.text import WordChange
@@ -150,7 +150,7 @@ def _put(
     """The text with words of some lines changed or added."""
     program, edits, changes = words.program, [], []
     tokens = {letter: words.token(letter) for letter in "FS"}
-    start, value = program.tokens.start, program.tokens.value
+    start = program.tokens.start
     for line in sorted(changed):
         for letter, number in changed[line]:
             token = int(tokens[letter][line])
@@ -159,9 +159,10 @@ def _put(
                 word = (letter.lower() if small else letter).encode("ascii") + number
                 edits.append((at, at, lead + word))
                 changes.append(WordChange(line, letter, None, _shown(word)))
-            elif value[token] != float(number):
-                first, last = int(start[token]), int(start[token + 1])
-                old = program.data[first:last]
+                continue
+            first, last = int(start[token]), int(start[token + 1])
+            old = program.data[first:last]
+            if float(number_text(old)) != float(number):
                 new = in_place_of(old, number)
                 edits.append((first, last, new))
                 changes.append(WordChange(line, letter, _shown(old), _shown(new)))

@@ -69,7 +69,7 @@ class ProgramWords:
         lettered = np.isin(tokens.kind, (Token.WORD, Token.VALUED, Token.LONE))
         return np.where(lettered, capital, 0).astype(np.uint8)
 
-    def _has(self, token: Bools) -> Bools:
+    def _has(self, token: Bools | Rows) -> Bools:
         lines = np.zeros(len(self.program) + 1, dtype=np.bool_)
         lines[self.line_of[token]] = True
         return lines
@@ -77,9 +77,9 @@ class ProgramWords:
     def codes(self, letter: str, codes: tuple[float, ...]) -> Bools:
         """Rows with one of some G or M codes (L + 1,)."""
         tokens = self.program.tokens
-        named = (self._letters == ord(letter)) & (tokens.kind == Token.WORD)
-        near = np.round(np.nan_to_num(tokens.value) * 10)
-        return self._has(named & np.isin(near, np.round(np.array(codes) * 10)))
+        named = np.flatnonzero((self._letters == ord(letter)) & (tokens.kind == Token.WORD))
+        near = np.round(self.program.numbers(named) * 10)
+        return self._has(named[np.isin(near, np.round(np.array(codes) * 10))])
 
     def token(self, letter: str) -> Rows:
         """Token of each line's word of a letter (L + 1,), ``NONE`` or ``OTHER``."""
@@ -346,7 +346,7 @@ class FeedText:
         given = np.flatnonzero(token >= 0)
         start = program.tokens.start
         numbers = [digits(program.data[start[at] : start[at + 1]]) for at in token[given].tolist()]
-        values = program.tokens.value[token[given]] * lines[given]
+        values = program.numbers(token[given]) * lines[given]
         return cls(
             unit=lines[np.where(moves.file == 0, moves.line, 0)], style=NumberStyle.of(numbers),
             own=dict(zip(values.tolist(), numbers, strict=True)),
@@ -380,5 +380,5 @@ def _counts_inches(words: ProgramWords, moves: Moves, unknown: Bools) -> bool:
     token = words.token("F")[line]
     plain = np.isin(moves.kind, (Kind.FEED, Kind.ARC)) & (moves.feed_mode != FeedMode.INVERSE_TIME)
     rows = np.flatnonzero(unknown[line] & (token >= 0) & plain & (line > 0))
-    value = words.program.tokens.value[token[rows]]
+    value = words.program.numbers(token[rows])
     return bool(len(rows) and (moves.feed[rows] == value * INCH).any())

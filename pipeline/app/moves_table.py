@@ -1,0 +1,73 @@
+"""Table of the moves that a part program commands, as `kerf interpret` writes it."""
+
+import lzma
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import csv
+
+from pipeline.app.programs import PACKED
+from pipeline.gcode.moves import AXES, Kind, Moves
+from pipeline.schema.files import replacing
+
+ROWS_AT_ONCE = 50_000
+"""Rows that are held in memory as a table: a program of 50 MB has two million."""
+G_CODES = [f"G{number}" for number in range(100)]
+
+
+def moves_table(moves: Moves) -> pd.DataFrame:
+    """One row a move, in mm and degree, in the machine's frame."""
+    table: dict[str, Any] = {
+        "block": moves.line,
+        "type": _named([kind.name.lower() for kind in Kind], moves.kind),
+    }
+    for i, axis in enumerate(AXES):
+        table[f"{axis.lower()}_{'mm' if i < 3 else 'deg'}"] = moves.end[:, i]
+    for i, axis in enumerate("xyz"):
+        table[f"centre_{axis}_mm"] = moves.centre[:, i]
+    table |= {
+        "angle_deg": np.degrees(moves.angle),
+        "plane": _named(G_CODES, moves.plane),
+        "feed": moves.feed,
+        "feed_mode": _named(G_CODES, moves.feed_mode),
+        "speed": moves.speed * np.where(moves.direction == 0, 0, 1),
+        "tool": moves.tool,
+        "length_mm": moves.length,
+        "frame": _named([frame.name for frame in moves.frames], moves.frame),
+        "file": _named([Path(file).name for file in moves.files], moves.file),
+    }
+    return pd.DataFrame(table)
+
+
+def _named(names: Sequence[str], numbers: NDArray[np.integer]) -> NDArray[np.object_]:
+    return np.array(names, dtype=object)[numbers]
+
+
+def write_moves(moves: Moves, out: Path) -> float:
+    """Write moves as CSV, a row a move, packed where the end of the file's name says so (``.gz``).
+
+    Returns
+    -------
+    float
+        Length of their path [mm].
+    """
+    length = 0.0
+    with replacing(out) as part, _opened(part, PACKED.get(out.suffix)) as file:
+        for first in range(0, max(len(moves), 1), ROWS_AT_ONCE):
+            rows = moves_table(moves.part(first, first + ROWS_AT_ONCE))
+            options = csv.WriteOptions(include_header=first == 0, quoting_style="needed")
+            csv.write_csv(pa.Table.from_pandas(rows, preserve_index=False), file, options)
+            length += float(rows["length_mm"].sum())
+    return length
+
+
+def _opened(part: Path, packing: str | None) -> Any:
+    """File to write bytes to, packed or not."""
+    if packing == "xz":
+        return lzma.open(part, "wb")
+    return pa.output_stream(part, compression=packing)
