@@ -319,3 +319,20 @@ def test_words_that_are_passed_over_are_told_on_screen(project: Path) -> None:
                   ("simulate", "part.nc", "--machine", "mill01")):  # fmt: skip
         said = " ".join(kerf(project, *words).stdout.split())
         assert "part.nc: POPEN is passed over (line 11)" in said, words
+
+
+def test_what_is_done_in_no_time_is_told(project: Path) -> None:
+    machine = project / "conf/machine/hurco.yaml"
+    known = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    assert "in 0 s" not in known.output
+    lines, inside_section = [], False
+    for line in machine.read_text().splitlines():
+        inside_section = line == "  auxiliary:" or (inside_section and line.startswith("    "))
+        if not inside_section:
+            lines.append(line)
+    machine.write_text("\n".join(lines) + "\n")
+    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "p.json")
+    assert "1 tool change(s) are done in 0 s, since their time is not known" in done.output
+    assert "control.auxiliary.spindle_acceleration in conf/machine/hurco.yaml" in done.output
+    told = json.loads((project / "p.json").read_text())["without_time"]
+    assert told == {"tool_change": 1, "spindle_acceleration": 1}

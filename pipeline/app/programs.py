@@ -25,7 +25,7 @@ from pipeline.schema.verdict import UsedModel
 from pipeline.twin.control import control_of_unit, planned_program, read_controls
 from pipeline.twin.drive import read_drives
 from pipeline.twin.program_axes import AxisFollowing, Residual
-from pipeline.twin.simulation import blocks, summary
+from pipeline.twin.simulation import blocks, summary, without_time
 
 Share = Callable[[float], None]
 
@@ -36,6 +36,13 @@ PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
     ".gz": "gzip", ".bz2": "bz2", ".xz": "xz", ".zst": "zstd",
 }  # fmt: skip
 """Compression of a table by the end of its file's name."""
+
+
+WITHOUT_TIME = {
+    "tool_change": "{} tool change(s) are done",
+    "spindle_acceleration": "the spindle starts or stops {} time(s)",
+}
+"""What takes no time, by the parameter of the control that would give it one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -375,6 +382,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
             "unit": simulated.on.unit,
             "total_time_s_on_other_units": simulated.other_units,
             "models": simulated.on.models.as_posix(),
+            "without_time": without_time(simulated.plan),
             "axes": simulated.axes,
             "blocks": blocks(simulated.plan),
         }
@@ -399,6 +407,11 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     elif document["unit"]:
         yield f"on unit {document['unit']}"
     yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
+    for name, count in document["without_time"].items():
+        yield (
+            f"warning: {WITHOUT_TIME[name].format(count)} in 0 s, since their time is not known: "
+            f"give control.auxiliary.{name} in conf/machine/{machine}.yaml, or log such runs"
+        )
     for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
         for name, seconds in table.items():
             yield f"  {heading:<6} {name:<20} {seconds:>10.1f} s"

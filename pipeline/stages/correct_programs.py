@@ -69,18 +69,18 @@ def correct_programs(
     model = champion / "drive/model.json"
     drives = read_drives(model) if model.exists() else {}
     residual, words = residual_of(champion)
-    for path in control_records.shown(raw):
-        out = written / f"{path.stem}.csv"
+    for name, path in control_records.shown(raw).items():
+        out = written / f"{name}.csv"
         try:
             plan = planned_program(program_moves(path, setup), control)
             axes, cutting = corrected_program(
                 plan, drives, residual, settings=correction, longest=correction.longest_s
             )
         except (GcodeError, ValueError) as error:
-            write_text(f"# Kerf: no corrected command of {path.stem}: {error}\n", out)
+            write_text(f"# Kerf: no corrected command of {name}: {error}\n", out)
             continue
         done = CorrectedProgram(
-            machine=identity.name, origin=identity.origin, program=path.stem,
+            machine=identity.name, origin=identity.origin, program=name,
             champion=bundle_words(champion), residual=words, total=plan.total, axes=axes,
             cutting=cutting,
         )  # fmt: skip

@@ -1,5 +1,6 @@
 """Identified control as it is stored, its records, and what it makes of a part program."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -90,13 +91,22 @@ class ControlRecords:
                 f"name one of its units, {', '.join(self.units)}"
             )
 
-    def shown(self, raw: Path) -> list[Path]:
-        """Programs below ``raw`` that the report shows."""
-        return [
-            path
-            for path in sorted(raw.glob(self.programs))
-            if any(fnmatchcase(path.relative_to(raw).as_posix(), p) for p in self.simulate)
-        ]
+    def shown(self, raw: Path) -> dict[str, Path]:
+        """Programs below ``raw`` that the report shows, each with the name of what is made of it.
+
+        That is the file's name without its ending; where several have the same, their whole path.
+        """
+        paths = {path.relative_to(raw).as_posix(): path for path in sorted(raw.glob(self.programs))}
+        files = {
+            place: path
+            for place, path in paths.items()
+            if any(fnmatchcase(place, pattern) for pattern in self.simulate)
+        }
+        often = Counter(path.stem.lower() for path in files.values())
+        return {
+            path.stem if often[path.stem.lower()] == 1 else place.replace("/", "_"): path
+            for place, path in files.items()
+        }
 
     def unit(self, recording: str) -> str:
         """Which machine of the kind a recording is of; "" where there is one only.

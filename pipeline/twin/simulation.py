@@ -1,6 +1,6 @@
 """What a simulated program comes to: by block, tool, type and limit, as it is stored and shown."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from itertools import chain
@@ -116,6 +116,21 @@ def summary(plan: Plan, name: str) -> dict[str, Any]:
     }
 
 
+def without_time(plan: Plan) -> dict[str, int]:
+    """How often a program changes the tool, or starts or stops the spindle, in no time at all.
+
+    Such a control has no time of them: neither in its file nor identified.
+    """
+    moves, known = plan.path.moves, plan.path.control.auxiliary
+    changes = moves.tool[moves.kind == Kind.TOOL_CHANGE].tolist()
+    found = {
+        "tool_change": sum(known.tool_change + known.tools.get(tool, 0.0) == 0 for tool in changes)
+    }
+    if np.isinf(known.spindle_acceleration) and known.spindle_delay == 0:
+        found["spindle_acceleration"] = np.count_nonzero(moves.kind == Kind.SPINDLE)
+    return {name: int(count) for name, count in found.items() if count}
+
+
 def _seconds(times: Floats) -> float:
     return round(float(times.sum()), 3)
 
@@ -227,7 +242,7 @@ def _trace_table(chunk: Trace, axes: Sequence[int], moves: Moves) -> pa.Table:
 
 
 def simulate_files(
-    files: Sequence[Path],
+    files: Mapping[str, Path],
     raw: Path,
     control: ControlParameters,
     setup: Setup,
@@ -240,23 +255,23 @@ def simulate_files(
 
     Parameters
     ----------
-    files : sequence of Path
-        Part programs.
+    files : mapping of str to Path
+        Part programs by the name of what is made of them.
     raw : Path
-        Folder that names are given below.
+        Folder below which their places are told.
     control : ControlParameters
         Whose times they are.
     setup : Setup
         Of the machine before each program.
     out : Path
-        Folder to write ``<stem>.json`` and ``<stem>.parquet`` into.
+        Folder to write ``<name>.json`` and ``<name>.parquet`` into.
     machine, origin : str
         Whose control it is, and whether its records are simulated.
     """
     out.mkdir(parents=True, exist_ok=True)
-    for path in files:
+    for name, path in files.items():
         program = SimulatedProgram(
-            program=path.stem,
+            program=name,
             machine=machine,
             origin=origin,
             file=path.relative_to(raw).as_posix(),
@@ -268,11 +283,11 @@ def simulate_files(
             program = replace(program, refused=str(error))
         else:
             table = block_table(plan)
-            times = structured(summary(plan, path.stem), SimulatedProgram, path.stem)
+            times = structured(summary(plan, name), SimulatedProgram, name)
             program = replace(
                 times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
                 blocks=len(table),
             )  # fmt: skip
-            with replacing(out / f"{path.stem}.parquet") as part:
+            with replacing(out / f"{name}.parquet") as part:
                 table.to_parquet(part, compression="zstd")
-        write_json(program, out / f"{path.stem}.json")
+        write_json(program, out / f"{name}.json")

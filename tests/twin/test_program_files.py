@@ -19,7 +19,9 @@ def written(tmp_path_factory):
     good, bad = raw / "programs/good.nc", raw / "programs/bad.nc"
     good.write_text("\n".join(exciting()) + "\n")
     bad.write_text("G21 G90\nG1 X10 F500\nG2 X20 Y0 I500 F100\nM30\n")
-    simulate_files([good, bad], raw, truth(), SETUP, out, machine="mill", origin="simulated")
+    simulate_files(
+        {"good": good, "bad": bad}, raw, truth(), SETUP, out, machine="mill", origin="simulated"
+    )
     return raw, out
 
 

@@ -84,7 +84,7 @@ def test_a_run_without_its_program_has_no_segments_but_a_reason(machine):
 
 def test_a_pattern_says_what_is_shown(machine):
     raw, _ = machine
-    assert [p.name for p in RECORDS.shown(raw)] == ["one.nc"]
+    assert {name: path.name for name, path in RECORDS.shown(raw).items()} == {"one": "one.nc"}
 
 
 def test_a_recording_of_no_unit_is_refused_in_one_sentence():
@@ -97,3 +97,11 @@ def test_a_recording_of_no_unit_is_refused_in_one_sentence():
 def test_a_default_unit_that_is_none_is_refused():
     with pytest.raises(ValueError, match=r"default_unit is 'middle': name one of its units, left"):
         ControlRecords(logs="*", programs="*", units={"left": "*"}, default_unit="middle")
+
+
+def test_programs_of_one_name_are_told_apart_by_their_folder(tmp_path):
+    for place in ("a/one.nc", "b/one.nc", "b/two.nc"):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        (tmp_path / place).write_text("M30\n")
+    shown = ControlRecords(logs="*.txt", programs="*/*.nc").shown(tmp_path)
+    assert list(shown) == ["a_one.nc", "b_one.nc", "two"]
