@@ -93,3 +93,35 @@ def test_text_to_moves(  # type: ignore[no-untyped-def]
     assert moves > 0.9 * LINES
     assert took < 0.3
     assert kept / lines <= bytes_a_block
+
+
+COMMAND = """
+import resource, sys, time
+from pipeline.app import main
+try:
+    main()
+finally:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    print(used.ru_maxrss / 1024, used.ru_utime + used.ru_stime, file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("megabytes", [10, 50])
+def test_memory_of_the_command(megabytes: int, tmp_path: Path, benchmark, capsys) -> None:  # type: ignore[no-untyped-def]
+    """`kerf interpret` of a finish of short lines, its table written too."""
+    path, piece = tmp_path / "part.nc", finishing(plain).removesuffix("M30\n").encode()
+    path.write_bytes(piece * round(megabytes * 1e6 / len(piece)) + b"M30\n")
+    results = []
+
+    def follow() -> None:
+        words = ["interpret", str(path), "--out", str(tmp_path / "moves.csv")]
+        told = subprocess.run(
+            [sys.executable, "-c", COMMAND, *words], check=True, capture_output=True, text=True
+        )
+        results.append([float(word) for word in told.stderr.split()[-2:]])
+
+    benchmark.pedantic(follow, rounds=2, iterations=1)
+    memory, took = min(results)
+    with capsys.disabled():
+        sys.stdout.write(f"\n{megabytes} MB: {memory:.0f} MiB, {took:.1f} s of processor time\n")
+    assert memory < 300 + 8 * megabytes
