@@ -3,9 +3,11 @@
 import json
 import os
 import pty
+import re
 import subprocess
 import sys
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
@@ -25,7 +27,7 @@ from tests.small_project import MACHINE, MONDAY, ROOT, SUBMODELS, build, change,
 
 COMMANDS = (
     "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
-    "check", "optimise", "transfer",
+    "check", "optimise", "transfer", "compensation", "wear", "synthesise",
 )  # fmt: skip
 
 
@@ -519,3 +521,30 @@ def test_the_installed_command_is_this_one() -> None:
         cwd=ROOT, check=True,
     )  # fmt: skip
     assert "ingest" in done.stdout
+
+
+def test_the_version_is_that_of_the_installed_package(project: Path) -> None:
+    done = kerf(project, "--version")
+    assert (done.exit_code, done.output) == (0, f"kerf {version('kerf-twin')}\n")
+
+
+def test_status_is_told_as_json_too(project: Path) -> None:
+    rows = json.loads(kerf(project, "status", "--json").output)
+    table = kerf(project, "status").output.splitlines()
+    assert len(rows) == len(table) - 1 > 0
+    assert list(rows[0]) == re.split(r"  +", table[0].strip())
+
+
+def test_a_machine_is_completed(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = {
+        "_KERF_COMPLETE": "complete_bash",
+        "COMP_WORDS": "kerf simulate --machine mill0",
+        "COMP_CWORD": "3",
+    }
+    for name, value in words.items():
+        monkeypatch.setenv(name, value)
+    with inside(project):
+        done = CliRunner().invoke(app, [], prog_name="kerf")
+    assert done.output.split() == sorted(
+        p.stem for p in (project / "conf/machine").glob("mill0*.yaml")
+    )

@@ -6,6 +6,7 @@ Each imports its work when it runs, so that `kerf --help` starts at once.
 from collections.abc import Callable
 from functools import wraps
 from inspect import Parameter, Signature, signature
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,12 +44,17 @@ def ingest(
 
 
 @app.command()
-def status() -> None:
+def status(
+    json: Annotated[bool, typer.Option("--json", help="Say it as JSON, a row a machine.")] = False,
+) -> None:
     """Show the machines of the fleet, their champions and what the golden week said."""
     from pipeline.app.fleet import fleet_status
 
     with one_sentence():
         rows = fleet_status()
+    if json:
+        typer.echo(dumps(rows, indent=1, ensure_ascii=False))
+        return
     columns = list(rows[0]) if rows else []
     widths = {c: max(len(c), *(len(r[c]) for r in rows)) for c in columns}
     for row in [{c: c for c in columns}, *rows]:

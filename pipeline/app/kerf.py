@@ -12,18 +12,43 @@ import typer
 from pipeline.schema.limits import limit_words
 
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="The digital twin of a machine tool that rebuilds itself from the machine's own records.",
 )
 
 
-Machine = Annotated[str, typer.Argument(help="As in conf/machine/.")]
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"kerf {version('kerf-twin')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say it and end.")
+    ] = False,
+) -> None:
+    """Options before the command's name."""
+
+
+def _machines(incomplete: str) -> list[str]:
+    return sorted(path.stem for path in Path("conf/machine").glob(f"{incomplete}*.yaml"))
+
+
+Machine = Annotated[str, typer.Argument(help="As in conf/machine/.", autocompletion=_machines)]
 Program = Annotated[Path, typer.Argument(help="A part program.")]
-Whose = Annotated[str, typer.Option(help="Whose control, as in conf/machine/.")]
+Whose = Annotated[
+    str, typer.Option(help="Whose control, as in conf/machine/.", autocompletion=_machines)
+]
 Setup = Annotated[
-    str | None, typer.Option(help="Whose offsets and tools hold, as in conf/machine/.")
+    str | None,
+    typer.Option(
+        help="Whose offsets and tools hold, as in conf/machine/.", autocompletion=_machines
+    ),
 ]
 Dialect = Annotated[
     str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
