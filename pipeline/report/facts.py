@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.charts.sections import PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
+from pipeline.report.alarms import Alarms, machine_alarms
 from pipeline.report.folders import MachineFolders
 from pipeline.report.part_programs import PartPrograms, part_programs
 from pipeline.report.programs.section import Program, simulated_programs
@@ -66,6 +67,7 @@ class MachineFacts:
     folders: MachineFolders
     shelf: SourceRegistry
     records: RecordsRead
+    alarms: Alarms
     work: Work
     models: list[ModelledPart]
     programs: list[Program]
@@ -107,6 +109,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         folders=folders,
         shelf=shelf,
         records=records_read(folders, shelf),
+        alarms=machine_alarms(folders, shelf),
         work=work(folders, shelf, "second_" if second else ""),
         models=models,
         programs=simulated_programs(folders.programs, shelf),

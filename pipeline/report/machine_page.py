@@ -8,6 +8,7 @@ from pipeline.charts.numbers import NOT_KNOWN, counted, hours, moment, number, p
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
+from pipeline.report.alarms import alarms_section
 from pipeline.report.corrected import corrected_section
 from pipeline.report.facts import MachineFacts, Truth
 from pipeline.report.folders import MachineFolders
@@ -36,7 +37,7 @@ class Page:
 
 def machine_page(facts: MachineFacts, changes: Section) -> Page:
     """The page of one machine below its verdict, in the order in which its reader needs it."""
-    works = [work_section(facts.work, facts.day_uses)]
+    works = [work_section(facts.work, facts.day_uses), alarms_section(facts.alarms)]
     logged = bool(facts.work.worked_days) or not facts.known
     sections = [
         *(works if logged else []),

@@ -247,5 +247,21 @@ SEGMENTS = pa.schema(
     ]
 )
 
+ALARMS = pa.schema(
+    [
+        pa.field("data_item", pa.string(), nullable=False),
+        pa.field("level", pa.string(), nullable=False),
+        pa.field("code", pa.string(), nullable=False),
+        pa.field("message", pa.string(), nullable=False),
+        pa.field("start", TIME, nullable=False),
+        pa.field("end", TIME),
+        pa.field("ended", pa.string(), nullable=False),
+        pa.field("program", pa.string()),
+        pa.field("line", pa.float64()),
+    ]
+)
+
+ALARM_LEVELS = ("warning", "fault")
+ALARM_ENDS = ("cleared", "changed", "unavailable", "open")
 GAP_CAUSES = ("unavailable", "silence", "instance", "sequence")
 SEGMENT_KINDS = ("off", "warm_up", "idle", "air", "cut")

@@ -12,6 +12,9 @@ import pandas as pd
 import pyarrow
 
 from pipeline.signals.columns import (
+    ALARM_ENDS,
+    ALARM_LEVELS,
+    ALARMS,
     AUDIT,
     COLUMNS,
     CYCLES,
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
 
 SCHEMAS = {
     "observations": OBSERVATIONS, "runs": RUNS, "rejected": REJECTED, "cycles": CYCLES,
-    "segments": SEGMENTS, "gaps": GAPS, "audit": AUDIT,
+    "segments": SEGMENTS, "gaps": GAPS, "audit": AUDIT, "alarms": ALARMS,
 }  # fmt: skip
 """Tables whose columns are always the same."""
 TABLES = ("observations", "traces", "state", *tuple(SCHEMAS)[1:])
@@ -40,7 +43,8 @@ _OPEN = ("traces", "runs")
 """Tables that may have columns beside their own."""
 
 _AMONG = {("observations", "kind"): KINDS, ("segments", "kind"): SEGMENT_KINDS,
-          ("gaps", "cause"): GAP_CAUSES}  # fmt: skip
+          ("gaps", "cause"): GAP_CAUSES, ("alarms", "level"): ALARM_LEVELS,
+          ("alarms", "ended"): ALARM_ENDS}  # fmt: skip
 """Words that a column may hold."""
 
 _NOT_NEGATIVE = {"sequence", "rows", "line", "active_s", "feed_hold_s", "interrupted_s", "idle_s",

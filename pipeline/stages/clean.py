@@ -7,7 +7,7 @@ from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.contracts import check_files
 
 TABLES = {"state": "state/*.parquet"} | {
-    name: f"{name}.parquet" for name in ("cycles", "segments", "audit", "gaps")
+    name: f"{name}.parquet" for name in ("cycles", "segments", "audit", "gaps", "alarms")
 }
 
 

@@ -127,8 +127,8 @@ def without_time(plan: Plan) -> dict[str, int]:
         "tool_change": sum(known.tool_change + known.tools.get(tool, 0.0) == 0 for tool in changes)
     }
     if np.isinf(known.spindle_acceleration) and known.spindle_delay == 0:
-        found["spindle_acceleration"] = np.count_nonzero(moves.kind == Kind.SPINDLE)
-    return {name: int(count) for name, count in found.items() if count}
+        found["spindle_acceleration"] = int((moves.kind == Kind.SPINDLE).sum())
+    return {name: count for name, count in found.items() if count}
 
 
 def _seconds(times: Floats) -> float:

@@ -153,6 +153,24 @@ def write_cycles(folders: MachineFolders, days: list[str], program: str) -> None
         "start": pa.array(midnight, UTC_NS), "end": pa.array(midnight + 1800 * 10**9, UTC_NS),
         "cause": ["unavailable"] * (len(days) - 1) + ["silence"],
     })  # fmt: skip
+    write_alarms(folders, midnight + 7 * 3600 * 10**9)
+
+
+def write_alarms(folders: MachineFolders, starts: np.ndarray) -> None:
+    """A warning of a minute at each time; the last is a fault that is still active."""
+    last = np.arange(len(starts)) == len(starts) - 1
+
+    def of(warning: object, fault: object, kind: pa.DataType | None = None) -> pa.Array:
+        return pa.array([fault if one else warning for one in last], kind or pa.string())
+
+    end = [None if one else int(t) + 60 * 10**9 for t, one in zip(starts, last, strict=True)]
+    write_table(folders.clean / "alarms.parquet", {
+        "data_item": of("coolant_c", "servo_c"), "level": of("warning", "fault"),
+        "code": of("217", "62"), "message": of("COOLANT LEVEL LOW", "FOLLOWING ERROR"),
+        "start": pa.array(starts, UTC_NS), "end": pa.array(end, pa.int64()).cast(UTC_NS),
+        "ended": of("cleared", "open"), "program": of("O1001", None),
+        "line": of(120.0, None, pa.float64()),
+    })  # fmt: skip
 
 
 def errors(mae: float) -> dict:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pyarrow as pa
 import pytest
-from page_reader import words
+from page_reader import section, words
 from report_folders import (
     FLEET,
     UTC_NS,
@@ -13,6 +13,7 @@ from report_folders import (
     machine,
     nanoseconds,
     spindle_model,
+    write_alarms,
     write_state,
     write_table,
 )
@@ -115,3 +116,26 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
     text = words(tmp_path / "out" / "m.html")
     assert "400 values of S1temp were removed (0 between good values), 100 on a working day" in text
     assert "values of Xload were removed" not in text
+
+
+def test_alarms_are_counted_by_kind_with_what_is_still_active_first(tmp_path):
+    folders = machine(tmp_path, "m", days=4)
+    write_report([folders], FLEET, None, tmp_path / "out")
+    page = tmp_path / "out" / "m.html"
+    text = words(page)
+    assert "The control reported 1 fault and 3 warnings; the longest was 217" in text
+    assert "At the end of the records 1 alarm was still active." in text
+    rows = section(page, "alarms").partition("<table")[2]
+    assert rows.index("62 FOLLOWING ERROR") < rows.index("217 COOLANT LEVEL LOW")
+    assert "O1001, line 120" in rows
+
+
+def test_a_machine_without_conditions_has_no_section_of_alarms(tmp_path):
+    folders = machine(tmp_path, "m", days=4)
+    write_alarms(folders, np.zeros(0, dtype=np.int64))
+    write_report([folders], FLEET, None, tmp_path / "out")
+    assert section(tmp_path / "out" / "m.html", "alarms") == ""
+    items = {name: ["servo_c"] for name in ("data_item", "component", "component_name")}
+    write_table(folders.signals / "data_items.parquet", items | {"category": ["CONDITION"]})
+    write_report([folders], FLEET, None, tmp_path / "out")
+    assert "None of 1 condition was a warning or a fault." in words(tmp_path / "out" / "m.html")

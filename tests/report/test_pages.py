@@ -105,6 +105,7 @@ def test_a_machine_without_any_file_has_a_page_that_says_so(report):
 FILES = (
     "signals/m/rejected.parquet", "clean/m/state", "clean/m/cycles.parquet",
     "clean/m/segments.parquet", "clean/m/audit.parquet", "clean/m/gaps.parquet",
+    "clean/m/alarms.parquet",
     "models/m/spindle/model.json", "models/m/spindle/verdict.json",
     "models/m/spindle/predictions.parquet",
     "golden/m.json", "truth/m.json", "signals/m/manifest.json",

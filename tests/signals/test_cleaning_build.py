@@ -71,12 +71,12 @@ def same(a, b):
 def test_a_build_leaves_the_tables_of_the_contract(signals, tmp_path):
     out = tmp_path / "clean"
     clean(signals, out, machine=MACHINE)
-    for name in ("cycles", "segments", "gaps", "audit"):
+    for name in ("cycles", "segments", "gaps", "audit", "alarms"):
         check(name, read(out / f"{name}.parquet"))
     for path in sorted((out / "state").glob("*.parquet")):
         check("state", read(path))
     names = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
-    tables = {f"{n}.parquet" for n in ("cycles", "segments", "gaps", "audit")}
+    tables = {f"{n}.parquet" for n in ("cycles", "segments", "gaps", "audit", "alarms")}
     assert names == tables | {"summary.json", *(f"state/{d[:10]}.parquet" for d in DAYS[:2])}
 
 
@@ -271,7 +271,7 @@ def test_a_folder_without_records_gives_empty_tables(tmp_path):
     summary = clean(tmp_path / "signals", tmp_path / "clean", machine=MACHINE)
     assert summary["total"]["seconds"] == 0
     assert summary["absent"] == sorted(MACHINE.items)
-    for name in ("cycles", "segments", "gaps", "audit"):
+    for name in ("cycles", "segments", "gaps", "audit", "alarms"):
         assert check(name, read(tmp_path / "clean" / f"{name}.parquet")).empty
 
 

@@ -19,6 +19,7 @@ from pipeline.signals.cleaning.activity import (
     seconds_in_states,
     segments,
 )
+from pipeline.signals.cleaning.alarms import AT, LEVELS, Said, alarms
 from pipeline.signals.cleaning.day import Carry, Day, clean_day
 from pipeline.signals.cleaning.gaps import N_BINS, Gap, ReportingInterval, reporting_interval
 from pipeline.signals.cleaning.recorded import (
@@ -27,6 +28,7 @@ from pipeline.signals.cleaning.recorded import (
     WHOLE,
     Index,
     conversions,
+    day_of,
     day_start,
     files_of,
     index,
@@ -200,11 +202,20 @@ class _Build:
         state = tables.read_state(self.out, days, [n for n in self.machine.names if n in USED])
         parts = segments(state, self.settings, self.machine.warm_up_programs)
         tables.write_table(self.out / "segments.parquet", parts)
+        tables.write_table(self.out / "alarms.parquet", self._alarms(days))
         summary = tables.summary(done, made, parts, gaps, self.indices)
         summary["rules"] = self.rules
         summary["absent"] = self._absent()
         tables.write_summary(self.out, summary)
         return summary | {"written": sorted(written)}
+
+    def _alarms(self, days: list[str]) -> pd.DataFrame:
+        said = [Said(*row) for one in self.indices for row in one.conditions]
+        wanted = {day_of(one.time) for one in said if one.level in LEVELS}
+        state = tables.read_state(
+            self.out, [d for d in days if d in wanted], [n for n in self.machine.names if n in AT]
+        )
+        return alarms(said, state)
 
     def _absent(self) -> list[str]:
         """Items that the machine's file names and no record has."""

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Ints
+from pipeline.signals.cleaning.alarms import Said, conditions
 from pipeline.signals.cleaning.gaps import counted_intervals
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS
@@ -47,6 +48,8 @@ class Index:
         Days with rows.
     intervals : dict of str to dict of str to int
         Counted intervals of each item: bin -> count (see ``reporting``).
+    conditions : list
+        Rows of :class:`~pipeline.signals.cleaning.alarms.Said`.
     """
 
     file: str
@@ -57,6 +60,7 @@ class Index:
     restated: int = 0
     days: list[str] = field(default_factory=list)
     intervals: dict[str, dict[str, int]] = field(default_factory=dict)
+    conditions: list[Said] = field(default_factory=list)
 
 
 def files_of(signals: Path) -> list[Path]:
@@ -98,6 +102,7 @@ def index(path: Path, signals: Path, machine: CleanMachine, settings: CleanSetti
     return Index(
         file=name, sha256=digest, live_start=int(time.min()), last=int(time.max()), late=late,
         restated=int(rows["restated"].sum()), days=days, intervals=counts,
+        conditions=[] if is_trace(name) else conditions(path),
     )  # fmt: skip
 
 

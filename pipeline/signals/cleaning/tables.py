@@ -20,9 +20,11 @@ from pipeline.signals.cleaning.glitches import Audit
 from pipeline.signals.cleaning.recorded import Index, day_of
 from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import CleanMachine
-from pipeline.signals.columns import AUDIT, CYCLES, GAPS, SEGMENTS, TIME
+from pipeline.signals.columns import ALARMS, AUDIT, CYCLES, GAPS, SEGMENTS, TIME
 
-_WHOLE = {"audit": AUDIT, "gaps": GAPS, "cycles": CYCLES, "segments": SEGMENTS}
+_WHOLE = {
+    "audit": AUDIT, "gaps": GAPS, "cycles": CYCLES, "segments": SEGMENTS, "alarms": ALARMS,
+}  # fmt: skip
 
 
 def code_version() -> str:
