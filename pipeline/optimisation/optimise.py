@@ -117,16 +117,17 @@ def optimise_worn(
         As :func:`~pipeline.optimisation.optimise.optimise`.
     """
     wear = workshop.wear
-    lowered = wear.rule == "criterion" and not wear.asked
-    for share in SHARES if lowered else SHARES[:1]:
+    lowered = wear.rule == "criterion" and not (wear.asked or wear.given)
+    for share in SHARES[:-1] if lowered else ():
         at = job(workshop=replace(workshop, wear=replace(wear, share=share)))
-        worn = any(one.sharp is not None for one in at.basis.coefficients.values())
+        if all(one.sharp is None for one in at.basis.coefficients.values()):
+            return optimise(at, progress)
         try:
             return optimise(at, progress)
         except LimitsError:
-            if not (lowered and worn):
-                raise
-    raise AssertionError("the last share is sharp")  # which raises what it fails by
+            continue
+    last = replace(wear, share=SHARES[-1]) if lowered else wear
+    return optimise(job(workshop=replace(workshop, wear=last)), progress)
 
 
 def _alone(what: str, share: float) -> bool:
