@@ -295,6 +295,7 @@ def simulate(
     resolution: kerf.Resolution = None,
     work_offset: kerf.WorkOffset = None,
     frf: kerf.Responses = None,
+    wear: kerf.Wear = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
     compensate: Annotated[
         Path | None, typer.Option(help="CSV of commands with which the axes err least.")
@@ -318,6 +319,7 @@ def simulate(
         options = cut_options(
             stock=stock, tool_table=tool_table, material=material, limits={"load_N": limit_load},
             resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
+            wear=wear or (),
         )  # fmt: skip
         read = options.files if options else ()
         check_outputs(program, json, out, page, compensate, inputs=read)
@@ -455,6 +457,7 @@ def optimise(
     resolution: kerf.Resolution = None,
     work_offset: kerf.WorkOffset = None,
     frf: kerf.Responses = None,
+    wear: kerf.Wear = None,
     model: kerf.Model = "champion",
     limits: dict[str, Any],
     epsilon: Annotated[
@@ -496,7 +499,7 @@ def optimise(
             program=program, machine=machine, unit=unit, objective=objective_of(objective),
             cut=part_options(
                 stock=stock, tool_table=tool_table, material=material, limits=limits,
-                resolution=resolution, work_offset=work_offset, frf=frf,
+                resolution=resolution, work_offset=work_offset, frf=frf, wear=wear,
             ),
             model=model,
             search=SearchOptions(

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast, get_args
 
 import yaml
 
@@ -24,9 +24,18 @@ from pipeline.optimisation.settings import Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective
-from pipeline.schema.program_cut import CutCost, CutTotals, CutWarning, NotKnown, ProgramCut
+from pipeline.schema.program_cut import (
+    CutCost,
+    CutTotals,
+    CutWarning,
+    NotKnown,
+    ProgramCut,
+    ToolEdge,
+)
+from pipeline.stages.optimise import machine_wear
 from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
+from pipeline.twin.cut_wear import ToolWear, WearRule
 
 T = TypeVar("T")
 
@@ -81,6 +90,46 @@ def _option_of(found: re.Match[str]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
+class WearOption:
+    """What ``--wear`` says: a rule for all tools, None without one, and wear by tool [um]."""
+
+    rule: WearRule | None = None
+    given: Mapping[int, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, words: Sequence[str]) -> "WearOption":
+        """The option as it was given, ``sharp``, ``criterion``, ``known`` or ``T26=120``.
+
+        Raises
+        ------
+        ValueError
+            When a word is none of them, or says a thing twice.
+        """
+        rule: WearRule | None = None
+        given: dict[int, float] = {}
+        for word in words:
+            if word in get_args(WearRule):
+                if rule is not None:
+                    raise ValueError(f"--wear {word} is given beside --wear {rule}: give one")
+                rule = cast(WearRule, word)
+                continue
+            found = WEAR.fullmatch(word)
+            if found is None:
+                raise ValueError(
+                    f"--wear {word} is no wear of a tool: give T26=120 for 120 um on T26, or one "
+                    f"of {', '.join(get_args(WearRule))} for all tools"
+                )
+            if int(found[1]) in given:
+                raise ValueError(f"--wear gives T{int(found[1])} twice: leave one out")
+            given[int(found[1])] = float(found[2])
+        return cls(rule=rule, given=given)
+
+
+WEAR = re.compile(r"[Tt]?(\d{1,9})=(\d{1,9}(?:\.\d*)?|\.\d+)")
+"""Number of a tool and its flank wear [um]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class CutOptions:
     """Options that describe a cut, of ``kerf simulate`` and ``kerf optimise``.
 
@@ -100,6 +149,8 @@ class CutOptions:
         That the blank is measured in.
     frf : tuple of str
         Files of the frequency response at the tools' tips, ``x=TIP.csv`` or ``TIP.uff``.
+    wear : WearOption
+        Of the tools.
     """
 
     stock: str
@@ -109,6 +160,7 @@ class CutOptions:
     resolution: float = RESOLUTION
     work_offset: str | None = None
     frf: tuple[str, ...] = ()
+    wear: "WearOption" = field(default_factory=lambda: WearOption())
 
     def __post_init__(self) -> None:
         if not 0.001 <= self.resolution <= 100.0:
@@ -128,7 +180,7 @@ class CutOptions:
 def cut_options(
     *, stock: str | None, tool_table: str | None, material: str | None,
     limits: Mapping[str, Any], resolution: float | None, work_offset: str | None,
-    frf: Sequence[str], page: Path | None,
+    frf: Sequence[str], page: Path | None, wear: Sequence[str] = (),
 ) -> CutOptions | None:  # fmt: skip
     """The options of a cut, limits by the names of their fields; None where nothing is said of one.
 
@@ -143,6 +195,7 @@ def cut_options(
         "resolution": resolution,
         "work_offset": work_offset,
         "frf": frf or None,
+        "wear": wear or None,
         "page": page,
     }
     said = [name for name, value in (needed | other | {"page": page}).items() if value is not None]
@@ -154,7 +207,7 @@ def cut_options(
     return CutOptions(
         stock=str(stock), tool_table=str(tool_table), material=str(material),
         limits=limits_given(limits), resolution=RESOLUTION if resolution is None else resolution,
-        work_offset=work_offset, frf=tuple(frf),
+        work_offset=work_offset, frf=tuple(frf), wear=WearOption.of(wear),
     )  # fmt: skip
 
 
@@ -201,8 +254,12 @@ def part_of(options: CutOptions, objective: Objective, program: str = "part.nc")
     )  # fmt: skip
 
 
-def workshop_of(on: Controlled, machine: str, options: CutOptions) -> Workshop:
+def workshop_of(
+    on: Controlled, machine: str, options: CutOptions, rule: WearRule = "known"
+) -> Workshop:
     """Tools, material, prices and spindle of the options and the machine's file.
+
+    ``rule`` holds for the wear of tools where the options say nothing of it.
 
     Raises
     ------
@@ -219,7 +276,11 @@ def workshop_of(on: Controlled, machine: str, options: CutOptions) -> Workshop:
         energy=section(sections, "energy", EnergyParameters),
         dynamics=_dynamics(sections, options.frf),
         catalogue=structure(on.parameters, "catalogue", CuttingCatalogue),
-    )
+        wear=ToolWear(
+            machine=machine_wear(on.models), rule=options.wear.rule or rule,
+            asked=options.wear.rule is not None, given=options.wear.given,
+        ),
+    )  # fmt: skip
 
 
 def read_tools(name: str) -> ToolTable:
@@ -358,6 +419,7 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
     for row in cut.basis:
         if row.what.startswith(("forces of", "dynamics of")):
             yield f"  {row.what}: {row.value} ({row.source})"
+    yield from edge_lines(cut.edges)
     yield from _table(cut)
     if total.cost is not None:
         parts = ", ".join(f"{name} {_number(value)}" for name, value in vars(total.cost).items())
@@ -377,6 +439,21 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
         yield f"  left out: {moves.reason}, {many}, the first in {moves.first}"
     for one in cut.not_known:
         yield f"  not known: {one.what}, {one.why}"
+
+
+def edge_lines(edges: Sequence[ToolEdge]) -> Iterator[str]:
+    """Which wear each tool counts with, and its force sharp and worn."""
+    for one in edges:
+        caution = f" ({one.caution})" if one.caution and one.wear_um else ""
+        yield f"  wear of T{one.tool}: {one.edge}{caution}"
+        if (of := one.forces) is not None:
+            what = "worn" if one.wear_um else f"at {_number(of.wear_um)} um"
+            ends = f"{_number(of.peak_load_low_N)} to {_number(of.peak_load_high_N)}"
+            yield (
+                f"    load sharp {_number(of.peak_load_sharp_N)} N, {what} "
+                f"{_number(of.peak_load_N)} N ({ends}, 95 %); power "
+                f"{_number(of.power_sharp_kW)} and {_number(of.power_kW)} kW"
+            )
 
 
 def warning_lines(warnings: Sequence[CutWarning]) -> Iterator[str]:

@@ -74,6 +74,13 @@ Responses = Annotated[
     list[str] | None,
     typer.Option(help="Frequency response at the tools' tips: x=TIP.csv, y=TIP.csv or a UFF."),
 ]
+Wear = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Flank wear of a tool, T26=120 in um, again for more; or for all tools sharp, "
+        "criterion (worn so far that it is changed) or known (as measured)."
+    ),
+]
 Compensated = Annotated[
     bool,
     typer.Option("--compensated", help="Following errors with what the network adds to them."),

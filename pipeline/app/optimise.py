@@ -4,6 +4,7 @@ import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar, get_args
@@ -28,7 +29,7 @@ from pipeline.app.programs import (
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.job import Progress, machine_models, part_job
-from pipeline.optimisation.optimise import optimise
+from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
 from pipeline.schema.files import together
@@ -105,6 +106,7 @@ class Outputs:
 def part_options(
     *, stock: str | None, tool_table: str | None, material: str | None, limits: Mapping[str, Any],
     resolution: float | None, work_offset: str | None, frf: list[str] | None,
+    wear: list[str] | None = None,
 ) -> CutOptions:  # fmt: skip
     """Blank, tools and material, all three needed; ``limits`` by the names of their fields.
 
@@ -120,6 +122,7 @@ def part_options(
     found = cut_options(
         stock=stock, tool_table=tool_table, material=material, limits=limits,
         resolution=resolution, work_offset=work_offset, frf=frf or (), page=None,
+        wear=wear or (),
     )  # fmt: skip
     if found is None:
         raise ValueError("--stock is missing")
@@ -170,16 +173,17 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
     if settings.compensated:
         residual, name = machine_residual(on, request.machine)
         models = replace(models, residual=residual, residual_name=name)
-    job = part_job(
+    job = partial(
+        part_job,
         program_at(request.program),
         part_of(request.cut, request.objective),
         models=models,
-        workshop=workshop_of(on, request.machine, request.cut),
         setup=setup_beside(on.setup, request.program),
         settings=settings,
     )
+    workshop = workshop_of(on, request.machine, request.cut, settings.wear)
     with named_as_options():
-        result = optimise(job, progress)
+        result = optimise_worn(workshop, job, progress)
     part = optimised_part(result, machine=request.machine, origin=on.origin, control=on.source)
     return result, part
 

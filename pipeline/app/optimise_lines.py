@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from pipeline.app.cut import warning_lines
+from pipeline.app.cut import edge_lines, warning_lines
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 from pipeline.twin.cut_axes import half_widths
@@ -31,6 +31,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     yield from verdict_lines(part.verdicts)
     if part.residual is not None:
         yield f"  following errors with {part.residual}: {half_widths(part.verified.axes)} (90 %)"
+    yield from edge_lines(part.edges)
     if part.interrupted:
         yield "interrupted: the best that was found until then"
     yield from _totals(part)

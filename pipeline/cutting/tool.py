@@ -80,6 +80,8 @@ class Tool(Ranged, section="tool"):
         that of the part's limits.
     top_speed_rpm : float, optional
         Greatest spindle speed that its maker, or its holder's, allows [rev/min].
+    flank_wear_um : float, optional
+        Flank wear VB that it has now, as measured [um].
     name : str
         For people.
 
@@ -110,6 +112,7 @@ class Tool(Ranged, section="tool"):
     cutting_speed_m_min: tuple[float, ...] | None = None
     change: Annotated[tuple[float, ...], Range(above=0.0, most=1e6)] | None = None
     top_speed_rpm: Annotated[float, Range(least=1.0, most=1e6)] | None = None
+    flank_wear_um: Annotated[float, Range(least=0.0, most=2000.0)] | None = None
     name: str = ""
 
     def __post_init__(self) -> None:

@@ -34,6 +34,7 @@ from pipeline.schema.store import write_bytes
 from pipeline.twin.cut_axes import half_widths
 from pipeline.twin.cut_document import assessed, not_known, notes, warnings_of
 from pipeline.twin.cut_tables import figure, summary
+from pipeline.twin.cut_wear import changed_earlier, tool_edges
 from pipeline.twin.setup_warnings import setup_warnings
 
 DIGITS = 4
@@ -68,6 +69,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut)
     return OptimisedPart(
         warnings=(
+            *changed_earlier(basis.wear),
             *_chatters(result),
             *(one for one in warnings if one.grave or one in odd),
         ),
@@ -107,6 +109,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         setup=setup_sheet(result, after.of, warnings),
         unit=words.program_unit(reads_feed(result.moves)),
         residual=None if job.models.residual is None else job.models.residual_name,
+        edges=tool_edges(after.cut, after.of.arcs, basis.coefficients),
     )
 
 

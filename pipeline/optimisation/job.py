@@ -28,6 +28,7 @@ from pipeline.twin.cut_coefficients import (
     tool_coefficients,
 )
 from pipeline.twin.cut_document import CutBasis
+from pipeline.twin.cut_wear import ToolWear, worn_coefficients
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 from pipeline.twin.program_axes import Residual
 
@@ -133,6 +134,8 @@ class Workshop:
         Of the tools' tips.
     catalogue : CuttingCatalogue
         Of feeds and speeds by tool and operation.
+    wear : ToolWear
+        That the tools are taken to have.
     """
 
     table: ToolTable
@@ -143,6 +146,7 @@ class Workshop:
     energy: EnergyParameters | None
     dynamics: TipDynamics | None
     catalogue: CuttingCatalogue
+    wear: ToolWear = field(default_factory=ToolWear)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +158,7 @@ class Supplies:
     rates: CostRates
     cutting_data: CuttingCatalogue
 
-    def workshop(self, part: Part, parts: Parts) -> Workshop:
+    def workshop(self, part: Part, parts: Parts, wear: ToolWear) -> Workshop:
         """The workshop of one of the parts of a machine.
 
         Raises
@@ -172,6 +176,7 @@ class Supplies:
             energy=parts.energy,
             dynamics=None if modes is None else TipDynamics.of_modes(modes),
             catalogue=self.cutting_data,
+            wear=wear,
         )
 
 
@@ -266,12 +271,14 @@ def cut_of(
     ValueError
         When the blank is none.
     """
-    coefficients = tool_coefficients(
-        workshop.table.tools, part.material, workshop.material, identified_coefficients(cutting)
-    )
+    tools = workshop.table.tools
+    identified = identified_coefficients(cutting)
+    sharp = tool_coefficients(tools, part.material, workshop.material, identified)
+    names = part.material, workshop.material.name
+    coefficients = worn_coefficients(sharp, tools, workshop.wear, names)
     drive, source = spindle_drive(workshop.drive, workshop.drive_source, cutting)
     job = CutJob(
-        stock=stock_of(part.stock), tools=workshop.table.tools,
+        stock=stock_of(part.stock), tools=tools,
         force_laws={number: one.law for number, one in coefficients.items()},
         resolution=part.resolution_mm * 1e-3, offsets=setup.work_offsets,
         offset=part.work_offset,
@@ -280,6 +287,7 @@ def cut_of(
         stock=part.stock, table=part.tool_table, material=workshop.material,
         coefficients=coefficients, limit_load=part.limits.load_N, rates=workshop.rates,
         energy=workshop.energy, drive=drive, drive_source=source, dynamics=workshop.dynamics,
+        wear=workshop.wear,
     )  # fmt: skip
     return job, basis
 

@@ -17,7 +17,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
 from pipeline.optimisation.axis_limits import check_axes_known
 from pipeline.optimisation.full_twin import Full, Result, full_twin
-from pipeline.optimisation.job import Interrupted, Job, Progress
+from pipeline.optimisation.job import Interrupted, Job, Progress, Workshop
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
 from pipeline.optimisation.methods.genetic import baselines, improve
@@ -31,7 +31,13 @@ from pipeline.optimisation.problem.arrays import (
     one_feed_each_pass,
     speeds_between_cuts,
 )
-from pipeline.optimisation.problem.feasible import check_known, problem_of, with_feed_cap, with_load
+from pipeline.optimisation.problem.feasible import (
+    LimitsError,
+    check_known,
+    problem_of,
+    with_feed_cap,
+    with_load,
+)
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.reliability.chance_constraint import (
@@ -58,6 +64,9 @@ ROUNDS = 4
 AXIS_ROUNDS = 8
 """The same where limits of the axes were given: commands fall by less than feeds do."""
 
+SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+"""Wear over the criterion, in the order in which it is tried [1]."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:
@@ -82,6 +91,43 @@ def optimise(job: Job, progress: Progress | None = None) -> Result:
         When the search was ended before anything kept the limits.
     """
     return _Course(job, progress or _alone).result()
+
+
+def optimise_worn(
+    workshop: Workshop, job: Callable[..., Job], progress: Progress | None = None
+) -> Result:
+    """The best program that keeps the limits until its tools are changed.
+
+    Where no feed keeps them at the criterion of wear, tools have to be changed earlier: the
+    criterion is lowered to the greatest of ``SHARES`` that allows one.  A wear that somebody asked
+    for is not lowered.
+
+    Parameters
+    ----------
+    workshop : Workshop
+        With the wear that its tools are taken to have.
+    job : callable
+        The job with a ``workshop``.
+    progress : callable, optional
+        As of :func:`~pipeline.optimisation.optimise.optimise`.
+
+    Raises
+    ------
+    ValueError, Interrupted
+        As :func:`~pipeline.optimisation.optimise.optimise`.
+    """
+    wear = workshop.wear
+    lowered = wear.rule == "criterion" and not (wear.asked or wear.given)
+    for share in SHARES[:-1] if lowered else ():
+        at = job(workshop=replace(workshop, wear=replace(wear, share=share)))
+        if all(one.sharp is None for one in at.basis.coefficients.values()):
+            return optimise(at, progress)
+        try:
+            return optimise(at, progress)
+        except LimitsError:
+            continue
+    last = replace(wear, share=SHARES[-1]) if lowered else wear
+    return optimise(job(workshop=replace(workshop, wear=last)), progress)
 
 
 def _alone(what: str, share: float) -> bool:
@@ -126,7 +172,7 @@ class _Course:
         if not outcome.answer.kept:
             if self.interrupted:
                 raise Interrupted
-            raise ValueError(outcome.answer.why_not)
+            raise LimitsError(outcome.answer.why_not)
         self.ends("comparing", 0.8)
         answer, methods = self._methods(problem, outcome)
         nominal = self._nominal(problem)

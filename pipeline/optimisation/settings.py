@@ -14,6 +14,7 @@ from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
 from pipeline.schema.ranges import Range, Ranged, Share
+from pipeline.twin.cut_wear import WearRule
 
 OBJECTIVES: tuple[Objective, ...] = ("time", "cost", "energy", "wear")
 """In the order of every array that has one column for each."""
@@ -137,6 +138,9 @@ class OptimisationSettings:
     compensated : bool
         Whether following errors hold what the compensation network of the machine adds to them, and
         their limits half of its 90 % interval too; ``kerf optimise`` alone loads one.
+    wear : {"criterion", "known", "sharp"}
+        Wear of the tools that limits hold for: that at which they are changed, where the growth of
+        forces was fitted in the part's material; what is known of them now; none.
     """
 
     certainty: ReliabilitySettings = field(default_factory=ReliabilitySettings)
@@ -144,6 +148,7 @@ class OptimisationSettings:
     search: SearchSettings = field(default_factory=SearchSettings)
     proof_comment: bool = False
     compensated: bool = False
+    wear: WearRule = "criterion"
 
 
 @dataclass(frozen=True, kw_only=True)

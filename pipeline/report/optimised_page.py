@@ -8,6 +8,7 @@ from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
 from pipeline.report import optimised_tables as tables
+from pipeline.report.cut.edges import edge_words, edges_table
 from pipeline.report.cut.tables import axes_table, sentence, share
 from pipeline.report.optimised_figures import (
     FRONT_LEGEND,
@@ -84,8 +85,12 @@ def _load_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
     if figures is None:
         return None
     return Section(
-        key="load", title="Load before and after", text=_verified(part),
-        blocks=[figures, *present(axes_table(part.verified.axes, sources))],
+        key="load", title="Load before and after",
+        text=[*_verified(part), *edge_words(part.edges)],
+        blocks=[figures, *present(
+            edges_table(part.edges, sources, "optimised: "),
+            axes_table(part.verified.axes, sources),
+        )],
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from pipeline.charts.sections import Block, Heading, PartVerdict, Section, prese
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Cell, Column, Head, Table, cells, numbers, sources, tabulated
 from pipeline.report import optimised_tables as tables
+from pipeline.report.cut.edges import edge_words, edges_table
 from pipeline.report.cut.tables import NONE, share
 from pipeline.report.optimised_figures import load_figures
 from pipeline.report.optimised_program import feeds_table, increases_table, ranges_table
@@ -44,12 +45,13 @@ def _program(
 ) -> list[Block]:
     part, files = one.part, sources(shelf, one.path)
     _, word, said = verdict(part)
-    words = " ".join([*_doubt(forces), *said, *_trial(one), *_held(part)])
+    words = " ".join([*_doubt(forces), *said, *_trial(one), *edge_words(part.edges), *_held(part)])
     return present(
         Heading(heading=f"{one.label}: {word}", text=words),
         load_figures(part, one.label, "", files, kind="one"),
         tables.gain_table(part, files),
         cut_table(parts, shelf, one),
+        edges_table(part.edges, files, f"{one.label}, optimised: "),
         increases_table(part, files),
         feeds_table(part, files),
         ranges_table(part, files),

@@ -20,7 +20,7 @@ from pipeline.schema.part_sheet import (
     SetupSheet,
     ToolUse,
 )
-from pipeline.schema.program_cut import CutWarning, NotKnown
+from pipeline.schema.program_cut import CutWarning, NotKnown, ToolEdge
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured, unstructured
 from pipeline.schema.verdict import UsedModel
@@ -420,6 +420,9 @@ class OptimisedPart:
     residual : str or None
         Compensation network whose residual and interval following errors hold; stored only where
         there is one.
+    edges : tuple of ToolEdge
+        Wear of each tool that figures and limits hold for, with the force of the optimised program
+        sharp and worn.
     """
 
     warnings: tuple[CutWarning, ...] = ()
@@ -457,6 +460,7 @@ class OptimisedPart:
     setup: SetupSheet
     unit: Literal["mm", "inch"] = "mm"
     residual: str | None = None
+    edges: tuple[ToolEdge, ...] = ()
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""

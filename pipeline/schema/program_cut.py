@@ -155,6 +155,56 @@ class PartTotals(CutTotals):
 
 
 @dataclass(frozen=True, kw_only=True)
+class EdgeForces:
+    """Greatest load and power of a tool with a sharp edge and with a worn one.
+
+    Parameters
+    ----------
+    wear_um : float
+        Flank wear VB of the worn edge [um].
+    peak_load_sharp_N, peak_load_N : float or None
+        Peak load in the plane, sharp and worn [N].
+    peak_load_low_N, peak_load_high_N : float or None
+        Worn, at the ends of the 95 % interval of the growth with wear [N].
+    power_sharp_kW, power_kW : float or None
+        Of the cut, sharp and worn [kW].
+    """
+
+    wear_um: float
+    peak_load_sharp_N: float | None
+    peak_load_N: float | None
+    peak_load_low_N: float | None
+    peak_load_high_N: float | None
+    power_sharp_kW: float | None
+    power_kW: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolEdge:
+    """Wear of a tool that all figures of a cut hold for.
+
+    Parameters
+    ----------
+    tool, name : int, str
+        Its number and name.
+    wear_um : float
+        Flank wear VB [um]; 0 for a sharp edge.
+    edge, caution : str
+        Whether it is sharp or worn and why; what speaks against the figures of a worn edge.
+    forces : EdgeForces or None
+        Sharp and worn: at ``wear_um``, of a sharp tool at the criterion of the machine; None where
+        neither is known.
+    """
+
+    tool: int
+    name: str
+    wear_um: float
+    edge: str
+    caution: str = ""
+    forces: EdgeForces | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class CutBlock(CutQuantities):
     """One block that cuts.
 
@@ -372,6 +422,8 @@ class ProgramCut:
         Every block that cuts.
     axes : tuple of AxisInCut
         Following error and motor command of each axis in the cut; empty where not known.
+    edges : tuple of ToolEdge
+        Wear of each tool that cuts, with its force sharp and worn.
     """
 
     stock: Blank
@@ -394,3 +446,4 @@ class ProgramCut:
     drive: DriveCurve | None
     blocks: tuple[CutBlock, ...]
     axes: tuple[AxisInCut, ...] = ()
+    edges: tuple[ToolEdge, ...] = ()

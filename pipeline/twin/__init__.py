@@ -18,6 +18,7 @@ __all__ = [
     "cut_limits",
     "cut_stability",
     "cut_tables",
+    "cut_wear",
     "cutting_path",
     "drive",
     "drive_population",

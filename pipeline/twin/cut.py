@@ -215,6 +215,14 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
     )  # fmt: skip
 
 
+def with_force_laws(cut: Cut, force_laws: tuple[ForceLaw, ...]) -> Cut:
+    """The same cut with other force laws, one for each of its tools."""
+    most = _greatest(cut.plan, cut.engagement, cut.tools)
+    return replace(
+        cut, force_laws=force_laws, table=load_table(cut.engagement, cut.tools, force_laws, most)
+    )
+
+
 def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
     """The same path through the same blank under another plan: other feeds, speeds and rows.
 

@@ -17,16 +17,57 @@ ALIKE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
+class WornLand:
+    """What the land of a worn flank adds to the edge coefficients.
+
+    Parameters
+    ----------
+    wear_um : float
+        Width of the land VB [um].
+    source, caution : str
+        Where that is from; what speaks against the figures.
+    K_te, K_re : float
+        Added to the coefficients of the sharp edge [N/m].
+    half_te, half_re : float
+        Half of their 95 % intervals [N/m].
+    """
+
+    wear_um: float
+    source: str
+    caution: str
+    K_te: float
+    K_re: float
+    half_te: float
+    half_re: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ToolCoefficients:
     """Force law of one tool with its source and a caution.
 
-    ``kind`` is "identified", "measured" (by others, with another tool) or "catalogue".
+    Parameters
+    ----------
+    law : ForceLaw
+        That counts.
+    kind : str
+        "identified", "measured" (by others, with another tool) or "catalogue".
+    source, caution : str
+        Where it is from; what speaks against it.
+    sharp : ForceLaw or None
+        Of the sharp edge where ``law`` is that of a worn one.
+    land : WornLand or None
+        Of the worn edge; where ``sharp`` is None that which a sharp tool is compared with.
+    edge : str
+        Whether the edge is sharp or worn, and why.
     """
 
     law: ForceLaw
     kind: str
     source: str
     caution: str = ""
+    sharp: ForceLaw | None = None
+    land: WornLand | None = None
+    edge: str = "sharp"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Document of a program's cut: what ``kerf simulate`` writes, prints and draws."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
@@ -32,6 +32,7 @@ from pipeline.twin.cut_cost import cost_of, electricity, tool_life
 from pipeline.twin.cut_limits import cut_limits, cut_warnings
 from pipeline.twin.cut_stability import Stability, stability, stability_lobes
 from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
+from pipeline.twin.cut_wear import ToolWear, tool_edges
 from pipeline.twin.setup_warnings import setup_warnings
 
 WORST = 15
@@ -64,6 +65,8 @@ class CutBasis:
         Of conf/cost/ and of the machine.
     drive_source : str
         Where the drive's values come from.
+    wear : ToolWear
+        That the coefficients hold for.
     """
 
     stock: str
@@ -76,6 +79,7 @@ class CutBasis:
     drive: SpindleDrive | None = None
     drive_source: str = ""
     dynamics: TipDynamics | None = None
+    wear: ToolWear = field(default_factory=ToolWear)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +151,7 @@ def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
         lobes=() if stable is None else stability_lobes(cut, stable),
         drive=None if basis.drive is None else _drive(found.blocks, rows, basis.drive),
         blocks=rows,
+        edges=tool_edges(cut, of.arcs, basis.coefficients),
     )
 
 
@@ -286,8 +291,15 @@ def notes(of: AssessedCut, basis: CutBasis) -> tuple[str, ...]:
         basis.coefficients[cut.numbers[tool]].caution
         for tool in np.unique(found.blocks.tool).tolist()
     )
+    worn = dict.fromkeys(
+        f"T{cut.numbers[tool]} counts as {given.edge}{f'; {caution}' if caution else ''}."
+        for tool in np.unique(found.blocks.tool).tolist()
+        if (given := basis.coefficients[cut.numbers[tool]]).sharp is not None
+        for caution in [given.land.caution if given.land else ""]
+    )
     return (
         FEEDS,
+        *worn,
         *(f"Forces: {caution}." for caution in cautions if caution),
         *([f"Blank: {cut.blank.notice}."] if cut.blank.notice else []),
         *(f"T{cut.numbers[tool]} {why}." for tool, why in found.life.beyond.items()),

@@ -24,7 +24,7 @@ from pipeline.optimisation.methods.speeds import (
     start_prices,
 )
 from pipeline.optimisation.problem.arrays import Decision, Groups, Rows
-from pipeline.optimisation.problem.feasible import passed_limit
+from pipeline.optimisation.problem.feasible import LimitsError, passed_limit
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
 from pipeline.optimisation.text.words import stepped
@@ -80,7 +80,7 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
             break
     if not kept:
         least, nearest = min(passed, key=lambda one: one[0])
-        raise ValueError(_passed(problem, least, nearest))
+        raise LimitsError(_passed(problem, least, nearest))
     return min(kept, key=lambda one: one[0])[1]
 
 
@@ -153,7 +153,7 @@ def _of_blocks(model: BlockModel, speeds: Floats) -> float:
     bad = np.isinf(values)
     if bad.any():
         moves, row = problem.cut.plan.path.moves, int(bad.argmax())
-        raise ValueError(
+        raise LimitsError(
             f"{where(moves, row)}: the line is run at S of {_listed(problem, speeds, row)} rev/min "
             "and no F keeps the limits at all of them: widen the limits, or write it once for each"
         )

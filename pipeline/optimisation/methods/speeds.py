@@ -17,6 +17,7 @@ from pipeline.machine.spindle import spindle_waits
 from pipeline.optimisation.methods.feeds import BlockModel, block_feeds
 from pipeline.optimisation.methods.speed_pieces import Pieces, speed_grid, speed_pieces
 from pipeline.optimisation.problem.arrays import Rows
+from pipeline.optimisation.problem.feasible import LimitsError
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
 from pipeline.schema.arrays import Bools, Floats
@@ -121,7 +122,7 @@ def _piece_values(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
     failing = np.ones(len(model.problem), dtype=bool)
     totals = _row_values(model, pieces, grid, failing)
     if failing.any():
-        raise ValueError(_no_speed(model.problem, pieces, grid, int(failing.argmax())))
+        raise LimitsError(_no_speed(model.problem, pieces, grid, int(failing.argmax())))
     return totals
 
 
@@ -222,7 +223,7 @@ def _paths(
         chosen[mine] = viterbi(values[mine], change, kind.ravel(), words[mine])
         taken = values[mine, chosen[mine]].sum()
         if not np.isfinite(taken):
-            raise ValueError(_no_sequence(model.problem, pieces, mine))
+            raise LimitsError(_no_sequence(model.problem, pieces, mine))
     return chosen
 
 

@@ -273,10 +273,14 @@ def _check(problem: Problem, *, load_limited: bool) -> None:
     _check_kept(problem)
 
 
+class LimitsError(ValueError):
+    """No feed and speed keep the limits."""
+
+
 def _refuse(problem: Problem, wrong: Bools, sentence: Callable[[int], str]) -> None:
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise ValueError(f"{where(problem.cut.plan.path.moves, row)}: {sentence(row)}")
+        raise LimitsError(f"{where(problem.cut.plan.path.moves, row)}: {sentence(row)}")
 
 
 def tool_name(problem: Problem, row: int) -> str:

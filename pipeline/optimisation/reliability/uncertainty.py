@@ -9,6 +9,7 @@ with z standard normal, z_source common to all tools whose coefficients come fro
 - Identified coefficients have the intervals and correlations of the fit, and no common part.  One
   that the records did not determine has the value that the fit took and a standard deviation as
   great as that, or as a tenth of the tangential one: zero, which nominal loads take, is among it.
+- The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.
 - Others' measurements and catalogues err in the material and the edge above all, which moves all
   coefficients together: of the variance 4 / 5 is common, 1 / 5 each coefficient's own.
 
@@ -148,10 +149,12 @@ def uncertainty(
     for number, given in coefficients.items():
         if number not in tools:
             raise ValueError(f"uncertainty: T{number} has a force law and is no tool: add it")
+        sharp = given if given.sharp is None else replace(given, law=given.sharp)
         if given.kind == "identified":
-            drawn = _identified(given, model)
+            drawn = _identified(sharp, model)
         else:
-            drawn = _taken_over(given, sources.index(given.source), settings)
+            drawn = _taken_over(sharp, sources.index(given.source), settings)
+        drawn = _with_wear(drawn, given)
         drawn_tools[number] = _with_runout(drawn, tools[number], given.kind, model, settings)
     own = any(one.kind == "identified" for one in coefficients.values())
     spread, spread_source = model_spread(verdict, settings, own=own)
@@ -211,6 +214,27 @@ def _identified(given: ToolCoefficients, model: CuttingModel | None) -> ToolUnce
     determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(given.law)[k]]
     own = spread[:, None] * root(correlation(model, determined))
     return ToolUncertainty(mean=mean, own=own, described=tuple(described))
+
+
+def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertainty:
+    """The same with the land of a worn edge, whose growth has an interval of its own."""
+    land = given.land
+    if given.sharp is None or land is None:
+        return drawn
+    mean, spread = drawn.mean.copy(), np.zeros(len(COEFFICIENTS))
+    described = []
+    for name, added, half in (
+        ("K_te", land.K_te, land.half_te), ("K_re", land.K_re, land.half_re)
+    ):  # fmt: skip
+        k = COEFFICIENTS.index(name)
+        mean[k], spread[k] = mean[k] + added, half / NORMAL
+        described.append(UncertainQuantity(
+            what=f"{name} of {land.wear_um:g} um of wear", value=f"{added / N_MM:.4g} N/mm more",
+            spread=f"{spread[k] / N_MM:.3g} N/mm", source=land.source,
+        ))  # fmt: skip
+    values, vectors = np.linalg.eigh(drawn.own @ drawn.own.T + np.diag(spread**2))
+    own = vectors * np.sqrt(np.maximum(values, 0.0))
+    return replace(drawn, mean=mean, own=own, described=(*drawn.described, *described))
 
 
 def _with_runout(

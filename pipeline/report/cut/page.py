@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.charts.numbers import counted, duration, number
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
+from pipeline.report.cut.edges import edge_words, edges_table
 from pipeline.report.cut.figures import (
     DRIVE_LEGEND,
     ENGAGEMENT_LEGEND,
@@ -182,14 +183,19 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
         title="Load along the path",
         text=[
             "Each column is a stretch of time; lowest and highest values of a column are drawn, so "
-            "that no peak is lost."
+            "that no peak is lost.",
+            *edge_words(cut.edges),
         ],
         pairs=warnings_pairs(cut),
         blocks=[
             Figures(figures=[load], legend=legend, kind="one wide"),
             Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
             forces_table(cut, sources),
-            *present(worst_table(cut, sources), axes_table(cut.axes, sources)),
+            *present(
+                edges_table(cut.edges, sources),
+                worst_table(cut, sources),
+                axes_table(cut.axes, sources),
+            ),
         ],
     )
 

@@ -50,6 +50,8 @@ class EdgeGrowth:
         Least and greatest wear of those.
     error_percent : float
         Median of the relative error of the mean force after the fit.
+    material : str
+        Of conf/material/, that was cut; empty where nobody said it.
     """
 
     parameters: Mapping[str, Parameter]
@@ -57,6 +59,7 @@ class EdgeGrowth:
     recordings: int
     wear_um: tuple[float, float]
     error_percent: float
+    material: str = ""
 
     def added(self, wear_um: float) -> tuple[float, float]:
         """What wear [um] adds to K_te and K_re [N/mm].
@@ -190,6 +193,7 @@ def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGro
     return EdgeGrowth(
         parameters=parameters, tools=len(tools), recordings=len(rows.wear),
         error_percent=100 * error, wear_um=(float(rows.wear.min()), float(rows.wear.max())),
+        material=settings.material,
     )  # fmt: skip
 
 

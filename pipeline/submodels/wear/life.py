@@ -70,6 +70,8 @@ class WearLifeSettings(Ranged, section="wear_life"):
     forces : mapping of {"feed", "normal"} to str
         Channel of the force on the tool along the feed and to the left of it, with ``-`` before it
         where it points the other way, as that on the workpiece does; empty without forces.
+    material : str
+        Of conf/material/, that the tools cut; the growth of forces holds for it.
     taylor : Taylor or None
         What a catalogue says of these tools in this material.
     """
@@ -86,6 +88,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     cut: str = "cut_type"
     up: tuple[str, ...] = ()
     forces: Mapping[Literal["feed", "normal"], str] = field(default_factory=dict)
+    material: str = ""
     taylor: Taylor | None = None
 
 
