@@ -18,7 +18,13 @@ from report_folders import (
 )
 
 from pipeline.report.pages import write_report
+from pipeline.report.work import Day, Work
 from pipeline.schema.store import write_json
+
+BLANK = {
+    "running": None, "position_control": None, "speed_known": None, "runs": [],
+    "speed": np.zeros(288), "held": np.zeros(288),
+}  # fmt: skip
 
 
 def test_the_second_report_says_what_changed(tmp_path):
@@ -115,3 +121,16 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
     text = words(tmp_path / "out" / "m.html")
     assert "400 values of S1temp were removed (0 between good values), 100 on a working day" in text
     assert "values of Xload were removed" not in text
+
+
+def test_a_sunday_that_ran_for_minutes_once_makes_no_sunday_usual() -> None:
+    """Four weeks of working days of 8 h, 0.4 h on the first Sunday, none on the others."""
+    days = [
+        Day(day=str(d), seconds={"ACTIVE": 8 * 3600.0}, **BLANK)
+        for d in np.arange("2026-01-05", "2026-01-31", dtype="datetime64[D]")
+        if d.astype(object).weekday() < 5 and str(d) != "2026-01-14"
+    ]
+    short = Day(day="2026-01-04", seconds={"ACTIVE": 0.4 * 3600}, **BLANK)
+    found = Work(folders=None, shelf=None, days=[short, *days], cycles=None, state_files=[])
+    assert "2026-01-11" in found.missing_days
+    assert found.surprising_days == ["2026-01-14"]
