@@ -59,7 +59,7 @@ def first_champion(bundle: Bundle, registered: Sequence[Version]) -> Champion:
     passed = [v for v in registered if v.status == "passed"]
     own = next(v for v in registered if v.bundle == bundle.sha256)
     one = own if bundle.status == "passed" or not passed else passed[-1]
-    lacking = bundle.named("failed", "not judged") if one is own else ""
+    lacking = bundle.named("failed", "not decided", "not judged") if one is own else ""
     why = f"{FIRST_WHY}: {lacking}" if lacking else FIRST_WHY
     return Champion(version=one.version, bundle=one.bundle, since="", by=FIRST_BY, why=why)
 

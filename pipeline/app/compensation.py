@@ -29,7 +29,10 @@ from pipeline.submodels.deformation.submodel import SUBMODEL
 
 FORMATS = ("csv", "fanuc", "siemens")
 """Kinds of file."""
-STATUS = {"passed": "passed", "failed": "failed", "not judged": "was not judged"}
+STATUS = {
+    "passed": "passed", "failed": "failed", "not decided": "was not decided",
+    "not judged": "was not judged",
+}  # fmt: skip
 """Status of a verdict as a verb."""
 UM_PER_MM = 1000.0
 """Micrometres of a millimetre [1]."""

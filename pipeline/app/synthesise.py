@@ -18,7 +18,10 @@ from pipeline.submodels.synthesis.samples import (
 )
 from pipeline.submodels.synthesis.submodel import SUBMODEL
 
-SAID = {"passed": "passed", "failed": "failed", "not judged": "was not judged"}
+SAID = {
+    "passed": "passed", "failed": "failed", "not decided": "was not decided",
+    "not judged": "was not judged",
+}  # fmt: skip
 
 
 def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:

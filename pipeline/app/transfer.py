@@ -16,13 +16,9 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
+from pipeline.submodels.spindle.sensor import sensor_step
 from pipeline.submodels.spindle.submodel import SUBMODEL
-from pipeline.submodels.spindle.transfer import (
-    Transfer,
-    TransferSettings,
-    sensor_step,
-    transfer,
-)
+from pipeline.submodels.spindle.transfer import Transfer, TransferSettings, transfer
 from pipeline.twin.spindle import TARGET, SpindleModelFile, spindle_stretches
 
 

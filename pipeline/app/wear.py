@@ -24,7 +24,10 @@ from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.wear.model import NAMES, Wear, WearModel, load_wear
 from pipeline.submodels.wear.submodel import SUBMODEL
 
-STATUS = {"passed": "passed", "failed": "failed", "not judged": "was not judged"}
+STATUS = {
+    "passed": "passed", "failed": "failed", "not decided": "was not decided",
+    "not judged": "was not judged",
+}  # fmt: skip
 """Status of a verdict as a verb."""
 SHOWN = 12
 """Readings of one recording on the screen at most."""

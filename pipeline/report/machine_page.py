@@ -23,7 +23,9 @@ PREDICTS_PROGRAMS = "control"
 """Sub-model after whose sections part programs stand: their times are its predictions."""
 LOADS_PARTS = "cutting"
 """Sub-model whose forces the predicted loads of optimised programs rest on."""
-STATUS = {"passed": "passed", "failed": "failed", "not judged": "unknown"}
+STATUS = {
+    "passed": "passed", "failed": "failed", "not decided": "unknown", "not judged": "unknown",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

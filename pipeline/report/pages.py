@@ -172,5 +172,5 @@ def _counts(facts: MachineFacts) -> SubModelCounts:
     return SubModelCounts(
         passed=found.count("passed"),
         failed=found.count("failed"),
-        not_judged=found.count("not judged"),
+        not_judged=found.count("not judged") + found.count("not decided"),
     )

@@ -126,6 +126,12 @@ def _verdict(shown: Shown[Any], title: str, needs: str) -> PartVerdict | None:
         )
     by = "golden records" if v.judged_role == "golden" else "records held out of its fit"
     sentence = f"The model of the {title} {v.status} on {by}{_worst_words(v)}."
+    if v.status == "not decided":
+        why = "; ".join(v.reasons).rstrip(".")
+        return PartVerdict(
+            status="attention", sentence=f"The model of the {title} is not decided: {why}.",
+            todo=f"Record {needs}.",
+        )  # fmt: skip
     if v.status == "failed":
         todo = f"Do not use this model; to mend it, record {needs}."
         return PartVerdict(status="failed", sentence=sentence, todo=todo)

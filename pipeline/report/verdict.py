@@ -180,7 +180,10 @@ def _serving(facts: MachineFacts) -> list[str]:
     if facts.serving.older:
         titles = facts.titles(facts.serving.older)
         said.append(f"The champion that serves has another model of {titles} than this page.")
-    for status, words in (("failed", "failed its judgement"), ("not judged", "was not judged")):
+    for status, words in (
+        ("failed", "failed its judgement"), ("not decided", "could not be decided"),
+        ("not judged", "was not judged"),
+    ):  # fmt: skip
         names = [n for n, one in facts.serving.bundle.submodels.items() if one.status == status]
         if names:
             said.append(f"Of the champion that serves, the model of {facts.titles(names)} {words}.")

@@ -1,5 +1,6 @@
 """Work of a machine: seconds in each execution state by day, and its cycles."""
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
@@ -15,6 +16,8 @@ from pipeline.report.records import CLEANED, NS, nanoseconds
 DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve
 STANDS_BELOW = 1.0  # rev/min; slower is standing still, within what encoders say at rest
+USUAL_SHARE = 0.1
+"""Running time of a day that counts as worked, over that of the median day [1]."""
 NO_RECORD = "no record"
 NO_NAME = "(no name)"
 UNUSED = np.iinfo(np.int64).min
@@ -124,9 +127,21 @@ class Work:
 
     @property
     def surprising_days(self) -> list[str]:
-        """Missing days on whose weekday the machine has worked in another week."""
-        works = {date.fromisoformat(d.day).weekday() for d in self.worked_days}
-        return [d for d in self.missing_days if date.fromisoformat(d).weekday() in works]
+        """Missing days on a weekday that is usually worked.
+
+        It is where the machine ran on it on as many days as are missing at least, each for
+        :data:`USUAL_SHARE` or more of the running time of the median day.
+        """
+        if not self.worked_days:
+            return []
+        least = USUAL_SHARE * float(np.median([d.active for d in self.worked_days]))
+        ran = Counter(_weekday(d.day) for d in self.worked_days if d.active >= least)
+        lost = Counter(_weekday(d) for d in self.missing_days)
+        return [d for d in self.missing_days if ran[_weekday(d)] >= lost[_weekday(d)]]
+
+
+def _weekday(day: str) -> int:
+    return date.fromisoformat(day).weekday()
 
 
 def days_between(days: list[str]) -> list[str]:

@@ -51,7 +51,9 @@ class Bundle:
         statuses = {one.status for one in self.submodels.values()}
         if "failed" in statuses:
             return "failed"
-        return "passed" if statuses == {"passed"} else "not judged"
+        if statuses == {"passed"}:
+            return "passed"
+        return "not decided" if statuses == {"passed", "not decided"} else "not judged"
 
     def named(self, *statuses: Status) -> str:
         """Sub-models with one of some statuses: ``"drive failed, cutting not judged"``."""

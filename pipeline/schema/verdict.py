@@ -8,7 +8,8 @@ from pipeline.schema.model import LeftOut, Origin
 
 Role = Literal["training", "held_out", "golden", "sealed"]
 """What a case is for: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
-Status = Literal["passed", "failed", "not judged"]
+Status = Literal["passed", "failed", "not decided", "not judged"]
+"""Not decided: worse than a guess, by less than the sensor's steps can tell."""
 UsedStatus = Literal[Status, "not identified"]
 """Status of a sub-model that figures rest on; one that no record identified has no verdict."""
 
@@ -63,6 +64,9 @@ class Score(Figures):
         Greatest value of an error (by its name above), empty where nothing is required.
     coverage_limits : (float, float) or None
         Least and greatest ``coverage_90`` [1], of a score over all groups; None where none is set.
+    rounding : mapping of str to Figures
+        Of each baseline, the difference of MAE and of RMSE that the sensor's steps leave open;
+        empty where the measurement is fine enough.
     status : Status
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
@@ -79,6 +83,7 @@ class Score(Figures):
     baselines: Mapping[str, Figures] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
     coverage_limits: tuple[float, float] | None = None
+    rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
 
@@ -203,7 +208,7 @@ class Verdict:
             (_times_missed(score, reason), reason)
             for score in self.scores
             for reason in score.reasons
-            if score.status == "failed"
+            if score.status in ("failed", "not decided")
         ]
         known = {reason for _, reason in of_limits}
         faults = [reason for reason in self.reasons if reason not in known]
@@ -256,7 +261,7 @@ class UsedModel:
     @property
     def doubtful(self) -> bool:
         """Whether it was identified and did not pass."""
-        return self.status in ("failed", "not judged")
+        return self.status in ("failed", "not decided", "not judged")
 
     @property
     def sentence(self) -> str:

@@ -57,9 +57,12 @@ class Target:
     baselines : tuple of str
         Predictions that are made beside the model's, simpler or in hindsight.
     must_beat : tuple of str
-        Those whose MAE and RMSE may not both be lower than the model's over all groups.
+        Those that the model has to be better than, on MAE and on RMSE both, over all groups.
     each_group : bool
-        Whether the RMSE has to be below theirs in every group.
+        Whether it has to be so in every group.
+    resolution : float
+        Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0 for
+        a measurement that is fine enough.
     coverage : (float, float) or None
         Least and greatest share of samples inside the 90 % interval over all groups that decide
         [1]; None where no interval is asked for.
@@ -72,6 +75,7 @@ class Target:
     baselines: tuple[str, ...] = ()
     must_beat: tuple[str, ...] = ()
     each_group: bool = False
+    resolution: float = 0.0
     coverage: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:

@@ -29,6 +29,7 @@ from pipeline.schema.verdict import (
 )
 from pipeline.submodels.cases import Case, Cases
 from pipeline.submodels.contract import Predictor, Target
+from pipeline.submodels.rounding import left_open
 
 DIGITS = 6
 """Significant digits of a stored error."""
@@ -103,8 +104,8 @@ def judge(
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
         *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
     ]
-    beaten = [reason for target in targets for reason in _beaten(scores, target, deciding)]
-    status, reasons = _status(model, cases, decisive, [*broken, *beaten], sets)
+    beaten, open_ = _beaten(scores, targets, deciding)
+    status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
     verdict = Verdict(
         submodel=model.submodel,
         machine=model.machine,
@@ -290,8 +291,24 @@ def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
         coverage_90=rounded(float(inside.mean())) if bounded.any() else None,
         baselines={name: one for name, one in others.items() if one.mae is not None},
         limits=target.limits if group != ALL else {},
+        rounding=_rounding(rows, target) if others else {},
         **vars(own),
     )
+
+
+def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
+    """What the sensor's steps leave open of the difference to what has to be beaten."""
+    if target.resolution <= 0:
+        return {}
+    measured, predicted = (rows[name].to_numpy(float) for name in ("measured", "predicted"))
+    _, groups = np.unique(rows["group"].to_numpy(str), return_inverse=True)
+    return {
+        name: left_open(
+            predicted, rows[BASELINE + name].to_numpy(float), measured, groups, target.resolution
+        )
+        for name in target.must_beat
+        if BASELINE + name in rows.columns and rows[BASELINE + name].notna().all()
+    }
 
 
 def _held_against(score: Score, target: Target) -> Score:
@@ -310,17 +327,37 @@ def _held_against(score: Score, target: Target) -> Score:
                 f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {value:.4g} {unit} is "
                 f"above {limit:g} {unit}"
             )
+    open_: list[str] = []
     if target.each_group:
         for name in target.must_beat:
-            other = score.baselines.get(name)
-            if other is None or other.rmse is None or score.rmse is None:
-                continue
-            if not score.rmse < other.rmse:
-                reasons.append(
-                    f"{score.group}: RMSE {score.rmse:.4g} {score.unit} is not below that of "
-                    f"{name}, {other.rmse:.4g} {score.unit}"
-                )
-    return replace(score, status="failed" if reasons else "passed", reasons=tuple(reasons))
+            worse, unsure = _shortfall(score, name)
+            reasons += [f"{score.group}: {reason}" for reason in worse]
+            open_ += [f"{score.group}: {reason}" for reason in unsure]
+    status: Status = "failed" if reasons else "not decided" if open_ else "passed"
+    return replace(score, status=status, reasons=tuple(reasons or open_))
+
+
+def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
+    """Errors that are not below a baseline's: for sure, and by less than the sensor can tell."""
+    other = score.baselines.get(name, Figures())
+    spared = score.rounding.get(name, Figures())
+    worse, unsure = [], []
+    for kind in ("mae", "rmse"):
+        own, theirs = getattr(score, kind), getattr(other, kind)
+        if own is None or theirs is None or own < theirs:
+            continue
+        said = (
+            f"{WORDS[kind]} {own:.4g} {score.unit} is not below that of {name}, {theirs:.4g} "
+            f"{score.unit}"
+        )
+        width = getattr(spared, kind) or 0.0
+        if own - theirs < width:
+            unsure.append(
+                f"{said}, but the sensor's steps leave {width:.2g} {score.unit} open: not decided"
+            )
+        else:
+            worse.append(said)
+    return worse, unsure
 
 
 def _covered(score: Score, target: Target) -> Score:
@@ -342,23 +379,21 @@ def _covered(score: Score, target: Target) -> Score:
     return replace(score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons))
 
 
-def _beaten(scores: Sequence[Score], target: Target, deciding: Role) -> list[str]:
-    """Baselines that are better over all groups, in MAE and in RMSE."""
-    reasons = []
-    for score in scores:
-        mine = (score.quantity, score.regime) == (target.quantity, target.regime)
-        if not (mine and score.group == ALL and score.role == deciding):
-            continue
-        for name in target.must_beat:
-            other = score.baselines.get(name)
-            if other is None or None in (other.mae, other.rmse, score.mae, score.rmse):
+def _beaten(
+    scores: Sequence[Score], targets: Sequence[Target], deciding: Role
+) -> tuple[list[str], list[str]]:
+    """Baselines that are no worse over all groups, for sure and by less than can be told."""
+    reasons: list[str] = []
+    open_: list[str] = []
+    for target in targets:
+        for score in scores:
+            mine = (score.quantity, score.regime) == (target.quantity, target.regime)
+            if not (mine and score.group == ALL and score.role == deciding):
                 continue
-            if score.mae >= other.mae and score.rmse >= other.rmse:  # type: ignore[operator]
-                reasons.append(
-                    f"{target.quantity} is predicted worse than by {name}: mean error "
-                    f"{score.mae:.4g} against {other.mae:.4g} {score.unit}"
-                )
-    return reasons
+            for name in target.must_beat:
+                for found, said in zip((reasons, open_), _shortfall(score, name), strict=True):
+                    found += [f"{target.quantity} over all: {reason}" for reason in said]
+    return reasons, open_
 
 
 def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:
@@ -504,12 +539,16 @@ def _status(
     cases: Cases,
     decisive: Sequence[Score],
     broken: Sequence[str],
+    open_: Sequence[str],
     sets: GoldenSets | None,
 ) -> tuple[Status, list[str]]:
-    """The verdict's status and reasons."""
-    over = [reason for score in decisive for reason in score.reasons]
+    """The verdict's status and reasons; what is not decided speaks only where nothing failed."""
+    over = [r for score in decisive if score.status == "failed" for r in score.reasons]
     if broken or over:
         return "failed", [*broken, *over]
+    unsure = [r for score in decisive if score.status == "not decided" for r in score.reasons]
+    if decisive and (open_ or unsure):
+        return "not decided", [*open_, *unsure]
     if decisive:
         return "passed", []
     return "not judged", [why_not_judged(model, cases, sets)]

@@ -105,7 +105,7 @@ LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 
 
-def gains(simple: NDArray[np.float64], rich: NDArray[np.float64]) -> bool:
+def gains(simple: NDArray[np.float64], rich: NDArray[np.float64], level: float = LEVEL) -> bool:
     """Whether ``rich`` has significantly lower squared errors than ``simple``, day by day.
 
     A paired one-sided t-test over days: samples within a day hang together, days hardly do.  With
@@ -115,9 +115,11 @@ def gains(simple: NDArray[np.float64], rich: NDArray[np.float64]) -> bool:
     ----------
     simple, rich : ndarray, shape (days,)
         Mean squared errors of the same days, none of them learnt from.
+    level : float
+        Chance of keeping a richer model that is no better [1].
     """
     from scipy.stats import ttest_rel
 
     if len(simple) < 3 or np.allclose(simple, rich):
         return False
-    return bool(ttest_rel(simple, rich, alternative="greater").pvalue < LEVEL)
+    return bool(ttest_rel(simple, rich, alternative="greater").pvalue < level)

@@ -7,7 +7,9 @@ One node is the measured winding (or housing) itself,
 with the heat sources ``h``: bearing friction n^(5/3), load times speed, copper loss tau^2,
 windage n^2, and the magnetising current of a motor that holds its position at standstill
 (``spindle_position_control``).  Two nodes add a body (housing, cartridge) that exchanges heat with
-the first and loses its own to the ambient.  Where the coolant's temperature is recorded it is a
+the first and loses its own to the ambient; the heat of the bearings goes into the one or the other.
+Of a winding that is nearly massless beside a body that hardly warms, only the exchange is left (a
+fixed body: capacity ratio 0).  Where the coolant's temperature is recorded it is a
 further sink (or source: it carries the heat of chips, pump and tank), of the body where there is
 one, else of the measured node: - (T - T_coolant) / (R_c C).  Only k_i/C and
 1/(RC) can be had from temperatures, so only these are parameters.
@@ -55,17 +57,19 @@ class SpindleThermalParameters(Ranged):
     coupling_rate : float
         Heat exchange of the measured node with the body, over its C [1/s]; 0 for one node.
     capacity_ratio : float
-        C of the measured node over C of the body [1]; positive with two nodes.
+        C of the measured node over C of the body [1]; 0 for a body that stays as warm as it was.
     body_cooling_rate : float
         1 / (R C) of the body to the ambient [1/s].
     coolant_rate : float
         1 / (R C) of the body, or of the only node, to the coolant [1/s]; 0 without one.
+    friction_in_body : bool
+        Whether the bearings' friction heats the body; its coefficient is then over the body's C.
 
     Raises
     ------
     ValueError
         When a source is not one of :data:`SOURCES`, a rate or coefficient is negative or not
-        finite, or a second node has no capacity ratio.
+        finite, or a fixed body has a sink.
     """
 
     heating: dict[str, float] = field(default_factory=dict)
@@ -76,6 +80,7 @@ class SpindleThermalParameters(Ranged):
     capacity_ratio: NotNegative = 0.0
     body_cooling_rate: _Rate = 0.0
     coolant_rate: _Rate = 0.0
+    friction_in_body: bool = False
 
     def __post_init__(self) -> None:
         unknown = set(self.heating) - set(SOURCES)
@@ -87,16 +92,21 @@ class SpindleThermalParameters(Ranged):
                 raise ValueError(
                     f"heating[{name}] = {value} {SOURCES[name]} must be finite and at least 0"
                 )
-        if self.coupling_rate > 0 and self.capacity_ratio == 0:
+        if self.fixed_body and self.body_cooling_rate + self.coolant_rate > 0:
             raise ValueError(
-                "capacity_ratio = 0 with two nodes must be positive: for a body that never warms, "
-                "take one node"
+                "capacity_ratio = 0 with body_cooling_rate or coolant_rate above 0: a body that "
+                "never warms has no sink; give a positive capacity_ratio, or set both rates to 0"
             )
 
     @property
     def nodes(self) -> int:
         """Number of nodes, 1 or 2."""
         return 2 if self.coupling_rate > 0 else 1
+
+    @property
+    def fixed_body(self) -> bool:
+        """Whether the second node is a body that stays as warm as it was at the beginning."""
+        return self.nodes == 2 and self.capacity_ratio == 0
 
     @property
     def rates(self) -> Floats:
@@ -131,7 +141,7 @@ def heat_sources(speed: ArrayLike, load: ArrayLike, hold: ArrayLike) -> Floats:
     )
 
 
-def _first_order(rate: float, source: Floats, start: ArrayLike, dt: float) -> Floats:
+def first_order(rate: float, source: Floats, start: ArrayLike, dt: float) -> Floats:
     """Response of dz/dt = rate z + source from ``start``, exact for a source held over each step.
 
     The last axis is time; the value at a sample is the one at the beginning of its step.
@@ -155,6 +165,18 @@ def _modes(parameters: SpindleThermalParameters) -> tuple[Floats, Floats, Floats
     scale = np.array([1.0, np.sqrt(parameters.capacity_ratio)])
     eigenvalues, vectors = np.linalg.eigh(parameters.rates / np.outer(scale, 1 / scale))
     return eigenvalues, scale[:, None] * vectors, vectors.T / scale
+
+
+def slow_share(parameters: SpindleThermalParameters) -> float:
+    """How far the body is off where the measured node is off by one, in the slow mode [1].
+
+    The error of a free run that is older than the fast mode stands in the slow one.
+    """
+    if parameters.fixed_body:
+        return 1.0
+    eigenvalues, vectors, _ = _modes(parameters)
+    slow = vectors[:, int(np.argmax(eigenvalues))]
+    return float(slow[1] / slow[0])
 
 
 def temperatures(
@@ -207,8 +229,7 @@ def temperatures(
             f"coolant_rate = {parameters.coolant_rate:g} 1/s needs the coolant's temperature: "
             "record coolant_temperature, or take a network without that sink"
         )
-    coefficients = np.array([parameters.heating.get(name, 0.0) for name in SOURCES])
-    heat = sources @ coefficients
+    heat, of_body = _heat(sources, parameters)
     surround = np.broadcast_to(
         parameters.ambient
         if ambient is None
@@ -221,21 +242,26 @@ def temperatures(
     first = np.broadcast_to(np.asarray(start, float), heat.shape[:-1])
     if parameters.nodes == 1:
         driven = heat + parameters.cooling_rate * surround + chilled
-        return _first_order(float(parameters.rates[0, 0]), driven, first, dt)[np.newaxis]
+        return first_order(float(parameters.rates[0, 0]), driven, first, dt)[np.newaxis]
     if body_start is None:
         sink = None if coolant is None else np.asarray(coolant, float)[..., 0]
         body_start = quasi_steady_body(first, surround[..., 0], parameters, sink)
+    if parameters.fixed_body:
+        body = np.broadcast_to(np.asarray(body_start, float)[..., np.newaxis], heat.shape)
+        driven = heat + parameters.cooling_rate * surround + parameters.coupling_rate * body
+        own = first_order(float(parameters.rates[0, 0]), driven, first, dt)
+        return np.stack([own, body])
     eigenvalues, vectors, inverse = _modes(parameters)
     inputs = np.stack(
         [
             heat + parameters.cooling_rate * surround,
-            parameters.body_cooling_rate * surround + chilled,
+            of_body + parameters.body_cooling_rate * surround + chilled,
         ]
     )
     starts = np.stack([first, np.broadcast_to(np.asarray(body_start, float), first.shape)])
     modes = np.stack(
         [
-            _first_order(
+            first_order(
                 rate,
                 np.tensordot(inverse[m], inputs, axes=1),
                 np.tensordot(inverse[m], starts, axes=1),
@@ -245,6 +271,17 @@ def temperatures(
         ]
     )
     return np.tensordot(vectors, modes, axes=1)
+
+
+def _heat(sources: Floats, parameters: SpindleThermalParameters) -> tuple[Floats, Floats]:
+    """Heating of the measured node and of the body [K/s], shape (..., T) each."""
+    given = parameters.heating
+    coefficients = np.array([given.get(name, 0.0) for name in SOURCES])
+    bearings = np.array([name == "bearing_friction" for name in SOURCES])
+    in_body = bearings & (parameters.friction_in_body and parameters.nodes == 2)
+    return sources @ np.where(in_body, 0.0, coefficients), sources @ np.where(
+        in_body, coefficients, 0.0
+    )
 
 
 def quasi_steady_body(

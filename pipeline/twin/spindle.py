@@ -18,7 +18,13 @@ from pipeline.schema.ranges import NotNegative, Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.signals.columns import column
 from pipeline.signals.windows import StateSegment, state_segments
-from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources, temperatures
+from pipeline.thermal.network import (
+    SOURCES,
+    SpindleThermalParameters,
+    heat_sources,
+    slow_share,
+    temperatures,
+)
 from pipeline.twin.residual import Forest, ResidualForest, load_forest, smoothed_inputs
 
 TARGET = "spindle_temperature"
@@ -203,22 +209,26 @@ def from_measured(
     length: int,
     records: SpindleRecords,
     parameters: SpindleThermalParameters,
-    body: Floats | None,
+    nodes: Floats,
 ) -> Floats:
     """Temperature over ``length`` steps from the temperature measured at step ``start``, (length,).
 
-    ``body`` is the unmeasured node's temperature of a free run from the stretch's beginning, shape
-    (T,): its start is what was known by then.
+    ``nodes`` (nodes, T) is a free run from the stretch's beginning.  What it is off by at the start
+    is known then; an error that has lasted is one of the slow mode, so the body is as far off.
     """
     frame = stretch.frame.iloc[start : start + length]
+    first = float(frame[TARGET].iloc[0])
+    body = None
+    if len(nodes) == 2:
+        body = nodes[1][start] + slow_share(parameters) * (first - nodes[0][start])
     return temperatures(
         heat_of(frame),
-        frame[TARGET].iloc[0],
+        first,
         parameters,
         stretch.step,
         ambient=ambient_of(frame, records),
         coolant=coolant_of(frame, records),
-        body_start=None if body is None else body[start],
+        body_start=body,
     )[0]
 
 
@@ -235,8 +245,8 @@ class SpindleFitFacts:
     rmse_K : float
         Over the training days, each a free run [K].
     rmse_days_left_out_K : mapping of str to float
-        RMSE in windows of days left out [K], by number of nodes, ``"2 with coolant"`` where that
-        sink was tried; empty when there was no choice.
+        RMSE in windows of days left out [K], by network, ``", hours"`` behind it of hours left out,
+        ``" with coolant"`` where that sink was tried; empty when there was no choice.
     condition : float or None
         Condition number of the scaled Jacobian [1].
     correlation : Correlation
@@ -245,6 +255,10 @@ class SpindleFitFacts:
         Simulations of all training days that the fit took.
     seconds, bridged_s : float
         Of the training days; of them with inputs that were held from before [s].
+    in_doubt : tuple of str
+        Other networks that what was left out cannot tell from this one.
+    resolution_K : float
+        Step of the temperature sensor [K].
     """
 
     step_s: float
@@ -256,6 +270,8 @@ class SpindleFitFacts:
     evaluations: int
     seconds: float
     bridged_s: float
+    in_doubt: tuple[str, ...] = ()
+    resolution_K: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -327,12 +343,11 @@ class SpindleModel:
         measured = stretch.frame[TARGET].to_numpy(float)
         length = max(round(window_s / stretch.step), 1)
         nodes = free_run(stretch, self.records, self.network)
-        body = nodes[1] if len(nodes) == 2 else None
         physics, persistence, at = (np.full(len(measured), np.nan) for _ in range(3))
         for start in window_starts(measured, length):
             window = slice(start, start + length)
             physics[window] = from_measured(
-                stretch, start, length, self.records, self.network, body
+                stretch, start, length, self.records, self.network, nodes
             )
             persistence[window] = measured[start]
             at[window] = np.arange(len(at[window])) * stretch.step

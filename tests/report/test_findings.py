@@ -19,7 +19,13 @@ from report_folders import (
 )
 
 from pipeline.report.pages import write_report
+from pipeline.report.work import Day, Work
 from pipeline.schema.store import write_json
+
+BLANK = {
+    "running": None, "position_control": None, "speed_known": None, "runs": [],
+    "speed": np.zeros(288), "held": np.zeros(288),
+}  # fmt: skip
 
 
 def test_the_second_report_says_what_changed(tmp_path):
@@ -139,3 +145,16 @@ def test_a_machine_without_conditions_has_no_section_of_alarms(tmp_path):
     write_table(folders.signals / "data_items.parquet", items | {"category": ["CONDITION"]})
     write_report([folders], FLEET, None, tmp_path / "out")
     assert "None of 1 condition was a warning or a fault." in words(tmp_path / "out" / "m.html")
+
+
+def test_a_sunday_that_ran_for_minutes_once_makes_no_sunday_usual() -> None:
+    """Four weeks of working days of 8 h, 0.4 h on the first Sunday, none on the others."""
+    days = [
+        Day(day=str(d), seconds={"ACTIVE": 8 * 3600.0}, **BLANK)
+        for d in np.arange("2026-01-05", "2026-01-31", dtype="datetime64[D]")
+        if d.astype(object).weekday() < 5 and str(d) != "2026-01-14"
+    ]
+    short = Day(day="2026-01-04", seconds={"ACTIVE": 0.4 * 3600}, **BLANK)
+    found = Work(folders=None, shelf=None, days=[short, *days], cycles=None, state_files=[])
+    assert "2026-01-11" in found.missing_days
+    assert found.surprising_days == ["2026-01-14"]

@@ -136,7 +136,39 @@ def test_a_model_that_is_worse_than_its_baseline_fails(name: str) -> None:
     wide = replace(TARGET, limits={"mae": 9.0})
     found = judged(name, [TRAIN, A, B], target=wide, predict=worse).verdict
     assert found.status == "failed"
-    assert found.reasons == ("force is predicted worse than by mean: mean error 1.5 against 1 N",)
+    assert found.reasons == (
+        "force over all: mean error 1.5 N is not below that of mean, 1 N",
+        "force over all: RMSE 1.5 N is not below that of mean, 1 N",
+    )
+
+
+def test_better_on_one_of_two_errors_is_not_better() -> None:
+    """Half of the samples right and half 1.9 off: a lower mean error than 1, a higher RMSE."""
+
+    def uneven(one: Case) -> Prediction:
+        frame = predictor(one).frame
+        off = 1.9 * (np.arange(len(frame)) % 2)
+        return Prediction(frame=frame.assign(predicted=frame["measured"] - off))
+
+    wide = replace(TARGET, limits={"mae": 9.0})
+    found = judged("spindle", [TRAIN, A, B], target=wide, predict=uneven).verdict
+    assert found.status == "failed"
+    assert [reason.split(":")[1][:5] for reason in found.reasons] == [" RMSE"]
+
+
+@pytest.mark.parametrize(
+    ("resolution", "status"), [(0.0, "failed"), (1.0, "not decided"), (1e-6, "failed")]
+)
+def test_worse_by_less_than_the_sensor_tells_is_not_decided(resolution: float, status: str) -> None:
+    def hardly_worse(one: Case) -> Prediction:
+        frame = predictor(one).frame
+        off = 1.001 * (frame["baseline_mean"] - frame["measured"])
+        return Prediction(frame=frame.assign(predicted=frame["measured"] - off))
+
+    near = replace(TARGET, limits={"mae": 9.0}, each_group=True, resolution=resolution)
+    found = judged("spindle", [TRAIN, A, B], target=near, predict=hardly_worse).verdict
+    assert found.status == status
+    assert all(("not decided" in reason) == (status == "not decided") for reason in found.reasons)
 
 
 @every_submodel

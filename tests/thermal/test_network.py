@@ -11,6 +11,7 @@ from pipeline.thermal.network import (
     SpindleThermalParameters,
     heat_sources,
     quasi_steady_body,
+    slow_share,
     temperatures,
 )
 
@@ -229,7 +230,10 @@ def test_sources_of_table_units_are_si() -> None:
         ({"cooling_rate": float("nan")}, "cooling_rate = nan"),
         ({"cooling_rate": 1e-3, "coupling_rate": float("inf")}, "coupling_rate = inf"),
         ({"cooling_rate": 1e-3, "capacity_ratio": -2.0}, r"capacity_ratio = -2\.0 must"),
-        ({"cooling_rate": 1e-3, "coupling_rate": 1e-3}, "capacity_ratio = 0 with two nodes"),
+        (
+            {"cooling_rate": 0.0, "coupling_rate": 1e-3, "body_cooling_rate": 1e-4},
+            "capacity_ratio = 0 with body_cooling_rate",
+        ),
         ({"cooling_rate": 1e-3, "ambient": float("nan")}, "ambient = nan"),
         ({"cooling_rate": 1e-3, "ambient_offset": float("inf")}, "ambient_offset = inf"),
         ({"cooling_rate": 1e-3, "heating": {"friction": 1.0}}, "friction.*bearing_friction"),
@@ -246,3 +250,46 @@ def test_parameters_that_no_spindle_has_are_refused(wrong: dict[str, object], wo
 def test_a_step_that_is_not_positive_is_refused(dt: float) -> None:
     with pytest.raises(ValueError, match=f"dt = {dt} s"):
         temperatures(np.zeros((3, len(SOURCES))), 20.0, ONE, dt)
+
+
+def test_a_winding_on_a_fixed_body_relaxes_to_where_it_began() -> None:
+    """Heated by 0.02 K/s for 20 time constants of 300 s it is 6 K above the body, then at it."""
+    p = SpindleThermalParameters(
+        heating={"position_hold": 0.02}, cooling_rate=0.0, coupling_rate=1 / 300
+    )
+    held = np.repeat([1.0, 0.0], 600)
+    T = temperatures(heat_sources(0 * held, 0 * held, held), 24.0, p, 10.0)
+    np.testing.assert_allclose(T[0, [599, 1199]], [30.0, 24.0], atol=1e-6)
+    np.testing.assert_array_equal(T[1], 24.0)
+
+
+def test_a_nearly_massless_winding_tends_to_the_fixed_body() -> None:
+    held = heat_sources(np.zeros(500), np.zeros(500), np.arange(500) % 100 < 50)
+    given = {"heating": {"position_hold": 0.02}, "cooling_rate": 0.0, "coupling_rate": 1 / 300}
+    fixed = temperatures(held, 24.0, SpindleThermalParameters(**given), 10.0)
+    nearly = SpindleThermalParameters(**given, capacity_ratio=1e-8)
+    np.testing.assert_allclose(temperatures(held, 24.0, nearly, 10.0), fixed, atol=1e-4)
+
+
+def test_bearings_in_the_body_warm_it_first() -> None:
+    """Without losses the heat a h over the body's capacity is all there is: a mean rise."""
+    p = SpindleThermalParameters(
+        heating={"bearing_friction": 1e-6}, cooling_rate=0.0, coupling_rate=1 / 300,
+        capacity_ratio=0.5, friction_in_body=True,
+    )  # fmt: skip
+    T = temperatures(heat_sources(np.full(361, 500.0), np.zeros(361), np.zeros(361)), 20.0, p, 10.0)
+    assert T[1, 30] > T[0, 30]
+    mean = (0.5 * T[0] + T[1]) / 1.5  # capacities 0.5 to 1
+    np.testing.assert_allclose(mean[-1] - 20, 1e-6 * 500 ** (5 / 3) * 3600 / 1.5, rtol=1e-6)
+
+
+def test_an_old_error_stands_in_the_slow_mode() -> None:
+    """Two runs that differ by the slow mode keep its shape for ever."""
+    p = SpindleThermalParameters(
+        cooling_rate=0.0, coupling_rate=1 / 300, capacity_ratio=0.2, body_cooling_rate=1 / 8000
+    )
+    none = np.zeros((200, len(SOURCES)))
+    one = temperatures(none, 20.0, p, 60.0, body_start=20.0)
+    two = temperatures(none, 21.0, p, 60.0, body_start=20.0 + slow_share(p))
+    off = two - one
+    np.testing.assert_allclose(off[1] / off[0], slow_share(p), rtol=1e-9)

@@ -26,7 +26,9 @@ UNIDENTIFIED = {
     "cutting": "coefficients are others', with the spread of their source",
 }
 """What stands in for a sub-model that was not identified."""
-GRAVITY: tuple[UsedStatus, ...] = ("failed", "not judged", "not identified", "passed")
+GRAVITY: tuple[UsedStatus, ...] = (
+    "failed", "not decided", "not judged", "not identified", "passed",
+)  # fmt: skip
 """Statuses in the order in which a person has to read them."""
 QUANTITY = {"control": "", "drive": FOLLOWING, "cutting": MAGNITUDE}
 """Beginning of the quantity whose errors count; of a control all that has limits."""

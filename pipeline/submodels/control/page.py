@@ -66,7 +66,12 @@ MEANINGS = {
 ROW, TOP = 22, 6  # px
 WIDEST = 60.0  # percent; an error beyond it stands at the edge as an arrow
 LONGEST = 24  # letters of a run's name that stand beside it
-KIND = {"passed": "p-passed", "failed": "p-failed", "not judged": "p-learnt"}
+KIND = {
+    "passed": "p-passed",
+    "failed": "p-failed",
+    "not judged": "p-learnt",
+    "not decided": "p-learnt",
+}
 
 Seen = Shown[ControlModelFile]
 

@@ -149,7 +149,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         return None
     hour, mend = _hour_words(facts), _mend(facts.faults)
     first = f"{mend}. " if mend else ""
-    if verdict is None or verdict.status == "not judged":
+    if verdict is None or verdict.status in ("not decided", "not judged"):
         why = "; ".join(verdict.reasons) if verdict is not None and verdict.reasons else (
             "no recording was kept out of its fit"
         )  # fmt: skip

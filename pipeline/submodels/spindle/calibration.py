@@ -14,7 +14,7 @@ from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits
 from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS, Run, runs_of
-from pipeline.submodels.spindle.fit import Problem, SpindleFitSettings, excited, solve
+from pipeline.submodels.spindle.fit import Problem, SpindleFitSettings, excited, solve, structure_of
 from pipeline.submodels.spindle.intervals import IntervalSettings
 from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.thermal.network import SpindleThermalParameters
@@ -49,7 +49,7 @@ class Recipe:
     def model_of(self, pieces: Sequence[StateSegment]) -> SpindleModel:
         """The model of some stretches, with the nodes and sources of the whole one."""
         sources = excited(pieces, list(self.whole.heating))
-        problem = Problem(pieces, self.records, self.network, sources, self.whole.nodes)
+        problem = Problem(pieces, self.records, self.network, sources, structure_of(self.whole))
         found = solve(problem, [problem.position(self.whole)]).parameters
         model = SpindleModel(network=found, records=self.records, step_s=self.network.step_s)
         if not self.forest_used:

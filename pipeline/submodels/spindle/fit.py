@@ -3,20 +3,20 @@
 The residuals are those of the temperature simulated over whole stretches of a day, each started
 from its first measured temperature (an output error, not an equation error: a sensor of whole
 degrees has no slope).  A source whose 95 % interval holds zero is left out and the rest fitted
-again, so that no number is reported that the records do not determine.  Whether the spindle needs a
-second node is decided by days left out.
+again, so that no number is reported that the records do not determine.  Which network it is to be
+is decided in :mod:`pipeline.submodels.spindle.structure`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.statistics import Uncertainty, gains, uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin import spindle
 
@@ -29,6 +29,8 @@ BOUNDS = {
 }  # fmt: skip
 """Bounds of the unknowns but the heat sources: logarithms of rates [1/s] and of the measured node's
 capacity over the body's [1], then [degC] and [K]."""
+MASSLESS = 1e-6
+"""Capacity ratio of a winding that is nearly massless beside its body [1]."""
 HEATING_BOUND = 1.0
 """Greatest heating by a source at its root mean square [K/s]: no motor heats faster."""
 LOGARITHMIC = (
@@ -75,9 +77,66 @@ class SpindleFitSettings(Ranged, section="spindle_fit"):
                 raise ValueError(f"spindle_fit.{name} is empty: name one value at least")
 
 
-class Problem:
-    """One least-squares problem: which sources, how many nodes, over which stretches.
+@dataclass(frozen=True, kw_only=True)
+class Structure:
+    """A network to fit: its nodes, what the bearings heat, and which limit it is of two nodes.
 
+    Parameters
+    ----------
+    nodes : int
+        1 or 2.
+    friction_in_body : bool
+        Whether the bearings heat the body rather than the measured node.
+    massless : bool
+        Whether the measured node is nearly massless, so that it does not warm the body: a body that
+        stays as warm as it was, or is warmed by the bearings alone.
+    """
+
+    nodes: int = 1
+    friction_in_body: bool = False
+    massless: bool = False
+
+    @property
+    def name(self) -> str:
+        """The network in words."""
+        if self.nodes == 1:
+            return "1 node"
+        bearings = ", bearings in the body" if self.friction_in_body else ""
+        return f"2 nodes{bearings}{', massless winding' if self.massless else ''}"
+
+    def unknowns(self, records: spindle.SpindleRecords) -> list[str]:
+        """Unknowns beside the sources; of a fixed body the exchange with it only."""
+        if self.massless and not self.friction_in_body:
+            return ["coupling_rate"]
+        coolant = ["coolant_rate"] if records.coolant else []
+        surround = "ambient_offset" if records.ambient else "ambient"
+        if self.nodes == 1:
+            return ["cooling_rate", *coolant, surround]
+        ratio = [] if self.massless else ["capacity_ratio"]
+        return ["coupling_rate", "body_cooling_rate", *coolant, *ratio, surround]
+
+    @property
+    def given(self) -> dict[str, float | bool]:
+        """Parameters that are not fitted."""
+        tiny = {"capacity_ratio": MASSLESS} if self.massless and self.friction_in_body else {}
+        return {"cooling_rate": 0.0, "friction_in_body": self.friction_in_body, **tiny}
+
+
+ONE, TWO = Structure(nodes=1), Structure(nodes=2)
+
+
+def structure_of(parameters: SpindleThermalParameters) -> Structure:
+    """The structure of a network that was fitted."""
+    return Structure(
+        nodes=parameters.nodes, friction_in_body=parameters.friction_in_body,
+        massless=parameters.nodes == 2 and parameters.capacity_ratio <= MASSLESS,
+    )  # fmt: skip
+
+
+class Problem:
+    """One least-squares problem: which sources, which network, over which stretches.
+
+    ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are known.
     The unknowns are the logarithm of rates and of the capacity ratio, the surround, and each
     source's heating at its root mean square over the records, so that all are of similar size.
     """
@@ -88,32 +147,55 @@ class Problem:
         records: spindle.SpindleRecords,
         settings: SpindleFitSettings,
         sources: Sequence[str],
-        nodes: int,
+        structure: Structure,
+        *,
+        unseen: Sequence[Bools] | None = None,
     ) -> None:
         self.pieces, self.records, self.settings = pieces, records, settings
-        self.sources, self.nodes = list(sources), nodes
+        self.sources, self.structure = list(sources), structure
         heat = np.concatenate([spindle.heat_of(p.frame) for p in pieces])
         rms = np.sqrt(np.mean(heat**2, axis=0))
         self.scale = {name: float(rms[list(SOURCES).index(name)]) for name in self.sources}
-        self.rates = ["cooling_rate"] if nodes == 1 else ["coupling_rate", "body_cooling_rate"]
-        self.surround = "ambient_offset" if records.ambient else "ambient"
-        ratio = [] if nodes == 1 else ["capacity_ratio"]
-        if records.coolant:
-            self.rates.append("coolant_rate")
-        self.names = [*self.rates, *ratio, self.surround, *self.sources]
+        self.names = [*structure.unknowns(records), *self.sources]
         block = 0
         blocks, masks = [], []
-        for piece in pieces:
+        for number, piece in enumerate(pieces):
             n = len(piece.frame)
             blocks.append(block + np.arange(n) * piece.step // settings.window_s)
             block = int(blocks[-1][-1]) + 1
-            masks.append(piece.frame[spindle.TARGET].notna().to_numpy())
+            known = piece.frame[spindle.TARGET].notna().to_numpy()
+            masks.append(known if unseen is None else known & ~unseen[number])
         self.measured = [p.frame[spindle.TARGET].to_numpy(float) for p in pieces]
         self.heat = [spindle.heat_of(p.frame) for p in pieces]
         self.surrounds = [spindle.ambient_of(p.frame, records) for p in pieces]
         self.coolants = [spindle.coolant_of(p.frame, records) for p in pieces]
         self.masks = masks
         self.blocks = np.concatenate([b[m] for b, m in zip(blocks, masks, strict=True)]).astype(int)
+
+    def widening(self) -> Floats:
+        """Factor on the half width of each unknown: a source has the freedom of its own hours.
+
+        Clusters that do not excite a source say nothing of it: with H hours that do, Student's t is
+        of H - 1 degrees of freedom.
+        """
+        from scipy.stats import t as student
+
+        found = np.ones(len(self.names))
+        freedom = max(len(np.unique(self.blocks)) - len(self.names), 1)
+        for i, name in enumerate(self.names):
+            if name not in self.scale:
+                continue
+            column = list(SOURCES).index(name)
+            heat = np.concatenate(
+                [h[m, column] for h, m in zip(self.heat, self.masks, strict=True)]
+            )
+            hours = np.bincount(self.blocks, weights=heat)
+            own = int((hours > 0.1 * hours.max(initial=0.0)).sum())
+            if own - 1 < freedom:
+                least = max(own - 1, 1)
+                found[i] = student.ppf(0.975, least) / student.ppf(0.975, freedom)
+                found[i] *= np.sqrt((least + 1) / least)
+        return found
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Lowest and highest of every unknown."""
@@ -155,25 +237,22 @@ class Problem:
         value = dict(zip(self.names, x, strict=True))
         found = {k: float(np.exp(v) if k in LOGARITHMIC else v) for k, v in value.items()}
         heating = {s: found.pop(s) / self.scale[s] for s in self.sources}
-        return SpindleThermalParameters(heating=heating, **{"cooling_rate": 0.0, **found})
+        known: dict[str, Any] = {**self.structure.given, **found}
+        return SpindleThermalParameters(heating=heating, **known)
+
+    def by_stretch(self, x: Floats) -> list[Floats]:
+        """Modelled minus measured temperature [K] of each stretch, NaN where it is not known."""
+        parameters = self.parameters(x)
+        return [
+            temperatures(h, t[0], parameters, p.step, ambient=a, coolant=c)[0] - t
+            for p, h, a, c, t in zip(
+                self.pieces, self.heat, self.surrounds, self.coolants, self.measured, strict=True
+            )
+        ]  # fmt: skip
 
     def residuals(self, x: Floats) -> Floats:
         """Modelled minus measured temperature [K] where it is known, shape (N,)."""
-        parameters = self.parameters(x)
-        return np.concatenate(
-            [
-                (temperatures(h, t[0], parameters, p.step, ambient=a, coolant=c)[0] - t)[m]
-                for p, h, a, c, t, m in zip(
-                    self.pieces,
-                    self.heat,
-                    self.surrounds,
-                    self.coolants,
-                    self.measured,
-                    self.masks,
-                    strict=True,
-                )
-            ]
-        )
+        return np.concatenate([r[m] for r, m in zip(self.by_stretch(x), self.masks, strict=True)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +261,11 @@ class SpindleFit:
 
     ``names``, ``values`` and ``half_width`` are in the order of the fit, in the units of
     the fit: the logarithm of rates and of the capacity ratio, a source's heating [K/s] at its root
-    mean square over the records.  ``left_out`` says for each source why it is not determined.
+    mean square over the records.  ``left_out`` says for each source why it is not determined,
+    ``intervals`` is the 95 % interval of each source that is excited, kept or not, in the unit of
+    its coefficient.  Of the structure that was chosen ``in_doubt`` names further networks that the
+    records bear as well; ``intervals`` are then those over all of them and over what the residuals
+    say, and ``unfollowed`` names the sources with which the residuals rise or fall.
     """
 
     parameters: SpindleThermalParameters
@@ -193,6 +276,9 @@ class SpindleFit:
     rmse_K: float
     evaluations: int
     left_out: dict[str, str] = field(default_factory=dict)
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    in_doubt: tuple[str, ...] = ()
+    unfollowed: tuple[str, ...] = ()
 
 
 def excited(pieces: Sequence[StateSegment], sources: Sequence[str]) -> list[str]:
@@ -222,11 +308,12 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
     # L1, curvature J' diag(psi') J with psi' = (1 + z)^(-3/2); split so that both come out.
     z = (r / settings.outlier_K) ** 2
     jacobian = approx_fprime(best.x, problem.residuals, 1e-6) * ((1 + z) ** -0.75)[:, None]
+    uncertainty = uncertainty_of(jacobian, r * (1 + z) ** 0.25, problem.blocks)
     return SpindleFit(
         parameters=problem.parameters(best.x),
         names=tuple(problem.names),
         values=best.x,
-        uncertainty=uncertainty_of(jacobian, r * (1 + z) ** 0.25, problem.blocks),
+        uncertainty=replace(uncertainty, half_width=uncertainty.half_width * problem.widening()),
         cost=float(best.cost),
         rmse_K=float(np.sqrt(np.mean(r**2))),
         evaluations=sum(end.nfev for end in ends) * (len(problem.names) + 1),
@@ -237,9 +324,9 @@ def fit_network(
     pieces: Sequence[StateSegment],
     records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
-    nodes: int,
+    structure: Structure,
 ) -> SpindleFit:
-    """The network of ``nodes`` nodes, with the sources that ``pieces`` determine.
+    """The network of a structure, with the sources that ``pieces`` determine.
 
     Raises
     ------
@@ -252,24 +339,40 @@ def fit_network(
             "the training days: record a working day, or name other days in roles.training_days"
         )
     left_out: dict[str, str] = {}
+    intervals: dict[str, tuple[float, float]] = {}
     sources = excited(pieces, records.sources)
     for name in records.sources:
         if name not in sources:
             left_out[name] = "the records never excite it"
+    starts: list[SpindleThermalParameters] = []
     while True:
-        problem = Problem(pieces, records, settings, sources, nodes)
-        fit = solve(problem, [problem.start(t) for t in settings.time_constants_s])
+        problem = Problem(pieces, records, settings, sources, structure)
+        fit = solve(
+            problem,
+            [problem.position(p) for p in starts]
+            or [problem.start(t) for t in settings.time_constants_s],
+        )
+        starts = [fit.parameters]
         weakest, ratio = _weakest(fit, sources)
         if weakest is None or ratio > 1:
-            return replace(fit, left_out=left_out)
+            kept = {name: _interval(fit, problem, name) for name in sources}
+            return replace(fit, left_out=left_out, intervals={**intervals, **kept})
         i = fit.names.index(weakest)
         width = fit.uncertainty.half_width[i] / problem.scale[weakest]
         value = max(fit.parameters.heating[weakest], 0.0)
         shown = 0.0 if value < 1e-3 * width else value  # a value at its bound is 0, not 1e-20
+        intervals[weakest] = (shown - width, shown + width)
         left_out[weakest] = (
             f"its 95 % interval {shown:.2g} ± {width:.2g} {SOURCES[weakest]} holds 0"
         )
         sources.remove(weakest)
+
+
+def _interval(fit: SpindleFit, problem: Problem, name: str) -> tuple[float, float]:
+    """95 % interval of a source's coefficient, in its unit."""
+    i = fit.names.index(name)
+    value, width = float(fit.values[i]), float(fit.uncertainty.half_width[i])
+    return (value - width) / problem.scale[name], (value + width) / problem.scale[name]
 
 
 def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float]:
@@ -298,79 +401,16 @@ def window_errors(
     for piece in pieces:
         length = max(round(settings.window_s / piece.step), 1)
         nodes = spindle.free_run(piece, records, parameters)
-        body = nodes[1] if len(nodes) == 2 else None
         measured = piece.frame[spindle.TARGET].to_numpy(float)
         for start in spindle.window_starts(measured, length):
-            found = spindle.from_measured(piece, start, length, records, parameters, body)
+            found = spindle.from_measured(piece, start, length, records, parameters, nodes)
             errors.append(found - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])
     known: Floats = joined[np.isfinite(joined)]
     return known
 
 
-def days_left_out(
-    pieces: Sequence[StateSegment],
-    records: spindle.SpindleRecords,
-    settings: SpindleFitSettings,
-    whole: SpindleFit,
-) -> Floats:
-    """Mean squared error [K^2] over windows of each day under a network fitted on the others.
-
-    The sources and the start are those of ``whole``, the fit on all days; a source that only the
-    day left out excites is not known to the others and stays 0.  Shape (days,), empty when there is
-    one day only.
-    """
-    days = sorted({p.day for p in pieces})
-    if len(days) < 2:
-        return np.array([])
-    errors = []
-    for day in days:
-        others = [p for p in pieces if p.day != day]
-        sources = excited(others, list(whole.parameters.heating))
-        problem = Problem(others, records, settings, sources, whole.parameters.nodes)
-        fit = solve(problem, [problem.position(whole.parameters)])
-        judged = [p for p in pieces if p.day == day]
-        errors.append(window_errors(judged, records, settings, fit.parameters))
-    return np.array([np.mean(e**2) for e in errors if len(e)])
-
-
-def identify_spindle_network(
-    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
-) -> tuple[SpindleFit, dict[str, float]]:
-    """The network with as many nodes, and the sink to the coolant, that days left out ask for.
-
-    One node is kept unless the records determine all of the second's parameters and it lowers the
-    squared error of days left out, significantly over the days (:func:`gains`).  The coolant, where
-    it is recorded, becomes a sink on the same condition.
-
-    Returns
-    -------
-    fit : SpindleFit
-        On all ``pieces``.
-    scores : dict of str to float
-        RMSE [K] on days left out, by number of nodes, ``"2 with coolant"`` with that sink; empty
-        when there was nothing to choose.
-    """
-    plain = replace(records, coolant=False)
-    fits = {n: fit_network(pieces, plain, settings, n) for n in sorted(set(settings.nodes))}
-    if len(fits) == 1 and not records.coolant:
-        return next(iter(fits.values())), {}
-    errors = {n: days_left_out(pieces, plain, settings, fit) for n, fit in fits.items()}
-    scores = {str(n): float(np.sqrt(e.mean())) for n, e in errors.items() if len(e)}
-    nodes = min(fits)
-    if len(fits) > 1 and gains(errors[1], errors[2]) and _determined(fits[2]):
-        nodes = 2
-    if not records.coolant:
-        return fits[nodes], scores
-    cooled = fit_network(pieces, records, settings, nodes)
-    error = days_left_out(pieces, records, settings, cooled)
-    if len(error):
-        scores[f"{nodes} with coolant"] = float(np.sqrt(error.mean()))
-    helps = gains(errors[nodes], error) and is_determined(cooled, "coolant_rate")
-    return cooled if helps else fits[nodes], scores
-
-
-def _determined(fit: SpindleFit) -> bool:
+def all_determined(fit: SpindleFit) -> bool:
     """Whether the records determine all parameters of a network."""
     return all(is_determined(fit, name) for name in fit.names)
 

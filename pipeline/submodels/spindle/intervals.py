@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+import pandas as pd
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged, Share
-from pipeline.submodels.conformal import Labels
-from pipeline.twin.spindle import SpindleIntervals
+from pipeline.submodels.conformal import Labels, interval
+from pipeline.twin.spindle import TARGET, SpindleIntervals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,3 +96,22 @@ def regimes(
     """
     states = state_words(physics, step, how)
     return np.char.add(np.char.add(states, ", "), horizon_words(since, edges)).astype(str)
+
+
+def with_interval(served: pd.DataFrame, step: float, how: SpindleIntervals) -> pd.DataFrame:
+    """A served free run with its 90 % interval, ``low`` and ``high`` [degC].
+
+    Parameters
+    ----------
+    served : DataFrame
+        ``spindle_temperature`` and ``physics`` [degC] by step.
+    step : float
+        [s].
+    how : SpindleIntervals
+        Half widths by regime.
+    """
+    physics = served["physics"].to_numpy(float)
+    since = np.arange(len(physics), dtype=np.float64) * np.float64(step)
+    words = regimes(physics, since, step, how, how.free_run_horizons_s)
+    low, high = interval(served[TARGET].to_numpy(float), words, how.free_run)
+    return served.assign(low=low, high=high)

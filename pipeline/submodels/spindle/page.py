@@ -43,6 +43,7 @@ from pipeline.submodels.spindle.tables import (
     score_of,
     width_words,
 )
+from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
 SAMPLE_S = 10.0  # between two rows, where no model says it
@@ -118,9 +119,10 @@ def _limits(verdict: Verdict | None) -> dict[str, float]:
 
 
 def _beaten(score: Score) -> bool:
-    """Whether the guess that the temperature stays was as good."""
-    other = score.baselines.get("persistence", Errors()).rmse
-    return score.rmse is not None and other is not None and not score.rmse < other
+    """Whether the guess that the temperature stays was as good, on MAE or on RMSE."""
+    other = score.baselines.get("persistence", Errors())
+    pairs = ((score.mae, other.mae), (score.rmse, other.rmse))
+    return any(own is not None and guess is not None and own >= guess for own, guess in pairs)
 
 
 def _week(verdict: Verdict) -> str:
@@ -155,6 +157,13 @@ def _verdict(seen: Seen) -> PartVerdict | None:
             todo="Do not act on this model’s temperatures; leave the model that serves now in "
             "service.",
         )
+    if v.status == "not decided":
+        return PartVerdict(
+            status="attention",
+            sentence=f"The spindle’s thermal model is not decided by {_set_words(v)} ({_week(v)}): "
+            f"{'; '.join(v.reasons)}.",
+            todo="Judge it on days on which the spindle warms by more than its sensor’s step.",
+        )
     total, free = score_of(v, WINDOWS), score_of(v, FREE_RUN)
     return PartVerdict(
         status="passed",
@@ -175,9 +184,9 @@ def _failure(v: Verdict) -> str:
     worst = max(failed, key=lambda s: s.mae or 0.0)
     return (
         f"it failed on {len(failed)} of {counted(len(days), 'day')}, worst on "
-        f"{day_words(worst.group)} with a mean error over one hour of {fixed(worst.mae, 2)} K "
-        f"(limit {fixed(_limits(v).get('mae'), 1)} K; "
-        f"{_kelvin(score_of(v, WINDOWS))} over all days)"
+        f"{day_words(worst.group)}: over one hour "
+        f"{'; '.join(r.removeprefix(f'{worst.group}: ') for r in worst.reasons)} "
+        f"(mean error over all days {_kelvin(score_of(v, WINDOWS))})"
     )
 
 
@@ -261,8 +270,13 @@ def _model_words(model: SpindleModelFile) -> str:
     text += (
         "and cools in proportion to its temperature above the surround."
         if nodes == 1
-        else "and exchanges heat with a body, which loses its own to the surround."
+        else "and exchanges heat with a body, which " + _body_words(model.network)
     )
+    if model.fit.in_doubt:
+        text += (
+            f" What was left out of the fit does not tell it from {', '.join(model.fit.in_doubt)}: "
+            "the intervals of the heat sources are those over all of them."
+        )
     parameters = model.parameters.get("", {})
     rates = [
         f"1/{name} {duration(1 / p.value)}"
@@ -280,6 +294,13 @@ def _model_words(model: SpindleModelFile) -> str:
     return text
 
 
+def _body_words(network: SpindleThermalParameters) -> str:
+    if network.fixed_body:
+        return "stays as warm as the day began."
+    bearings = "is heated by the bearings and " if network.friction_in_body else ""
+    return f"{bearings}loses its own to the surround."
+
+
 def _forest_words(model: SpindleModelFile) -> str:
     forest = model.forest
     if not forest.used:
@@ -295,6 +316,12 @@ def _forest_words(model: SpindleModelFile) -> str:
     return text
 
 
+def _left_out_words(name: str) -> str:
+    """Network and what was left out of its fit, as the choice among networks stores it."""
+    hours = name.endswith(", hours")
+    return f"{'hours' if hours else 'days'} left out, {name.removesuffix(', hours')}"
+
+
 def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
     """Figures of the fit itself."""
     fit = model.fit
@@ -302,7 +329,7 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
         ("condition of the scaled Jacobian", quantity(fit.condition, "")),
         ("RMSE over the training days", quantity(fit.rmse_K, "K")),
         *(
-            (f"RMSE on days left out, {_network_words(n)}", quantity(v, "K"))
+            (f"RMSE on {_left_out_words(n)}", quantity(v, "K"))
             for n, v in fit.rmse_days_left_out_K.items()
         ),
         ("step of the simulation", quantity(fit.step_s, "s")),
@@ -321,12 +348,6 @@ def _fit_table(model: SpindleModelFile, made: Sequence[Source]) -> Table:
         sources=list(made),
         folded=True,
     )
-
-
-def _network_words(name: str) -> str:
-    """A network that was tried: its number of nodes, and what else it has."""
-    nodes, _, more = name.partition(" ")
-    return f"{counted(int(nodes), 'node')} {more}".strip()
 
 
 def _judged_section(seen: Seen) -> Section:

@@ -72,14 +72,13 @@ def examples(
     for piece in pieces:
         inputs = smoothed_inputs(piece.frame, piece.step, [*records.sources, *records.extra])
         nodes = free_run(piece, records, network)
-        body = nodes[1] if len(nodes) == 2 else None
         measured = piece.frame[TARGET].to_numpy(float)
         length = max(round(settings.window_s / piece.step), 1)
         take = max(round(settings.sample_s / piece.step), 1)
         for start in range(0, len(measured), max(round(settings.every_s / piece.step), 1)):
             if np.isnan(measured[start]):
                 continue
-            physics = from_measured(piece, start, length, records, network, body)[take::take]
+            physics = from_measured(piece, start, length, records, network, nodes)[take::take]
             rows = np.arange(start, min(start + length, len(measured)))[take::take]
             found = features(
                 inputs.iloc[rows],

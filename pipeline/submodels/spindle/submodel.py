@@ -38,11 +38,12 @@ from pipeline.submodels.spindle.fit import (
     LOGARITHMIC,
     SpindleFit,
     SpindleFitSettings,
-    identify_spindle_network,
     is_determined,
 )
-from pipeline.submodels.spindle.intervals import IntervalSettings
+from pipeline.submodels.spindle.intervals import IntervalSettings, with_interval
 from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
+from pipeline.submodels.spindle.sensor import sensor_step
+from pipeline.submodels.spindle.structure import identify_spindle_network
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import load_forest, save_forest
 from pipeline.twin.spindle import (
@@ -63,6 +64,8 @@ REMEDY = {
     "position_hold": "record the spindle held in position (C axis) for 20 minutes",
 }
 """What to record so that a heat source becomes determined."""
+HELD_S = 1200.0
+"""Time that the remedy of a spindle held in position asks for [s]."""
 RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
 
 
@@ -115,6 +118,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                 quantity=TARGET, unit="K", regime=WINDOWS, baselines=others,
                 limits={"mae": limits.mae_K, "rmse": limits.rmse_K},
                 must_beat=("persistence",), each_group=True, coverage=coverage,
+                resolution=model.fit.resolution_K,
             ),
             Target(
                 quantity=TARGET, unit="K", regime=FREE_RUN, baselines=others, coverage=coverage
@@ -173,7 +177,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
-            parameters={"": {**_parameters(fit), **_undetermined(fit, settings.spindle)}},
+            parameters={"": {**_parameters(fit), **_undetermined(fit, settings.spindle, pieces)}},
             trained_on=tuple(case.training for case in trained),
             conditions=conditions_of(trained),
             network=fit.parameters,
@@ -197,9 +201,11 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Temperatures from a clean state table: column ``time``, then those that the model needs.
 
-        Of ``spindle_temperature`` only the first row is read, the temperature to start from.
+        Of ``spindle_temperature`` only the first row is read, the temperature to start from.  Where
+        training days left out calibrated one, ``low`` and ``high`` are the 90 % interval.
         """
         model = load_spindle_model(folder)
+        how = read_json(folder / "model.json", SpindleModelFile).intervals
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
             for name in ("time", TARGET):
@@ -211,7 +217,8 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                     f"{TARGET} is not known in the first row: start where it was measured"
                 )
             state = table.assign(time=pd.to_datetime(table["time"], utc=True)).set_index("time")
-            return model.predict(state, start).reset_index(names="time")
+            found = model.predict(state, start).reset_index(names="time")
+            return found if how is None else with_interval(found, model.step_s, how)
 
         return predict
 
@@ -256,30 +263,51 @@ def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
         if name in LOGARITHMIC:
             low, high, value = np.exp([value - width, value + width, value]).tolist()
         elif name in SOURCES:
-            scale = fit.parameters.heating[name] / value
-            low, high, value = (value - width) * scale, (value + width) * scale, value * scale
+            (low, high), value = fit.intervals[name], fit.parameters.heating[name]
         else:
             low, high = value - width, value + width
         unit = SOURCES.get(name, units.get(name, "1/s"))
-        known = is_determined(fit, name)
+        known = is_determined(fit, name) and not (name in SOURCES and low <= 0 <= high)
         why = (
-            "at a bound or with a 95 % interval wider than the model bears, "
+            f"its 95 % interval {low:.2g} to {high:.2g} {unit} holds 0 over the networks that the "
+            f"records bear as well ({', '.join(fit.in_doubt)})"
+            if name in SOURCES
+            else "at a bound or with a 95 % interval wider than the model bears, "
             f"{low:.2g} to {high:.2g}"
         )
         found[name] = Parameter(
             value=float(f"{value:.5g}") if known else None, unit=unit, determined=known,
             interval_95=(float(f"{low:.4g}"), float(f"{high:.4g}")) if known else None,
-            method=METHOD if known else why, remedy="" if known else RATE_REMEDY,
+            method=METHOD if known else why,
+            remedy="" if known else REMEDY.get(name, RATE_REMEDY),
         )  # fmt: skip
     return found
 
 
-def _undetermined(fit: SpindleFit, records: SpindleRecords) -> dict[str, Parameter]:
+def _undetermined(
+    fit: SpindleFit, records: SpindleRecords, pieces: Sequence[StateSegment]
+) -> dict[str, Parameter]:
     """The heat sources that the records do not determine, with what to record."""
+    held = {
+        day: sum(float(p.frame["position_hold"].sum()) * p.step for p in pieces if p.day == day)
+        for day in sorted({p.day for p in pieces})
+    }
+    held_s, days = sum(held.values()), sum(seconds > 0 for seconds in held.values())
+
+    def remedy(name: str) -> str:
+        if name in fit.unfollowed:
+            return "nothing: the records show heat that comes with it, and no network follows it"
+        if name == "position_hold" and held_s >= HELD_S:
+            return (
+                f"record the spindle held on another day: {held_s / 60:.0f} minutes on {days} of "
+                f"{len(held)} days do not tell its heat from the rest"
+            )
+        return REMEDY[name]
+
     return {
         name: Parameter(
             value=None, unit=SOURCES[name], interval_95=None, determined=False, method=why,
-            remedy=REMEDY[name],
+            remedy=remedy(name),
         )
         for name, why in fit.left_out.items()
         if name in records.sources
@@ -305,6 +333,8 @@ def _facts(
         evaluations=fit.evaluations,
         seconds=round(sum(len(p.frame) * p.step for p in pieces)),
         bridged_s=round(sum(p.bridged * p.step for p in pieces)),
+        in_doubt=fit.in_doubt,
+        resolution_K=sensor_step(np.concatenate([p.frame[TARGET].to_numpy(float) for p in pieces])),
     )
 
 

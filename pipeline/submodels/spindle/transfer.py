@@ -24,6 +24,7 @@ from pipeline.submodels.spindle.fit import (
     SpindleFitSettings,
     excited,
     solve,
+    structure_of,
 )
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import (
@@ -156,7 +157,7 @@ def transfer(
     for minutes in sorted(settings.minutes):
         short = first_minutes(pieces, minutes)
         pooled = pooled_network(golden, short, settings, correlation_s=fitting.window_s)
-        alone = own_network(short, records, fitting, golden.network.nodes)
+        alone = own_network(short, records, fitting, golden.network)
         points.append(
             TransferPoint(
                 minutes=minutes,
@@ -281,13 +282,16 @@ def own_network(
     pieces: Sequence[StateSegment],
     records: SpindleRecords,
     fitting: SpindleFitSettings,
-    nodes: int,
+    golden: SpindleThermalParameters,
 ) -> SpindleThermalParameters | None:
-    """The network of a short record alone, with every source that it excites; None without any."""
+    """The golden machine's network of a short record alone, with every source that it excites.
+
+    None where it excites none.
+    """
     sources = excited(pieces, [name for name in records.sources if name in SOURCES])
     if not sources:
         return None
-    problem = Problem(pieces, records, fitting, sources, nodes)
+    problem = Problem(pieces, records, fitting, sources, structure_of(golden))
     return solve(problem, [problem.start(t) for t in fitting.time_constants_s]).parameters
 
 
@@ -309,22 +313,6 @@ def _values(network: SpindleThermalParameters) -> dict[str, float]:
     found = {**rates, **network.heating, "ambient": network.ambient}
     found["ambient_offset"] = network.ambient_offset
     return {name: float(f"{value:.5g}") for name, value in found.items() if value}
-
-
-def sensor_step(measured: Floats) -> float:
-    """Step between the values that a sensor shows [K]: those it shows for 1 % of the time or more.
-
-    Values between them are of the interpolation between two observations.
-
-    Examples
-    --------
-    >>> sensor_step(np.array([20.0] * 50 + [20.3, 20.7] + [21.0] * 50))
-    1.0
-    """
-    values, count = np.unique(np.round(measured[np.isfinite(measured)], 3), return_counts=True)
-    often = values[count >= 0.01 * count.sum()]
-    steps = np.diff(often if len(often) > 1 else values)
-    return float(round(steps.min(), 3)) if len(steps) else 0.0
 
 
 def leader(points: Sequence[TransferPoint], resolution_K: float) -> str:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.submodels.spindle.fit import SpindleFitSettings, identify_spindle_network
+from pipeline.submodels.spindle.fit import SpindleFitSettings
+from pipeline.submodels.spindle.structure import identify_spindle_network
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import SpindleRecords, heat_of
 from tests.submodels.spindle.spindle_days import ONE, days_of
@@ -33,13 +34,13 @@ def test_a_spindle_that_the_coolant_cools_gets_its_sink() -> None:
     )
     fit, scores = identify_spindle_network(days(truth), RECORDS, QUICK)
     assert fit.parameters.coolant_rate == pytest.approx(1 / 1200, rel=0.05)
-    assert scores["1 with coolant"] < scores["1"]
+    assert scores["1 node with coolant"] < scores["1 node"]
 
 
 def test_a_coolant_that_does_nothing_is_no_sink() -> None:
     fit, scores = identify_spindle_network(days(ONE), RECORDS, QUICK)
     assert fit.parameters.coolant_rate == 0.0
-    assert set(scores) == {"1", "1 with coolant"}
+    assert set(scores) == {"1 node", "1 node with coolant"}
 
 
 @pytest.mark.parametrize("nodes", [1, 2])

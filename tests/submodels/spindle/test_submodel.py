@@ -220,8 +220,10 @@ def test_the_registry_serves_what_the_model_predicts(made) -> None:
     _, folder, _ = made
     served = SUBMODEL.serve(folder)
     found = served(SUBMODEL.example(folder))
-    assert list(found.columns) == ["time", TARGET, "physics"]
+    assert list(found.columns) == ["time", TARGET, "physics", "low", "high"]
     assert np.isfinite(found[TARGET]).all()
+    assert (found["low"] < found[TARGET]).all()
+    assert (found["high"] > found[TARGET]).all()
     with pytest.raises(ValueError, match="has no column time"):
         served(pd.DataFrame({TARGET: [20.0]}))
     with pytest.raises(ValueError, match="not known in the first row"):

@@ -1,0 +1,336 @@
+"""Which network a spindle's records ask for: chosen on days left out, and on hours where days fail.
+
+Days left out decide on what several days show.  A source that one or two days alone excite cannot
+be credited so: the other days know nothing of it.  Its hours are then held out in turn, each with
+its neighbours of the same day in training, and all sources' hours are spread over the parts
+(iterative stratification, Sechidis, Tsoumakas and Vlahavas 2011).  Only the temperature is held
+out; speed and load stay known, and the fit runs through.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.signals.windows import StateSegment
+from pipeline.submodels.spindle.doubt import with_doubt
+from pipeline.submodels.spindle.fit import (
+    ONE,
+    Problem,
+    SpindleFit,
+    SpindleFitSettings,
+    Structure,
+    all_determined,
+    excited,
+    fit_network,
+    is_determined,
+    solve,
+    structure_of,
+    window_errors,
+)
+from pipeline.submodels.spindle.sensor import sensor_step
+from pipeline.submodels.statistics import LEVEL, gains
+from pipeline.twin import spindle
+
+PARTS = 5
+"""Parts into which the hours are split; each is held out in turn."""
+EXCITED = 0.1
+"""A source is excited in an hour whose mean is above this share of its greatest hour's [1]."""
+FEWEST_DAYS = 3
+"""Days that excite a source from which on days left out say what it does; hours where fewer do."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hours:
+    """Windows of all stretches: ``at`` (H, 3) piece, first step and length, ``excited`` (H, S)."""
+
+    at: Ints
+    excited: Bools
+    sources: tuple[str, ...]
+
+
+def hours_of(
+    pieces: Sequence[StateSegment], sources: Sequence[str], settings: SpindleFitSettings
+) -> Hours:
+    """Windows that start from a measured temperature, with the sources that each excites.
+
+    Parameters
+    ----------
+    pieces : sequence of StateSegment
+        Stretches of the training days.
+    sources : sequence of str
+        Whose excitation is looked at.
+    settings : SpindleFitSettings
+        Says how long a window is.
+    """
+    at, means = [], []
+    for number, piece in enumerate(pieces):
+        length = max(round(settings.window_s / piece.step), 1)
+        heat = piece.frame[list(sources)].to_numpy(float)
+        for start in spindle.window_starts(piece.frame[spindle.TARGET].to_numpy(float), length):
+            part = heat[start : start + length]
+            at.append((number, start, len(part)))
+            means.append(part.mean(axis=0))
+    mean = np.array(means).reshape(len(means), len(sources))
+    return Hours(
+        at=np.array(at, dtype=np.int64).reshape(-1, 3),
+        excited=(mean > 0) & (mean >= EXCITED * mean.max(axis=0, initial=0.0)),
+        sources=tuple(sources),
+    )
+
+
+def stratified(excited: Bools, parts: int) -> Ints:
+    """Part of each hour, (H,): hours of the rarest source are dealt out first.
+
+    Examples
+    --------
+    >>> stratified(np.array([[0, 1], [0, 1], [0, 1], [0, 1], [1, 1], [1, 1]], bool), 2).tolist()
+    [0, 1, 0, 1, 0, 1]
+    """
+    part = np.full(len(excited), -1, dtype=np.int64)
+    while (part < 0).any():
+        left = excited & (part < 0)[:, None]
+        count = left.sum(axis=0)
+        if count.any():
+            label = int(np.argmin(np.where(count > 0, count, len(excited) + 1)))
+            rows = np.flatnonzero(left[:, label])
+        else:
+            label, rows = -1, np.flatnonzero(part < 0)
+        for row in rows:
+            mine = part[excited[:, label] & (part >= 0)] if label >= 0 else part[part >= 0]
+            of_label = np.bincount(mine, minlength=parts)
+            of_all = np.bincount(part[part >= 0], minlength=parts)
+            part[row] = np.lexsort((of_all, of_label))[0]
+    return part
+
+
+def hours_left_out(
+    pieces: Sequence[StateSegment],
+    records: spindle.SpindleRecords,
+    settings: SpindleFitSettings,
+    whole: SpindleFit,
+    hours: Hours,
+) -> Floats:
+    """Mean squared error [K^2] of each hour under a network fitted on the other parts, (H,).
+
+    The start is ``whole``, the fit on all hours; a source that no hour of training excites is not
+    known there and stays 0.
+    """
+    part = stratified(hours.excited, PARTS)
+    errors = np.full(len(part), np.nan)
+    for held in np.unique(part):
+        unseen = [np.zeros(len(p.frame), dtype=bool) for p in pieces]
+        for number, start, length in hours.at[part == held]:
+            unseen[number][start : start + length] = True
+        known = dict(
+            zip(hours.sources, hours.excited[part != held].any(axis=0), strict=True)
+        )  # fmt: skip
+        sources = [name for name in whole.parameters.heating if known.get(name, False)]
+        problem = Problem(
+            pieces, records, settings, sources, structure_of(whole.parameters),
+            unseen=unseen,
+        )  # fmt: skip
+        if not len(problem.blocks):
+            continue
+        fit = solve(problem, [problem.position(whole.parameters)])
+        nodes = [spindle.free_run(p, records, fit.parameters) for p in pieces]
+        for row in np.flatnonzero(part == held):
+            number, start, length = hours.at[row].tolist()
+            found = spindle.from_measured(
+                pieces[number], start, length, records, fit.parameters, nodes[number]
+            )
+            measured = pieces[number].frame[spindle.TARGET].to_numpy(float)
+            errors[row] = np.nanmean((found - measured[start : start + length]) ** 2)
+    return errors
+
+
+def days_left_out(
+    pieces: Sequence[StateSegment],
+    records: spindle.SpindleRecords,
+    settings: SpindleFitSettings,
+    whole: SpindleFit,
+) -> Floats:
+    """Mean squared error [K^2] over windows of each day under a network fitted on the others.
+
+    The sources and the start are those of ``whole``, the fit on all days; a source that only the
+    day left out excites is not known to the others and stays 0.  Shape (days,), empty when there is
+    one day only.
+    """
+    days = sorted({p.day for p in pieces})
+    if len(days) < 2:
+        return np.array([])
+    errors = []
+    for day in days:
+        others = [p for p in pieces if p.day != day]
+        sources = excited(others, list(whole.parameters.heating))
+        problem = Problem(others, records, settings, sources, structure_of(whole.parameters))
+        fit = solve(problem, [problem.position(whole.parameters)])
+        judged = [p for p in pieces if p.day == day]
+        errors.append(window_errors(judged, records, settings, fit.parameters))
+    return np.array([np.mean(e**2) for e in errors if len(e)])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeftOut:
+    """Errors of one network on what was left out: ``days`` (D,) and ``hours`` (H,) [K^2].
+
+    ``hours`` is empty where every source is excited on days enough.
+    """
+
+    days: Floats
+    hours: Floats
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """RMSE [K], by what was left out."""
+        found = {"days": self.days, "hours": self.hours}
+        return {
+            name: float(np.sqrt(np.nanmean(error)))
+            for name, error in found.items() if np.isfinite(error).any()
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """What the choice of a network rests on: ``pieces`` and settings, ``hours``, ``rare`` (S,).
+
+    ``noise`` is the variance of the sensor's rounding [K^2]: errors below it are all alike.
+    """
+
+    pieces: Sequence[StateSegment]
+    settings: SpindleFitSettings
+    hours: Hours
+    rare: Bools
+    noise: float
+
+    def errors(self, fit: SpindleFit, records: spindle.SpindleRecords) -> LeftOut:
+        """Errors of a network on days left out, and on hours where a source needs that."""
+        given = self.pieces, records, self.settings, fit
+        hours = hours_left_out(*given, self.hours) if self.rare.any() else np.array([])
+        return LeftOut(days=days_left_out(*given), hours=hours)
+
+    def gains(self, simple: LeftOut, rich: LeftOut) -> bool:
+        """Whether ``rich`` is significantly better, over days or over the hours of a rare source.
+
+        Over hours the logarithms of the squared errors are compared: few hours with large errors
+        differ far from normally.  The level is shared out among the tests (Bonferroni); hours
+        credit a network only where its error is lower over all of them too.
+        """
+        rare = [self.hours.excited[:, i] for i in np.flatnonzero(self.rare)]
+        level = LEVEL / (1 + len(rare))
+        if gains(simple.days, rich.days, level):
+            return True
+        known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
+        if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
+            return False
+        logs = [np.log(one.hours + self.noise) for one in (simple, rich)]
+        return any(gains(logs[0][known & one], logs[1][known & one], level) for one in rare)
+
+    def score(self, error: LeftOut) -> float:
+        """Mean squared error that networks are ranked by [K^2]."""
+        return float(np.nanmean(error.hours if self.rare.any() else error.days))
+
+
+def choice_of(
+    pieces: Sequence[StateSegment], sources: Sequence[str], settings: SpindleFitSettings
+) -> Choice:
+    """Days and hours to choose on, and the sources that fewer than three of the days excite."""
+    hours = hours_of(pieces, sources, settings)
+    day = np.array([pieces[number].day for number in hours.at[:, 0]])
+    count = np.array([len(set(day[one])) for one in hours.excited.T])
+    enough = len(set(day)) >= FEWEST_DAYS
+    rare = (count > 0) & (count < FEWEST_DAYS) & enough
+    measured = np.concatenate([p.frame[spindle.TARGET].to_numpy(float) for p in pieces])
+    noise = max(sensor_step(measured), 1e-3) ** 2 / 12
+    return Choice(pieces=pieces, settings=settings, hours=hours, rare=rare, noise=noise)
+
+
+def identify_spindle_network(
+    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
+) -> tuple[SpindleFit, dict[str, float]]:
+    """The network, and the sink to the coolant, that what was left out asks for.
+
+    One node is kept unless another gains on it (:meth:`Choice.gains`): two nodes, with the heat of
+    the bearings in the one or the other.  Where the records do not determine all parameters of two
+    nodes, their limit of a nearly massless winding is tried too, and two nodes have to gain on it.
+    The coolant, where it is recorded, becomes a sink on the same condition.
+
+    Returns
+    -------
+    fit : SpindleFit
+        On all ``pieces``, with the networks that are as good and the intervals over all of them.
+    scores : dict of str to float
+        RMSE [K] on days left out, by network, with ``" with coolant"`` for that sink and
+        ``", hours"`` on hours left out; empty when there was nothing to choose.
+    """
+    plain = replace(records, coolant=False)
+    if set(settings.nodes) == {1} and not records.coolant:
+        return with_doubt(
+            fit_network(pieces, plain, settings, ONE), {}, pieces, plain, settings
+        ), {}
+    choice = choice_of(pieces, records.sources, settings)
+    fits = _fits(pieces, plain, settings)
+    errors = {one: choice.errors(fit, plain) for one, fit in fits.items()}
+    rivals = _rivals(fits, errors, choice)
+    chosen = _chosen(rivals, errors, choice)
+    others = {
+        one.name: fits[one] for one in rivals
+        if one != chosen and all_determined(fits[one])
+        and not choice.gains(errors[one], errors[chosen])
+    }  # fmt: skip
+    fit, scores = fits[chosen], _scores({one.name: error for one, error in errors.items()})
+    if not records.coolant or chosen.massless:
+        return with_doubt(fit, others, pieces, plain, settings), scores
+    cooled = fit_network(pieces, records, settings, chosen)
+    error = choice.errors(cooled, records)
+    scores |= _scores({f"{chosen.name} with coolant": error})
+    if choice.gains(errors[chosen], error) and is_determined(cooled, "coolant_rate"):
+        return with_doubt(cooled, {}, pieces, records, settings), scores
+    return with_doubt(fit, others, pieces, plain, settings), scores
+
+
+def _fits(
+    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
+) -> dict[Structure, SpindleFit]:
+    """Every network that is tried, on all stretches."""
+    fits = {}
+    if 1 in settings.nodes:
+        fits[ONE] = fit_network(pieces, records, settings, ONE)
+    if 2 in settings.nodes:
+        for friction_in_body in (False, True):
+            two = Structure(nodes=2, friction_in_body=friction_in_body)
+            fits[two] = fit_network(pieces, records, settings, two)
+            if not all_determined(fits[two]):
+                limit = replace(two, massless=True)
+                fits[limit] = fit_network(pieces, records, settings, limit)
+    return fits
+
+
+def _rivals(
+    fits: dict[Structure, SpindleFit], errors: dict[Structure, LeftOut], choice: Choice
+) -> list[Structure]:
+    """Networks to choose among: two nodes or their limit, whichever the records bear."""
+    left = list(fits)
+    for limit in [one for one in fits if one.massless]:
+        two = replace(limit, massless=False)
+        left.remove(limit if choice.gains(errors[limit], errors[two]) else two)
+    return left
+
+
+def _chosen(
+    rivals: Sequence[Structure], errors: dict[Structure, LeftOut], choice: Choice
+) -> Structure:
+    """The network that what was left out asks for; one node where none gains on it."""
+    better = [
+        one for one in rivals
+        if ONE not in rivals or (one != ONE and choice.gains(errors[ONE], errors[one]))
+    ]  # fmt: skip
+    return min(better, key=lambda one: choice.score(errors[one]), default=ONE)
+
+
+def _scores(errors: dict[str, LeftOut]) -> dict[str, float]:
+    return {
+        name if what == "days" else f"{name}, {what}": value
+        for name, error in errors.items() for what, value in error.rmse.items()
+    }  # fmt: skip
