@@ -84,7 +84,7 @@ def test_a_failed_model_says_so_and_what_to_do(report):
     text = words(report / "lathe.html")
     assert "Failed" in text
     assert "it failed on 2 of 2 days, worst on Thu 7 Mar" in text
-    assert "2.80 K (limit 2.0 K; 2.70 K over all days)" in text
+    assert "2.80 K (limit 2.0 K; 2.70 K over all days), since " in text
     assert "Do not act on this model’s temperatures" in text
     assert "MAE over one hour is above 2.0 K" in text
 

@@ -184,9 +184,9 @@ def _failure(v: Verdict) -> str:
     worst = max(failed, key=lambda s: s.mae or 0.0)
     return (
         f"it failed on {len(failed)} of {counted(len(days), 'day')}, worst on "
-        f"{day_words(worst.group)}: over one hour "
-        f"{'; '.join(r.removeprefix(f'{worst.group}: ') for r in worst.reasons)} "
-        f"(mean error over all days {_kelvin(score_of(v, WINDOWS))})"
+        f"{day_words(worst.group)} with a mean error over one hour of {fixed(worst.mae, 2)} K "
+        f"(limit {fixed(_limits(v).get('mae'), 1)} K; {_kelvin(score_of(v, WINDOWS))} over all "
+        f"days), since {'; '.join(r.removeprefix(f'{worst.group}: ') for r in worst.reasons)}"
     )
 
 
