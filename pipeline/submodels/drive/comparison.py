@@ -6,7 +6,7 @@ reference (and load) alone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,9 @@ from pipeline.machine.axis.feed_drive import drive_row
 from pipeline.machine.axis.friction import friction_force
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
+from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of, shifted
 from pipeline.submodels.drive.mechanics.estimates import Factor
-from pipeline.submodels.drive.mechanics.identifiability import (
-    held_out_load_factor,
-    with_force_constant,
-)
+from pipeline.submodels.drive.mechanics.identifiability import with_force_constant
 from pipeline.submodels.drive.mechanics.motion import motion
 from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import servo_low_passed
@@ -28,8 +26,6 @@ from pipeline.twin.program_axes import between
 
 LEAST = 1.0
 """Least duration of motion in air on which a force is judged [s]."""
-DETERMINED = 0.5
-"""Relative half width of its interval up to which a load factor is taken from its record [1]."""
 LISTED = ("position_gain", "velocity_gain", "integral_gain")
 """Listed gains that a recording may hold; the identified scale factors multiply them."""
 
@@ -69,33 +65,21 @@ def in_unit_of_drive(recording: Recording, axis: str, drive: IdentifiedDrive) ->
     return with_force_constant([recording], axis, drive.feed_drive.force_constant)[0]
 
 
-def factor_of_load(recording: Recording, axis: str, drive: IdentifiedDrive) -> Factor | None:
-    """Factor of the recording's load channel, for its direction and unit; None without a load.
-
-    It is the one number that is taken from the recording that is judged, as the recording does not
-    name it; 1, against positive motion in newton, where the recording does not determine it.
-    """
-    if recording.axes[axis].load is None or drive.force_unit != "N":
-        return None
-    factor = held_out_load_factor(
-        recording, axis, drive.feed_drive, drive.bandwidth_Hz, drive.delay
-    )
-    determined = factor is not None and factor.is_determined(DETERMINED)
-    return factor if determined else Factor(value=1, half_width=inf)
-
-
 def force_comparison(
-    recording: Recording, axis: str, drive: IdentifiedDrive, factor: Factor | None
+    recording: Recording, axis: str, drive: IdentifiedDrive, entering: Disturbance | None
 ) -> ForceComparison:
     """Force by M a + F_f(v) + F_g + c F_d, both sides through the filter of the identification."""
-    found, screw = motion(recording, axis, drive.bandwidth_Hz, drive.delay), drive.feed_drive
+    screw, force = drive.feed_drive, _force_of(entering)
+    if force is not None and entering is not None:
+        recording = _delayed(recording, axis, entering.delay)
+    found = motion(recording, axis, drive.bandwidth_Hz, drive.delay)
     measured, modelled = found.force, (
         screw.mass * found.acceleration
         + friction_force(found.velocity, screw.friction)
         + screw.offset
     )  # fmt: skip
-    if found.load is not None and factor is not None:
-        modelled = modelled + factor.value * found.load
+    if found.load is not None and force is not None:
+        modelled = modelled + force.value * found.load
     if found.bandwidth is not None:
         both = np.stack((measured, modelled))
         measured, modelled = servo_low_passed(both, found.period, found.bandwidth)
@@ -132,9 +116,13 @@ class FollowingComparison:
 
 
 def following_comparison(
-    recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int, factor: Factor | None
+    recording: Recording,
+    axis: str,
+    drive: IdentifiedDrive,
+    substeps: int,
+    entering: Disturbance | None,
 ) -> FollowingComparison | str:
-    """Following error of the twin under the recorded reference (and load), or why there is none.
+    """Following error of the twin under recorded reference and disturbance, or why there is none.
 
     The servo runs ``substeps`` times in a sample of the recorder, on a smooth curve through the
     samples of its reference.
@@ -145,11 +133,9 @@ def following_comparison(
     servo = with_own_gains(drive.servo, one.constants)
     if one.reference is None or one.position is None:
         return "it does not hold both the commanded and the measured position"
-    load = None
-    if one.load is not None and factor is not None:
-        load = np.repeat(factor.value * one.load, substeps)
+    fine = recording.period / substeps
     try:
-        check_stability(servo, drive.feed_drive, recording.period / substeps, 1)
+        check_stability(servo, drive.feed_drive, fine, 1)
     except ValueError as error:
         return str(error)
     start = DriveStart(
@@ -158,9 +144,14 @@ def following_comparison(
         command=float(one.command[0]),
         reference_velocity=float(one.reference[1] - one.reference[0]) / recording.period,
     )
+    added = _added(one.load, entering, servo, fine, substeps)
     trace = simulate_traces(
-        between(one.reference, substeps), recording.period / substeps,
-        drive_row(servo, drive.feed_drive)[np.newaxis], load=load,
+        between(one.reference, substeps) + added.reference, fine,
+        drive_row(servo, drive.feed_drive)[np.newaxis],
+        load=np.broadcast_to(
+            added.load - drive.feed_drive.force_constant * added.command,
+            len(one.reference) * substeps,
+        ),
         start=start,
     )  # fmt: skip
     feed = np.gradient(one.reference, recording.period)
@@ -169,8 +160,39 @@ def following_comparison(
         measured=one.reference - one.position,
         modelled=one.reference - trace.position[0, ::substeps],
         guessed=share * feed / servo.loop_gain,
-        command=trace.command[0, ::substeps],
+        command=(trace.command[0] + added.command)[::substeps],
     )
+
+
+class _Added(NamedTuple):
+    """What a disturbance adds to reference [m], command and load; shape (T * substeps,)."""
+
+    reference: Floats
+    command: Floats
+    load: Floats
+
+
+def _added(
+    channel: Floats | None, entering: Disturbance | None, servo: ServoParameters, fine: float,
+    substeps: int,
+) -> _Added:  # fmt: skip
+    """Contribution of a disturbance where it enters; nothing where that is not determined.
+
+    The loops are linear between their limits.  What enters at the speed command or the command of
+    the motor therefore adds its own command to that of the feedback.
+    """
+    none = np.zeros(1)
+    if channel is None or entering is None or entering.factor is None:
+        return _Added(none, none, none)
+    pushed = entering.factor.value * shifted(np.repeat(channel, substeps), entering.delay / fine)
+    nothing = np.zeros(len(pushed))
+    if entering.entry == "reference":
+        return _Added(pushed, nothing, nothing)
+    if entering.entry == "force":
+        return _Added(nothing, nothing, pushed)
+    if entering.entry == "speed":
+        pushed = servo.proportional * pushed + servo.integral * fine * np.cumsum(pushed)
+    return _Added(nothing, pushed, nothing)
 
 
 def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoParameters:
@@ -192,13 +214,13 @@ class AxisComparison:
         Of the recorded motion.
     following : FollowingComparison or str
         Of the closed loop; or why there is none.
-    factor : Factor or None
-        Of the recorded load; None where there is none.
+    disturbance : Disturbance or None
+        Of the recorded channel; None where there is none.
     """
 
     force: ForceComparison
     following: FollowingComparison | str
-    factor: Factor | None
+    disturbance: Disturbance | None
 
 
 def axis_comparison(
@@ -218,15 +240,40 @@ def axis_comparison(
         Samples of the servo in one sample of the recorder [1].
     """
     recording = in_unit_of_drive(recording, axis, drive)
-    factor = factor_of_load(recording, axis, drive)
+    entering = entering_disturbance(recording, axis, drive)
     return AxisComparison(
-        force=force_comparison(recording, axis, drive, factor),
-        following=following_comparison(recording, axis, drive, substeps, factor),
-        factor=factor,
+        force=force_comparison(recording, axis, drive, entering),
+        following=following_comparison(recording, axis, drive, substeps, entering),
+        disturbance=entering,
     )
+
+
+def entering_disturbance(
+    recording: Recording, axis: str, drive: IdentifiedDrive
+) -> Disturbance | None:
+    """Where the disturbance of a recording enters; with factor and delay the only numbers that are
+    taken from a recording that is judged, as it does not name them.
+    """
+    if drive.servo is not None:
+        servo = with_own_gains(drive.servo, recording.axes[axis].constants)
+        drive = replace(drive, servo=servo)
+    return disturbance_of(recording, axis, drive)
 
 
 def compared_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> ForceComparison:
     """The force alone, as in :func:`axis_comparison`."""
     recording = in_unit_of_drive(recording, axis, drive)
-    return force_comparison(recording, axis, drive, factor_of_load(recording, axis, drive))
+    return force_comparison(recording, axis, drive, entering_disturbance(recording, axis, drive))
+
+
+def _force_of(entering: Disturbance | None) -> Factor | None:
+    return entering.factor if entering is not None and entering.entry == "force" else None
+
+
+def _delayed(recording: Recording, axis: str, delay: float) -> Recording:
+    """The recording with its disturbance ``delay`` [s] later."""
+    one = recording.axes[axis]
+    if one.load is None or delay == 0:
+        return recording
+    late = replace(one, load=shifted(one.load, delay / recording.period))
+    return replace(recording, axes={**recording.axes, axis: late})

@@ -37,6 +37,7 @@ from pipeline.submodels.drive.figures import (
     trace_figure,
 )
 from pipeline.submodels.drive.page_axes import drives_section, undetermined_words
+from pipeline.submodels.drive.page_disturbance import causes_words, disturbances_table
 from pipeline.submodels.drive.page_parameters import (
     identified_axes,
     made_from,
@@ -197,7 +198,7 @@ def _failed(drives: Driven, failed: list[DriveRun]) -> sections.PartVerdict:
         status="failed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on {_recordings(failed)} of "
         f"{counted(_recordings(judged), 'judged recording')} "
-        f"{errors_words(drives, failed)}{rest}.",
+        f"{errors_words(drives, failed)}{rest}.{causes_words(failed)}",
         todo=f"Do not plan with the twin’s {joined(axes)} yet. Where an axis was serviced after "
         "its training records, record its reciprocation again; else the table of recordings "
         "says which motion the twin gets wrong.",
@@ -285,16 +286,17 @@ def following_section(drives: Driven) -> sections.Section | None:
         verdict.sentence if verdict is not None else "",
         "Judged are recordings that the drives were not identified from. The force is rebuilt from "
         "the recorded motion; the following error comes from the twin’s own closed loop under the "
-        "reference alone, and the load where one was recorded.",
+        "reference alone, and a recorded disturbance where the record shows it to enter.",
     ]
     if not drives.runs:
         text.append("No axis was held against a recording.")
     drawn = [figures for axis in drives.axes if (figures := _trace_figures(drives, axis))]
+    disturbed = disturbances_table(drives.runs, made_from(drives.shown, "verdict.json"))
     return sections.Section(
         key="following",
         title="The feed drives: records against the twin",
         text=[words for words in text if words],
-        blocks=[*sections.present(runs_table(drives)), *drawn],
+        blocks=[*sections.present(runs_table(drives), disturbed), *drawn],
     )
 
 

@@ -37,8 +37,10 @@ from pipeline.submodels.drive.records import (
 
 SI = {
     "position": "m", "reference": "m", "velocity": "m/s", "velocity_reference": "m/s",
-    "acceleration": "m/s^2", "acceleration_reference": "m/s^2", "load": "N",
+    "acceleration": "m/s^2", "acceleration_reference": "m/s^2",
 }  # fmt: skip
+DISTURBANCES = ("N", "m", "m/s")
+"""Units in which a disturbance is read if it is declared in one that converts to them."""
 MOTOR_SI = {"u_d": "V", "u_q": "V", "i_d": "A", "i_q": "A", "speed": "rad/s", "torque": "N m"}
 COMMAND_UNITS = {"AMPERE": "A", "VOLT": "V", "NEWTON": "N", "PERCENT": "%", "": "1"}
 
@@ -163,7 +165,9 @@ def _drives(
         on_grid = {key: piece.on_grid(values[rows]) for key, values in channels[letter].items()}
         return AxisRecord(
             command=on_grid.pop("command"), constants=constants_of_axis[letter],
-            command_unit=units[letter], **{key: on_grid.get(key) for key in SI},
+            command_unit=units[letter],
+            load_unit=_load_unit(table, _named(table, records.axes[letter].load)),
+            load=on_grid.get("load"), **{key: on_grid.get(key) for key in SI},
         )  # fmt: skip
 
     return [
@@ -240,6 +244,10 @@ def _axis(table: pa.Table, channels: AxisChannels) -> dict[str, Floats]:
         if (values := _channel(table, _named(table, getattr(channels, key)), SI.get(key)))
         is not None
     }
+    name = _named(table, channels.load)
+    unit = _load_unit(table, name)
+    if (load := _channel(table, name, unit if unit in DISTURBANCES else None)) is not None:
+        found["load"] = load
     if "command" not in found:
         raise Unusable(f"it has no channel {channels.command!r}: record the torque command")
     if channels.reversed:
@@ -265,6 +273,18 @@ def _named(table: pa.Table, pattern: str | None) -> str | None:
     return next((name for name in table.column_names if fnmatchcase(name, pattern)), pattern)
 
 
+def _load_unit(table: pa.Table, name: str | None) -> str:
+    """Unit in which a disturbance is read; "" where its channel names none."""
+    unit = "" if name is None or name not in table.column_names else _unit(table.schema.field(name))
+    for si in DISTURBANCES if unit else ():
+        try:
+            conversion(unit, si)
+        except ValueError:
+            continue
+        return si
+    return COMMAND_UNITS.get(unit, unit) if unit else ""
+
+
 def _channel(table: pa.Table, name: str | None, unit: str | None) -> Floats | None:
     """A channel in ``unit``, NaN where it has no value; None when there is no such channel."""
     if name is None or name not in table.column_names:
@@ -277,7 +297,7 @@ def _channel(table: pa.Table, name: str | None, unit: str | None) -> Floats | No
     if np.isnan(values).all():
         return None
     found = _unit(field)
-    if unit is None or (unit == "N" and not found):  # a load's factor is fitted anyhow
+    if unit is None:
         return values
     try:
         factor, offset = conversion(found, unit)

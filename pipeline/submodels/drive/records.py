@@ -22,7 +22,8 @@ str, optional
         Commanded and measured motion; velocity and acceleration that are not recorded are derived
         from the position.
     load : str, optional
-        Force against positive motion, or a pattern of its name; used where a recording has it.
+        Disturbance, or a pattern of its name; used where a recording has it, where the records show
+        it to enter.  Declared is a force against positive motion.
     reversed : bool
         Whether a positive command pushes in the negative direction.
     """
@@ -160,7 +161,9 @@ class AxisRecord:
     acceleration, acceleration_reference : ndarray, shape (T,), optional
         [m/s^2].
     load : ndarray, shape (T,), optional
-        Against positive motion [N].
+        Disturbance, declared as against positive motion, in ``load_unit``.
+    load_unit : str
+        "N", "m", "m/s", or as the recording has it; "" where it names none.
     command_unit : str
         "A", "V", or as the recording has it.
     constants : AxisConstants
@@ -175,6 +178,7 @@ class AxisRecord:
     acceleration: Floats | None = None
     acceleration_reference: Floats | None = None
     load: Floats | None = None
+    load_unit: str = ""
     command_unit: str = "A"
     constants: AxisConstants = field(default_factory=AxisConstants)
 

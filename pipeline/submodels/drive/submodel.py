@@ -29,6 +29,7 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
+from pipeline.submodels.drive.disturbance import PLACES, Disturbance
 from pipeline.submodels.drive.model import (
     axis_parameters,
     identify_drives,
@@ -289,6 +290,8 @@ def _reasons(found: comparison.AxisComparison) -> Iterator[str]:
         yield f"the axis moves in air for less than {comparison.LEAST:g} s"
     if isinstance(found.following, str):
         yield found.following
+    if found.disturbance is not None and found.disturbance.words:
+        yield found.disturbance.words
 
 
 def _frames(
@@ -325,18 +328,38 @@ def _frames(
 
 
 def _facts(letter: str, found: comparison.AxisComparison, model: DriveModel) -> dict[str, Fact]:
-    """Mean forces against motion, by which friction is judged, and the factor of a load."""
+    """Mean forces against motion, by which friction is judged, and the disturbance."""
     force, unit = found.force, model.axes[letter].force_unit
     facts = {}
     if force.seconds >= comparison.LEAST:
         for name, values in (("measured", force.measured), ("modelled", force.modelled)):
             mean = float(f"{float(np.mean(values * force.direction)):.4g}")
             facts[f"mean force {letter} {name}"] = Fact(value=mean, unit=unit)
+    return facts | _disturbance_facts(letter, found.disturbance)
+
+
+def _disturbance_facts(letter: str, found: Disturbance | None) -> dict[str, Fact]:
+    """Entry, factor, delay and what is to be said of a disturbance; no factor where none is."""
+    if found is None:
+        return {}
+    name = f"disturbance {letter}"
+    facts = {f"{name} enters at": Fact(value=PLACES[found.entry])}
     if found.factor is not None:
-        facts[f"load factor {letter}"] = Fact(value=float(f"{found.factor.value:.4g}"), unit="1")
-        if np.isfinite(found.factor.half_width):
-            half = float(f"{found.factor.half_width:.4g}")
-            facts[f"load factor {letter}, half width"] = Fact(value=half, unit="1")
+        unit = f"{found.unit} per unit of the channel"
+        numbers = {
+            f"{name}, factor": (found.factor.value, unit),
+            f"{name}, factor, half width": (found.factor.half_width, unit),
+            f"{name}, delay": (1e3 * found.delay, "ms"),
+            f"{name}, delay, half width": (1e3 * found.delay_half_width, "ms"),
+        }
+        facts |= {
+            key: Fact(value=float(f"{value:.4g}"), unit=unit)
+            for key, (value, unit) in numbers.items()
+            if np.isfinite(value)
+        }
+    facts[f"{name}, error explained"] = Fact(value=round(100 * found.share, 2), unit="%")
+    if found.words:
+        facts[f"{name}, cause"] = Fact(value=found.words)
     return facts
 
 

@@ -245,16 +245,18 @@ def test_a_load_that_counts_in_the_other_direction_is_identified(judged):
     axis = load.axes["X"]
     right, turned = judged([load]), judged([
         replace(load, axes={"X": replace(axis, load=-2.0 * axis.load)})])  # fmt: skip
-    factors = [case_of(found, "load.csv").facts["load factor X"].value for found in (right, turned)]
+    name = "disturbance X, factor"
+    factors = [case_of(found, "load.csv").facts[name].value for found in (right, turned)]
+    assert "opposite" in case_of(turned, "load.csv").facts["disturbance X, cause"].value
+    assert "opposite" in case_of(turned, "load.csv").note
     assert factors[0] == pytest.approx(1.0, abs=0.02)
     assert factors[1] == pytest.approx(-0.5, abs=0.01)
     errors = [force(found, "load.csv").relative_percent for found in (right, turned)]
     assert errors[1] == pytest.approx(errors[0], abs=0.05)
-    assert "load factor X" not in case_of(judged([NEW]), "new.csv").facts
+    assert name not in case_of(judged([NEW]), "new.csv").facts
     silent = judged([replace(load, axes={"X": replace(axis, load=0.0 * axis.load)})])
     facts = case_of(silent, "load.csv").facts
-    # taken, not identified: no interval
-    assert facts["load factor X"].value == 1.0 and "load factor X, half width" not in facts
+    assert name not in facts and "never changes" in facts["disturbance X, cause"].value
 
 
 def test_cutting_is_not_compared(judged):
@@ -291,13 +293,20 @@ def test_an_unstable_loop_is_said_and_no_crash(judged):
     assert "stable" in case_of(found, "new.csv").note
 
 
-def test_forces_in_the_commands_unit_leave_the_load_out(judged):
-    screw = FeedDriveParameters(mass=0.95, force_constant=1.0, offset=0.25, friction=SCREW.friction)
+def test_a_load_counts_among_forces_in_the_commands_unit(judged):
+    way = replace(WAY, **{
+        name: getattr(WAY, name) / 100 for name in ("coulomb", "static", "viscous")})  # fmt: skip
+    screw = FeedDriveParameters(
+        mass=0.95, force_constant=1.0, offset=0.25,
+        friction=FrictionParameters(positive=way, negative=way),
+    )  # fmt: skip
     one = twin_record("load.csv", load=150.0)
     one = replace(one, axes={"X": replace(one.axes["X"], constants=AxisConstants())})
     found = judged([one], screw=screw, servo=None, force_unit="A")
     assert force(found, "load.csv").unit == "A"
-    assert "load factor X" not in case_of(found, "load.csv").facts
+    factor = case_of(found, "load.csv").facts["disturbance X, factor"]
+    assert factor.value == pytest.approx(1 / SCREW.force_constant, rel=0.03)
+    assert factor.unit.startswith("A per unit")
 
 
 def test_predictions_hold_what_was_recorded(judged):

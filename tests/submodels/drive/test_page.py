@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.charts.numbers import resolved
 from pipeline.schema.model import Parameter
+from pipeline.schema.verdict import Fact
 from pipeline.submodels.drive.page import Driven, drive_page, drives_verdict
 from pipeline.submodels.drive.page_parameters import (
     truth_as_fitted,
@@ -277,3 +278,27 @@ def test_a_fit_that_separates_friction_and_force_is_held_against_the_plain_truth
                                    "coulomb_negative": parameter(4.9, "N"),
                                    "offset": parameter(7.2, "N")}  # fmt: skip
     assert truth_as_fitted(truth, found) == truth
+
+
+DISTURBED = {
+    "disturbance X enters at": Fact(value="the speed command"),
+    "disturbance X, factor": Fact(value=2.5, unit="m/s per unit of the channel"),
+    "disturbance X, factor, half width": Fact(value=0.12, unit="m/s per unit of the channel"),
+    "disturbance X, error explained": Fact(value=98.0, unit="%"),
+    "disturbance X, cause": Fact(value="the disturbance enters at the speed command, not as a "
+                                       "force on the axis, it acts as if in mm/s"),
+}  # fmt: skip
+
+
+def test_where_a_disturbance_enters_stands_on_the_page():
+    found = said(verdict=verdict_on(facts=DISTURBED))
+    assert "Recorded disturbances" in found
+    assert "the speed command 2.50 ± 0.12 m/s per unit of the channel – 98 " in found
+    assert "acts as if in mm/s" in found
+    assert "Recorded disturbances" not in said()
+
+
+def test_a_failed_axis_names_the_cause_of_its_disturbance_in_the_headline():
+    failed = verdict_on({("X", "pulses.mat"): (4.0, 16.0)}, facts=DISTURBED)
+    sentence = drives_verdict(Driven.of(shown(verdict=failed))).sentence
+    assert "enters at the speed command, not as a force on the axis" in sentence

@@ -193,13 +193,16 @@ def servo_records(
 ) -> tuple[list[ServoRecord], AxisConstants, str, list[str]]:
     """Records of one axis with one list of gains, that list, the command's unit, those left out.
 
-    Recordings that were taken with other gains than the first are another servo's.
+    Recordings that were taken with other gains than the first are another servo's.  Those with a
+    disturbance, which may enter in the loops, serve only where there are no others.
     """
+    shown = [one for one in recordings if axis in one.axes]
+    recordings = [one for one in shown if one.axes[axis].load is None] or shown
     found: list[ServoRecord] = []
     constants, unit, others = AxisConstants(), "A", []
     for recording in recordings:
-        one = recording.axes.get(axis)
-        if one is None or one.reference is None or one.position is None:
+        one = recording.axes[axis]
+        if one.reference is None or one.position is None:
             continue
         if not found:
             constants, unit = one.constants, one.command_unit
@@ -395,9 +398,8 @@ def servo_equation(
     period = max(record.period for record in records)
     node = period * _samples_a_node(period, bandwidth)
     for record in records:
-        for stretch in _below_limit(record, nominal.current_limit, bandwidth):
-            found = _stretch(stretch, node, bandwidth)
-            parts += [_without_drift(part) for part in _windows(found, WINDOW)]
+        for first, after in stretches(record, nominal.current_limit, bandwidth):
+            parts += window_columns(record.rows(first, after), node, bandwidth)
     if not parts:
         longest = max((len(r.command) * r.period for r in records), default=0.0)
         raise ValueError(
@@ -420,14 +422,20 @@ def _samples_a_node(period: float, bandwidth: float) -> int:
     return max(1, round(_SHARE / (bandwidth * period)))
 
 
-def _below_limit(record: ServoRecord, limit: float | None, bandwidth: float) -> list[ServoRecord]:
-    """Stretches that are long enough and away from the limit."""
+def window_columns(stretch: ServoRecord, node: float, bandwidth: float) -> list[Floats]:
+    """Columns of the windows of one stretch, each less its own straight line."""
+    found = _stretch(stretch, node, bandwidth)
+    return [_without_drift(part) for part in _windows(found, WINDOW)]
+
+
+def stretches(record: ServoRecord, limit: float | None, bandwidth: float) -> list[tuple[int, int]]:
+    """First sample and end of each stretch that is long enough and away from the limit."""
     least = round(4 * _EDGE / (bandwidth * record.period)) + NODES * _samples_a_node(
         record.period, bandwidth
     )
     held = np.abs(record.command) >= 0.99 * limit if limit else np.zeros(len(record.command), bool)
     edges = np.flatnonzero(np.diff(np.r_[True, held, True].astype(np.int8)))
-    return [record.rows(a, b) for a, b in edges.reshape(-1, 2) if b - a > least]
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > least]
 
 
 def _stretch(record: ServoRecord, node: float, bandwidth: float) -> Floats:

@@ -1,0 +1,428 @@
+"""Entry point of a recorded disturbance d in the loops of one axis, with factor, unit and delay.
+
+Two equations hold in a recording, and each tells one half of the places.  The servo's own law
+
+    A - A(r, x) = c (dA/dr) d  |  c [S_vp V_p d + S_vi V_i int(d)]  |  c d
+
+has the disturbance where it enters at the reference position, at the speed command or at the
+motor's command, and is met without it where a force pushes the axis; the mechanics
+
+    K A - M a - F_f(v) - F_g = c d
+
+have it only where it is such a force (or is added behind the place where the command is recorded,
+which no record tells from a force).  The place whose equation gains most likelihood is taken.  In
+a loop without integral and feed-forward the three places of the law are one equation: there the
+factor decides, where only one of them has it in a unit in use, and the motion is the same anyway.
+Partial regression: errors of gains and lags have columns of their own (Frisch and Waugh 1933).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isinf, log
+from typing import Literal
+
+import numpy as np
+
+from pipeline.machine.axis.servo import ServoParameters
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.drive.mechanics.estimates import Factor
+from pipeline.submodels.drive.mechanics.identifiability import drive_force, held_out_load_factor
+from pipeline.submodels.drive.mechanics.inverse_dynamics import regressors
+from pipeline.submodels.drive.mechanics.motion import motion
+from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
+from pipeline.submodels.drive.records import Recording
+from pipeline.submodels.drive.servo.equation import (
+    ABOVE,
+    FA,
+    FASTEST,
+    FV,
+    SPP,
+    SVI,
+    SVP,
+    TERMS,
+    TS,
+    TV,
+    TX,
+    Nominal,
+    ServoEquation,
+    ServoRecord,
+    servo_equation,
+    stretches,
+    window_columns,
+)
+from pipeline.submodels.statistics import uncertainty_of
+from pipeline.twin.drive import IdentifiedDrive
+
+Entry = Literal["reference", "speed", "command", "force", "none", "open"]
+PLACES: dict[Entry, str] = {
+    "reference": "the reference position",
+    "speed": "the speed command",
+    "command": "the command of the motor",
+    "force": "the axis, as a force",
+    "none": "no place: it explains nothing",
+    "open": "no place that these records determine",
+}
+DETERMINED = 0.5
+"""Relative half width of the factor's interval up to which it is determined [1]."""
+EXPLAINS = 0.02
+"""Least share of an equation's squared error that a disturbance takes away [1]: what a nearly
+correct model leaves over is correlated with whatever moves, by a per cent."""
+APART = log(100.0)
+"""Log-likelihood by which one place is better than another when they are told apart [1]."""
+ALIKE = 0.05
+"""Relative difference from a unit's factor that gains and force constant may have [1]."""
+EARLIEST, LATEST = -0.01, 0.05
+"""Range of delays of a disturbance behind its channel [s]."""
+LAW: tuple[Entry, ...] = ("reference", "speed", "command")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """Where and how a recorded disturbance enters.
+
+    Parameters
+    ----------
+    entry : str
+        A key of ``PLACES``.
+    factor : Factor or None
+        SI quantity at the entry for one unit of the channel; of a force against positive motion.
+        None where it is not determined: then the disturbance is left out.
+    unit : str
+        Of the quantity at the entry.
+    delay, delay_half_width : float
+        Of the entry behind the channel, with half of its 95 % interval [s].
+    share : float
+        Of the squared error of its equation that it explains [1].
+    words : str
+        What is to be said, without a full stop; "" where the channel is what it was declared to be.
+    """
+
+    entry: Entry
+    factor: Factor | None = None
+    unit: str = ""
+    delay: float = 0.0
+    delay_half_width: float = inf
+    share: float = 0.0
+    words: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """Fit of one place; ``gain`` is in log-likelihood."""
+
+    factor: Factor
+    delay: float
+    delay_half_width: float
+    share: float
+    gain: float
+
+    @property
+    def clear(self) -> bool:
+        return self.factor.is_determined(DETERMINED) and self.share > EXPLAINS and self.gain > APART
+
+
+def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:
+    """Entry of the disturbance of ``axis`` in a recording; None where it has no such channel.
+
+    Parameters
+    ----------
+    recording : Recording
+        That shows the axis.
+    axis : str
+        Its letter.
+    drive : IdentifiedDrive
+        As identified, with the gains that the recording was taken with.
+    """
+    record = recording.axes[axis]
+    if record.load is None:
+        return None
+    if np.ptp(record.load) == 0:
+        return Disturbance(entry="none", words="the disturbance channel never changes in this "
+                           "recording: it is left out")  # fmt: skip
+    by_law = _by_law(recording, axis, drive)
+    by_force = _by_force(recording, axis, drive)
+    clear = {entry: one for entry, one in by_law.items() if one.clear}
+    if (
+        by_force is not None
+        and by_force.clear
+        and all(by_force.gain >= one.gain for one in clear.values())
+    ):
+        clear = {"force": by_force}
+    if not clear:
+        return _unexplained(by_law, by_force)
+    units = {entry: _units(entry, record.command_unit, drive) for entry in clear}
+    entry, alike = _entry(clear, units, record.load_unit)
+    best = clear[entry]
+    return Disturbance(
+        entry=entry, factor=best.factor, unit=next(iter(units[entry])), delay=best.delay,
+        delay_half_width=best.delay_half_width, share=best.share,
+        words=_words(entry, best, units[entry], record.load_unit, alike),
+    )  # fmt: skip
+
+
+def _unexplained(by_law: dict[Entry, _Found], by_force: _Found | None) -> Disturbance:
+    if not by_law and by_force is None:
+        return Disturbance(
+            entry="open", words="where the disturbance enters is not determined, it is left out: "
+            "record commanded and measured position while it comes and goes on a moving axis",
+        )  # fmt: skip
+    share = max(one.share for one in [*by_law.values(), *([by_force] if by_force else [])])
+    without = (
+        ""
+        if by_law and by_force
+        else (
+            " (tested as a force on the axis only)" if by_force else " (tested in the loops only)"
+        )
+    )
+    return Disturbance(
+        entry="none", share=share,
+        words=f"the disturbance channel explains nothing of command or force{without}, and is "
+        "left out",
+    )  # fmt: skip
+
+
+def _entry(
+    clear: dict[Entry, _Found], units: dict[Entry, dict[str, float]], declared: str
+) -> tuple[Entry, tuple[Entry, ...]]:
+    """The most likely place, and the others that the record does not tell from it."""
+    best = max(clear, key=lambda entry: clear[entry].gain)
+    alike = tuple(e for e in clear if clear[best].gain - clear[e].gain < APART)
+    if len(alike) == 1:
+        return best, ()
+
+    def mismatch(entry: Entry) -> float:
+        found = abs(clear[entry].factor.value)
+        known = units[entry]
+        if declared and declared in known:
+            known = {declared: known[declared]}
+        return min(abs(log(found / one)) for one in known.values())
+
+    fitting = [entry for entry in alike if mismatch(entry) < ALIKE]
+    if not fitting:
+        entry: Entry = "command" if "command" in alike else best
+        return entry, tuple(e for e in alike if e != entry)
+    return min(fitting, key=mismatch), ()
+
+
+def _units(entry: Entry, command: str, drive: IdentifiedDrive) -> dict[str, float]:
+    """Units in use at a place, with the factor that a channel in each has; SI first."""
+    constant = drive.feed_drive.force_constant
+    newton = drive.force_unit == "N"
+    if entry == "reference":
+        return {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+    if entry == "speed":
+        return {"m/s": 1.0, "mm/s": 1e-3, "mm/min": 1e-3 / 60}
+    if entry == "command":
+        known = {command: 1.0}
+        return known | ({"N": 1 / constant, "kN": 1e3 / constant} if newton else {})
+    return {"N": 1.0, "kN": 1e3, command: constant} if newton else {command: 1.0}
+
+
+def _words(
+    entry: Entry, found: _Found, units: dict[str, float], declared: str, alike: Sequence[Entry]
+) -> str:
+    """The cause, where the channel is not the force in newton that a load is taken for."""
+    value, half, si = found.factor.value, found.factor.half_width, next(iter(units))
+    unit, ratio = min(
+        ((name, abs(value) / one) for name, one in units.items()), key=lambda u: abs(log(u[1]))
+    )
+    known = abs(ratio - 1) <= ALIKE + half / abs(value)
+    expected = declared or ("N" if entry == "force" else "")
+    said = []
+    if entry != "force":
+        said.append(f"the disturbance enters at {PLACES[entry]}, not as a force on the axis")
+    if value < 0:
+        said.append("its sign is the opposite of that declared")
+    if known and unit != expected:
+        said.append(f"it acts as if in {unit}" + (f", not in {expected}" if expected else ""))
+    if not known:
+        said.append(f"its factor is {value:.4g} {si} for one unit of the channel")
+    if abs(found.delay) > max(found.delay_half_width, 1e-3):
+        said.append(f"it is {1e3 * found.delay:.3g} ms behind its channel")
+    if alike:
+        others = " and ".join(PLACES[one] for one in alike)
+        said.append(f"these loops do not tell {PLACES[entry]} from {others}, which move alike")
+    return ", ".join(said)
+
+
+def shifted(signal: Floats, samples: float) -> Floats:
+    """The signal ``samples`` later, its ends held; shape (T,)."""
+    place = np.arange(len(signal)) - samples
+    return np.interp(place, np.arange(len(signal)), signal)
+
+
+def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, _Found]:
+    """Fits of the servo's law; none without servo, reference or position."""
+    one, servo, h = recording.axes[axis], drive.servo, recording.period
+    if servo is None or one.reference is None or one.position is None or one.load is None:
+        return {}
+    record = ServoRecord(
+        reference=one.reference, position=one.position, command=one.command, period=h
+    )
+    nominal, values = _law(servo)
+    bandwidth = min(ABOVE * servo.loop_gain / (2 * np.pi), FASTEST / h)
+    try:
+        equation = servo_equation([record], nominal, bandwidth)
+    except ValueError:
+        return {}
+    factors = equation.factors(values)
+    own = -(equation.columns @ factors)
+    fitted = values > 0
+    fitted[TS] = False
+    nuisance = equation.jacobian(values, fitted)
+    spans = stretches(record, nominal.current_limit, bandwidth)
+    load = one.load
+
+    def columns(samples: float) -> dict[Entry, Floats]:
+        pushed = shifted(load, samples)
+        aside = replace(record, reference=pushed, position=np.zeros(len(pushed)), command=pushed)
+        rows = np.concatenate([
+            part for a, b in spans for part in window_columns(aside.rows(a, b), equation.node,
+                                                              bandwidth)
+        ])  # fmt: skip
+        signals = ServoEquation.undelayed(rows)
+        return {
+            "reference": rows[:, :-1] @ factors[:-1],
+            "speed": servo.proportional * signals[:, 0] + servo.integral * signals[:, 2],
+            "command": signals[:, -1],
+        }
+
+    return _fits(own, nuisance, columns, h, 0.25 / bandwidth, 0.25, equation.stretch)
+
+
+def _law(servo: ServoParameters) -> tuple[Nominal, Floats]:
+    """The servo's gains, and its factors of them in the order of ``TERMS``."""
+    nominal = Nominal(
+        position_gain=servo.position_gain, velocity_gain=servo.velocity_gain,
+        integral_gain=servo.integral_gain, velocity_feedforward=0.0, acceleration_feedforward=0.0,
+        current_limit=None if isinf(servo.current_limit) else servo.current_limit,
+        unnamed=frozenset(),
+    )  # fmt: skip
+    values = np.zeros(len(TERMS))
+    values[[SPP, SVP]] = servo.position_scale, servo.velocity_scale
+    values[SVI] = servo.integral_scale if servo.integral_gain > 0 else 0.0
+    values[[FV, FA]] = servo.velocity_feedforward, servo.acceleration_feedforward
+    values[[TX, TV, TS]] = servo.position_lag, servo.velocity_lag, 1.0
+    return nominal, values
+
+
+def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> _Found | None:
+    """Fit of the mechanics; None where the axis hardly moves under the disturbance."""
+    one = recording.axes[axis]
+
+    def late(samples: float) -> Recording:
+        load = None if one.load is None else shifted(one.load, samples)
+        return replace(recording, axes={**recording.axes, axis: replace(one, load=load)})
+
+    try:
+        rows = regressors([motion(recording, axis, drive.bandwidth_Hz, drive.delay)])
+    except ValueError:
+        return None
+    at = rows.names.index("load")
+    if len(rows.force) < 30 or np.ptp(rows.linear[:, at]) == 0:
+        return None
+    own = rows.force - drive_force(rows, drive.feed_drive)
+
+    def columns(samples: float) -> dict[Entry, Floats]:
+        again = regressors([motion(late(samples), axis, drive.bandwidth_Hz, drive.delay)])
+        return {"force": again.linear[:, at]}
+
+    width = drive.bandwidth_Hz or 0.25 / recording.period
+    share = min(width * 2 * _row_period(recording, width), 1.0)
+    found = _fits(own, np.ones((len(own), 1)), columns, recording.period, 0.25 / width,
+                  0.5 * share, rows.stretch)["force"]  # fmt: skip
+    if abs(found.delay) <= found.delay_half_width + recording.period:
+        found = replace(found, delay=0.0)
+    factor = held_out_load_factor(
+        late(found.delay / recording.period), axis, drive.feed_drive, drive.bandwidth_Hz,
+        drive.delay,
+    )  # fmt: skip
+    return None if factor is None else replace(found, factor=factor)
+
+
+def _row_period(recording: Recording, bandwidth: float) -> float:
+    """Distance of the rows of the mechanics [s]."""
+    return max(recording.period, 1 / (12 * bandwidth))
+
+
+def _fits(
+    own: Floats,
+    nuisance: Floats,
+    columns: Callable[[float], dict[Entry, Floats]],
+    period: float,
+    step: float,
+    weight: float,
+    stretch: Floats,
+) -> dict[Entry, _Found]:
+    """Factor and delay of each place from what is left over in one equation.
+
+    Parameters
+    ----------
+    own : ndarray, shape (N,)
+        Recorded less modelled.
+    nuisance : ndarray, shape (N, M)
+        Of errors of the model.
+    columns : callable
+        Of a delay in samples: the disturbance at each place; shape (N,) each.
+    period, step : float
+        Of the recorder, and between the delays that are tried first [s].
+    weight : float
+        Half of the independent rows in one row [1].
+    stretch : ndarray of int, shape (N,)
+        Stretch of each row.
+    """
+    base = np.linalg.qr(nuisance)[0]
+
+    def left(rows: Floats) -> Floats:
+        found: Floats = rows - base @ (base.T @ rows)
+        return found
+
+    y = left(own)
+    whole = float(y @ y)
+    stride = max(1, round(step / period))
+    tried = np.unique(np.r_[np.arange(round(EARLIEST / period), round(LATEST / period) + 1, stride),
+                            0])  # fmt: skip
+    errors: dict[Entry, list[float]] = {}
+    for samples in tried:
+        for entry, column in columns(float(samples)).items():
+            x = left(column)
+            size = float(x @ x)
+            error = whole - (float(x @ y) ** 2 / size if size > 0 else 0.0)
+            errors.setdefault(entry, []).append(error)
+    return {
+        entry: _refined(
+            y, left, lambda k, entry=entry: columns(k)[entry], float(tried[np.argmin(each)]),
+            period, weight, stretch, nuisance.shape[1],
+        )
+        for entry, each in errors.items()
+    }  # fmt: skip
+
+
+def _refined(
+    y: Floats, left: Callable[[Floats], Floats], column: Callable[[float], Floats], at: float,
+    period: float, weight: float, stretch: Floats, others: int,
+) -> _Found:  # fmt: skip
+    """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton."""
+    for _ in range(4):
+        x = left(column(at))
+        slope = left(column(at + 0.5) - column(at - 0.5))
+        both = np.column_stack((x, slope))
+        c, cd = np.linalg.lstsq(both, y, rcond=None)[0]
+        change = float(np.clip(cd / c, -3.0, 3.0)) if c != 0 else 0.0
+        if abs(change) < 0.02:
+            break
+        at = float(np.clip(at + change, EARLIEST / period, LATEST / period))
+    x = left(column(at))
+    size = float(x @ x)
+    c = float(x @ y) / size if size > 0 else 0.0
+    residuals = y - c * x
+    slope = c * left(column(at + 0.5) - column(at - 0.5)) / period
+    jacobian = np.column_stack((x, slope))
+    blocks = block_numbers(residuals, stretch, others + 2)
+    half = uncertainty_of(jacobian, residuals, blocks).half_width
+    whole, after = float(y @ y), float(residuals @ residuals)
+    ratio = whole / max(after, 1e-12 * whole) if whole > 0 else 1.0
+    return _Found(
+        factor=Factor(value=c, half_width=float(half[0])), delay=at * period,
+        delay_half_width=float(half[1]), share=1 - 1 / ratio, gain=weight * len(y) * log(ratio),
+    )  # fmt: skip
