@@ -27,6 +27,7 @@ from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart, part_of
+from pipeline.twin.cut_wear import ToolWear
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
 
@@ -107,7 +108,7 @@ def job_of(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
     parts = Parts(programs=(part,), drive=DRIVE)
     known, (read, setup) = supplies(), part_program(tmp_path / part.program, Setup())
     return part_job(
-        read, part, models=models, workshop=known.workshop(part, parts), setup=setup,
+        read, part, models=models, workshop=known.workshop(part, parts, ToolWear()), setup=setup,
         settings=OptimisationSettings(),
     )  # fmt: skip
 
