@@ -34,7 +34,7 @@ from pipeline.submodels.statistics import LEVEL, gains
 from pipeline.twin import spindle
 
 PARTS = 5
-"""Parts into which the hours are split; each is held out in turn."""
+"""Parts into which days or hours are split; each is left out in turn."""
 EXCITED = 0.1
 """A source is excited in an hour whose mean is above this share of its greatest hour's [1]."""
 FEWEST_DAYS = 3
@@ -151,23 +151,24 @@ def days_left_out(
     settings: SpindleFitSettings,
     whole: SpindleFit,
 ) -> Floats:
-    """Mean squared error [K^2] over windows of each day under a network fitted on the others.
+    """Mean squared error [K^2] over windows of each day under a network that did not see it.
 
-    The sources and the start are those of ``whole``, the fit on all days; a source that only the
-    day left out excites is not known to the others and stays 0.  Shape (days,), empty when there is
-    one day only.
+    Up to five groups of days are left out in turn.  The sources and the start are those of
+    ``whole``, the fit on all days; a source that only the days left out excite is not known to the
+    others and stays 0.  Shape (days,), empty when there is one day only.
     """
     days = sorted({p.day for p in pieces})
     if len(days) < 2:
         return np.array([])
     errors = []
-    for day in days:
-        others = [p for p in pieces if p.day != day]
+    for left in np.array_split(np.array(days), min(PARTS, len(days))):
+        others = [p for p in pieces if p.day not in left]
         sources = excited(others, list(whole.parameters.heating))
         problem = Problem(others, records, settings, sources, structure_of(whole.parameters))
         fit = solve(problem, [problem.position(whole.parameters)])
-        judged = [p for p in pieces if p.day == day]
-        errors.append(window_errors(judged, records, settings, fit.parameters))
+        for day in left:
+            judged = [p for p in pieces if p.day == day]
+            errors.append(window_errors(judged, records, settings, fit.parameters))
     return np.array([np.mean(e**2) for e in errors if len(e)])
 
 
