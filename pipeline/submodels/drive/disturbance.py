@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.identifiability import drive_force, held_out_load_factor
 from pipeline.submodels.drive.mechanics.inverse_dynamics import regressors
@@ -352,7 +352,7 @@ def _fits(
     period: float,
     step: float,
     weight: float,
-    stretch: Floats,
+    stretch: Ints,
 ) -> dict[Entry, _Found]:
     """Factor and delay of each place from what is left over in one equation.
 
@@ -389,18 +389,20 @@ def _fits(
             size = float(x @ x)
             error = whole - (float(x @ y) ** 2 / size if size > 0 else 0.0)
             errors.setdefault(entry, []).append(error)
-    return {
-        entry: _refined(
-            y, left, lambda k, entry=entry: columns(k)[entry], float(tried[np.argmin(each)]),
-            period, weight, stretch, nuisance.shape[1],
-        )
-        for entry, each in errors.items()
-    }  # fmt: skip
+    found: dict[Entry, _Found] = {}
+    for entry, each in errors.items():
+
+        def place(samples: float, entry: Entry = entry) -> Floats:
+            return columns(samples)[entry]
+
+        first = float(tried[np.argmin(each)])
+        found[entry] = _refined(y, left, place, first, period, weight, stretch, nuisance.shape[1])
+    return found
 
 
 def _refined(
     y: Floats, left: Callable[[Floats], Floats], column: Callable[[float], Floats], at: float,
-    period: float, weight: float, stretch: Floats, others: int,
+    period: float, weight: float, stretch: Ints, others: int,
 ) -> _Found:  # fmt: skip
     """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton."""
     for _ in range(4):

@@ -5,12 +5,16 @@ encoder.  ``EMPS`` has a P velocity loop with the gains, resolution and command 
 benchmark's record; ``PI`` an integral and velocity feed-forward, which tell all places apart.
 """
 
+import os
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import njit
 
+from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.submodels.drive.comparison import (
     axis_comparison,
     following_comparison,
@@ -253,3 +257,46 @@ def test_places_that_a_loop_does_not_tell_apart_are_said_unless_the_unit_tells(d
 def test_the_unit_of_the_drive_is_that_of_the_recording(drives):
     one = recorded(EMPS, "force", 4, 40.0, 1.0, 0, "N")
     assert in_unit_of_drive(one, "X", drives["EMPS"]) is one
+
+
+RECORDINGS = os.environ.get("KERF_RECORDINGS")
+
+
+@pytest.mark.skipif(RECORDINGS is None, reason="KERF_RECORDINGS names no folder of recordings")
+def test_pulses_on_the_benchmarks_own_record_enter_where_they_were_added():
+    """Taken off the recorded reference, they are what the servo followed and the record lacks."""
+    from scipy.io import loadmat
+
+    found = loadmat(Path(str(RECORDINGS)) / "emps" / "DATA_EMPS.mat", squeeze_me=True)
+    k, kp, kv = (float(found[name]) for name in ("gtau", "kp", "kv"))
+    constants = AxisConstants(
+        force_constant=k, position_gain=kp, velocity_gain=kv, integral_gain=0.0
+    )
+    record = AxisRecord(
+        command=found["vir"], position=found["qm"], reference=found["qg"], command_unit="V",
+        constants=constants,
+    )  # fmt: skip
+    samples = len(found["t"])
+    one = Recording(name="DATA_EMPS.mat", trained=True, period=PERIOD,
+                    air=np.ones(samples, bool), axes={"X": record})  # fmt: skip
+    way = DirectionFriction(coulomb=20.4, static=20.4, viscous=203.5)
+    screw = FeedDriveParameters(  # as published
+        mass=95.1, force_constant=k, offset=-3.16,
+        friction=FrictionParameters(positive=way, negative=way),
+    )  # fmt: skip
+    drive = IdentifiedDrive(
+        feed_drive=screw, servo=identify_servo([one], "X", DriveFitSettings(compare=False)).servo,
+        command_unit="V", force_unit="N", bandwidth_Hz=12.0,
+    )  # fmt: skip
+    shape = pulses(np.random.default_rng(1), samples)
+    volts = 0.5 * shape
+    places = {
+        ("reference", "m"): volts / (kp * kv), ("speed", "mm/s"): 1e3 * volts / kv,
+        ("command", "N"): k * volts,
+    }  # fmt: skip
+    for (entry, unit), channel in places.items():
+        pushed = replace(record, reference=record.reference - volts / (kp * kv), load=channel)
+        seen = found_in(replace(one, axes={"X": pushed}), drive)
+        assert seen.entry == entry and (unit == "m" or f"as if in {unit}" in seen.words), seen
+    noise = replace(record, load=shape)
+    assert found_in(replace(one, axes={"X": noise}), drive).entry == "none"
