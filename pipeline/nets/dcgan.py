@@ -27,7 +27,7 @@ from pipeline.nets.dcgan_settings import (
     GanTraining,
 )
 from pipeline.nets.trained import reproducible, samples
-from pipeline.nets.window_model import packed, unpacked
+from pipeline.nets.window_model import document_of, fill, packed
 from pipeline.schema.arrays import Floats
 
 SLOPE = 0.2
@@ -81,22 +81,46 @@ class Product(nn.Module):
 class Block(nn.Module):
     """Upsampling by two, convolution, instance norm, modulation, LeakyReLU."""
 
+    folded: Tensor
+
     def __init__(self, entering: int, leaving: int, settings: GanSettings) -> None:
         super().__init__()
-        self.conv = nn.Conv1d(entering, leaving, settings.kernel, padding=settings.kernel // 2)
+        # no bias: the norm would take it off
+        self.conv = nn.Conv1d(entering, leaving, settings.kernel, bias=False)
+        self.register_buffer("folded", _folded(settings.kernel), persistent=False)
         film = settings.condition == "film"
         self.film = nn.Linear(settings.embedding, 2 * leaving) if film else None
         self.norm = nn.InstanceNorm1d(leaving, affine=not film)
 
     def forward(self, x: Tensor, embedded: Tensor | None) -> Tensor:
         """(N, C, T) to (N, C', 2 T)."""
-        # each sample twice; a reshape, whose gradient is a plain sum, the same bits on any device
-        x = x.unsqueeze(-1).expand(-1, -1, -1, 2).reshape(len(x), x.shape[1], -1)
-        x = self.norm(self.conv(x))
+        x = self.norm(self._twice(x))
         if self.film is not None and embedded is not None:
             gain, shift = self.film(embedded).unsqueeze(-1).chunk(2, dim=1)
             x = torch.addcmul(shift, x, 1.0 + gain)
         return nn.functional.leaky_relu(x, SLOPE)
+
+    def _twice(self, x: Tensor) -> Tensor:
+        """Convolution over each sample twice, as two convolutions over the samples themselves.
+
+        Even and odd results see the same samples under other sums of weights: fewer products, and
+        the longer signal is never written.
+        """
+        weight = self.conv.weight @ self.folded  # (2, C', C, width)
+        weight = weight.transpose(0, 1).flatten(0, 1)
+        both = nn.functional.conv1d(x, weight, padding=weight.shape[2] // 2)
+        return both.unflatten(1, (-1, 2)).transpose(2, 3).flatten(2)
+
+
+def _folded(kernel: int) -> Tensor:
+    """Which weight counts for which sample, shape (2, 1, kernel, width): even, then odd results."""
+    half = kernel // 2
+    reach = (half + 1) // 2
+    found = torch.zeros(2, 1, kernel, 2 * reach + 1)
+    for odd in (0, 1):
+        for at in range(kernel):
+            found[odd, 0, at, (odd + at - half) // 2 + reach] = 1.0
+    return found
 
 
 class Generator(nn.Module):
@@ -325,7 +349,7 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
     ValueError
         When the document lacks something, or its numbers do not fit the network that it names.
     """
-    try:
+    with document_of("a generator"):
         settings = GanSettings(**_tuples(document["network"]))
         told = document["space"]
         space = ConditionSpace(
@@ -335,8 +359,7 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
         channels, scaling = tuple(document["channels"]), document["scaling"]
         with torch.random.fork_rng(devices=[]):  # initial weights, which are replaced
             built = Generator(len(channels), document["length"], space, settings)
-        state = {k: torch.from_numpy(unpacked(v)) for k, v in document["state"].items()}
-        built.load_state_dict(state)
+        fill(built, document["state"])
         return TrainedGan(
             settings=settings, training=GanTraining(**document["training"]), space=space,
             channels=channels, units=tuple(document["units"]), length=document["length"],
@@ -347,11 +370,6 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
             network=built.requires_grad_(False).eval(),
             history=np.array(document["history"], dtype=np.float64).reshape(-1, 3),
         )  # fmt: skip
-    except KeyError as error:
-        raise ValueError(f"the document of a generator has no {error}") from error
-    except (TypeError, RuntimeError) as error:
-        said = " ".join(str(error).split())
-        raise ValueError(f"the document of a generator does not fit together: {said}") from error
 
 
 def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -97,7 +97,10 @@ class GanTraining(Ranged, section="gan_training"):
         Weight of the energy distance of spectra in the generator's loss [1]; 0, as published, for
         the discriminator's word alone.
     warm : int
-        First steps in which that distance alone is learnt from.
+        First steps in which such distances alone are learnt from.
+    reading : float
+        Weight of the energy distance between readings of one condition (``read`` of the training)
+        from recorded and from generated windows, by small networks that saw the former [1].
     mismatched : float
         Weight of recorded windows at the conditions of others, which the discriminator is to refuse
         [1]: it then has to look at the conditions from the first steps on (Reed et al. 2016).
@@ -127,6 +130,7 @@ class GanTraining(Ranged, section="gan_training"):
     r1_every: Count = 16
     spectrum: NotNegative = 0.0
     warm: Whole = 0
+    reading: NotNegative = 0.0
     mismatched: NotNegative = 0.0
     average: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
     every: Count = 200
@@ -135,10 +139,10 @@ class GanTraining(Ranged, section="gan_training"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.warm and not self.spectrum:
+        if self.warm and not self.spectrum and not self.reading:
             raise ValueError(
                 f"gan_training.warm = {self.warm} steps have nothing to learn from: set "
-                "gan_training.spectrum above 0"
+                "gan_training.spectrum or gan_training.reading above 0"
             )
         _one_of("gan_training.loss", self.loss, LOSSES)
         _one_of("gan_training.precision", self.precision, PRECISIONS)

@@ -22,6 +22,7 @@ from torch import Tensor, nn
 from torch.nn.functional import relu, softplus
 
 from pipeline.nets.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from pipeline.nets.condition_reading import Readers
 from pipeline.nets.dcgan import (
     ChannelScaling,
     Discriminator,
@@ -69,7 +70,7 @@ def train_gan(
     kind: GanSettings, values: ArrayLike, conditions: Mapping[str, Any], *, training: GanTraining,
     channels: Sequence[str], units: Sequence[str] = (),
     condition_units: Mapping[str, str] | None = None, checkpoint: Path | None = None,
-    watch: Watch | None = None, device: str = "cpu",
+    watch: Watch | None = None, device: str = "cpu", read: str = "",
 ) -> TrainedGan:  # fmt: skip
     """Generator that is trained on windows and their conditions.
 
@@ -93,6 +94,8 @@ def train_gan(
         Called every ``training.every`` steps, and after the last.
     device : str
         Of torch.
+    read : str
+        Condition, a number, whose readings count by ``training.reading``.
 
     Raises
     ------
@@ -113,12 +116,22 @@ def train_gan(
                 f"{len(x)} windows"
             )
     space = ConditionSpace.of(conditions, condition_units or {})
+    if training.reading and read not in [one.name for one in space.continuous]:
+        raise ValueError(
+            f"gan_training.reading = {training.reading:g} needs a condition that is a number, not "
+            f"{read!r}: name one, or set it to 0"
+        )
     scaling = ChannelScaling.of(x)
     told = (x, *encoded(space, conditions))
     precision = usable_precision(training.precision, device)
     with reproducible(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(training.seed)
         loop = _Loop(kind, training, space, (x.shape[1], x.shape[2]), device, precision)
+        data = (scaling.scaled(x), *told[1:])
+        if training.reading:
+            at = [one.name for one in space.continuous].index(read)
+            recorded, numbers, words = (one.to(device) for one in data)
+            loop.readers = Readers(recorded, numbers, words, at, kind.unknown)
         print_of = _fingerprint(kind, training, space, told, precision, device)
 
         def so_far() -> TrainedGan:
@@ -129,7 +142,7 @@ def train_gan(
                 network=network, history=np.array(loop.at.history).reshape(-1, 3),
             )  # fmt: skip
 
-        loop.run((scaling.scaled(x), *told[1:]), so_far, watch, checkpoint, print_of)
+        loop.run(data, so_far, watch, checkpoint, print_of)
         return so_far()
 
 
@@ -186,6 +199,7 @@ class _Loop:
         ]
         betas = (training.beta1, training.beta2)
         self.adam = torch.optim.Adam(groups, betas=betas, fused=True)
+        self.readers: Readers | None = None
         self.at = Checkpoint(history=[], best=inf, best_at=0, best_state={})
 
     def run(
@@ -230,7 +244,7 @@ class _Loop:
         """One step of each network; their losses, shape (2,)."""
         told, batch = self._batch(data), self.training.batch
         real, numbers, words = told
-        pairs = 2 if self.training.spectrum else 1
+        pairs = 2 if self.training.spectrum or self.training.reading else 1
         noise = torch.randn(pairs * batch, self.kind.latent).to(self.device)
         with autocast(self.precision, self.device.type):
             made = self.generator(noise, numbers.repeat(pairs, 1), words.repeat(pairs, 1)).float()
@@ -244,8 +258,12 @@ class _Loop:
                 again = self.discriminator(fake, numbers, words).float()
             hinge = self.training.loss == "hinge"
             towards = -again.mean() if hinge else softplus(-again).mean()
-        if others:
-            towards = towards + self.training.spectrum * energy_distance(real, fake, others[0])
+        if self.training.spectrum:
+            apart = energy_distance(real, fake, others[0])
+            towards = towards + self.training.spectrum * apart
+        if self.readers is not None:
+            apart = self.readers.distance((real, fake, others[0]), numbers, words)
+            towards = towards + self.training.reading * apart
         self._move("generator", towards)
         self.discriminator.requires_grad_(True)
         self._keep_mean(done)

@@ -58,10 +58,10 @@ def band_power(windows: Floats) -> Floats:
     return np.stack([lines[:, :, a:b].sum(axis=2) for a, b in pairwise(edges)], axis=2)
 
 
-def band_edges(length: int) -> "np.ndarray[Any, Any]":
+def band_edges(length: int, bands: int = BANDS) -> "np.ndarray[Any, Any]":
     """Lines of the spectrum of so many samples at which bands begin, and the end of the last."""
     many = length // 2
-    return np.unique(np.round(np.geomspace(1, many + 1, BANDS + 1)).astype(int))
+    return np.unique(np.round(np.geomspace(1, many + 1, bands + 1)).astype(int))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,13 +7,14 @@ precision of the training was.
 
 from base64 import b64decode, b64encode
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
-from torch import Tensor
+from torch import Tensor, nn
 
 from pipeline.nets.sequence import CnnLstmAttention, SequenceNetwork, sequence_network
 from pipeline.nets.sequence_settings import (
@@ -215,7 +216,7 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
     ValueError
         When the document lacks something, or its numbers do not fit the network that it names.
     """
-    try:
+    with document_of("a network"):
         kind = KINDS[document["kind"]](**document["network"])
         told = document["scaling"]
         scaling = WindowScaling(
@@ -226,8 +227,7 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
         built = sequence_network(
             kind, document["length"], len(scaling.x_shift), document["outputs"], torch.Generator()
         )
-        state = {k: torch.from_numpy(unpacked(v)) for k, v in document["state"].items()}
-        built.load_state_dict(state)
+        fill(built, document["state"])
         return TrainedSequence(
             kind=kind, settings=WindowTraining(**document["training"]),
             precision=document["precision"], length=document["length"],
@@ -236,11 +236,29 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
             history=np.array(document["history"], dtype=np.float64).reshape(-1, 3),
             validation_groups=tuple(document["validation_groups"]),
         )  # fmt: skip
+
+
+@contextmanager
+def document_of(what: str) -> Iterator[None]:
+    """Say what is wrong with the document that is read inside, in one sentence.
+
+    Raises
+    ------
+    ValueError
+        When the document lacks something, or its parts do not fit together.
+    """
+    try:
+        yield
     except KeyError as error:
-        raise ValueError(f"the document of a network has no or no known {error}") from error
+        raise ValueError(f"the document of {what} has no or no known {error}") from error
     except (TypeError, RuntimeError) as error:
         said = " ".join(str(error).split())
-        raise ValueError(f"the document of a network does not fit together: {said}") from error
+        raise ValueError(f"the document of {what} does not fit together: {said}") from error
+
+
+def fill(built: nn.Module, stored: Mapping[str, Any]) -> None:
+    """Put stored weights into a network."""
+    built.load_state_dict({k: torch.from_numpy(unpacked(v)) for k, v in stored.items()})
 
 
 def packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:

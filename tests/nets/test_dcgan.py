@@ -26,7 +26,7 @@ LEARNING = replace(
 def trained(kind=SMALL, training=TRAINING, x=X, conditions=CONDITIONS, **more):
     return train_gan(
         kind, x, conditions, training=training, channels=CHANNELS, units=("N", "m/s^2"),
-        condition_units={"wear": "um"}, **more,
+        condition_units={"wear": "um"}, read="wear", **more,
     )  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def test_the_published_sizes_are_the_defaults() -> None:
 
 @pytest.mark.parametrize("change", [
     {}, {"r1": 1.0, "r1_every": 2}, {"loss": "cross_entropy"}, {"mismatched": 0.5},
-    {"spectrum": 1.0, "warm": 3}, {"average": 0.0},
+    {"spectrum": 1.0, "warm": 3}, {"average": 0.0}, {"reading": 1.0, "warm": 3},
 ])  # fmt: skip
 def test_two_trainings_are_the_same_bits_and_another_seed_is_another(change) -> None:
     training = replace(TRAINING, **change)
@@ -221,7 +221,7 @@ def test_a_small_set_is_learnt_by_heart() -> None:
     slots = np.flatnonzero(CONDITIONS["cut"] == "slot")
     x = X[slots[np.argsort(CONDITIONS["wear"][slots])[[5, 25, 45, 65]]]]
     names = {"name": np.array(["a", "b", "c", "d"])}
-    training = replace(LEARNING, steps=400, warm=400, batch=8)
+    training = replace(LEARNING, steps=700, warm=700, batch=8)
     gan = trained(replace(SMALL, unknown=0.0), training, x, names)
     made = gan.sample({"name": np.repeat(names["name"], 10)}, seed=1)
     sizes = made[:, 0].std(axis=1).reshape(4, 10).mean(axis=1)

@@ -45,8 +45,9 @@ def windows_figure(
         ]  # fmt: skip
         top = into.bottom + GAP
     bottom = top - GAP
+    long = f"{duration:.3g} s" if duration >= 1.0 else f"{1e3 * duration:.3g} ms"
     for at, words in ((24.0, "recorded"), (74.0, "generated")):
-        parts.append(svg.text(at, bottom + 16, f"{words}, {1e3 * duration:.3g} ms", "tick mid"))
+        parts.append(svg.text(at, bottom + 16, f"{words}, {long}", "tick mid"))
     return svg.figure(parts, height=bottom + 26, label=label, kind="trace")
 
 

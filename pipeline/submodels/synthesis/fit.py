@@ -100,6 +100,7 @@ def trained(
         settings.network, windows.values, conditions, training=settings.training,
         channels=windows.channels, units=windows.units,
         condition_units={WEAR: windows.wear_unit, **windows.condition_units}, watch=look,
+        read=WEAR,
     )  # fmt: skip
     made = gan.sample(conditions, seed=settings.seed + 1)
     numbers, words = gan.space.encoded(conditions)
@@ -160,6 +161,7 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     still = np.ptp(read) == 0 or np.ptp(asked) == 0
     slope = 0.0 if np.ptp(asked) == 0 else np.polyfit(asked, mean, 1)[0]
     rank = 0.0 if still else float(spearmanr(np.repeat(asked, read.shape[1]), read.ravel())[0])
+    of_means = 0.0 if still or np.ptp(mean) == 0 else float(spearmanr(asked, mean)[0])
     edges = np.linspace(0, len(asked), THIRDS + 1).round().astype(int)
     false = []
     for first, end in pairwise(edges):
@@ -169,7 +171,8 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     return WearCurve(
         asked=_list(asked), mean=_list(mean), low=_list(low), high=_list(high),
         mae=_rounded(np.abs(error).mean()), mse=_rounded((error**2).mean()),
-        slope=_rounded(slope), rank_correlation=_rounded(rank), false_intervals=tuple(false),
+        slope=_rounded(slope), rank_correlation=_rounded(rank),
+        rank_of_means=_rounded(of_means), false_intervals=tuple(false),
     )  # fmt: skip
 
 

@@ -46,6 +46,8 @@ class WearCurve:
         Of a straight line through the means [1]; 1 for a sound generator.
     rank_correlation : float
         Spearman's, of single windows [1].
+    rank_of_means : float
+        Spearman's, of the mean reading at each wear [1].
     false_intervals : tuple of (float, float)
         Thirds of the range of wear in which the reading falls while the wear grows.
     """
@@ -58,6 +60,7 @@ class WearCurve:
     mse: float
     slope: float
     rank_correlation: float
+    rank_of_means: float = 0.0
     false_intervals: tuple[tuple[float, float], ...] = ()
 
 

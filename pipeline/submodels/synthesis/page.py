@@ -175,7 +175,7 @@ def _section(shown: Seen) -> Section:
         "A network makes signals at a given wear and given conditions of the cut. They are "
         f"synthetic, learnt from {counted(model.windows, 'window')} of {origin} of tools in "
         "training; figures are of tools that were held out.",
-        _headline(shown), _augmentation(shown), *_curve_words(model),
+        _headline(shown), _augmentation(shown), *_curve_words(model, _recorded(shown)),
     ]  # fmt: skip
     if model.faults:
         text.append("Of the training: " + "; ".join(model.faults) + ".")
@@ -195,14 +195,40 @@ def _section(shown: Seen) -> Section:
     )  # fmt: skip
 
 
-def _curve_words(model: SynthesisModel) -> list[str]:
+def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
+    """Slope and rank correlation of each judge over recorded windows of tools not learnt from."""
+    from scipy.stats import spearmanr
+
+    frame = shown.predictions
+    if frame is None or shown.verdict is None or "baseline_recorded" not in frame:
+        return {}
+    frame = frame[(frame["quantity"] == GENERATED) & frame["group"].isin(_tools(shown))]
+    found = {}
+    for name, one in frame.groupby("regime"):
+        one = one.dropna(subset=["measured", "baseline_recorded"])
+        asked, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
+        if len(one) > 2 and np.ptp(asked) > 0 and np.ptp(read) > 0:
+            rank = float(spearmanr(asked, read)[0])
+            found[str(name)] = float(np.polyfit(asked, read, 1)[0]), rank
+    return found
+
+
+def _curve_words(model: SynthesisModel, recorded: dict[str, tuple[float, float]]) -> list[str]:
     said = []
     for name, one in model.curves.items():
         words = (
             f"Over {counted(len(one.asked), 'wear')} from {number(one.asked[0])} to "
             f"{_with_unit(one.asked[-1], _unit(model))} the {name} reads with a slope of "
-            f"{number(one.slope)} and a rank correlation of {number(one.rank_correlation)}."
+            f"{number(one.slope)} and a rank correlation of {number(one.rank_correlation)} over "
+            f"single windows, {number(one.rank_of_means)} over the mean of each wear."
         )
+        if name in recorded:
+            slope, rank = recorded[name]
+            words += (
+                f" From recorded windows of tools not learnt from it reads with a slope of "
+                f"{number(slope)} and a rank correlation of {number(rank)}: a generator can hardly "
+                "be read better."
+            )
         if one.false_intervals:
             where = joined([f"{number(a)} to {number(b)}" for a, b in one.false_intervals])
             words += f" The reading falls while the wear grows from {where}: trust nothing there."

@@ -201,8 +201,12 @@ def _section(facts: WearFacts) -> Section:
     model = shown.model
     if model is None:
         return Section(key=key, title=title, text=[absent(shown.folder / "model.json", NEEDS)])
+    long_s = model.length / model.rate_Hz
+    long = (
+        f"{number(long_s)}{TOGETHER}s" if long_s >= 1.0 else f"{number(1e3 * long_s)}{TOGETHER}ms"
+    )
     text = [
-        f"Windows of {number(1e3 * model.length / model.rate_Hz)}{TOGETHER}ms in cut of "
+        f"Windows of {long} in cut of "
         f"{counted(len(model.channels), 'channel')} give the wear of the tool. Methods were "
         f"compared on training tools left out as a whole; {NAMES[model.champion]} serves.",
         _headline(facts),

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.charts.numbers import number
@@ -14,6 +15,7 @@ from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.synthesis import judging
+from pipeline.submodels.synthesis.figures import windows_figure
 from pipeline.submodels.synthesis.model import SynthesisModel
 from pipeline.submodels.synthesis.page import page
 from tests.submodels.synthesis.generated_lives import HELD_OUT, once
@@ -77,6 +79,20 @@ def test_figures_are_drawn_and_name_their_files(shown: Shown) -> None:
     assert all("<svg" in one.svg and "NaN" not in one.svg and "nan" not in one.svg
                for one in figures)  # fmt: skip
     assert all(one.sources for one in figures)
+
+
+def test_it_says_how_well_the_judge_reads_recorded_windows(shown: Shown) -> None:
+    rows = shown.predictions
+    rows = rows[(rows["quantity"] == judging.GENERATED) & rows["group"].isin(HELD_OUT)]
+    slope = np.polyfit(rows["measured"], rows["baseline_recorded"], 1)[0]
+    assert f"it reads with a slope of {number(slope)} and a rank correlation" in words(shown)
+
+
+@pytest.mark.parametrize(("duration", "said"), [(0.1, "100 ms"), (32.0, "32 s")])
+def test_a_long_window_is_told_in_seconds(duration: float, said: str) -> None:
+    signal = np.arange(4.0)
+    drawn = windows_figure([("wear", signal, signal)], duration, "force")
+    assert f"recorded, {said}" in str(drawn)
 
 
 def test_a_row_for_each_tool_held_out(shown: Shown) -> None:
