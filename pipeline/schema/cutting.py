@@ -25,6 +25,12 @@ PLANE = "force in the plane of the feed"
 """Quantity: components along and across the feed, one after the other, over the angle [deg]."""
 MAGNITUDE = "magnitude of the force in the plane"
 """Quantity: its magnitude over the angle of the spindle [deg]."""
+PEAK, MEAN = "peak force in the plane", "mean force in the plane"
+"""Quantities: greatest and mean magnitude over a revolution, one value for each recording."""
+BY_LOAD = "mean tangential force by the spindle's load"
+"""Quantity: beside that of the dynamometer, one value for each recording [N]."""
+BY_LOAD_SHARE = "tangential force by the spindle's load, dynamometer 100"
+"""Quantity: the same over that of the dynamometer [%]; its mean error is the MAPE."""
 CHANNEL_FORCE = "force "
 """Before the letter of a channel: quantity of the force that it measures."""
 OTHERS = "fitted on other recordings"
@@ -107,6 +113,62 @@ class StoredResidual:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ChipLaw:
+    """Force of an edge for each width of chip, C h (h / 50 um)^(-m) + E (1 - exp(-h / h_0)).
+
+    Parameters
+    ----------
+    name : str
+        Of its family.
+    cutting, edge : tuple of float
+        C [N/m^2] and E [N/m], tangential, radial, axial.
+    exponent : tuple of float
+        m of each direction [1].
+    growth : float
+        h_0 [m]; 0 for an edge force that is there at once.
+    weight : float
+        Its share among the laws that the records allow [1].
+    """
+
+    name: str
+    cutting: tuple[float, ...]
+    exponent: tuple[float, ...]
+    edge: tuple[float, ...]
+    growth: float
+    weight: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceSpread:
+    """What the interval of a predicted force is made of.
+
+    Parameters
+    ----------
+    laws : tuple of ChipLaw
+        Laws that the records allow; the first is what the others are compared with.
+    covariance : tuple of tuple of float
+        Of the six coefficients [SI]; shape (6, 6).
+    zero_N2 : float
+        Variance of a mean force by the zeros [N^2].
+    speeds, depths_m : (float, float)
+        Least and greatest spindle speed [rev/s] and axial depth [m] that were learnt.
+    peak_scale, mean_scale : float
+        Errors of peak and mean on recordings left out, over what was expected of them [1].
+    freedom : int
+        Degrees of freedom of these.
+    """
+
+    laws: tuple[ChipLaw, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    zero_N2: float
+    speeds: tuple[float, float]
+    depths_m: tuple[float, float]
+    peak_scale: float = 1.0
+    mean_scale: float = 1.0
+    freedom: int = 4
+
+
+@dataclass(frozen=True, kw_only=True)
 class StoredCutModel:
     """Everything that a prediction of forces needs, in full precision.
 
@@ -124,6 +186,8 @@ class StoredCutModel:
         Variance of the model error of each direction's harmonics [N^2].
     residuals : tuple of StoredResidual
         Residuals under trained conditions.
+    spread : ForceSpread or None
+        Laws and errors that its intervals are made of; None without intervals.
     """
 
     tool: Mapping[str, Any]
@@ -133,6 +197,7 @@ class StoredCutModel:
     damping: tuple[float, ...] | None
     left_out_N2: tuple[float, ...]
     residuals: tuple[StoredResidual, ...] = ()
+    spread: ForceSpread | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -135,7 +135,7 @@ def _table(
     """Rows of all cases; the intervals of cases outside of the learnt conditions are widened."""
     distance: dict[str, float] = {}
     for one in outside:
-        distance[one.case] = max(distance.get(one.case, 1.0), _widening(one))
+        distance[one.case] = max(distance.get(one.case, 1.0), widening(one))
     parts = []
     for case, one in predicted:
         part = one.frame.assign(case=case.name, group=case.group, role=case.role)
@@ -153,7 +153,7 @@ def _table(
     return frame.astype({"scored": bool})
 
 
-def _widening(one: OutsideConditions) -> float:
+def widening(one: OutsideConditions) -> float:
     """Factor on an interval: one more for each width of the learnt range beyond its end."""
     low, _, high = one.learnt.partition(" to ")
     try:
@@ -161,7 +161,9 @@ def _widening(one: OutsideConditions) -> float:
     except ValueError:  # words have no distance
         return 2.0
     beyond = max(ends[0] - float(one.value), float(one.value) - ends[1])
-    width = ends[1] - ends[0] or max(abs(ends[0]), 1e-12)
+    width = ends[1] - ends[0] or abs(ends[0])
+    if not width:  # learnt at 0 alone, as an entry angle: nothing to measure a distance by
+        return 2.0
     return 1.0 + max(beyond, 0.0) / width
 
 

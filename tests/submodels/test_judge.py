@@ -15,10 +15,17 @@ from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Fact, Verdict
+from pipeline.schema.verdict import Fact, OutsideConditions, Verdict
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Prediction, Target, submodels
-from pipeline.submodels.judge import figures, judge, metrics, outside_conditions, seen_reasons
+from pipeline.submodels.judge import (
+    figures,
+    judge,
+    metrics,
+    outside_conditions,
+    seen_reasons,
+    widening,
+)
 
 ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
 """Error of the model in each recording, constant over its samples."""
@@ -118,6 +125,15 @@ def test_a_case_outside_of_the_learnt_conditions_is_named_and_its_interval_widen
     # one width of the range beyond its end: twice as wide, of what the predictor said itself
     np.testing.assert_allclose(widened, 2 * 0.3)
     np.testing.assert_allclose(inside, 0.2)
+
+
+def test_a_condition_that_was_learnt_at_zero_alone_has_no_distance() -> None:
+    """An entry angle of 90 degrees beside slots alone: the interval stays finite."""
+    outside = OutsideConditions(
+        case="a", condition="entry angle", value=90.0, unit="deg", learnt="0"
+    )
+    assert widening(outside) == 2.0
+    assert widening(replace(outside, learnt="60 to 80")) == 1.5
 
 
 @every_submodel

@@ -22,6 +22,7 @@ from pipeline.cutting.tool import DEGREE, UM
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.submodels.cutting.fit import Fit
+from pipeline.submodels.cutting.laws import SHARE, straight_line_spread
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
 
@@ -100,14 +101,15 @@ def parameters(
 
     The mean forces of the same recordings should give the same coefficient as their waveform.  The
     difference is a sample of the difference of two model errors: its standard deviation over the
-    root of two widens the interval of the waveform's coefficient.  A coefficient that only the mean
-    forces determine is taken from them.
+    root of two widens the interval of the waveform's coefficient, and so does what the law of the
+    chip leaves open.  A coefficient that only the mean forces determine is taken from them.
     """
     half = np.array([uncertainty.half_width(_unit(uncertainty, name)) for name in COEFFICIENTS])
     difference = np.abs(np.array([one.value for one in means]) * SCALES - fit.values[:6])
     unexplained = NORMAL * np.where(np.isfinite(difference), difference, 0.0) / np.sqrt(2.0)
+    law = NORMAL * straight_line_spread(fit.problem.cuts)
     rows = coefficients(
-        fit.values[:6], np.hypot(half, unexplained),
+        fit.values[:6], np.hypot(np.hypot(half, unexplained), law),
         float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts])), widest, WAVEFORM,
     )  # fmt: skip
     better = [
@@ -275,6 +277,10 @@ def mean_regression(
     if fit is not None:
         modelled = np.concatenate([one[0].real for one in fit.modelled])
         half = np.hypot(half, _solved(table, modelled, deviation)[0] - fit.values[:6])
+    # gain and depth differ from recording to recording, which scatter over revolutions hides
+    gain = covariance @ (table / deviation[:, None] ** 2).T * SHARE * measured
+    half = np.maximum(half, NORMAL * np.sqrt((gain**2).sum(axis=1)))
+    half = np.hypot(half, NORMAL * straight_line_spread(cuts))
     f_z = float(np.mean([one.conditions.f_z for one in cuts]))
     return values, coefficients(values, half, f_z, widest, HOW)
 
@@ -305,15 +311,19 @@ def _solved(table: Floats, measured: Floats, deviation: Floats) -> tuple[Floats,
     return values, inverse / np.outer(length, length)
 
 
-def mean_tangential(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats]:
+def mean_tangential(
+    cuts: Sequence[CutHarmonics], values: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Mean tangential force of all teeth [N], and its relative standard deviation; (R,) each.
 
     Parameters
     ----------
     cuts : sequence of CutHarmonics
         The recordings.
+    values : ndarray, shape (6,), optional
+        Coefficients by which the force is distributed over the arc; those of ``cuts`` by default.
     """
-    values = linear_means(cuts)
+    values = linear_means(cuts) if values is None else values
     force, share = [], []
     for one in cuts:
         c = one.conditions

@@ -56,9 +56,21 @@ def _failed(facts: CuttingFacts, failed: list[CutRun]) -> PartVerdict:
     return PartVerdict(
         status="failed",
         sentence="Cutting forces are not predicted within their limits: on "
-        f"{where} {errors}{bracketed(why)}.",
+        f"{where} {errors}{bracketed(why)}.{_outside_words(failed)}",
         todo=f"{REFRAIN}record the failed conditions again with a new edge and the tool clamped "
         "anew.",
+    )
+
+
+def _outside_words(failed: list[CutRun]) -> str:
+    """How many of the failed recordings are extrapolations, and what to do about those."""
+    count = sum(bool(run.outside) for run in failed)
+    if not count:
+        return ""
+    which = "It lies" if len(failed) == 1 else f"{count} of these lie{'s' if count == 1 else ''}"
+    return (
+        f" {which} outside of what was learnt, where the model extrapolates: the table says in "
+        "which condition; name such recordings in roles.training too."
     )
 
 

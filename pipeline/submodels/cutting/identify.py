@@ -15,6 +15,7 @@ from pipeline.schema.cutting import (
     CuttingFitFacts,
     CuttingModel,
     FoldModel,
+    ForceSpread,
     MethodTried,
     ResidualConditions,
     TermsTried,
@@ -43,6 +44,7 @@ from pipeline.submodels.cutting.selection import (
 )
 from pipeline.submodels.cutting.settings import DIRECTIONS, CuttingFitSettings, CuttingSetup
 from pipeline.submodels.cutting.spindle_load.identify import SpindleLoadResult
+from pipeline.submodels.cutting.spread import calibrated, left_out_errors, spread_of
 from pipeline.submodels.cutting.waveform import CutHarmonics
 
 
@@ -68,6 +70,10 @@ class CuttingIdentification:
         The same in SI.
     methods : sequence of MethodTried
         Error and evaluations of each method tried.
+    spread : ForceSpread, optional
+        What the intervals of its forces are made of.
+    folds : sequence of CutModel
+        The models of the selection's folds, with their own spreads.
     reason : str
         Why there is no fit.
     """
@@ -80,6 +86,8 @@ class CuttingIdentification:
     mean_force: Sequence[Estimate] = ()
     mean_values: Floats | None = None
     methods: Sequence[MethodTried] = ()
+    spread: ForceSpread | None = None
+    folds: Sequence[CutModel] = ()
     reason: str = ""
 
     @property
@@ -87,7 +95,8 @@ class CuttingIdentification:
         """The model that predicts."""
         if self.fit is None or self.selection is None:
             return None
-        return model_of(self.fit, with_residual=self.selection.with_residual)
+        model = model_of(self.fit, with_residual=self.selection.with_residual)
+        return replace(model, spread=self.spread)
 
     @property
     def training(self) -> list[CuttingRecording]:
@@ -119,11 +128,23 @@ def identify_cutting_force(
         methods.append(_method("genetic", other))
         fit = other if settings.method == "genetic" else fit
     mean_values, means = mean_regression(cuts, settings.widest, fit)
+    uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
+    folds = [_fold_model(fold, selection.with_residual) for fold in selection.folds]
+    errors = [
+        left_out_errors(model, cuts[k])
+        for model, fold in zip(folds, selection.folds, strict=True) for k in fold.left_out
+    ]  # fmt: skip
     return CuttingIdentification(
-        recordings=recordings, cuts=cuts, selection=selection, fit=fit,
-        uncertainty=fit_uncertainty(fit, selection.folds, selection.rivals),
-        mean_force=means, mean_values=mean_values, methods=methods, reason=_upside_down(fit),
+        recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
+        mean_force=means, mean_values=mean_values, methods=methods, folds=folds,
+        spread=calibrated(spread_of(fit, uncertainty), errors), reason=_upside_down(fit),
     )  # fmt: skip
+
+
+def _fold_model(fold: Fold, with_residual: bool) -> CutModel:
+    """The model of a fit without some recordings; those left out do not scale its spread."""
+    spread = spread_of(fold.fit, fit_uncertainty(fold.fit, (), ()))
+    return replace(model_of(fold.fit, with_residual=with_residual), spread=spread)
 
 
 def _why_none(recordings: Sequence[CuttingRecording]) -> str:
@@ -202,8 +223,8 @@ def cutting_model(
         correlation = _correlation(uncertainty.names, uncertainty.covariance)
         terms = tuple(selection.tried)
         folds = tuple(
-            _fold(one, [r.name for r in identified.training], selection.with_residual)
-            for one in selection.folds
+            _fold(one, fold_model, [r.name for r in identified.training])
+            for one, fold_model in zip(selection.folds, identified.folds, strict=True)
         )
     if spindle is not None:
         groups[SPINDLE] = spindle.parameters
@@ -247,11 +268,11 @@ def _facts(
     )
 
 
-def _fold(fold: Fold, names: Sequence[str], with_residual: bool) -> FoldModel:
+def _fold(fold: Fold, model: CutModel, names: Sequence[str]) -> FoldModel:
     return FoldModel(
         left_out=tuple(names[k] for k in fold.left_out),
         fitted_on=tuple(name for k, name in enumerate(names) if k not in fold.left_out),
-        prediction=stored(model_of(fold.fit, with_residual=with_residual)),
+        prediction=stored(model),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.charts.numbers import (
     NOT_KNOWN,
     TOGETHER,
+    counted,
     fixed,
     number,
     real,
@@ -25,7 +26,7 @@ from pipeline.charts.tables import (
     names,
     numbers,
 )
-from pipeline.schema.cutting import NoLoadPoint
+from pipeline.schema.cutting import BY_LOAD, NoLoadPoint
 from pipeline.schema.model import Parameter
 from pipeline.submodels.cutting.runs import (
     ERRORS,
@@ -55,7 +56,8 @@ SAME = 0.02
 NOTE = (
     "Errors of the resultant force in the plane of the feed, over one mean revolution: RMS of "
     "modelled less measured force as a share of the measured RMS force; of the largest and of the "
-    "mean force."
+    "mean force. The 90 % interval counts the law of the chip that the records leave open, the "
+    "coefficients, and errors on recordings left out; it widens outside of what was learnt."
 )
 TRUTH_NOTE = (
     "True coefficients are those of the straight line nearest to the simulated edge force, which "
@@ -100,26 +102,41 @@ def _runs_table(
     if not runs:
         return None
     why = any(_why(run) for run in runs)
+    held = any(run.levels for run in runs)
+    interval = numbers(("peak", "%"), ("mean", "%"), group="90 % interval, half") if held else []
     alone = any(run.size("rms", "mechanics") not in (None, run.size("rms")) for run in runs)
     pair = (("model", "%"), ("plain guess", "%"))
     return Table(
-        caption=f"{caption}{left_out(len(runs), MOST_ROWS)}",
+        caption=f"{caption}{_held_words(runs)}{left_out(len(runs), MOST_ROWS)}",
         note="" if cross else NOTE,
         heads=[
             *names("Recording", *(["fitted on"] if cross else [])),
             *numbers(*(head for head, *_ in CONDITIONS)),
             *numbers(pair[0], *([("mechanics alone", "%")] if alone else []), pair[1],
                      group="RMS error"),
-            *numbers(*pair, group="Peak error"), *numbers(*pair, group="Mean error"),
+            *numbers(*pair, group="Peak error"), *numbers(*pair, group="Mean error"), *interval,
             Head(name="verdict"), *names(*(["why"] if why else [])),
         ],
-        rows=[_run_row(facts, run, cross, alone, why) for run in runs[:MOST_ROWS]],
+        rows=[_run_row(facts, run, cross, alone, why, held) for run in runs[:MOST_ROWS]],
         sources=verdict_sources(facts),
         folded=len(runs) > MOST_FOLDED,
     )  # fmt: skip
 
 
-def _run_row(facts: CuttingFacts, run: CutRun, cross: bool, alone: bool, why: bool) -> list[Cell]:
+def _held_words(runs: list[CutRun]) -> str:
+    """How many intervals of peak and mean hold what was measured; training ones do not count."""
+    levels = [level for run in runs if not run.is_training for level in run.levels.values()]
+    if not levels:
+        return ""
+    return (
+        f"; {sum(level.held for level in levels)} of {number(len(levels))} intervals of 90"
+        f"{TOGETHER}% hold the measured peak or mean"
+    )
+
+
+def _run_row(
+    facts: CuttingFacts, run: CutRun, cross: bool, alone: bool, why: bool, held: bool
+) -> list[Cell]:
     def marked(words: str, kind: str) -> Cell:
         return Cell(text=words, status="failed" if run.beyond(kind) else "")
 
@@ -138,9 +155,19 @@ def _run_row(facts: CuttingFacts, run: CutRun, cross: bool, alone: bool, why: bo
             for kind in ("peak", "mean")
             for cell in (marked(_signed(run.error(kind)), kind), _signed(run.error(kind, "plain")))
         ),
+        *((_level_cell(run, "peak"), _level_cell(run, "mean")) if held else ()),
         status,
         *([_why(run) or "–"] if why else []),
     )
+
+
+def _level_cell(run: CutRun, kind: str) -> Cell:
+    """Half of an interval; marked where it misses what was measured."""
+    level = run.levels.get(kind)
+    if level is None:
+        return Cell(text="–")
+    missed = not level.held and not run.is_training
+    return Cell(text=f"± {fixed(level.half_percent, 1)}", status="failed" if missed else "")
 
 
 def _fitted_on(facts: CuttingFacts, run: CutRun) -> str:
@@ -152,7 +179,9 @@ def _fitted_on(facts: CuttingFacts, run: CutRun) -> str:
 
 
 def _why(run: CutRun) -> str:
-    """Why it was not judged, unless the marks beside it say so already."""
+    """Conditions that were not learnt; else why it was not judged, unless the marks say so."""
+    if run.outside:
+        return f"outside of what was learnt: {run.outside}"
     return "" if run.is_training or any(run.beyond(kind) for kind in ERRORS) else run.reason
 
 
@@ -162,6 +191,37 @@ def _or_void(value: float | None) -> str:
 
 def _signed(value: float | None) -> str:
     return "–" if value is None else signed(value)
+
+
+def load_table(facts: CuttingFacts) -> Table | None:
+    """Tangential force by the spindle's load beside the dynamometer's, with the MAPE."""
+    frame = facts.shown.predictions
+    if frame is None or not len(frame):
+        return None
+    rows = frame[(frame["quantity"] == BY_LOAD) & np.isfinite(frame["measured"])]
+    if not len(rows):
+        return None
+    columns = ["measured", "predicted", "low", "high"]
+    names_, values = rows["case"].tolist(), rows[columns].to_numpy(float)
+    errors = 100 * (values[:, 1] / values[:, 0] - 1)
+    inside = (values[:, 2] <= values[:, 0]) & (values[:, 0] <= values[:, 3])
+    return Table(
+        caption="Mean tangential force by the spindle’s load against the dynamometer: MAPE "
+        f"{fixed(float(np.abs(errors).mean()), 1)}{TOGETHER}% over "
+        f"{counted(len(names_), 'recording')}; {int(inside.sum())} of the 90{TOGETHER}% intervals "
+        f"hold the dynamometer’s{left_out(len(names_), MOST_ROWS)}",
+        note="The load was logged in other cuts: no recording of the dynamometer is in its "
+        "coefficients. Wear between the two counts as error.",
+        heads=[*names("Recording"), *numbers(("dynamometer", "N"), ("by the load", "N"),
+               ("90 % interval, half", "N"), ("error", "%"))],
+        rows=[
+            cells(Cell(text=name, code=True), number(one[0]), number(one[1]),
+                  f"± {number((one[3] - one[2]) / 2, 2)}", signed(error))
+            for name, one, error in list(zip(names_, values, errors, strict=True))[:MOST_ROWS]
+        ],
+        sources=verdict_sources(facts, "predictions.parquet"),
+        folded=len(names_) > OPEN,
+    )  # fmt: skip
 
 
 def components_table(facts: CuttingFacts) -> Table | None:

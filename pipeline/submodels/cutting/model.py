@@ -17,6 +17,7 @@ from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
     CutConditions,
+    ForceSpread,
     Harmonics,
     StoredCutModel,
     StoredResidual,
@@ -173,6 +174,8 @@ class CutModel:
         Variance of the model error of each direction's harmonics [N^2].
     residuals : sequence of WaveformResidual
         Residuals under trained conditions; none where they were not kept.
+    spread : ForceSpread, optional
+        What the intervals of its forces are made of.
     """
 
     tool: Tool
@@ -182,6 +185,7 @@ class CutModel:
     damping: Floats | None
     left_out: Floats
     residuals: Sequence[WaveformResidual] = ()
+    spread: ForceSpread | None = None
 
     @property
     def teeth(self) -> bool:
@@ -190,14 +194,23 @@ class CutModel:
 
     def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
         """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
-        forces = columns(self.tool, self.geometry, conditions, harmonics) @ self.values[:6]
-        if self.teeth:
-            teeth = tooth_columns(self.tool, self.geometry, conditions, harmonics)
-            forces = forces + teeth @ self.values[6:]
+        forces = self.coefficient_columns(conditions, harmonics) @ self.values[:6]
+        if not self.teeth:
+            return np.asarray(forces)
+        teeth = tooth_columns(self.tool, self.geometry, conditions, harmonics) @ self.values[6:]
+        return np.asarray(forces + teeth * self.shown(conditions, harmonics))
+
+    def coefficient_columns(self, conditions: CutConditions, harmonics: int) -> Complexes:
+        """Harmonics of the forces for each of the six coefficients; shape (H + 1, 3, 6)."""
+        table = columns(self.tool, self.geometry, conditions, harmonics)
+        return np.asarray(table * self.shown(conditions, harmonics)[:, :, None])
+
+    def shown(self, conditions: CutConditions, harmonics: int) -> Complexes:
+        """What the channels show of a force at each harmonic; shape (H + 1, 3) [1]."""
         if self.natural is None or self.damping is None:
-            return forces
+            return np.ones((harmonics + 1, 3), dtype=np.complex128)
         frequencies = orders(harmonics) * conditions.speed
-        return forces * transfer(frequencies, self.natural, self.damping)
+        return transfer(frequencies, self.natural, self.damping)
 
     def residual(self, conditions: CutConditions) -> WaveformResidual | None:
         """Waveform residual that applies under these conditions, if any."""
@@ -248,6 +261,7 @@ def stored(model: CutModel) -> StoredCutModel:
         natural_Hz=None if model.natural is None else tuple(model.natural.tolist()),
         damping=None if model.damping is None else tuple(model.damping.tolist()),
         left_out_N2=tuple(model.left_out.tolist()),
+        spread=model.spread,
         residuals=tuple(
             StoredResidual(
                 conditions=one.conditions, feeds_m=one.feeds,
@@ -274,6 +288,7 @@ def restored(document: StoredCutModel) -> CutModel:
         natural=None if natural is None else np.array(natural),
         damping=None if damping is None else np.array(damping),
         left_out=np.array(document.left_out_N2),
+        spread=document.spread,
         residuals=[
             WaveformResidual(
                 conditions=one.conditions, feeds=one.feeds_m,

@@ -26,6 +26,7 @@ from pipeline.submodels.cutting.judged_tables import (
     PLAIN_WHAT,
     components_table,
     cross_table,
+    load_table,
     runs_table,
     truth_table,
 )
@@ -177,7 +178,9 @@ def cut_section(facts: CuttingFacts) -> Section | None:
     if methods is not None:
         blocks += [Heading(heading="How they were found", text=methods_words(model)), methods]
     blocks += present(terms_table(facts), recordings_table(facts), training_files_table(facts))
-    spindle = present(spindle_table(facts), no_load_figures(facts), logs_table(facts))
+    spindle = present(
+        spindle_table(facts), load_table(facts), no_load_figures(facts), logs_table(facts)
+    )
     words = spindle_words(model)
     if spindle or words:
         blocks += [Heading(heading="Power of the spindle", text=words), *spindle]

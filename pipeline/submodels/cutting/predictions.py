@@ -14,19 +14,24 @@ from numpy.typing import NDArray
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
+    BY_LOAD,
+    BY_LOAD_SHARE,
     CHANNEL_FORCE,
     CHANNELS,
     HIGHEST,
     LOWEST,
     MAGNITUDE,
+    MEAN,
     MECHANICS,
     OTHERS,
+    PEAK,
     PLAIN,
     PLANE,
     CuttingModel,
 )
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Prediction, Target
+from pipeline.submodels.cutting.coefficients import mean_tangential
 from pipeline.submodels.cutting.model import CutModel, restored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
 from pipeline.submodels.cutting.revolution import GRID, wave
@@ -35,6 +40,8 @@ from pipeline.submodels.cutting.settings import (
     CuttingLimits,
     CuttingSetup,
 )
+from pipeline.submodels.cutting.spindle_load.against_force import tangential_by_load
+from pipeline.submodels.cutting.spread import force_levels, half_widths
 
 Complexes = NDArray[np.complex128]
 
@@ -54,10 +61,16 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
         for regime in ("", OTHERS)
         for quantity, kept in ((PLANE, waveform), (MAGNITUDE, magnitude))
     ]
+    levels = [
+        Target(quantity=quantity, unit="N", regime=regime, baselines=beside)
+        for regime in ("", OTHERS)
+        for quantity in (PEAK, MEAN)
+    ]
+    loads = [Target(quantity=BY_LOAD, unit="N"), Target(quantity=BY_LOAD_SHARE, unit="%")]
     channels = [
         Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside) for name in CHANNELS
     ]
-    return (*judged, *channels)
+    return (*judged, *levels, *loads, *channels)
 
 
 class ForcePredictor:
@@ -78,6 +91,7 @@ class ForcePredictor:
     ) -> None:
         self.reason, self.setup, self.settings = stored.reason, setup, settings
         self.model = None if stored.prediction is None else restored(stored.prediction)
+        self.load = stored.spindle_parameters
         self.plain = None if stored.plain is None else restored(stored.plain)
         self.without: Mapping[str, CutModel] = {
             name: restored(fold.prediction) for fold in stored.folds for name in fold.left_out
@@ -92,6 +106,7 @@ class ForcePredictor:
             other = self.without[recording.name]
             parts += self._rows(recording, other, self.plain, OTHERS)
         parts += self._scatter(recording)
+        parts += self._by_load(recording)
         residual = self.model.residual(cut_harmonics(recording, self.settings).conditions)
         how = "mechanics" if residual is None else "mechanics and what they leave over"
         return Prediction(
@@ -118,11 +133,37 @@ class ForcePredictor:
         yield _table(PLANE, regime, np.tile(degrees, 2), plane, np.repeat(half[:2], ANGLES))
         magnitude = {name: np.linalg.norm(f[:, :2], axis=1) for name, f in forces.items()}
         yield _table(MAGNITUDE, regime, degrees, magnitude)
+        if model.spread is not None:
+            levels = force_levels(model, cut.conditions, cut.harmonics)
+            widths = half_widths(model.spread, levels)
+            peaks = {name: np.array([values.max()]) for name, values in magnitude.items()}
+            means = {name: np.array([values.mean()]) for name, values in magnitude.items()}
+            yield _table(PEAK, regime, np.zeros(1), peaks, np.array([widths[0]]))
+            yield _table(MEAN, regime, np.zeros(1), means, np.array([widths[1]]))
         rotation = self.setup.dynamometer.rotation
         for k, name in enumerate(CHANNELS):
             channel = {key: force @ rotation[:, k] for key, force in forces.items()}
             width = np.full(ANGLES, float(half @ np.abs(rotation[:, k])))
             yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
+
+    def _by_load(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
+        """Tangential force by the spindle's load beside that of the dynamometer, if there is any.
+
+        Every recording of the dynamometer is new to the load.
+        """
+        cut = cut_harmonics(recording, self.settings)
+        found = tangential_by_load(self.load, cut.conditions)
+        if found is None or self.plain is None:
+            return
+        force, half = found
+        measured = float(mean_tangential([cut], self.plain.values[:6])[0][0])
+        if not measured > 0:
+            return
+        for quantity, scale in ((BY_LOAD, 1.0), (BY_LOAD_SHARE, 100 / measured)):
+            values = {"measured": scale * measured, "predicted": scale * force}
+            one = {name: np.array([value]) for name, value in values.items()}
+            rows = _table(quantity, "", np.zeros(1), one, np.array([scale * half]))
+            yield rows.assign(unit="N" if quantity == BY_LOAD else "%")
 
     def _scatter(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
         """Ends of what 95 % of the revolutions show in each channel; they are not scored."""

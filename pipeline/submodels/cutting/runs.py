@@ -1,7 +1,7 @@
 """Recordings against the force model as its page shows them: errors, limits, curves."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,9 @@ from pipeline.schema.cutting import (
     HIGHEST,
     LOWEST,
     MAGNITUDE,
+    MEAN,
     OTHERS,
+    PEAK,
     PLAIN,
     PLANE,
     CutRecording,
@@ -35,6 +37,14 @@ Status = Literal["passed", "failed", "unknown"]
 
 
 @dataclass(frozen=True, kw_only=True)
+class HeldLevel:
+    """Half of a level's 90 % interval over the predicted level [%], and whether it holds it."""
+
+    half_percent: float
+    held: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class CutRun:
     """One recording compared with the force model.
 
@@ -46,6 +56,10 @@ class CutRun:
         Of the force in the plane: its waveform, and its magnitude.
     fitted_on : tuple of str
         Recordings of the fit that predicts it, where that is not the model's own.
+    levels : mapping of str to HeldLevel
+        Of ``peak`` and ``mean``, where there are intervals.
+    outside : str
+        Conditions that are outside of those learnt, in words.
     reason : str
         Why it failed, or was not compared.
     """
@@ -54,6 +68,8 @@ class CutRun:
     waveform: Score
     magnitude: Score
     fitted_on: tuple[str, ...] = ()
+    levels: Mapping[str, HeldLevel] = field(default_factory=dict)
+    outside: str = ""
 
     @property
     def recording(self) -> str:
@@ -200,16 +216,61 @@ def cutting_facts(shown: Shown[CuttingModel]) -> CuttingFacts:
                 continue
             role = "training" if score.role == "training" else "judged"
             row = rows.get(score.group, CutRecording(recording=score.group, role=role))
+            levels = _levels_held(shown.predictions, score.group, score.regime)
             if score.regime == OTHERS:
                 fitted_on = others.get(score.group, ())
                 cross.append(
-                    CutRun(row=row, waveform=score, magnitude=magnitude, fitted_on=fitted_on)
+                    CutRun(
+                        row=row,
+                        waveform=score,
+                        magnitude=magnitude,
+                        fitted_on=fitted_on,
+                        levels=levels,
+                    )
                 )
             else:
-                runs.append(CutRun(row=row, waveform=score, magnitude=magnitude))
+                runs.append(
+                    CutRun(
+                        row=row,
+                        waveform=score,
+                        magnitude=magnitude,
+                        levels=levels,
+                        outside=_outside(verdict, score.group),
+                    )
+                )
     runs.sort(key=lambda run: (run.status == "unknown", run.recording))
     cross.sort(key=lambda run: run.recording)
     return CuttingFacts(shown=shown, runs=runs, cross=cross)
+
+
+def _levels_held(
+    predictions: pd.DataFrame | None, recording: str, regime: str
+) -> dict[str, HeldLevel]:
+    """Intervals of peak and mean of one recording; empty without any."""
+    if predictions is None or "low" not in predictions:
+        return {}
+    mine = predictions[(predictions["case"] == recording) & (predictions["regime"] == regime)]
+    found = {}
+    for kind, quantity in (("peak", PEAK), ("mean", MEAN)):
+        rows = mine[mine["quantity"] == quantity]
+        if len(rows) != 1 or not rows["predicted"].iloc[0] > 0:
+            continue
+        measured, predicted, low, high = (
+            rows[["measured", "predicted", "low", "high"]].to_numpy(float)[0].tolist()
+        )
+        found[kind] = HeldLevel(
+            half_percent=50 * (high - low) / predicted, held=low <= measured <= high
+        )
+    return found
+
+
+def _outside(verdict: Verdict, recording: str) -> str:
+    """Conditions of a recording that nothing was learnt at, with what was learnt."""
+    return "; ".join(
+        f"{one.condition} {one.value if isinstance(one.value, str) else f'{one.value:g}'} "
+        f"{one.unit} (learnt: {one.learnt})"
+        for one in verdict.outside if one.case == recording
+    )  # fmt: skip
 
 
 def worst_run(runs: list[CutRun], kind: str = "rms") -> CutRun | None:

@@ -1,6 +1,6 @@
 """Cutting force as a sub-model: cases are recordings of a dynamometer, and logs of a load."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.model import LeftOut, Model
+from pipeline.schema.model import Condition, LeftOut, Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
@@ -19,7 +19,7 @@ from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, Sub
 from pipeline.submodels.cutting.conditions import MM
 from pipeline.submodels.cutting.conditions import conditions_of as cut_conditions
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
-from pipeline.submodels.cutting.model import restored
+from pipeline.submodels.cutting.model import ALIKE, CutModel, restored
 from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
 from pipeline.submodels.cutting.recordings import (
     CuttingRecording,
@@ -39,6 +39,7 @@ from pipeline.submodels.cutting.spindle_load.identify import (
     identify_spindle_load,
     load_logs,
 )
+from pipeline.submodels.cutting.spread import force_levels, half_widths
 
 LOG_NOTE = "a log of the spindle's load identifies the specific force and is not predicted"
 COLUMNS = {
@@ -49,6 +50,9 @@ COLUMNS = {
     "exit_deg": "deg",
 }
 """Columns of a table of conditions, with their units."""
+SERVED = ["peak_N", "mean_N", "rms_N", "peak_low_N", "peak_high_N", "mean_low_N", "mean_high_N",
+          "outside"]  # fmt: skip
+"""Columns of served forces."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +183,11 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         return predict
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
-        """Peak, mean and RMS force in the plane of the feed [N] from a table of conditions."""
+        """Peak, mean and RMS force in the plane of the feed [N] from a table of conditions.
+
+        The ends of the 90 % intervals of peak and mean stand beside them; ``outside`` names the
+        conditions that nothing was learnt at.
+        """
         stored = read_json(folder / "model.json", CuttingModel)
         model = None if stored.prediction is None else restored(stored.prediction)
         harmonics = CuttingFitSettings().harmonics
@@ -199,8 +207,12 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
                 )  # fmt: skip
                 force = wave(model.predicted(conditions, harmonics), angles)
                 size = np.linalg.norm(force[:, :2], axis=1)
-                rows.append((size.max(), size.mean(), float(np.sqrt(np.mean(size**2)))))
-            return pd.DataFrame(rows, columns=["peak_N", "mean_N", "rms_N"], index=table.index)
+                row = (size.max(), size.mean(), float(np.sqrt(np.mean(size**2))))
+                peak, mean = served_half_widths(model, conditions, harmonics)
+                beyond = ", ".join(outside(_facts(conditions), stored.conditions))
+                rows.append((*row, row[0] - peak, row[0] + peak, row[1] - mean, row[1] + mean,
+                             beyond))  # fmt: skip
+            return pd.DataFrame(rows, columns=SERVED, index=table.index)
 
         return predict
 
@@ -230,6 +242,28 @@ def _loader(
 
 def _constant(content: LoadLog) -> Callable[[], LoadLog]:
     return lambda: content
+
+
+def served_half_widths(
+    model: CutModel, conditions: CutConditions, harmonics: int
+) -> tuple[float, float]:
+    """Halves of the 90 % intervals of peak and mean [N]; NaN for a model without a spread."""
+    if model.spread is None:
+        return np.nan, np.nan
+    return half_widths(model.spread, force_levels(model, conditions, harmonics))
+
+
+def outside(facts: Mapping[str, Fact], learnt: Mapping[str, Condition]) -> list[str]:
+    """Names of the numeric conditions that lie outside of those learnt, alike ones apart."""
+    found = []
+    for name, fact in facts.items():
+        known = learnt.get(name)
+        if known is None or known.low is None or known.high is None or fact.value is None:
+            continue
+        value, slack = float(fact.value), ALIKE * max(abs(known.low), abs(known.high))
+        if not known.low - slack <= value <= known.high + slack:
+            found.append(name)
+    return found
 
 
 def _facts(conditions: CutConditions | None) -> dict[str, Fact]:

@@ -10,27 +10,33 @@ import pandas as pd
 import pytest
 
 from pipeline.schema.cutting import (
+    BY_LOAD,
+    BY_LOAD_SHARE,
     CHANNEL_FORCE,
     HIGHEST,
     LOWEST,
     MAGNITUDE,
+    MEAN,
     MECHANICS,
     OTHERS,
+    PEAK,
     PLAIN,
     PLANE,
+    SPINDLE,
     CuttingModel,
 )
-from pipeline.schema.model import Model, SourceFile
+from pipeline.schema.model import Model, Parameter, SourceFile
 from pipeline.schema.store import read_json, write_json
-from pipeline.submodels.cases import Case, Cases
+from pipeline.submodels.cases import Case, Cases, conditions_of
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
+from pipeline.submodels.cutting.judged_tables import load_table, runs_table
 from pipeline.submodels.cutting.page import cutting_page
 from pipeline.submodels.cutting.predictions import ForcePredictor, force_targets
 from pipeline.submodels.cutting.recordings import CuttingRecording
-from pipeline.submodels.cutting.runs import components
+from pipeline.submodels.cutting.runs import components, cutting_facts
 from pipeline.submodels.cutting.settings import CuttingLimits
-from pipeline.submodels.cutting.submodel import SUBMODEL
+from pipeline.submodels.cutting.submodel import SUBMODEL, _facts
 from pipeline.submodels.judge import judge
 from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
@@ -49,15 +55,20 @@ def fitted(roles: tuple[str, ...]) -> CuttingModel:
         replace(one, role=role) for one, role in zip(recordings(TRUTH, SLOTS), roles, strict=True)
     ]
     identified = identify_cutting_force(found, known, SETTINGS)
+    learnt = conditions_of(case_of(one) for one in found if one.role == "training")
+    head = replace(HEAD, conditions=learnt)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.json"
-        write_json(cutting_model(HEAD, identified, known, SETTINGS, None), path)
+        write_json(cutting_model(head, identified, known, SETTINGS, None), path)
         return read_json(path, CuttingModel)
 
 
 def case_of(one: CuttingRecording) -> Case:
     file = SourceFile(file=one.name, sha256=one.sha256)
-    return Case(name=one.name, group=one.name, role=one.role, files=(file,), load=lambda: one)
+    return Case(
+        name=one.name, group=one.name, role=one.role, files=(file,), load=lambda: one,
+        conditions=_facts(one.conditions),
+    )  # fmt: skip
 
 
 @cache
@@ -196,8 +207,65 @@ def test_served_forces_are_those_of_the_model(tmp_path):
     # the recording has fewer harmonics than are served
     assert served["peak_N"] == pytest.approx(predicted.max(), rel=0.02)
     assert served["mean_N"] == pytest.approx(predicted.mean(), rel=0.02)
+    assert served["peak_low_N"] < served["peak_N"] < served["peak_high_N"]
+    assert served["outside"] == ""
+    further = SUBMODEL.serve(tmp_path)(table.assign(feed_per_tooth_mm=0.3, axial_depth_mm=4.0))
+    assert further["outside"].iloc[0] == "feed per tooth, axial depth of cut"
+    wide, near = (
+        (one["mean_high_N"] - one["mean_N"]) / one["mean_N"] for one in (further.iloc[0], served)
+    )
+    assert wide > 1.5 * near
     with pytest.raises(ValueError, match="no column exit_deg"):
         SUBMODEL.serve(tmp_path)(table.drop(columns="exit_deg"))
+
+
+def test_intervals_of_peak_and_mean_are_judged_and_shown():
+    """Coverage of what was left out is a score; a feed that was not learnt is named."""
+    found = judged(("training", "training", "held_out"))
+    for quantity in (PEAK, MEAN):
+        (score,) = found.verdict.of(quantity, role="held_out", group="2.csv")
+        assert score.coverage_90 == 1.0 and score.n == 1
+        assert found.verdict.of(quantity, role="held_out", group="all")[0].coverage_90 == 1.0
+    shown = Shown(
+        machine="m", origin="simulated", model=fitted(("training", "training", "held_out")),
+        verdict=found.verdict, predictions=found.predictions,
+    )  # fmt: skip
+    facts = cutting_facts(shown)
+    (run,) = facts.judged
+    assert run.outside.startswith("feed per tooth 0.15 mm (learnt: 0.05 to 0.1)")
+    assert run.levels["peak"].held and 0 < run.levels["mean"].half_percent < 40
+    table = runs_table(facts)
+    assert "2 of 2 intervals of 90" in table.caption
+    words = [cell.text for cell in table.rows[0]]
+    assert f"± {run.levels['peak'].half_percent:.1f}" in words
+    assert any("outside of what was learnt" in one for one in words)
+
+
+def test_the_spindles_load_is_compared_with_the_dynamometer():
+    """K_tc and K_te of the load that are those of the cut give its tangential force."""
+    true = {"K_tc": (TRUTH.cutting[0], "N/mm^2"), "K_te": (TRUTH.edge[0], "N/mm")}
+    load = {
+        name: Parameter(
+            value=1.1 * value, unit=unit, interval_95=(value, 1.2 * value), determined=True,
+            method="load",
+        )
+        for name, (value, unit) in true.items()
+    }  # fmt: skip
+    model = fitted(BETWEEN)
+    model = replace(model, parameters={**model.parameters, SPINDLE: load})
+    predictor = ForcePredictor(model, known_of(TRUTH), SETTINGS)
+    found = [replace(one, role="held_out") for one in recordings(TRUTH, SLOTS)]
+    frame = pd.concat([predictor.prediction(one).frame.assign(case=one.name) for one in found])
+    share = frame[frame["quantity"] == BY_LOAD_SHARE]
+    assert len(share) == 3 and share["measured"].to_numpy() == pytest.approx(100.0)
+    assert share["predicted"].to_numpy() == pytest.approx(110.0, abs=2.5)  # zeros of 1 N
+    rows = frame[frame["quantity"] == BY_LOAD]
+    f_z, a_p = 1e-4, 2.0
+    by_hand = 2 * a_p / (2 * np.pi) * 1.1 * (850 * 2 * f_z * 1e3 + 22 * np.pi)
+    assert rows["predicted"].iloc[1] == pytest.approx(by_hand, rel=1e-3)
+    shown = Shown(machine="m", origin="simulated", model=model, verdict=None, predictions=frame)
+    table = load_table(cutting_facts(shown))
+    assert "MAPE" in table.caption and "3 recordings" in table.caption and len(table.rows) == 3
 
 
 def test_a_judged_cut_makes_a_page():
