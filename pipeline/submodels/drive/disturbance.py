@@ -26,8 +26,6 @@ import numpy as np
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.drive.mechanics.estimates import Factor
-from pipeline.submodels.drive.mechanics.identifiability import drive_force, held_out_load_factor
-from pipeline.submodels.drive.mechanics.inverse_dynamics import regressors
 from pipeline.submodels.drive.mechanics.motion import motion
 from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
 from pipeline.submodels.drive.records import Recording
@@ -287,7 +285,10 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
             "command": signals[:, -1],
         }
 
-    return _fits(own, nuisance, columns, h, 0.25 / bandwidth, 0.25, equation.stretch)
+    return _fits(
+        own, nuisance, columns, period=h, step=0.25 / bandwidth, weight=0.25,
+        stretch=equation.stretch,
+    )  # fmt: skip
 
 
 def _law(servo: ServoParameters) -> tuple[Nominal, Floats]:
@@ -308,6 +309,12 @@ def _law(servo: ServoParameters) -> tuple[Nominal, Floats]:
 
 def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> _Found | None:
     """Fit of the mechanics; None where the axis hardly moves under the disturbance."""
+    from pipeline.submodels.drive.mechanics.identifiability import (
+        drive_force,
+        held_out_load_factor,
+    )
+    from pipeline.submodels.drive.mechanics.inverse_dynamics import regressors
+
     one = recording.axes[axis]
 
     def late(samples: float) -> Recording:
@@ -329,8 +336,10 @@ def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> _Found
 
     width = drive.bandwidth_Hz or 0.25 / recording.period
     share = min(width * 2 * _row_period(recording, width), 1.0)
-    found = _fits(own, np.ones((len(own), 1)), columns, recording.period, 0.25 / width,
-                  0.5 * share, rows.stretch)["force"]  # fmt: skip
+    found = _fits(
+        own, np.ones((len(own), 1)), columns, period=recording.period, step=0.25 / width,
+        weight=0.5 * share, stretch=rows.stretch,
+    )["force"]  # fmt: skip
     if abs(found.delay) <= found.delay_half_width + recording.period:
         found = replace(found, delay=0.0)
     factor = held_out_load_factor(
@@ -349,6 +358,7 @@ def _fits(
     own: Floats,
     nuisance: Floats,
     columns: Callable[[float], dict[Entry, Floats]],
+    *,
     period: float,
     step: float,
     weight: float,
@@ -396,13 +406,16 @@ def _fits(
             return columns(samples)[entry]
 
         first = float(tried[np.argmin(each)])
-        found[entry] = _refined(y, left, place, first, period, weight, stretch, nuisance.shape[1])
+        found[entry] = _refined(
+            y, left, place, first,
+            period=period, weight=weight, stretch=stretch, others=nuisance.shape[1],
+        )  # fmt: skip
     return found
 
 
 def _refined(
     y: Floats, left: Callable[[Floats], Floats], column: Callable[[float], Floats], at: float,
-    period: float, weight: float, stretch: Ints, others: int,
+    *, period: float, weight: float, stretch: Ints, others: int,
 ) -> _Found:  # fmt: skip
     """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton."""
     for _ in range(4):

@@ -198,7 +198,8 @@ def _failed(drives: Driven, failed: list[DriveRun]) -> sections.PartVerdict:
         status="failed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on {_recordings(failed)} of "
         f"{counted(_recordings(judged), 'judged recording')} "
-        f"{errors_words(drives, failed)}{rest}.{causes_words(failed)}",
+        f"{errors_words(drives, failed)}{rest}."
+        + causes_words([(run.axis, run.case) for run in failed]),
         todo=f"Do not plan with the twin’s {joined(axes)} yet. Where an axis was serviced after "
         "its training records, record its reciprocation again; else the table of recordings "
         "says which motion the twin gets wrong.",
@@ -291,7 +292,9 @@ def following_section(drives: Driven) -> sections.Section | None:
     if not drives.runs:
         text.append("No axis was held against a recording.")
     drawn = [figures for axis in drives.axes if (figures := _trace_figures(drives, axis))]
-    disturbed = disturbances_table(drives.runs, made_from(drives.shown, "verdict.json"))
+    disturbed = disturbances_table(
+        [(run.axis, run.case) for run in drives.runs], made_from(drives.shown, "verdict.json")
+    )
     return sections.Section(
         key="following",
         title="The feed drives: records against the twin",

@@ -1,13 +1,14 @@
 """Recorded disturbances on the page: where they enter the loops, by what factor, and the cause."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from pipeline.charts import tables
 from pipeline.charts.numbers import number, real
 from pipeline.charts.sources import Source
+from pipeline.schema.verdict import JudgedCase
 
-if TYPE_CHECKING:
-    from pipeline.submodels.drive.page import DriveRun
+Run = tuple[str, JudgedCase]
+"""Letter of an axis, and a recording that shows it."""
 
 NOTE = (
     "Tested is whether a recorded disturbance enters at the reference position, at the speed "
@@ -17,9 +18,9 @@ NOTE = (
 )
 
 
-def disturbances_table(runs: "list[DriveRun]", sources: list[Source]) -> tables.Table | None:
+def disturbances_table(runs: Sequence[Run], sources: list[Source]) -> tables.Table | None:
     """Every recorded disturbance and its entry; None without any."""
-    shown = [run for run in runs if f"disturbance {run.axis} enters at" in run.case.facts]
+    shown = [(axis, case) for axis, case in runs if f"disturbance {axis} enters at" in case.facts]
     if not shown:
         return None
     return tables.Table(
@@ -35,32 +36,32 @@ def disturbances_table(runs: "list[DriveRun]", sources: list[Source]) -> tables.
     )  # fmt: skip
 
 
-def causes_words(runs: "list[DriveRun]") -> str:
+def causes_words(runs: Sequence[Run]) -> str:
     """What the headline says of the disturbances in runs that failed; "" without any."""
     said = {
-        run.case.case: str(cause.value)
-        for run in runs
-        if (cause := run.case.facts.get(f"disturbance {run.axis}, cause")) is not None
+        case.case: str(cause.value)
+        for axis, case in runs
+        if (cause := case.facts.get(f"disturbance {axis}, cause")) is not None
     }
     return "".join(f" In {case} {words}." for case, words in said.items())
 
 
-def _row(run: "DriveRun") -> list[tables.Cell]:
-    name = f"disturbance {run.axis}"
-    facts = run.case.facts
+def _row(run: Run) -> list[tables.Cell]:
+    axis, case = run
+    name, facts = f"disturbance {axis}", case.facts
     cause = facts.get(f"{name}, cause")
     return tables.cells(
-        tables.Cell(text=run.case.case, code=True), run.axis,
+        tables.Cell(text=case.case, code=True), axis,
         str(facts[f"{name} enters at"].value),
-        _with_interval(run, f"{name}, factor"), _with_interval(run, f"{name}, delay"),
+        _with_interval(case, f"{name}, factor"), _with_interval(case, f"{name}, delay"),
         number(real(facts[f"{name}, error explained"].value), 2),
         "as declared" if cause is None else str(cause.value),
     )  # fmt: skip
 
 
-def _with_interval(run: "DriveRun", key: str) -> str:
+def _with_interval(case: JudgedCase, key: str) -> str:
     """Value, half width of its interval and unit; a dash where it is not determined."""
-    found, half = run.case.facts.get(key), run.case.facts.get(f"{key}, half width")
+    found, half = case.facts.get(key), case.facts.get(f"{key}, half width")
     if found is None:
         return "–"
     width = "" if half is None else f" ± {number(real(half.value), 2)}"
