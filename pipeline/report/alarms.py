@@ -104,10 +104,15 @@ def _components(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, 
         return {}
     words = [column.cast(pa.string()).to_pylist() for column in table.columns]
     return {
-        str(item): f"{kind or ''} {name or ''}".strip() if kind != name else str(kind or "")
+        str(item): _component(kind or "", name or "")
         for item, kind, name, category in zip(*words, strict=True)
         if category == "CONDITION"
     }
+
+
+def _component(kind: str, name: str) -> str:
+    """A component by its type and its name, said once where they are one word."""
+    return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
 
 
 KINDS: tuple[Column[list[Alarm]], ...] = (
