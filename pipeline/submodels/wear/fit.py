@@ -2,8 +2,9 @@
 
 Whole tools are left out in turn.  A single method serves instead of the median of all only where
 its squared errors are lower significantly over the tools: of few tools the one that happens to be
-best may go astray on the next.  The blend's weights for a tool come from the predictions of the
-others, each of which was left out itself.  The interval's half width is conformal over tools.
+best may go astray on the next.  For the same reason the blend with the guess, which rests on the
+signals and on the tool's use, serves unless that one is better significantly.  The blend's weights
+for a tool come from the predictions of the others, each of which was left out itself.  The interval's half width is conformal over tools.
 """
 
 from collections.abc import Mapping
@@ -118,7 +119,9 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]))
     alone = best if surely else MEDIAN
     champion = alone
-    if weights and scores[BLEND].rmse < scores[alone].rmse:
+    if weights.get(GUESS, 0.0) > 0 and not gains(
+        _squares(out, out.by[BLEND]), _squares(out, out.by[alone])
+    ):
         champion = BLEND
     own = _fitted(windows, progress, settings)
     documents = tuple(document for _, document in done if document is not None)

@@ -127,8 +127,8 @@ class WearModel(Model):
     per_recording : bool
         Whether a recording has one wear, the mean of its windows; else each window has one.
     champion : str
-        Method that serves: ``alone``, or the blend where its RMSE on training tools left out is
-        lower.
+        Method that serves: the blend where the guess has a share in it, unless ``alone`` is
+        significantly better on training tools left out.
     alone : str
         The one that needs no use of the tool: the median, or a single method that is significantly
         better on training tools left out.
