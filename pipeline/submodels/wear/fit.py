@@ -4,7 +4,8 @@ Whole tools are left out in turn.  A single method serves instead of the median 
 its squared errors are lower significantly over the tools: of few tools the one that happens to be
 best may go astray on the next.  For the same reason the blend with the guess, which rests on the
 signals and on the tool's use, serves unless that one is better significantly.  The blend's weights
-for a tool come from the predictions of the others, each of which was left out itself.  The interval's half width is conformal over tools.
+for a tool come from the predictions of the others, each of which was left out itself.  The
+interval's half width is conformal over tools.
 """
 
 from collections.abc import Mapping
