@@ -66,7 +66,9 @@ def used(**verdicts: Verdict | None) -> dict[str, UsedModel]:
 def test_every_combination_of_verdicts_names_what_did_not_pass_first(
     statuses: tuple[Status | None, ...],
 ) -> None:
-    errors = {"passed": (1.0, -2.0), "failed": (1.0, 14.0), "not judged": ()}
+    errors = {
+        "passed": (1.0, -2.0), "failed": (1.0, 14.0), "not decided": (1.0, -2.0), "not judged": (),
+    }  # fmt: skip
     verdicts = {
         name: None if status is None else verdict(name, status, *errors[status])
         for name, status in zip(FIGURES, statuses, strict=True)

@@ -217,6 +217,7 @@ def fitting_settings() -> Any:
     )
 
 
+@pytest.mark.proof
 def test_processes_find_the_same_model(built: Built, tmp_path: Path) -> None:
     some = replace(QUICK, methods=("linear", "bp_7"))
     found = {name: one for name, one in recordings().items() if name in TRAINING}

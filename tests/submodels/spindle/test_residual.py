@@ -158,6 +158,7 @@ save_forest(forest, Path(sys.argv[1]))
 """
 
 
+@pytest.mark.proof
 def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
     hashes = []
     for seed in ("1", "2"):

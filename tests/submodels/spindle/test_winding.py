@@ -91,6 +91,7 @@ def test_hours_are_the_windows_of_the_judgement() -> None:
     ]
 
 
+@pytest.mark.proof
 def test_a_spindle_of_one_node_gets_none_for_a_rare_source() -> None:
     """Five days, load on one of them only: hours of that load must not buy a second node."""
     days = days_of(ONE_TRUTH, 21, 4, excited=("speed",), noise_K=0.3, whole_degrees=True)
