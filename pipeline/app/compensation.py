@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import DATA, machine_parameters
-from pipeline.app.programs import model_folder
+from pipeline.app.programs import VERDICT_WORDS, model_folder
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json
@@ -29,11 +29,6 @@ from pipeline.submodels.deformation.submodel import SUBMODEL
 
 FORMATS = ("csv", "fanuc", "siemens")
 """Kinds of file."""
-STATUS = {
-    "passed": "passed", "failed": "failed", "not decided": "was not decided",
-    "not judged": "was not judged",
-}  # fmt: skip
-"""Status of a verdict as a verb."""
 UM_PER_MM = 1000.0
 """Micrometres of a millimetre [1]."""
 LEAST_CALL_S = 1.0
@@ -125,7 +120,7 @@ def _judged(folder: Path, *, anyway: bool) -> str:
     if status != "passed" and not anyway:
         why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
         raise ValueError(
-            f"the growth model in {folder} {STATUS[status]}"
+            f"the growth model in {folder} {VERDICT_WORDS[status]}"
             f"{why}: mend that first, or write its correction with --anyway"
         )
     return status
@@ -152,7 +147,7 @@ def said(done: Written, out: Path, kind: str) -> Iterator[str]:
     if "champion" not in done.models.parts:
         yield f"with {done.models.parent.as_posix()}, not with the champion"
     if done.status != "passed":
-        yield f"WARNING: the growth model {STATUS[done.status]}"
+        yield f"WARNING: the growth model {VERDICT_WORDS[done.status]}"
     yield "the offset to add along +Z, away from the workpiece, is +growth"
     yield (
         f"{'exact' if found.exact else 'linearised'}: at most {found.largest_um:.2g} um from the "

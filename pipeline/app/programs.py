@@ -38,6 +38,11 @@ PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
 """Compression of a table by the end of its file's name."""
 
 
+VERDICT_WORDS = {
+    "passed": "passed", "failed": "failed", "not decided": "was not decided",
+    "not judged": "was not judged",
+}  # fmt: skip
+"""What a sentence about a model says of its verdict."""
 WITHOUT_TIME = {
     "tool_change": "{} tool change(s) are done",
     "spindle_acceleration": "the spindle starts or stops {} time(s)",

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import check_outputs, machine_parameters
-from pipeline.app.programs import model_folder, write_document
+from pipeline.app.programs import VERDICT_WORDS, model_folder, write_document
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.synthesis.explanation import Explanation, explanation, read_windows
@@ -17,11 +17,6 @@ from pipeline.submodels.synthesis.samples import (
     write_generated,
 )
 from pipeline.submodels.synthesis.submodel import SUBMODEL
-
-SAID = {
-    "passed": "passed", "failed": "failed", "not decided": "was not decided",
-    "not judged": "was not judged",
-}  # fmt: skip
 
 
 def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:
@@ -42,8 +37,8 @@ def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:
     if status != "passed" and not anyway:
         why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
         raise ValueError(
-            f"the generator in {folder} {SAID[status]}{why}: mend that first, or use it with "
-            "--anyway"
+            f"the generator in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or use "
+            "it with --anyway"
         )
     return load_synthesis(folder)
 

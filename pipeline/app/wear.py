@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.app.fleet import DATA, ingest_files, machine_parameters
-from pipeline.app.programs import CHAMPION, model_folder
+from pipeline.app.programs import CHAMPION, VERDICT_WORDS, model_folder
 from pipeline.parameters import structure
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
@@ -24,11 +24,6 @@ from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.wear.model import NAMES, Wear, WearModel, load_wear
 from pipeline.submodels.wear.submodel import SUBMODEL
 
-STATUS = {
-    "passed": "passed", "failed": "failed", "not decided": "was not decided",
-    "not judged": "was not judged",
-}  # fmt: skip
-"""Status of a verdict as a verb."""
 SHOWN = 12
 """Readings of one recording on the screen at most."""
 SLACK = 1e-6
@@ -173,8 +168,8 @@ def _judged(folder: Path, *, anyway: bool) -> str:
     if status != "passed" and not anyway:
         why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
         raise ValueError(
-            f"the wear model in {folder} {STATUS[status]}{why}: mend that first, or use it with "
-            "--anyway"
+            f"the wear model in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or use "
+            "it with --anyway"
         )
     return status
 
@@ -301,7 +296,7 @@ def said(told: WearTold) -> Iterator[str]:
     if told.model != CHAMPION:
         yield "with the latest model, not with the champion"
     if told.status != "passed":
-        yield f"WARNING: the wear model {STATUS[told.status]}"
+        yield f"WARNING: the wear model {VERDICT_WORDS[told.status]}"
     yield from told.notes
     by_recording: dict[str, list[Reading]] = {}
     for one in told.readings:
