@@ -14,12 +14,13 @@ from pipeline.schema.files import together
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
+from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
 from pipeline.submodels.spindle.sensor import sensor_step
 from pipeline.submodels.spindle.submodel import SUBMODEL
 from pipeline.submodels.spindle.transfer import Transfer, TransferSettings, transfer
-from pipeline.twin.spindle import TARGET, SpindleModelFile, spindle_stretches
+from pipeline.twin.spindle import TARGET, SpindleModelFile, SpindleRecords, spindle_stretches
 
 
 def transfer_curve(
@@ -73,16 +74,9 @@ def transfer_curve(
     cases = SUBMODEL.cases(records, settings, read_golden(sets))
     training = sorted(cases.of("training"), key=lambda case: case.name)
 
-    def pieces(chosen: list[Case], bridge_s: float) -> list[Any]:
+    def pieces(chosen: list[Case], bridge_s: float) -> list[StateSegment]:
         fitting = settings.spindle_fit
-        return [
-            piece
-            for case in chosen
-            for piece in spindle_stretches(
-                case.load(), case.name, model.records, step=fitting.step_s, bridge_s=bridge_s,
-                shortest_s=fitting.shortest_s,
-            )
-        ]  # fmt: skip
+        return _pieces(chosen, model.records, fitting.step_s, bridge_s, fitting.shortest_s)
 
     measured = np.concatenate(
         [case.load()[TARGET].to_numpy(float) for case in training] or [np.empty(0)]
@@ -103,6 +97,19 @@ def transfer_curve(
             credit = "; ".join(dict.fromkeys(one for one in credits if one))
             write_transfer_page(found, page, sources, credit)
     return found
+
+
+def _pieces(
+    chosen: list[Case], records: SpindleRecords, step: float, bridge_s: float, shortest_s: float
+) -> list[StateSegment]:
+    """Stretches of days without a gap longer than ``bridge_s``."""
+    return [
+        piece
+        for case in chosen
+        for piece in spindle_stretches(
+            case.load(), case.name, records, step=step, bridge_s=bridge_s, shortest_s=shortest_s
+        )
+    ]
 
 
 def _credit(values: dict[str, Any], machine: str) -> str:

@@ -250,14 +250,7 @@ def tune(
         generations=of, seed=settings.seed, log=box.log, integer=box.integer, callback=told,
     )  # fmt: skip
     candidates = tuple(search.known.values())
-    best = sorted((one for one in candidates if one.epochs), key=lambda one: one.validation)
-    split = training.seed if training.validation_seed is None else training.validation_seed
-    tasks = []
-    for k, one in enumerate(best[: settings.retrained]):
-        full = replace(training, seed=training.seed + k, validation_seed=split)
-        tasks.append(_with(kind, full, one.values))
-    again = mapped(partial(_trained, windows=windows, device=device), tasks, compute=place)
-    retrained = sorted((one for one in again if one is not None), key=_error)
+    retrained = _in_full(search, windows, training)
     if not retrained:
         raise ValueError(
             f"none of {len(candidates)} candidates could be trained without divergence: lower the "
@@ -369,6 +362,20 @@ class _Search:
             name: int(value) if name == "units" else value
             for name, value in zip(self.names, row, strict=True)
         }
+
+
+def _in_full(search: _Search, windows: Windows, training: WindowTraining) -> list[TrainedSequence]:
+    """The best candidates trained in full, the best first, without those that diverge."""
+    candidates = (one for one in search.known.values() if one.epochs)
+    best = sorted(candidates, key=lambda one: one.validation)
+    split = training.seed if training.validation_seed is None else training.validation_seed
+    tasks = []
+    for k, one in enumerate(best[: search.settings.retrained]):
+        full = replace(training, seed=training.seed + k, validation_seed=split)
+        tasks.append(_with(search.kind, full, one.values))
+    train = partial(_trained, windows=windows, device=search.device)
+    again = mapped(train, tasks, compute=search.place)
+    return sorted((one for one in again if one is not None), key=_error)
 
 
 def _with(kind: SequenceSettings, training: WindowTraining, values: Values) -> Task:

@@ -9,7 +9,7 @@ record starts at rest, y_j(0) = T_j(0).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -150,54 +150,19 @@ def fit_expansion(
     from scipy.optimize import least_squares
 
     settings = settings or ExpansionFitSettings()
-    if not records:
-        raise ValueError("records of growth: 0, at least one is needed")
-    many = {record.temperatures_C.shape[1] for record in records}
-    if len(many) > 1 or 0 in many:
-        raise ValueError(
-            f"records with {sorted(many)} temperatures must all have the same ones, at least one"
-        )
-    count = many.pop()
-    seen = np.concatenate([np.isfinite(record.growth_m) for record in records])
-    measured = np.concatenate([record.growth_m for record in records])[seen]
-    blocks = np.repeat(np.arange(len(records)), [len(r.time_s) for r in records])[seen]
-
-    def columns(lags: Floats) -> Floats:
-        return np.concatenate(
-            [_columns(r.time_s, r.speed_rad_s, r.temperatures_C, lags) for r in records]
-        )[seen]
-
-    def linear(lags: Floats) -> tuple[Floats, Floats, Floats]:
-        """Columns, their best factors and what these leave."""
-        table = columns(lags)
-        length = np.linalg.norm(table, axis=0)
-        length[length == 0] = 1.0
-        factors = np.linalg.lstsq(table / length, measured, rcond=None)[0] / length
-        return table, factors, table @ factors - measured
-
-    scale = max(float(np.abs(measured).max(initial=0.0)), 1e-9)
-
-    def left(logarithms: Floats) -> Floats:
-        return linear(np.exp(logarithms))[2] / scale
-
+    growth = _Growth.of(records)
     bounds = np.log(settings.shortest_s), np.log(settings.longest_s)
     trials = [
         least_squares(
-            left, np.full(count, np.log(start)), bounds=bounds, diff_step=[1e-4] * count,
-            max_nfev=settings.evaluations,
+            growth.left, np.full(growth.count, np.log(start)), bounds=bounds,
+            diff_step=[1e-4] * growth.count, max_nfev=settings.evaluations,
         )
         for start in settings.starts_s
     ]  # fmt: skip
     best = min(trials, key=lambda one: one.cost)
     lags = np.exp(best.x)
-    table, factors, residuals = linear(lags)
-    by_lag = [
-        (columns(lags * (1 + step)) @ factors - columns(lags * (1 - step)) @ factors)
-        / (2e-4 * lags[j])
-        for j in range(count)
-        for step in [1e-4 * (np.arange(count) == j)]
-    ]
-    each = range(count)
+    table, factors, residuals = growth.linear(lags)
+    each = range(growth.count)
     return ExpansionFit(
         model=LaggedExpansion(
             expansions=tuple(float(f) for f in factors[:-1]),
@@ -206,11 +171,66 @@ def fit_expansion(
         ),
         names=(*(f"lags_s[{j}]" for j in each), *(f"expansions[{j}]" for j in each), "centrifugal"),
         values=np.concatenate([lags, factors]),
-        at_bound=np.concatenate([best.active_mask != 0, np.zeros(count + 1, bool)]),
-        jacobian=np.column_stack([*by_lag, table]),
+        at_bound=np.concatenate([best.active_mask != 0, np.zeros(growth.count + 1, bool)]),
+        jacobian=np.column_stack([*growth.by_lag(lags, factors), table]),
         residuals=residuals,
-        blocks=blocks,
+        blocks=growth.blocks,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Growth:
+    """Measured growth [m] of several records, and which samples have one."""
+
+    records: Sequence[GrowthRecord]
+    count: int  # of temperatures
+    seen: Bools
+    measured: Floats
+    blocks: Ints
+
+    @classmethod
+    def of(cls, records: Sequence[GrowthRecord]) -> Self:
+        if not records:
+            raise ValueError("records of growth: 0, at least one is needed")
+        many = {record.temperatures_C.shape[1] for record in records}
+        if len(many) > 1 or 0 in many:
+            raise ValueError(
+                f"records with {sorted(many)} temperatures must all have the same ones, at least "
+                "one"
+            )
+        seen = np.concatenate([np.isfinite(record.growth_m) for record in records])
+        return cls(
+            records=records, count=many.pop(), seen=seen,
+            measured=np.concatenate([record.growth_m for record in records])[seen],
+            blocks=np.repeat(np.arange(len(records)), [len(r.time_s) for r in records])[seen],
+        )  # fmt: skip
+
+    def columns(self, lags: Floats) -> Floats:
+        return np.concatenate(
+            [_columns(r.time_s, r.speed_rad_s, r.temperatures_C, lags) for r in self.records]
+        )[self.seen]
+
+    def linear(self, lags: Floats) -> tuple[Floats, Floats, Floats]:
+        """Columns, their best factors and what these leave."""
+        table = self.columns(lags)
+        length = np.linalg.norm(table, axis=0)
+        length[length == 0] = 1.0
+        factors = np.linalg.lstsq(table / length, self.measured, rcond=None)[0] / length
+        return table, factors, table @ factors - self.measured
+
+    def left(self, logarithms: Floats) -> Floats:
+        """What the best factors of lags leave, over the greatest growth."""
+        scale = max(float(np.abs(self.measured).max(initial=0.0)), 1e-9)
+        return self.linear(np.exp(logarithms))[2] / scale
+
+    def by_lag(self, lags: Floats, factors: Floats) -> list[Floats]:
+        """Derivative of the growth by each lag, by central differences."""
+        return [
+            (self.columns(lags * (1 + step)) @ factors - self.columns(lags * (1 - step)) @ factors)
+            / (2e-4 * lags[j])
+            for j in range(self.count)
+            for step in [1e-4 * (np.arange(self.count) == j)]
+        ]
 
 
 def _columns(

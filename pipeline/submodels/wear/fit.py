@@ -87,27 +87,10 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
         When there are fewer than three tools, or one class only.
     """
     tools = list(dict.fromkeys(windows.tool.tolist()))
-    if len(tools) < 3:
-        raise ValueError(
-            f"there are {len(tools)} training tools with windows in cut, three are the least: one "
-            "to leave out, one to learn from and one to stop by; name more in roles.training"
-        )
-    if windows.is_class and len(np.unique(windows.wear)) < 2:
-        raise ValueError(
-            "all training tools are of one class: name worn ones and others in roles.training"
-        )
+    _check_tools(windows, tools)
     several = {tool: len(set(windows.recording[windows.tool == tool].tolist())) for tool in tools}
     per_recording = max(several.values()) > 1
-    order = _balanced(windows, tools)
-    tasks = []
-    for fold, (_, left) in enumerate(splits(order, settings.folds)):
-        kept = np.isin(windows.tool, left)
-        tasks.append(
-            _Task(
-                training=windows.of(~kept), left=windows.of(kept), progress=progress,
-                settings=settings, fold=fold,
-            )
-        )  # fmt: skip
+    tasks = _tasks(windows, tools, progress, settings)
     slow = RESNET in settings.methods  # else a process takes longer to start than to fit
     done = mapped(_fold, tasks, compute="processes" if slow else "serial")
     told = [_Told.of(task.left, found, per_recording) for task, (found, _) in zip(
@@ -116,14 +99,7 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     out = _Told.joined(told)
     weights = _with_blend(out)
     scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
-    best = min((n for n in METHODS if n in scores), key=lambda n: scores[n].rmse)
-    surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]))
-    alone = best if surely else MEDIAN
-    champion = alone
-    if weights.get(GUESS, 0.0) > 0 and not gains(
-        _squares(out, out.by[BLEND]), _squares(out, out.by[alone])
-    ):
-        champion = BLEND
+    champion, alone = _who_serves(out, scores, weights)
     own = _fitted(windows, progress, settings)
     documents = tuple(document for _, document in done if document is not None)
     return WearFit(
@@ -138,6 +114,47 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
             guess=own.guess, by_conditions=own.by_conditions, mean=own.mean,
         ),
     )  # fmt: skip
+
+
+def _check_tools(windows: WearWindows, tools: list[str]) -> None:
+    if len(tools) < 3:
+        raise ValueError(
+            f"there are {len(tools)} training tools with windows in cut, three are the least: one "
+            "to leave out, one to learn from and one to stop by; name more in roles.training"
+        )
+    if windows.is_class and len(np.unique(windows.wear)) < 2:
+        raise ValueError(
+            "all training tools are of one class: name worn ones and others in roles.training"
+        )
+
+
+def _tasks(
+    windows: WearWindows, tools: list[str], progress: str, settings: WearFitSettings
+) -> list[_Task]:
+    """A task for each fold of tools left out."""
+    tasks = []
+    for fold, (_, left) in enumerate(splits(_balanced(windows, tools), settings.folds)):
+        kept = np.isin(windows.tool, left)
+        tasks.append(
+            _Task(
+                training=windows.of(~kept), left=windows.of(kept), progress=progress,
+                settings=settings, fold=fold,
+            )
+        )  # fmt: skip
+    return tasks
+
+
+def _who_serves(
+    out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float]
+) -> tuple[str, str]:
+    """Champion, and the method that would serve without the guess."""
+    best = min((n for n in METHODS if n in scores), key=lambda n: scores[n].rmse)
+    surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]))
+    alone = best if surely else MEDIAN
+    blended = weights.get(GUESS, 0.0) > 0 and not gains(
+        _squares(out, out.by[BLEND]), _squares(out, out.by[alone])
+    )
+    return (BLEND if blended else alone), alone
 
 
 def _balanced(windows: WearWindows, tools: list[str]) -> list[str]:
