@@ -20,9 +20,15 @@ from pipeline.optimisation.reliability.judged import used_models
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
-from pipeline.schema.store import write_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import UsedModel
-from pipeline.twin.control import control_of_unit, planned_program, read_controls
+from pipeline.twin.control import (
+    ControlModelFile,
+    control_of_unit,
+    planned_program,
+    read_controls,
+    time_interval,
+)
 from pipeline.twin.drive import read_drives
 from pipeline.twin.program_axes import AxisFollowing, Residual
 from pipeline.twin.simulation import blocks, summary, without_time
@@ -111,6 +117,14 @@ class Simulated:
     on: Controlled
     residual: Residual | None = None
     residual_name: str = ""
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """90 % interval of the time of the program [s]; None where the control was not learnt."""
+        if not self.on.identified:
+            return None
+        stored = read_json(self.on.models / "control/model.json", ControlModelFile)
+        return time_interval(self.plan.total, stored.intervals)
 
     @property
     def other_units(self) -> dict[str, float]:
@@ -385,6 +399,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
             "origin": simulated.on.origin,
             "control": simulated.on.source,
             "unit": simulated.on.unit,
+            "total_time_90_s": simulated.interval,
             "total_time_s_on_other_units": simulated.other_units,
             "models": simulated.on.models.as_posix(),
             "without_time": without_time(simulated.plan),
@@ -411,7 +426,9 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
         yield f"on unit {document['unit']}, the default one; with --unit: {told}"
     elif document["unit"]:
         yield f"on unit {document['unit']}"
-    yield f"{document['total_time_s']:.1f} s, {document['path_length_mm']:.1f} mm"
+    interval = document["total_time_90_s"]
+    width = f" (90 % interval {interval[0]:.1f} to {interval[1]:.1f} s)" if interval else ""
+    yield f"{document['total_time_s']:.1f} s{width}, {document['path_length_mm']:.1f} mm"
     for name, count in document["without_time"].items():
         yield (
             f"warning: {WITHOUT_TIME[name].format(count)} in 0 s, since their time is not known: "

@@ -45,6 +45,8 @@ class SimulatedProgram:
         The program below ``data/raw/<machine>``, and the hash of its bytes.
     total_time_s, cutting_time_s : float or None
         Predicted time, and that of moves at a feed [s].
+    total_time_90_s : tuple of float or None
+        90 % interval of the predicted time [s]; None where too few programs ran to tell.
     path_length_mm : float or None
         Path length [mm].
     origin_mm : tuple of float or None
@@ -64,6 +66,7 @@ class SimulatedProgram:
     file: str = ""
     sha256: str = ""
     total_time_s: float | None = None
+    total_time_90_s: tuple[float, float] | None = None
     path_length_mm: float | None = None
     cutting_time_s: float | None = None
     origin_mm: tuple[float, float, float] | None = None

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from pipeline.gcode.setup import Setup
 from pipeline.schema.identity import MachineIdentity
-from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
+from pipeline.schema.store import read_json
+from pipeline.twin.control import ControlModelFile, ControlRecords, control_of_unit
 from pipeline.twin.simulation import simulate_files
 
 
@@ -18,8 +19,16 @@ def simulate_programs(
     control_records: ControlRecords,
 ) -> None:
     """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
-    control = control_of_unit(read_controls(model), control_records.default_unit)
+    stored = read_json(model, ControlModelFile)
+    control = control_of_unit(stored.control, control_records.default_unit)
     files = control_records.shown(raw)
     simulate_files(
-        files, raw, control, setup, programs, machine=identity.name, origin=identity.origin
+        files,
+        raw,
+        control,
+        setup,
+        programs,
+        machine=identity.name,
+        origin=identity.origin,
+        intervals=stored.intervals,
     )

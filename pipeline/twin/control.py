@@ -15,8 +15,12 @@ from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan, limited_path, plan
 from pipeline.schema.arrays import Floats
+from pipeline.schema.interval import Bands
 from pipeline.schema.model import Correlation, Model
 from pipeline.schema.store import read_json
+
+WHOLE = "whole run"
+"""Regime of the time of a whole run, beside those of its types of rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +57,15 @@ class ControlModelFile(Model):
         How well they fit.
     programs : mapping of str to str
         Program that each training run executed.
+    intervals : Bands
+        Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
+        :data:`WHOLE`; empty where too few programs ran to tell.
     """
 
     control: Mapping[str, ControlParameters]
     fit: ControlFitFacts
     programs: Mapping[str, str]
+    intervals: Bands = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +161,14 @@ def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> Con
             "name one of them, or let it learn from a run of that unit"
         )
     return controls[unit]
+
+
+def time_interval(seconds: float, intervals: Bands) -> tuple[float, float] | None:
+    """90 % interval of the predicted time of a whole run [s]; None where none was learnt."""
+    band = intervals.get(WHOLE)
+    if band is None:
+        return None
+    return round(max(0.0, seconds * (1 - band.lower)), 3), round(seconds * (1 + band.upper), 3)
 
 
 def program_moves(path: Path, setup: Setup, progress: Callable[[int], None] | None = None) -> Moves:

@@ -23,10 +23,11 @@ from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import replacing
+from pipeline.schema.interval import Bands
 from pipeline.schema.program import SimulatedProgram
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured
-from pipeline.twin.control import planned_program, program_moves
+from pipeline.twin.control import planned_program, program_moves, time_interval
 
 _TYPE: dict[int, str] = {
     Kind.RAPID: "rapid",
@@ -250,6 +251,7 @@ def simulate_files(
     *,
     machine: str,
     origin: str,
+    intervals: Bands | None = None,
 ) -> None:
     """Simulate each of ``files``; a program that cannot be followed is stored as refused.
 
@@ -267,6 +269,8 @@ def simulate_files(
         Folder to write ``<name>.json`` and ``<name>.parquet`` into.
     machine, origin : str
         Whose control it is, and whether its records are simulated.
+    intervals : Bands, optional
+        Of the control's times.
     """
     out.mkdir(parents=True, exist_ok=True)
     for name, path in files.items():
@@ -286,7 +290,7 @@ def simulate_files(
             times = structured(summary(plan, name), SimulatedProgram, name)
             program = replace(
                 times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
-                blocks=len(table),
+                blocks=len(table), total_time_90_s=time_interval(plan.total, intervals or {}),
             )  # fmt: skip
             with replacing(out / f"{name}.parquet") as part:
                 table.to_parquet(part, compression="zstd")

@@ -154,6 +154,9 @@ def _blocks(
 def _summary(program: Program) -> str:
     seconds, cutting = program.seconds, program.summary.cutting_time_s
     words = [f"Predicted {duration(seconds)}"]
+    if program.summary.total_time_90_s is not None:
+        low, high = program.summary.total_time_90_s
+        words[0] += f" (90{NARROW}% interval {duration(low)} to {duration(high)})"
     if cutting is not None:
         words[0] += f", of which {duration(cutting)} cutting ({percent(cutting, seconds)})"
     path = program.summary.path_length_mm

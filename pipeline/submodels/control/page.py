@@ -29,11 +29,9 @@ from pipeline.charts.tables import (
 )
 from pipeline.schema.verdict import JudgedCase, Score, Status, Verdict
 from pipeline.submodels.contract import Shown
-from pipeline.twin.control import ControlModelFile
+from pipeline.submodels.control.times import NAIVE, OVERRIDE_ONLY, TIME
+from pipeline.twin.control import WHOLE, ControlModelFile
 
-TIME, WHOLE = "run time", "whole run"
-NAIVE = "path over programmed feed"
-OVERRIDE_ONLY = "recorded override only"
 MOST_RUNS = 40  # of the figure; the table has them all
 RULES = (
     "Judged are runs that the control was not fitted on and that ran to their end. What the "
@@ -281,7 +279,7 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | No
     return sections.Section(
         key="times",
         title="Programs: predicted against measured time",
-        text=[_score_words(runs, limit), RULES],
+        text=[_score_words(runs, limit), RULES, _interval_words(seen.model)],
         blocks=sections.present(
             _errors(runs, limit, made),
             _runs_table(runs, made),
@@ -290,6 +288,22 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | No
             default_section.outside_table(seen.verdict, made),
             default_section.left_out_table(seen.verdict, made),
         ),
+    )
+
+
+def _interval_words(model: ControlModelFile | None) -> str:
+    """How sure a predicted time is, and from what that is known."""
+    band = None if model is None else model.intervals.get(WHOLE)
+    if band is None:
+        return (
+            "A predicted time has no interval: too few programs ran to the end to leave some out "
+            "and predict them; log runs of two programs or more."
+        )
+    return (
+        f"The 90 % interval of the time of a whole program is ±{fixed(100 * band.upper, 1)} % of "
+        f"it: the largest error of {counted(band.groups, 'program')}, each predicted by a control "
+        "identified from the others. A part whose motion none of these programs has may lie "
+        "outside."
     )
 
 

@@ -1,19 +1,18 @@
 """Control as a sub-model: cases are runs of programs, judged by their time without stops."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 
 from pipeline.charts.sections import SubModelPage
-from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.spindle import CUTTING
-from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, LeftOut, Parameter
@@ -22,32 +21,31 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
-from pipeline.submodels.control.programs import Match, read_matches, read_programs
-from pipeline.submodels.control.runs import stopped_within
-from pipeline.submodels.control.segments import Observed, observe, shares
+from pipeline.submodels.control.programs import read_matches, read_programs
+from pipeline.submodels.control.segments import observe
+from pipeline.submodels.control.times import (
+    NAIVE,
+    OVERRIDE_ONLY,
+    TIME,
+    MatchedRun,
+    predicted,
+    time_bands,
+)
 from pipeline.twin.control import (
+    WHOLE,
     ControlFitFacts,
     ControlModelFile,
     ControlRecords,
-    control_of_unit,
     planned_program,
     program_moves,
-    read_controls,
 )
 from pipeline.twin.simulation import TYPES, block_table
 
-TIME = "run time"
-"""Quantity: time of a whole run, or of its rows of one type, without the operator's stops [s]."""
-WHOLE = "whole run"
 FITTED = "bounded least squares (soft L1) on the durations of blocks in logs of line numbers"
 FROM_SPEEDS = "steady speeds in rapids"
 NOT_DETERMINED = "not determined by these runs; kept near its value in conf/machine/"
-WAIT = 1.0
-"""At M0 and M1 an operator is taken to wait when they last longer than planned by this [s]."""
-NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
-"""Baselines: no acceleration or waiting; overrides as recorded, feeds not read from speeds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,14 +85,6 @@ class Judging:
     control_records: ControlRecords
     control_fit: ControlFitSettings
     control_limits: ControlLimits
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MatchedRun:
-    """A run with its program, and the segments of the parts that are of this program."""
-
-    match: Match
-    observed: tuple[Observed, ...]
 
 
 class Control(SubModel[Fitting, Judging, ControlModelFile]):
@@ -176,12 +166,13 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
             control=fit.control,
             fit=_facts(fit),
             programs={run.match.run.name: str(run.match.program) for run in runs},
+            intervals=time_bands(runs, settings.control, settings.control_fit),
         )  # fmt: skip
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of runs."""
-        controls = read_controls(folder / "model.json")
-        return lambda case: _predicted(case.load(), controls)
+        stored = read_json(folder / "model.json", ControlModelFile)
+        return lambda case: predicted(case.load(), stored.control, stored.intervals)
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Times by block from a table with the text of a program a row: column ``program``.
@@ -272,103 +263,6 @@ def _facts(fit: ControlFit) -> ControlFitFacts:
 
 def _rounded(value: float, digits: int) -> float | None:
     return round(float(value), digits) if np.isfinite(value) else None
-
-
-def _predicted(run: MatchedRun, controls: dict[str, ControlParameters]) -> Prediction:
-    """Time of one run beside that measured; nothing of a run of another revision."""
-    if not run.match.whole or not run.observed:
-        return Prediction(frame=pd.DataFrame(), note=run.match.reason)
-    one = run.observed[0]
-    control = control_of_unit(controls, one.unit)
-    times = planned_program(one.moves, control, one.overrides).time
-    as_said = replace(one.overrides, feed=one.operator.said[one.moves.line])
-    said = planned_program(one.moves, control, as_said).time
-    rapid = min(axis.rapid_speed for axis in control.axes.values())
-    naive = naive_times(one.moves, one.operator.feed[one.moves.line], rapid)
-    end, until = _seen_until(one)
-    stops = _stops(one, times, end)
-    measured = end - one.run.start - stops
-    predicted, plain, recorded = (float(t[:until].sum()) for t in (times, naive, said))
-    rows: list[dict[str, Any]] = [
-        {
-            "regime": WHOLE, "measured": measured, "predicted": predicted,
-            f"baseline_{NAIVE}": plain, f"baseline_{OVERRIDE_ONLY}": recorded,
-        }
-    ]  # fmt: skip
-    rows += [
-        {"regime": word, "measured": m, "predicted": p}
-        for word, (m, p) in shares(one, times).items()
-    ]
-    frame = pd.DataFrame(rows).assign(quantity=TIME, unit="s", t=0.0)
-    # a run that was aborted is compared up to the last line that was seen, and decides nothing
-    frame["scored"] = one.run.completed and measured > 0
-    return Prediction(
-        frame=frame,
-        facts={
-            "program": Fact(value=one.program),
-            "measured": Fact(value=round(measured, 2), unit="s"),
-            "predicted": Fact(value=round(predicted, 2), unit="s"),
-            "error": Fact(value=_percent(predicted, measured), unit="%"),
-            NAIVE: Fact(value=round(plain, 2), unit="s"),
-            f"error of {NAIVE}": Fact(value=_percent(plain, measured), unit="%"),
-            f"error of {OVERRIDE_ONLY}": Fact(value=_percent(recorded, measured), unit="%"),
-            "stops": Fact(value=round(stops, 2), unit="s"),
-            "completed": Fact(value="yes" if one.run.completed else "no"),
-            "feed read from speeds": Fact(value=round(one.operator.feed_read, 3), unit="1"),
-        },
-        note="" if one.run.completed else "the run was aborted; compared up to its last line",
-    )
-
-
-def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats:
-    """Path over programmed feed, without acceleration or waiting: what simple estimators do [s].
-
-    Parameters
-    ----------
-    moves : Moves
-        Of the program.
-    feed_factor : ndarray, shape (rows,)
-        Feed override [1].
-    rapid_speed : float
-        Of rapids, and of cuts whose feed is not in mm/min [mm/min].
-    """
-    cutting = np.isin(moves.kind, CUTTING)
-    timed = cutting & (moves.feed > 0) & (moves.feed_mode == FeedMode.PER_MINUTE)
-    speed = np.where(timed, moves.feed * feed_factor, rapid_speed)
-    times: Floats = np.where(cutting | (moves.kind == Kind.RAPID), moves.length / speed * 60, 0.0)
-    return times
-
-
-def _seen_until(one: Observed) -> tuple[float, int]:
-    """Time at which the last line was seen [s], and the number of rows executed until then."""
-    if one.run.completed or not len(one.after):
-        return one.run.end, len(one.moves) if one.run.completed else 0
-    return float(one.end[-1]), int(one.after[-1])
-
-
-def _stops(one: Observed, times: Floats, end: float) -> float:
-    """Time that the machine was held, and time at M0 and M1 beyond the machine's own [s].
-
-    Parameters
-    ----------
-    one : Observed
-        The run.
-    times : ndarray, shape (rows,)
-        Predicted time of each row [s].
-    end : float
-        Until when [s].
-    """
-    start = np.array([one.run.start])
-    stopped = float(stopped_within(one.operator.stops, start, np.array([end]))[0])
-    for first, after, measured in zip(one.first, one.after, one.measured, strict=True):
-        rows = slice(first, after)
-        if (one.moves.kind[rows] == Kind.STOP).any():
-            stopped += max(0.0, float(measured - times[rows].sum()) - WAIT)
-    return stopped
-
-
-def _percent(predicted: float, measured: float) -> float | None:
-    return round(100 * (predicted / measured - 1), 2) if measured > 0 else None
 
 
 SUBMODEL = Control()

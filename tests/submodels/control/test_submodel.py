@@ -16,20 +16,29 @@ from pipeline.submodels.control.fit import ControlFitSettings
 from pipeline.submodels.control.submodel import (
     FITTED,
     FROM_SPEEDS,
-    NAIVE,
     NOT_DETERMINED,
-    OVERRIDE_ONLY,
     SUBMODEL,
-    TIME,
-    WAIT,
-    WHOLE,
     ControlLimits,
     Fitting,
     Judging,
+)
+from pipeline.submodels.control.times import (
+    NAIVE,
+    OVERRIDE_ONLY,
+    TIME,
+    WAIT,
     naive_times,
+    time_bands,
 )
 from pipeline.submodels.judge import judge, metrics
-from pipeline.twin.control import ControlModelFile, ControlRecords, planned_program, read_controls
+from pipeline.twin.control import (
+    WHOLE,
+    ControlModelFile,
+    ControlRecords,
+    planned_program,
+    read_controls,
+    time_interval,
+)
 from tests.submodels.control.part_programs import SETUP, exciting, moves_of, start, truth
 from tests.submodels.control.polled_logs import ALONE, ITEMS, Operated, polled_log, write_log
 
@@ -244,3 +253,45 @@ def test_another_file_is_no_identified_control(text):
 def test_a_file_that_is_not_there_says_what_makes_it(tmp_path):
     with pytest.raises(StoreError, match=r"model\.json does not exist: run `dvc repro`"):
         read_controls(tmp_path / "model.json")
+
+
+def test_a_time_has_an_interval_by_runs_left_out(fitted, moves):
+    """Two runs of one program: each is predicted by a control of the other."""
+    whole = fitted.intervals[WHOLE]
+    assert (whole.groups, whole.n) == (2, 2)
+    assert 0 < whole.upper < 0.02
+    low, high = time_interval(total(moves), fitted.intervals)
+    assert low < total(moves) < high
+
+
+@pytest.mark.parametrize("more", [{}, {"train2": Operated(abort=9.0)}])
+def test_a_run_that_no_other_can_predict_gives_no_interval(moves, tmp_path, more):
+    records = machine(tmp_path, moves, {"train": ALONE, **more})
+    settings = Fitting(**SHARED, control=start())
+    model = SUBMODEL.fit(SUBMODEL.cases(records, settings), settings, tmp_path)
+    assert model.intervals == {}
+    assert time_interval(100.0, model.intervals) is None
+
+
+def test_programs_are_left_out_whole(moves, tmp_path):
+    """Of one whose moves the other has not, the time is as wrong as it then is."""
+    records = machine(tmp_path, moves, {"train1": ALONE, "train2": ALONE})
+    line = ["G21 G90 G94", "G0 X0 Y0 Z0", *(f"G1 X{9 * (k % 2)} F6000" for k in range(80)), "M30"]
+    path = records.raw / "plain.nc"
+    path.write_text("\n".join(line) + "\n")
+    plain = moves_of(line, tmp_path, "plain")
+    log = polled_log(plain, truth(), np.random.default_rng(7), ALONE, begin=1.0)
+    write_log(log, records.signals / "observations/train3.parquet")
+    manifest = json.loads((records.signals / "manifest.json").read_text())
+    manifest["files"]["train3.txt"] = {
+        "output": "observations/train3.parquet", "sha256": "ab" * 32, "last": None,
+    }  # fmt: skip
+    (records.signals / "manifest.json").write_text(json.dumps(manifest))
+    settings = Fitting(**SHARED, control=start())
+    cases = SUBMODEL.cases(records, settings).of("training")
+    runs = {case.name: case.load() for case in cases}
+    assert {run.match.program for run in runs.values()} == {"part.nc", "plain.nc"}
+    alone = time_bands([runs["train1.txt"], runs["train2.txt"]], start(), ControlFitSettings())
+    both = time_bands(list(runs.values()), start(), ControlFitSettings())
+    assert (both[WHOLE].groups, both[WHOLE].n) == (2, 3)
+    assert both[WHOLE].upper > 3 * alone[WHOLE].upper

@@ -1,0 +1,228 @@
+"""Times that a control is predicted to take for runs, with their 90 % interval.
+
+A half width is a share of the predicted time, by type of row: conformal over programs, each
+predicted by a control that was identified from the others.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.spindle import CUTTING
+from pipeline.parallel import mapped
+from pipeline.schema.arrays import Floats
+from pipeline.schema.interval import Band, Bands
+from pipeline.schema.verdict import Fact
+from pipeline.submodels.conformal import Residuals, bands, interval, splits
+from pipeline.submodels.contract import Prediction
+from pipeline.submodels.control.fit import ControlFitSettings, identify_control
+from pipeline.submodels.control.programs import Match
+from pipeline.submodels.control.runs import stopped_within
+from pipeline.submodels.control.segments import Observed, shares
+from pipeline.twin.control import WHOLE, control_of_unit, planned_program
+
+TIME = "run time"
+"""Quantity: time of a whole run, or of its rows of one type, without the operator's stops [s]."""
+FOLDS = 5
+"""Controls that are identified for the intervals, at most."""
+WAIT = 1.0
+"""At M0 and M1 an operator is taken to wait when they last longer than planned by this [s]."""
+NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
+"""Baselines: no acceleration or waiting; overrides as recorded, feeds not read from speeds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MatchedRun:
+    """A run with its program, and the segments of the parts that are of this program."""
+
+    match: Match
+    observed: tuple[Observed, ...]
+
+
+def time_bands(
+    runs: Sequence[MatchedRun], start: ControlParameters, settings: ControlFitSettings
+) -> dict[str, Band]:
+    """Half widths of the 90 % interval of a time as shares of it [1], by type of row.
+
+    Runs of a program are left out together, where another program ran on the same machine; else
+    they are left out one by one, and the only run of a machine is not.  Empty where fewer than two
+    groups can be left out.
+
+    Parameters
+    ----------
+    runs : sequence of MatchedRun
+        Training runs.
+    start : ControlParameters
+        Where each identification begins.
+    settings : ControlFitSettings
+        Of each identification.
+    """
+    units = Counter(run.observed[0].unit for run in runs if run.observed)
+    whole = [
+        run for run in runs
+        if run.match.whole and run.match.run.completed
+        and run.observed and units[run.observed[0].unit] > 1
+    ]  # fmt: skip
+    groups: dict[str, list[MatchedRun]] = {}
+    for run in whole:
+        groups.setdefault(_left_together(run, whole), []).append(run)
+
+    tasks = []
+    for _, others in splits(list(groups), FOLDS):
+        out = {id(run) for name in others for run in groups[name]}
+        tasks.append(
+            _Task(
+                observed=[part for run in runs if id(run) not in out for part in run.observed],
+                left={name: groups[name] for name in others}, start=start, settings=settings,
+            )
+        )  # fmt: skip
+    residuals = Residuals.joined(mapped(_left_over, tasks))
+    found = bands(residuals) if np.isfinite(residuals.error).any() else {}
+    return {
+        name: replace(band, lower=float(f"{band.lower:.4g}"), upper=float(f"{band.upper:.4g}"))
+        for name, band in found.items()
+    }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A fold: what a control is identified from, and the runs that it is to predict, by group."""
+
+    observed: Sequence[Observed]
+    left: Mapping[str, Sequence[MatchedRun]]
+    start: ControlParameters
+    settings: ControlFitSettings
+
+
+def _left_over(task: _Task) -> Residuals:
+    """Shares by which a control misses the times of runs that it was not identified from."""
+    controls = identify_control(task.observed, task.start, task.settings).control
+    return Residuals.joined(
+        _residuals(run, name, controls) for name, runs in task.left.items() for run in runs
+    )
+
+
+def _left_together(run: MatchedRun, runs: Sequence[MatchedRun]) -> str:
+    """The group that a run is left out with: its program, or itself."""
+    own = run.observed[0]
+    others = {one.observed[0].program for one in runs if one.observed[0].unit == own.unit}
+    return f"{own.program}@{own.unit}" if len(others) > 1 else run.match.run.name
+
+
+def _residuals(run: MatchedRun, group: str, controls: Mapping[str, ControlParameters]) -> Residuals:
+    frame = predicted(run, controls).frame
+    frame = frame[frame["predicted"] > 0]
+    share = (frame["measured"] / frame["predicted"] - 1).to_numpy(float)
+    return Residuals(
+        error=share, regime=frame["regime"].to_numpy(dtype=str), t=np.zeros(len(frame)),
+        group=np.full(len(frame), group),
+    )  # fmt: skip
+
+
+def predicted(
+    run: MatchedRun, controls: Mapping[str, ControlParameters], intervals: Bands | None = None
+) -> Prediction:
+    """Time of one run beside that measured; nothing of a run of another revision."""
+    if not run.match.whole or not run.observed:
+        return Prediction(frame=pd.DataFrame(), note=run.match.reason)
+    one = run.observed[0]
+    control = control_of_unit(controls, one.unit)
+    times = planned_program(one.moves, control, one.overrides).time
+    as_said = replace(one.overrides, feed=one.operator.said[one.moves.line])
+    said = planned_program(one.moves, control, as_said).time
+    rapid = min(axis.rapid_speed for axis in control.axes.values())
+    naive = naive_times(one.moves, one.operator.feed[one.moves.line], rapid)
+    end, until = _seen_until(one)
+    stops = _stops(one, times, end)
+    measured = end - one.run.start - stops
+    modelled, plain, recorded = (float(t[:until].sum()) for t in (times, naive, said))
+    rows: list[dict[str, Any]] = [
+        {
+            "regime": WHOLE, "measured": measured, "predicted": modelled,
+            f"baseline_{NAIVE}": plain, f"baseline_{OVERRIDE_ONLY}": recorded,
+        }
+    ]  # fmt: skip
+    rows += [
+        {"regime": word, "measured": m, "predicted": p}
+        for word, (m, p) in shares(one, times).items()
+    ]
+    frame = pd.DataFrame(rows).assign(quantity=TIME, unit="s", t=0.0)
+    if intervals:
+        times, regime = frame["predicted"].to_numpy(float), frame["regime"].to_numpy(dtype=str)
+        low, high = interval(np.ones(len(times)), regime, intervals)
+        frame["low"], frame["high"] = low * times, high * times
+    # a run that was aborted is compared up to the last line that was seen, and decides nothing
+    frame["scored"] = one.run.completed and measured > 0
+    return Prediction(
+        frame=frame,
+        facts={
+            "program": Fact(value=one.program),
+            "measured": Fact(value=round(measured, 2), unit="s"),
+            "predicted": Fact(value=round(modelled, 2), unit="s"),
+            "error": Fact(value=_percent(modelled, measured), unit="%"),
+            NAIVE: Fact(value=round(plain, 2), unit="s"),
+            f"error of {NAIVE}": Fact(value=_percent(plain, measured), unit="%"),
+            f"error of {OVERRIDE_ONLY}": Fact(value=_percent(recorded, measured), unit="%"),
+            "stops": Fact(value=round(stops, 2), unit="s"),
+            "completed": Fact(value="yes" if one.run.completed else "no"),
+            "feed read from speeds": Fact(value=round(one.operator.feed_read, 3), unit="1"),
+        },
+        note="" if one.run.completed else "the run was aborted; compared up to its last line",
+    )
+
+
+def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats:
+    """Path over programmed feed, without acceleration or waiting: what simple estimators do [s].
+
+    Parameters
+    ----------
+    moves : Moves
+        Of the program.
+    feed_factor : ndarray, shape (rows,)
+        Feed override [1].
+    rapid_speed : float
+        Of rapids, and of cuts whose feed is not in mm/min [mm/min].
+    """
+    cutting = np.isin(moves.kind, CUTTING)
+    timed = cutting & (moves.feed > 0) & (moves.feed_mode == FeedMode.PER_MINUTE)
+    speed = np.where(timed, moves.feed * feed_factor, rapid_speed)
+    times: Floats = np.where(cutting | (moves.kind == Kind.RAPID), moves.length / speed * 60, 0.0)
+    return times
+
+
+def _seen_until(one: Observed) -> tuple[float, int]:
+    """Time at which the last line was seen [s], and the number of rows executed until then."""
+    if one.run.completed or not len(one.after):
+        return one.run.end, len(one.moves) if one.run.completed else 0
+    return float(one.end[-1]), int(one.after[-1])
+
+
+def _stops(one: Observed, times: Floats, end: float) -> float:
+    """Time that the machine was held, and time at M0 and M1 beyond the machine's own [s].
+
+    Parameters
+    ----------
+    one : Observed
+        The run.
+    times : ndarray, shape (rows,)
+        Predicted time of each row [s].
+    end : float
+        Until when [s].
+    """
+    start = np.array([one.run.start])
+    stopped = float(stopped_within(one.operator.stops, start, np.array([end]))[0])
+    for first, after, measured in zip(one.first, one.after, one.measured, strict=True):
+        rows = slice(first, after)
+        if (one.moves.kind[rows] == Kind.STOP).any():
+            stopped += max(0.0, float(measured - times[rows].sum()) - WAIT)
+    return stopped
+
+
+def _percent(predicted: float, measured: float) -> float | None:
+    return round(100 * (predicted / measured - 1), 2) if measured > 0 else None
