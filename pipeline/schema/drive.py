@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
 
+from pipeline.schema.interval import Band
 from pipeline.schema.model import Correlation, Model
 
 MOTOR = "motor"
@@ -211,6 +212,9 @@ class DriveAxis:
     presliding_time_s : float or None
         In which friction lets go of a standing axis, to 1/e [s]; None where the records do not
         determine it: it holds.
+    intervals : mapping of str to Band
+        Half widths of the 90 % intervals of :data:`FORCE` [force_unit] and :data:`FOLLOWING` [um];
+        missing where too few recordings move the axis.
     """
 
     command_unit: str
@@ -227,6 +231,7 @@ class DriveAxis:
     recursive_mass: RecursiveMass | None = None
     presliding_stiffness: float | None = None
     presliding_time_s: float | None = None
+    intervals: Mapping[str, Band] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,15 +90,13 @@ def identify_drives(
     training = [one for one in recordings if one.trained]
     for axis in records.axes:
         try:
-            drives[axis] = identify_feed_drive(training, axis, prior, settings)
+            found = identified_axis(axis, training, prior, settings)
         except ValueError as error:
             missing[axis] = _reason(recordings, axis, str(error))
             continue
-        servos[axis] = identify_servo(training, axis, settings)
-        servo, screw = servos[axis].servo, drives[axis].feed_drive
-        if servo is not None:
-            spring = identify_presliding(training, axis, servo, screw, settings.widest)
-            springs |= {} if spring is None else {axis: spring}
+        drives |= found.feed_drives
+        servos |= found.servos
+        springs |= found.presliding
         if (trace := mass_trace(training, axis, drives[axis])) is not None:
             masses[axis] = trace
     if not drives:
@@ -110,6 +108,27 @@ def identify_drives(
         feed_drives=drives, servos=servos, masses=masses, presliding=springs,
         open_axes=missing, motor=motor,
         motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
+    )  # fmt: skip
+
+
+def identified_axis(
+    axis: str, training: Sequence[Recording], prior: DrivePrior, settings: DriveFitSettings
+) -> DriveIdentification:
+    """Mechanics, loops and presliding of one axis from recordings to train on.
+
+    Raises
+    ------
+    ValueError
+        When they do not tell its mechanics.
+    """
+    drive = identify_feed_drive(training, axis, prior, settings)
+    servo = identify_servo(training, axis, settings)
+    spring = None
+    if servo.servo is not None:
+        spring = identify_presliding(training, axis, servo.servo, drive.feed_drive, settings.widest)
+    return DriveIdentification(
+        feed_drives={axis: drive}, servos={axis: servo},
+        presliding={} if spring is None else {axis: spring},
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
     COMMAND,
     FOLLOWING,
@@ -22,6 +23,7 @@ from pipeline.schema.drive import (
 )
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.interval import Band
 from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
@@ -30,12 +32,12 @@ from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of,
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
+from pipeline.submodels.drive.intervals import with_intervals
 from pipeline.submodels.drive.model import (
     axis_parameters,
     identify_drives,
     left_out,
     motor_parameters,
-    stored_axis,
     stored_motor,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
@@ -157,7 +159,12 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
-        axes = {letter: stored_axis(letter, found, recordings) for letter in found.feed_drives}
+        axes = {
+            letter: with_intervals(
+                letter, found, recordings, settings.drive, settings.drive_fit
+            )
+            for letter in found.feed_drives
+        }  # fmt: skip
         parameters = {letter: axis_parameters(letter, found) for letter in axes}
         if found.motor is not None:
             parameters[MOTOR] = motor_parameters(found.motor)
@@ -301,10 +308,12 @@ def _frames(
     axis, force, following = model.axes[letter], found.force, found.following
     record = recording.axes[letter]
     enough = force.seconds >= comparison.LEAST
+    force_band, following_band = (axis.intervals.get(name) for name in (FORCE, FOLLOWING))
     yield pd.DataFrame({
         "quantity": f"{FORCE} {letter}", "unit": axis.force_unit, "t": force.time,
         "measured": force.measured, "predicted": force.modelled, "scored": enough,
         f"baseline_{LEVEL}": axis.constant_level * force.direction,
+        **_within(force.modelled, force_band),
     })  # fmt: skip
     if isinstance(following, str):
         return
@@ -313,6 +322,7 @@ def _frames(
         "quantity": f"{FOLLOWING} {letter}", "unit": "um", "t": t,
         "measured": 1e6 * following.measured, "predicted": 1e6 * following.modelled,
         "scored": enough, f"baseline_{LAG}": 1e6 * following.guessed,
+        **_within(1e6 * following.modelled, following_band),
     })  # fmt: skip
     rows = np.unique(np.linspace(0, recording.samples - 1, SHOWN).astype(int))
     yield pd.DataFrame({
@@ -325,6 +335,13 @@ def _frames(
             "quantity": f"{SPEED} {letter}", "unit": "mm/s", "t": t[rows],
             "measured": 1e3 * speed[rows], "predicted": np.nan, "scored": False,
         })  # fmt: skip
+
+
+def _within(predicted: Floats, band: Band | None) -> dict[str, Floats]:
+    """Columns of the 90 % interval, where there is one."""
+    if band is None:
+        return {}
+    return {"low": predicted - band.lower, "high": predicted + band.upper}
 
 
 def _facts(letter: str, found: comparison.AxisComparison, model: DriveModel) -> dict[str, Fact]:
