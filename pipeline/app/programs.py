@@ -335,7 +335,8 @@ def needed_drives(models: Path, machine: str, option: str) -> Path:
 def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> list[dict[str, Any]]:
     """Following error [um] and command of each axis whose drive was identified, in air.
 
-    With a ``residual`` also the greatest half width of the 90 % interval of the error [um].
+    Also the greatest half width of the 90 % interval of the error [um], where it is known: of the
+    ``residual`` model, else of the drive.
 
     Raises
     ------
@@ -356,8 +357,12 @@ def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> li
             "rms_following_um": round(one.rms_error * 1e6, 3),
             "max_command": round(float(np.abs(one.command).max()), 3),
             "command_unit": one.command_unit,
+            "half_width_90_um": (
+                _micrometres(drives[letter].following_half_width)
+                if residual is None
+                else _half_width(one)
+            ),
         }
-        | ({} if residual is None else {"half_width_90_um": _half_width(one)})
         for letter, one in follow_program(plan, drives, residual).items()
     ]
     axes += [
@@ -442,6 +447,8 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
         yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
     if "residual" in document:
         yield f"following errors with {document['residual']}, half of the 90 % interval after ±"
+    elif document["axes"]:
+        yield "following errors of the drives' model, half of the 90 % interval after ±"
     for axis in document["axes"]:
         yield _axis_line(axis)
 
@@ -455,16 +462,18 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
 def _half_width(axis: AxisFollowing) -> float | None:
     """Greatest half width of an axis' interval [um]; None where it was not learnt."""
     width = axis.half_width
-    return None if width is None else round(float(width.max()) * 1e6, 3)
+    return _micrometres(None if width is None else float(width.max()))
+
+
+def _micrometres(metres: float | None) -> float | None:
+    return None if metres is None else round(1e6 * metres, 3)
 
 
 def _axis_line(axis: dict[str, Any]) -> str:
     if "not_followed" in axis:
         return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
-    within = ""
-    if "half_width_90_um" in axis:
-        width = axis["half_width_90_um"]
-        within = " (not learnt)" if width is None else f" ± {width:.1f} um"
+    width = axis["half_width_90_um"]
+    within = " (interval not learnt)" if width is None else f" ± {width:.1f} um"
     return (
         f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
         f"{axis['max_following_um']:>10.1f} um{within} in line {axis['at_line']}, "

@@ -6,7 +6,7 @@ the drive that it helped to identify: of some ten parameters and tens of thousan
 little is its own.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,13 +16,6 @@ from pipeline.schema.drive import FOLLOWING, FORCE, DriveAxis
 from pipeline.schema.interval import Band
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands, splits
 from pipeline.submodels.drive import comparison
-from pipeline.submodels.drive.model import (
-    DriveIdentification,
-    axis_parameters,
-    identified_axis,
-    stored_axis,
-)
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import Recording
 from pipeline.twin.drive import IdentifiedDrive, identified_drive
 
@@ -31,10 +24,10 @@ FOLDS = 5
 
 
 def with_intervals(
-    letter: str, found: DriveIdentification, recordings: Sequence[Recording], prior: DrivePrior,
-    settings: DriveFitSettings,
+    letter: str, axis: DriveAxis, recordings: Sequence[Recording],
+    again: Callable[[list[Recording]], DriveAxis | None], substeps: int,
 ) -> DriveAxis:  # fmt: skip
-    """The axis as it is stored, with the half widths of its force and following error.
+    """The axis with the half widths of its force and following error.
 
     Without those where fewer than two training recordings move the axis.
 
@@ -42,43 +35,26 @@ def with_intervals(
     ----------
     letter : str
         Of the axis.
-    found : DriveIdentification
-        Of the machine, from all ``recordings``.
+    axis : DriveAxis
+        As identified from all ``recordings``.
     recordings : sequence of Recording
         Those to train on.
-    prior, settings
-        As of the identification.
+    again : callable
+        The axis as some of them tell it; None where they determine less of it.
+    substeps : int
+        Of the closed loop in one sample [1].
     """
     shown = {one.name: one for one in recordings if one.trained and letter in one.axes}
-    axis, known = stored_axis(letter, found, recordings), _determined(letter, found)
     errors: dict[str, list[Residuals]] = {FORCE: [], FOLLOWING: []}
     for fitted, left in splits(list(shown), FOLDS):
-        others = [shown[name] for name in fitted]
-        drive = _identified(letter, others, known, prior, settings) or identified_drive(axis)
+        drive = identified_drive(again([shown[name] for name in fitted]) or axis)
         for name in left:
-            for quantity, error in _errors(shown[name], letter, drive, settings.substeps):
+            for quantity, error in _errors(shown[name], letter, drive, substeps):
                 errors[quantity].append(_residuals(error, name))
     return replace(axis, intervals={
         quantity: _rounded(bands(Residuals.joined(parts))[ALL_REGIMES])
         for quantity, parts in errors.items() if len(parts) > 1
     })  # fmt: skip
-
-
-def _determined(letter: str, found: DriveIdentification) -> set[str]:
-    return {name for name, one in axis_parameters(letter, found).items() if one.determined}
-
-
-def _identified(
-    letter: str, recordings: Sequence[Recording], known: set[str], prior: DrivePrior,
-    settings: DriveFitSettings,
-) -> IdentifiedDrive | None:  # fmt: skip
-    """The drive that recordings tell; None where they do not determine all that is ``known``."""
-    try:
-        found = identified_axis(letter, recordings, prior, settings)
-        drive = identified_drive(stored_axis(letter, found, recordings))
-    except ValueError:
-        return None
-    return drive if known <= _determined(letter, found) else None
 
 
 def _errors(

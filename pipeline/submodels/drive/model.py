@@ -132,6 +132,24 @@ def identified_axis(
     )  # fmt: skip
 
 
+def axis_again(
+    letter: str, recordings: Sequence[Recording], found: DriveIdentification, prior: DrivePrior,
+    settings: DriveFitSettings,
+) -> DriveAxis | None:  # fmt: skip
+    """The axis as some recordings tell it; None where they determine less of it than ``found``."""
+    try:
+        own = identified_axis(letter, recordings, prior, settings)
+    except ValueError:
+        return None
+    if not _determined_of(letter, found) <= _determined_of(letter, own):
+        return None
+    return stored_axis(letter, own, recordings)
+
+
+def _determined_of(letter: str, found: DriveIdentification) -> set[str]:
+    return {name for name, one in axis_parameters(letter, found).items() if one.determined}
+
+
 def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
     """Why an axis is not identified: what its training recordings lack, if all lack it."""
     training = [one for one in recordings if one.trained and not one.motor]

@@ -9,12 +9,15 @@ import pandas as pd
 from pipeline.charts import sections, tables
 from pipeline.charts.bands import readings
 from pipeline.charts.numbers import (
+    NARROW,
     NOT_KNOWN,
     TOGETHER,
     counted,
     fixed,
     joined,
     number,
+    percent,
+    quantity,
     real,
 )
 from pipeline.schema.drive import (
@@ -289,6 +292,7 @@ def following_section(drives: Driven) -> sections.Section | None:
         "the recorded motion; the following error comes from the twin’s own closed loop under the "
         "reference alone, and a recorded disturbance where the record shows it to enter.",
     ]
+    text += _interval_words(drives)
     if not drives.runs:
         text.append("No axis was held against a recording.")
     drawn = [figures for axis in drives.axes if (figures := _trace_figures(drives, axis))]
@@ -301,6 +305,36 @@ def following_section(drives: Driven) -> sections.Section | None:
         text=[words for words in text if words],
         blocks=[*sections.present(runs_table(drives), disturbed), *drawn],
     )
+
+
+def _interval_words(drives: Driven) -> list[str]:
+    """How wide the 90 % intervals are, and how many of the judged samples they held."""
+    if drives.shown.model is None:
+        return []
+    words = []
+    for letter, axis in drives.shown.model.axes.items():
+        for name, unit in ((FORCE, axis.force_unit), (FOLLOWING, "µm")):
+            band = axis.intervals.get(name)
+            if band is not None:
+                held = _held(drives.shown.verdict, f"{name} {letter}")
+                words.append(f"{name} {letter} ±{quantity(band.upper, unit)}{held}")
+    if not words:
+        return [
+            "No prediction has an interval: fewer than two training recordings move an axis; "
+            "record another one."
+        ]
+    return [
+        f"90{NARROW}% intervals, from the errors of training recordings (each by a drive of the "
+        f"others, where these determine one): {'; '.join(words)}. They are for motion like that of "
+        "these recordings: another mass on the table, or faster reversals, may lie outside."
+    ]
+
+
+def _held(verdict: Verdict | None, name: str) -> str:
+    total = None if verdict is None else verdict.total(name)
+    if total is None or total.coverage_90 is None:
+        return ""
+    return f" (held {percent(total.coverage_90, 1.0)} of what was judged)"
 
 
 def runs_table(drives: Driven) -> tables.Table | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -34,10 +35,12 @@ from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
 from pipeline.submodels.drive.intervals import with_intervals
 from pipeline.submodels.drive.model import (
+    axis_again,
     axis_parameters,
     identify_drives,
     left_out,
     motor_parameters,
+    stored_axis,
     stored_motor,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
@@ -159,12 +162,15 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
-        axes = {
-            letter: with_intervals(
-                letter, found, recordings, settings.drive, settings.drive_fit
+        axes = {}
+        for letter in found.feed_drives:
+            axis = stored_axis(letter, found, recordings)
+            again = partial(
+                axis_again, letter, found=found, prior=settings.drive, settings=settings.drive_fit
             )
-            for letter in found.feed_drives
-        }  # fmt: skip
+            axes[letter] = with_intervals(
+                letter, axis, recordings, again, settings.drive_fit.substeps
+            )
         parameters = {letter: axis_parameters(letter, found) for letter in axes}
         if found.motor is not None:
             parameters[MOTOR] = motor_parameters(found.motor)

@@ -22,20 +22,21 @@ QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(300.0, 7200.0))
 
 
 @pytest.mark.parametrize(
-    ("minutes", "seeds", "found_least", "held_least"),
+    ("minutes", "in_winding", "seeds", "found_least", "held_least"),
     [
-        (3.0, 1, 1, 1),
+        (3.0, 0.0, 1, 1, 1),
         *(
-            pytest.param(minutes, 100, 90, 85, marks=pytest.mark.proof)
+            pytest.param(minutes, in_winding, 100, 90, 85, marks=pytest.mark.proof)
             for minutes in (3.0, 10.0, 60.0)
+            for in_winding in (0.0, 1.0)
         ),
     ],
 )
 def test_the_winding_and_its_source_are_found(
-    minutes: float, seeds: int, found_least: int, held_least: int
+    minutes: float, in_winding: float, seeds: int, found_least: int, held_least: int
 ) -> None:
-    """Housing warmed by its bearings: two nodes, the source, its interval."""
-    truth = winding_of(minutes, friction_in_winding=0.0)
+    """Housing or winding warmed by the bearings: two nodes, the source, its interval."""
+    truth = winding_of(minutes, friction_in_winding=in_winding)
     found = held = 0
     for seed in range(seeds):
         fit, _ = identify_spindle_network(winding_days(truth, seed), HELD, QUICK)
