@@ -308,12 +308,8 @@ def simulate(
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
     import pipeline.app.programs as programs
-    from pipeline.app.correction import correct_simulated, correction_document, correction_lines
-    from pipeline.app.cut import cut_document, cut_lines, cut_options
     from pipeline.app.fleet import check_outputs
     from pipeline.schema.files import together
-    from pipeline.twin.corrected_program import write_corrected
-    from pipeline.twin.simulation import write_trace
 
     with one_sentence():
         options = cut_options(

@@ -8,24 +8,28 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from fnmatch import fnmatchcase
+from importlib.metadata import version
 from pathlib import Path
 from shutil import copy2
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from pipeline.app.cache import content_key, keep, kept
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.schema.files import NotWrittenError, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.formats import RecordSource, source_of
-from pipeline.signals.ingest import display_name, ingest
-from pipeline.signals.store import sha256_of
-from pipeline.submodels.cases import sources
+
+if TYPE_CHECKING:
+    from pipeline.signals.formats import RecordSource
 
 CONF = Path("conf")
 DATA = Path("data")
+PACKAGE = Path(__file__).parents[1]
+COMPOSED_BY = (PACKAGE / "stages/compose.py", PACKAGE / "parameters.py")
+"""Code that a composition is made by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +63,18 @@ def machine_parameters(machine: str) -> dict[str, Any]:
 
 
 def _composed(override: str) -> dict[str, Any]:
-    from pipeline.stages.compose import composed
+    """What ``conf/`` composes to; that takes Hydra a second, so it is kept by what it is made of."""
+    files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
+    key = content_key([*COMPOSED_BY, *files], version("hydra-core"), version("omegaconf"), override)
+    values: dict[str, Any] | None = kept("conf", key)
+    if values is None:
+        from pipeline.stages.compose import composed
 
-    try:
-        text = composed(CONF, (override,))
-        values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
+        try:
+            values = yaml.load(composed(CONF, (override,)), Loader=yaml.CSafeLoader)
+        except yaml.YAMLError as error:
+            raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
+        keep("conf", key, values)
     return values
 
 
@@ -82,6 +91,9 @@ def ingest_files(
         When a file does not exist, the machine is not known, or ``out`` is a folder that
         `dvc repro` writes.
     """
+    from pipeline.signals.formats import RecordSource, source_of
+    from pipeline.signals.ingest import ingest
+
     for path in files:
         if not path.is_file():
             state = "is no file" if path.exists() else "does not exist"
@@ -114,6 +126,8 @@ def ingest_files(
 
 def _places(files: Sequence[Path]) -> dict[str, Path]:
     """A name for each file, its own where no two are called the same."""
+    from pipeline.signals.ingest import display_name
+
     names = [display_name(path.name).lstrip(".") or "records" for path in files]
     if len(set(names)) < len(names):
         width = len(str(len(names)))
@@ -121,7 +135,7 @@ def _places(files: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(names, files, strict=True))
 
 
-def _bring_devices(chosen: dict[str, RecordSource], known: Path, raw: Path) -> dict[str, str]:
+def _bring_devices(chosen: dict[str, "RecordSource"], known: Path, raw: Path) -> dict[str, str]:
     """Put the Devices documents of ``known`` beside the records, where they are no records.
 
     Sources whose document is not there do without; the note that says so, by place.
@@ -204,7 +218,7 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
         yield machine, new, len(wanted)
 
 
-def _wanted(folder: Path, sources: Sequence[RecordSource]) -> list[Path]:
+def _wanted(folder: Path, sources: Sequence["RecordSource"]) -> list[Path]:
     """Records and Devices documents in ``folder`` that ``sources`` name."""
     found = {p for s in sources for p in folder.glob(s.files) if p.is_file()}
     if not found:
@@ -276,6 +290,8 @@ def freeze_set(
             f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
             "file is in one of them"
         )
+    from pipeline.submodels.cases import sources
+
     frozen = FrozenSet(files=sources(known, sorted(names)), days=days)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
