@@ -44,7 +44,7 @@ def kept(folder: str, key: str) -> Any:
 
 
 def keep(folder: str, key: str, value: Any) -> None:
-    """Keep a plain value that JSON gives back as it is; where nothing can be written, do nothing."""
+    """Keep a plain value that JSON gives back as it is, where the cache can be written."""
     place = cache_folder() / folder
     try:
         text = json.dumps(value)

@@ -63,9 +63,10 @@ def machine_parameters(machine: str) -> dict[str, Any]:
 
 
 def _composed(override: str) -> dict[str, Any]:
-    """What ``conf/`` composes to; that takes Hydra a second, so it is kept by what it is made of."""
+    """What ``conf/`` composes to, kept by all that it is made of: Hydra takes a second."""
     files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
-    key = content_key([*COMPOSED_BY, *files], version("hydra-core"), version("omegaconf"), override)
+    versions = [version(name) for name in ("hydra-core", "omegaconf")]
+    key = content_key([*COMPOSED_BY, *files], *versions, override)
     values: dict[str, Any] | None = kept("conf", key)
     if values is None:
         from pipeline.stages.compose import composed
@@ -194,6 +195,9 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
     ValueError
         When a folder or a Devices document is missing, or no record is there.
     """
+    from pipeline.signals.formats import RecordSource
+    from pipeline.signals.store import sha256_of
+
     for machine in fleet.machines:
         values = machine_parameters(machine)
         identity = structure(values, f"machine.{machine}.identity", MachineIdentity)

@@ -51,7 +51,9 @@ def moves_table(moves: Moves) -> pa.Table:
 def _named(names: Sequence[str], numbers: NDArray[np.integer]) -> pa.Array:
     words = [name.encode() for name in names]
     ends = np.cumsum([0, *map(len, words)], dtype=np.int32)
-    table = pa.StringArray.from_buffers(len(words), pa.py_buffer(ends), pa.py_buffer(b"".join(words)))
+    table = pa.StringArray.from_buffers(
+        len(words), pa.py_buffer(ends), pa.py_buffer(b"".join(words))
+    )
     numbered = pa.DictionaryArray.from_arrays(_column(numbers.astype(np.int32)), table)
     return numbered.dictionary_decode()
 

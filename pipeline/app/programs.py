@@ -119,6 +119,8 @@ class Simulated:
         on = self.on
         if on.chosen or not on.identified or len(on.units) < 2:
             return {}
+        from pipeline.twin.control import planned_program, read_controls
+
         controls = read_controls(on.models / "control/model.json")
         moves = self.plan.path.moves
         return {
@@ -321,7 +323,9 @@ def needed_drives(models: Path, machine: str, option: str) -> Path:
     return found
 
 
-def axes_table(plan: Plan, models: Path, residual: "Residual | None" = None) -> list[dict[str, Any]]:
+def axes_table(
+    plan: Plan, models: Path, residual: "Residual | None" = None
+) -> list[dict[str, Any]]:
     """Following error [um] and command of each axis whose drive was identified, in air.
 
     With a ``residual`` also the greatest half width of the 90 % interval of the error [um].
