@@ -104,7 +104,7 @@ class Step:
 
 @contextmanager
 def step(what: str) -> Iterator[Step]:
-    """One line in the log when a step has ended: what it did and found, and seconds that it took."""
+    """One line in the log when a step has ended: what it did, found and took."""
     started, one = time.perf_counter(), Step()
     yield one
     took = time.perf_counter() - started
