@@ -13,7 +13,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 import notebook_pages
 
 ROOT = Path(__file__).parents[2]
-COPIES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
+COPIES = {
+    "README.md": "index.md",
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+}
 """Pages of the repository's root, and their names in the site."""
 
 

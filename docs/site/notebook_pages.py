@@ -9,7 +9,7 @@ import nbformat
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
-NOT_RUN = '!!! note\n    Not run when this page was made: run `make repro`, then `make docs`.\n'
+NOT_RUN = "!!! note\n    Not run when this page was made: run `make repro`, then `make docs`.\n"
 LONGEST_S = 300
 
 

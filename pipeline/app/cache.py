@@ -1,11 +1,9 @@
 """Folder of what kerf works out once and may be deleted at any time."""
 
-import json
 import os
 from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from pipeline.schema.store import write_text
 
@@ -32,27 +30,24 @@ def content_key(files: Iterable[Path], *words: str) -> str:
     return digest.hexdigest()
 
 
-def kept(folder: str, key: str) -> Any:
-    """Plain value that was kept under a key, None where there is none."""
+def kept(folder: str, key: str) -> str | None:
+    """Text that was kept under a key, None where there is none."""
     path = cache_folder() / folder / key
     try:
-        value = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
         path.touch()
-    except (OSError, ValueError):
+    except (OSError, UnicodeDecodeError):
         return None
-    return value
+    return text
 
 
-def keep(folder: str, key: str, value: Any) -> None:
-    """Keep a plain value that JSON gives back as it is, where the cache can be written."""
+def keep(folder: str, key: str, text: str) -> None:
+    """Keep a text under a key, where the cache can be written."""
     place = cache_folder() / folder
     try:
-        text = json.dumps(value)
-        if json.loads(text) != value:
-            return
         write_text(text, place / key)
         entries = sorted(place.iterdir(), key=lambda path: path.stat().st_mtime)
         for old in entries[:-KEPT]:
             old.unlink(missing_ok=True)
-    except (OSError, TypeError, ValueError):
+    except OSError:
         return

@@ -67,15 +67,16 @@ def _composed(override: str) -> dict[str, Any]:
     files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = content_key([*COMPOSED_BY, *files], *versions, override)
-    values: dict[str, Any] | None = kept("conf", key)
-    if values is None:
-        from pipeline.stages.compose import composed
+    text = kept("conf", key)
+    try:
+        if text is None:
+            from pipeline.stages.compose import composed
 
-        try:
-            values = yaml.load(composed(CONF, (override,)), Loader=yaml.CSafeLoader)
-        except yaml.YAMLError as error:
-            raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
-        keep("conf", key, values)
+            text = composed(CONF, (override,))
+            keep("conf", key, text)
+        values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
     return values
 
 
