@@ -1,22 +1,14 @@
 """Folder of what kerf works out once and may be deleted at any time."""
 
-import os
 from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
 
+from pipeline.schema.files import cache_folder
 from pipeline.schema.store import write_text
 
 KEPT = 64
 """Entries that stay in a folder, the latest used."""
-
-
-def cache_folder() -> Path:
-    """``KERF_CACHE``, or ``kerf`` in the user's cache (``XDG_CACHE_HOME``, ``~/.cache``)."""
-    own = os.environ.get("KERF_CACHE")
-    if own:
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "kerf"
 
 
 def content_key(files: Iterable[Path], *words: str) -> str:
