@@ -1,4 +1,4 @@
-"""Compiled loops are kept beside their files, or in the user's cache where nothing can be written."""
+"""Compiled loops are kept beside their files, or in the user's cache."""
 
 from pathlib import Path
 
