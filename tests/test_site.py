@@ -53,9 +53,7 @@ def test_a_notebook_that_runs_becomes_a_page_with_its_plots(tmp_path: Path) -> N
     plot = "import matplotlib.pyplot as plt\nplt.plot([1, 2])\nplt.show()\nprint(6 * 7)"
     cells = [
         v4.new_markdown_cell("# How long?\n\nShort."),
-        v4.new_code_cell(
-            "import matplotlib.pyplot as plt\nplt.plot([1, 2])\nplt.show()\nprint(6 * 7)"
-        ),
+        v4.new_code_cell(plot),
     ]
     path = tmp_path / "01_how_long.ipynb"
     nbformat.write(v4.new_notebook(cells=cells), path)
