@@ -15,7 +15,7 @@ from tests.test_cli import kerf
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PART = "G21 G90 G17\nG54\nT1 M6\nS5000 M3\nG0 X-20 Y20 Z5\nG1 Z-2 F500\nX50 F1200\nM30\n"
+PART = "G21 G90 G17\nG54\nT4 M6\nS5000 M3\nG0 X-20 Y20 Z5\nG1 Z-2 F500\nX50 F1200\nM30\n"
 QUICK = {"interpret", "simulate", "check", "status"}
 """Commands that run here where they need no identified model; others run in tests of their own."""
 
