@@ -13,7 +13,7 @@ from pipeline.app.output import LOG
 ONCE = "kerf: compiling loops for this processor, which takes some seconds and is done once"
 
 
-class _Announcing(event.Listener):  # type: ignore[misc]
+class _Announcing(event.Listener):
     """Say once that loops are compiled, and on a terminal which."""
 
     def __init__(self) -> None:

@@ -20,10 +20,11 @@ class _OneSentence(TyperGroup):
     """Commands whose wrong options end in one sentence, as all bad input does."""
 
     def main(self, *args: Any, standalone_mode: bool = True, **more: Any) -> Any:
+        more["standalone_mode"] = False
         if not standalone_mode:
-            return super().main(*args, standalone_mode=False, **more)
+            return super().main(*args, **more)
         try:
-            code = super().main(*args, standalone_mode=False, **more)
+            code = super().main(*args, **more)
         except _UsageError as error:
             if type(error).__name__ == "NoArgsIsHelpError":
                 error.show()
