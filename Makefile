@@ -1,5 +1,5 @@
 # `make repro` sets up and runs the main job, `make test` sets up and runs the tests,
-# `make proof` the tests that need many seeds, mutations or long fuzzing.
+# `make proof` the tests that need many seeds, mutations or long fuzzing, `make docs` the site.
 #   make repro FLEET=recorded RECORDINGS=path   runs it on real recordings
 
 VENV := .venv
@@ -11,7 +11,7 @@ READY := $(VENV)/ready
 TESTS := $(VENV)/ready-for-tests
 INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.lock
 
-.PHONY: repro test proof setup benchmark clean
+.PHONY: repro test proof setup benchmark docs clean
 
 repro: $(READY)
 ifdef FLEET
@@ -31,6 +31,9 @@ proof: $(TESTS)
 benchmark: $(TESTS)
 	pytest tests/benchmarks --benchmark-only -s
 
+docs: $(TESTS)
+	NO_MKDOCS_2_WARNING=1 mkdocs build --strict
+
 setup: $(TESTS)
 
 $(READY): requirements.lock pyproject.toml
@@ -40,7 +43,7 @@ $(READY): requirements.lock pyproject.toml
 	touch $@
 
 $(TESTS): $(READY)
-	$(INSTALL) -e ".[test,stl,tdms,uff]"
+	$(INSTALL) -e ".[test,docs,stl,tdms,uff]"
 	touch $@
 
 clean:

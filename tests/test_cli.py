@@ -9,6 +9,8 @@ import sys
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any, get_args, get_type_hints
+from unittest import mock
 
 import pandas as pd
 import pyarrow.parquet as pq
@@ -17,9 +19,16 @@ import yaml
 from click.testing import Result
 from typer.testing import CliRunner
 
+import pipeline.app.kerf as kerf_options
 from pipeline.app.commands import app
+from pipeline.app.compensation import FORMATS
+from pipeline.app.fleet import machine_parameters
+from pipeline.app.programs import CHAMPION, LATEST
+from pipeline.gcode.setup import Setup
+from pipeline.optimisation.settings import Grouping
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
 from pipeline.schema.model import SourceFile
+from pipeline.schema.part import Objective
 from pipeline.submodels.contract import submodel
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
@@ -548,3 +557,128 @@ def test_a_machine_is_completed(project: Path, monkeypatch: pytest.MonkeyPatch) 
     assert done.output.split() == sorted(
         p.stem for p in (project / "conf/machine").glob("mill0*.yaml")
     )
+
+
+CHOICES = [
+    (kerf_options.DialectName, get_type_hints(Setup)["dialect"]),
+    (kerf_options.ObjectiveName, Objective),
+    (kerf_options.SpeedsName, get_type_hints(Grouping)["speeds"]),
+    (kerf_options.FormatName, FORMATS),
+    (kerf_options.ModelName, (CHAMPION, LATEST)),
+]
+
+
+@pytest.mark.parametrize(("choice", "own"), CHOICES)
+def test_choices_of_an_option_are_those_of_what_it_sets(choice: Any, own: Any) -> None:
+    assert set(get_args(choice)) == set(own if isinstance(own, tuple) else get_args(own))
+
+
+def test_choices_stand_in_the_help_and_in_the_refusal(project: Path) -> None:
+    shown = kerf(project, "simulate", "--help").output
+    assert "champion" in shown and "latest" in shown
+    said = refused(project, "interpret", "p.nc", "--out", "m.csv", "--dialect", "heidenhain")
+    assert "'heidenhain' is not one of 'fanuc', 'linuxcnc', 'siemens'" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("simulate",), "Missing argument 'program'"),
+        (("simulate", "p.nc", "--machin", "mill01"), "No such option"),
+        (("cut",), "No such command 'cut'"),
+    ],
+)
+def test_a_wrong_option_is_one_sentence_too(
+    words: tuple[str, ...], said: str, project: Path
+) -> None:
+    assert said in refused(project, *words)
+
+
+PART = "G21 G90\nG0 X10\nG1 Y20 F500\nM30\n"
+
+
+@pytest.fixture
+def part(project: Path) -> Path:
+    (project / "part.nc").write_text(PART)
+    return project
+
+
+def test_a_document_goes_to_standard_output(part: Path) -> None:
+    done = kerf(part, "interpret", "part.nc", "--out", "-")
+    assert kerf(part, "interpret", "part.nc", "--out", "moves.csv").exit_code == 0
+    assert done.stdout == (part / "moves.csv").read_text()
+    assert done.stderr == "3 moves, 30.000 mm, wrote standard output\n"
+    done = kerf(part, "simulate", "part.nc", "--machine", "hurco", "--json", "-")
+    assert json.loads(done.stdout)["path_length_mm"] == 30
+    assert "part.nc on hurco" in done.stderr
+    assert not (part / "-").exists()
+
+
+def test_standard_output_takes_one_document(part: Path) -> None:
+    words = ("simulate", "part.nc", "--machine", "hurco", "--json", "-", "--out", "-")
+    assert "- is named for two outputs" in refused(part, *words)
+
+
+def test_verbose_says_a_line_a_step_and_nothing_else_changes(part: Path) -> None:
+    plain = kerf(part, "interpret", "part.nc", "--out", "plain.csv")
+    told = kerf(part, "-v", "interpret", "part.nc", "--out", "told.csv")
+    assert told.stdout == plain.stdout.replace("plain", "told")
+    first, second = told.stderr.splitlines()
+    assert re.fullmatch(r"kerf: followed part\.nc; 3 moves; took \d+\.\d\d s", first)
+    assert re.fullmatch(r"kerf: wrote told\.csv; took \d+\.\d\d s", second)
+    assert (part / "told.csv").read_bytes() == (part / "plain.csv").read_bytes()
+    assert kerf(part, "-q", "interpret", "part.nc", "--out", "q.csv").stderr == ""
+
+
+def test_check_ingest_and_golden_speak_json(part: Path, tmp_path: Path) -> None:
+    (part / "faster.nc").write_text(PART.replace("F500", "F700"))
+    found = json.loads(kerf(part, "check", "part.nc", "faster.nc", "--json").stdout)
+    assert found["same"] is True and found["moves"] == 3
+    assert found["differences"] == [{"line": 3, "letter": "F", "before": "F500", "after": "F700"}]
+    log = tmp_path / "log.txt"
+    log.write_bytes(LOGS[6])
+    words = ("ingest", log, "--machine", MACHINE, "--out", tmp_path / "out", "--json")
+    (row,) = json.loads(kerf(part, *words).stdout)
+    assert (row["path"], row["read"], row["kept"], row["rejected"]) == (str(log), 40, 40, 0)
+
+
+def test_a_frozen_set_is_told_as_json(ingested: Path) -> None:
+    words = ("golden", MACHINE, "--first", MONDAY, "--last", "2026-01-11", "--json")
+    told = json.loads(kerf(ingested, *words).stdout)
+    frozen_set = sets_of(ingested).golden
+    assert frozen_set is not None and told["sha256"] == frozen_set.sha256
+    assert told["days"] == {"first": MONDAY, "last": "2026-01-11"}
+    assert [one["file"] for one in told["files"]] == ["agent/1.txt"]
+
+
+def test_a_first_compilation_is_announced_once(tmp_path: Path) -> None:
+    (tmp_path / "loop.py").write_text(
+        "from numba import njit\n"
+        "from pipeline.app.compiling import announced\n"
+        "@njit\ndef twice(x): return 2 * x\n"
+        "@njit\ndef thrice(x): return twice(x) + x\n"
+        "with announced():\n    thrice(1), thrice(2), twice(1.0)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, tmp_path / "loop.py"], capture_output=True, text=True, check=True,
+        cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.stderr.count("compiling loops for this processor") == 1
+
+
+def test_what_conf_composes_to_is_kept_by_its_content(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KERF_CACHE", str(tmp_path / "cache"))
+    with inside(project):
+        first = machine_parameters(MACHINE)
+        assert len(list((tmp_path / "cache/conf").iterdir())) == 1
+        with mock.patch("pipeline.stages.compose.composed", side_effect=AssertionError):
+            assert machine_parameters(MACHINE) == first
+        path = Path(f"conf/machine/{MACHINE}.yaml")
+        path.write_text(path.read_text().replace("description:", "description: other #"))
+        assert machine_parameters(MACHINE) != first
+        for kept in (tmp_path / "cache/conf").iterdir():
+            kept.write_bytes(b"\xff")  # broken: composed again
+        changed = machine_parameters(MACHINE)
+    assert changed["machine"][MACHINE]["identity"]["description"] == "other"

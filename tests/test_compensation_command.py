@@ -242,8 +242,10 @@ def test_what_lacks_a_file_is_refused(project: Path, broken: Callable[[Path], li
 
 
 def test_unknown_words_are_refused(project: Path) -> None:
-    assert "--format dxf is not known" in run("--out", "c", "--format", "dxf")[1]
-    assert "neither champion nor latest" in run("--out", "c", "--model", "best")[1]
+    assert (
+        "'dxf' is not one of 'csv', 'fanuc', 'siemens'" in run("--out", "c", "--format", "dxf")[1]
+    )
+    assert "not one of 'champion', 'latest'" in run("--out", "c", "--model", "best")[1]
 
 
 def test_the_latest_model_is_named(project: Path) -> None:

@@ -9,20 +9,34 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from nbclient import NotebookClient
 
-from pipeline.app.fleet import use_fleet
+from pipeline.app.fleet import machine_parameters, use_fleet
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.parameters import structure
+from pipeline.schema.store import write_json
 from pipeline.stages.__main__ import run
+from tests import bundled_project
 from tests.small_project import MACHINE, ROOT, build, change, inside, new_project
+from tests.submodels.cutting import cutting_files
+from tests.submodels.spindle import spindle_days
 from tests.submodels.synthesis import generated_lives
+from tests.test_program_commands import control_model
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 WEEK = "01_a_week_of_the_machine.ipynb"
 EXPLAINED = "03_which_wear_explains_a_recording.ipynb"
+HEAT = "04_what_heats_this_spindle.ipynb"
+TIME = "05_where_does_a_programs_time_go.ipynb"
+LOAD = "06_how_sure_is_the_load.ipynb"
+CHALLENGER = "07_is_the_challenger_better.ipynb"
+ONE_MORE = "08_what_would_one_more_recording_tell.ipynb"
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
@@ -151,3 +165,84 @@ def test_the_wear_that_explains_a_recording(with_generator: Path) -> None:
     assert many == len(tools) >= 4
     assert set(tools) <= set(generated_lives.HELD_OUT)
     assert error < guess
+
+
+def outputs_of(project: Path, name: str, asked: str, pictures: int) -> Any:
+    """What ``asked`` is after a notebook that drew its pictures and said no warning."""
+    outputs, answer = executed(project, name, asked)
+    assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
+    assert images(outputs) == pictures
+    return answer
+
+
+def test_what_heats_a_spindle_of_known_sources(tmp_path: Path) -> None:
+    bundled_project.spindle(bundled_project.project(tmp_path))
+    shares, days = outputs_of(tmp_path, HEAT, "[shares.mean().to_dict(), len(heats)]", 2)
+    assert days == len(bundled_project.DAYS)
+    assert sum(shares.values()) == pytest.approx(100)
+    heating = spindle_days.ONE.heating
+    assert all((shares[name] > 0) == (heating.get(name, 0.0) > 0) for name in shares)
+
+
+def test_the_challenger_that_errs_less_is_better(tmp_path: Path) -> None:
+    bundled_project.project(tmp_path)
+    bundled_project.spindle(tmp_path, error_K=2.0)
+    (tmp_path / "data/models").rename(tmp_path / "data/champion")
+    bundled_project.spindle(tmp_path)
+    asked = "[table[['champion', 'challenger', 'worse']].values.tolist(), len(points)]"
+    rows, points = outputs_of(tmp_path, CHALLENGER, asked, 1)
+    assert rows and all(new < old and not worse for old, new, worse in rows)
+    assert points >= len(bundled_project.DAYS) - 2
+
+
+def test_the_time_of_a_program_goes_where_it_says(tmp_path: Path) -> None:
+    project = new_project(tmp_path / "project")
+    with inside(project):
+        values = machine_parameters("hurco")
+    control = structure(values, "machine.hurco.control", ControlParameters)
+    (project / "params.yaml").write_text(yaml.safe_dump(values))
+    write_json(control_model(hurco02=control), project / "data/models/hurco/control/model.json")
+    raw = project / "data/raw/hurco"
+    raw.mkdir()
+    (raw / "part.nc").write_text("G21 G90 G94\nG1 X100 F1000\nG1 X100.05 F9000\nY50 F500\nM30\n")
+    total, lines, short = outputs_of(
+        project, TIME, "[totals['total_time_s'], lines.to_dict(), short]", 3
+    )
+    assert sum(lines.values()) == pytest.approx(total, abs=1e-3)
+    assert lines["2"] == pytest.approx(6.0, abs=0.5) and max(lines, key=lines.get) in ("2", "4")
+    assert 0 < short < 0.1  # the block of 0.05 mm does not reach 9 m/min
+
+
+def known_forces() -> pd.DataFrame:
+    """Five recordings of which one peak lies outside of its interval, and half of each waveform."""
+    rows = []
+    for number in range(5):
+        measured = 115.0 if number == 4 else 103.0
+        ends = {"predicted": 100.0, "low": 90.0, "high": 110.0}
+        rows.append({"quantity": "peak force in the plane", "measured": measured} | ends)
+        for value in (100.0, 120.0):
+            rows.append({"quantity": "force in the plane of the feed", "measured": value} | ends)
+        rows[-3:] = [one | {"case": f"cut-{number}.csv"} for one in rows[-3:]]
+    return pd.DataFrame(rows).assign(role="held_out", regime="")
+
+
+def test_the_load_is_as_sure_as_its_intervals(tmp_path: Path) -> None:
+    folder = tmp_path / "data/models/rig/cutting"
+    folder.mkdir(parents=True)
+    known_forces().to_parquet(folder / "predictions.parquet")
+    asked = "[int(inside.sum()), len(peaks), held.tolist(), margin.tolist(), spread]"
+    inside, peaks, held, margin, spread = outputs_of(tmp_path, LOAD, asked, 2)
+    assert (inside, peaks) == (4, 5) and held == [0.5] * 5
+    assert spread == pytest.approx(10 / 1.6449 / 100, rel=1e-4)
+    assert margin[0] == 0 and margin == sorted(margin)
+
+
+def test_one_more_recording_narrows_every_interval(tmp_path: Path) -> None:
+    write_json(cutting_files.model(), tmp_path / "data/models/rig/cutting/model.json")
+    asked = "[[list(one) for one in best.values()], list(map(list, best))]"
+    found, names = outputs_of(tmp_path, ONE_MORE, asked, 1)
+    assert len(found) == len(names) == 12  # six coefficients at two depths
+    assert all(0 < after < 100 for _, after in found)
+    deeper = [after for (_, after), (_, depth) in zip(found, names, strict=True)
+              if depth > min(one for _, one in names)]  # fmt: skip
+    assert np.mean(deeper) < np.mean([after for _, after in found])

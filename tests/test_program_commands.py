@@ -163,7 +163,7 @@ def test_the_champion_is_used_and_the_latest_only_where_it_is_named(project: Pat
     words = ("simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
     said = refused(project, *words, "--model", "latest")
     assert "data/models/hurco does not exist: run `dvc repro`" in said
-    assert "neither champion nor latest" in refused(project, *words, "--model", "newest")
+    assert "not one of 'champion', 'latest'" in refused(project, *words, "--model", "newest")
     with inside(project):
         before = simulate_program(Path("part.nc"), "hurco", None, lambda done: None)
     control = before.plan.path.control

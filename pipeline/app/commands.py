@@ -3,18 +3,37 @@
 Each imports its work when it runs, so that `kerf --help` starts at once.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar, steps_bar
+from pipeline.app.output import Outputs, outputs, step
 from pipeline.schema.limits import limit_options
+
+if TYPE_CHECKING:
+    from pipeline.app.fleet import FileResult
+
+
+@contextmanager
+def _working() -> Iterator[Outputs]:
+    """Where a command with compiled loops writes; bad input is a sentence, compilation is said."""
+    from pipeline.app.compiling import announced
+
+    with one_sentence(), outputs() as to, announced():
+        yield to
+
+
+def _say_json(document: Any) -> None:
+    typer.echo(dumps(document, indent=1, ensure_ascii=False))
 
 
 @app.command()
@@ -22,12 +41,28 @@ def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
     machine: Annotated[str, typer.Option(help="Whose records these are, as in conf/machine/.")],
     out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
+    json: kerf.Json = False,
 ) -> None:
     """Read FILES into Parquet; say how many records were read, kept and rejected."""
+    from pipeline.app.compiling import announced
     from pipeline.app.fleet import ingest_files
 
-    with one_sentence(), steps_bar("reading", len(files)) as advance:
-        results = ingest_files(files, machine, out, advance)
+    with one_sentence(), announced(), step(f"read {len(files)} files") as found:
+        with steps_bar("reading", len(files)) as advance:
+            results = ingest_files(files, machine, out, advance)
+        found.add(f"{sum(r.kept for r in results)} of {sum(r.read for r in results)} records kept")
+    if json:
+        _say_json([asdict(r) | {"path": str(r.path)} for r in results])
+    else:
+        _say_ingested(results, out)
+    for r in results:
+        for said in filter(None, (r.reason, r.note)):
+            typer.echo(f"kerf: {typer.format_filename(r.path)}: {said}", err=True)
+    if any(r.reason for r in results):
+        raise typer.Exit(2)
+
+
+def _say_ingested(results: "list[FileResult]", out: Path) -> None:
     names = [typer.format_filename(r.path) for r in results]
     width = max(map(len, names))
     typer.echo(f"{'file':<{width}}  {'read':>10}  {'kept':>10}  {'rejected':>10}")
@@ -36,11 +71,6 @@ def ingest(
     rejected = sum(r.rejected for r in results)
     if rejected:
         typer.echo(f"{rejected} rejected, each with its reason in {out / 'rejected.parquet'}")
-    for name, r in zip(names, results, strict=True):
-        for said in filter(None, (r.reason, r.note)):
-            typer.echo(f"kerf: {name}: {said}", err=True)
-    if any(r.reason for r in results):
-        raise typer.Exit(2)
 
 
 @app.command()
@@ -53,7 +83,7 @@ def status(
     with one_sentence():
         rows = fleet_status()
     if json:
-        typer.echo(dumps(rows, indent=1, ensure_ascii=False))
+        _say_json(rows)
         return
     columns = list(rows[0]) if rows else []
     widths = {c: max(len(c), *(len(r[c]) for r in rows)) for c in columns}
@@ -105,12 +135,17 @@ def golden(
     sealed: Annotated[
         bool, typer.Option(help="Freeze the sealed set, which promotion alone looks at.")
     ] = False,
+    json: kerf.Json = False,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
     from pipeline.app.fleet import freeze_set
 
     with one_sentence():
         frozen = freeze_set(machine, first=first, last=last, files=files or (), sealed=sealed)
+    if json:
+        which = "sealed" if sealed else "golden"
+        _say_json({"machine": machine, "set": which, "sha256": frozen.sha256} | asdict(frozen))
+        return
     typer.echo(f"froze {len(frozen.files)} files, sha256 {frozen.sha256[:12]}")
 
 
@@ -124,12 +159,16 @@ def promote(
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Even when it is not shown to be better.")
     ] = False,
+    json: kerf.Json = False,
 ) -> None:
     """Make MACHINE's newest bundle its champion, if it is better on the golden set."""
     from pipeline.champions import promote as promote_bundle
 
     with one_sentence():
         champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
+    if json:
+        _say_json({"machine": machine} | asdict(champion))
+        return
     typer.echo(f"{machine}: version {champion.version} is champion; commit champions.json")
 
 
@@ -144,9 +183,10 @@ def predict(
     """Predict TABLE with a sub-model of MACHINE's champion."""
     from pipeline.app.programs import predict_table
 
-    with one_sentence():
-        rows = predict_table(machine, submodel, table, out, model)
-    typer.echo(f"wrote {rows} rows to {out}")
+    with one_sentence(), outputs() as to:
+        file = to.file(out, ".csv") or out
+        rows = predict_table(machine, submodel, table, file, model)
+        to.say(f"wrote {rows} rows to {to.names(file)}")
 
 
 @app.command()
@@ -172,7 +212,7 @@ def transfer(
 def compensation(
     machine: kerf.Whose,
     out: Annotated[Path, typer.Option(help="File to write.")],
-    format: Annotated[str, typer.Option(help="csv, fanuc or siemens.")] = "csv",
+    format: kerf.Format = "csv",
     model: kerf.Model = "champion",
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
@@ -181,10 +221,11 @@ def compensation(
     """Write the correction of MACHINE's spindle growth as a file for its control."""
     from pipeline.app.compensation import said, write_compensation
 
-    with one_sentence():
-        done = write_compensation(machine, out, format, model, anyway=anyway)
-    for line in said(done, out, format):
-        typer.echo(line)
+    with one_sentence(), outputs() as to:
+        file = to.file(out) or out
+        done = write_compensation(machine, file, format, model, anyway=anyway)
+        for line in said(done, Path(to.names(file)), format):
+            to.say(line)
 
 
 @app.command()
@@ -206,13 +247,14 @@ def wear(
     from pipeline.app.wear import document, said, wear_of_files
     from pipeline.schema.store import write_json
 
-    with one_sentence():
-        check_outputs(None, json, inputs=files)
+    with one_sentence(), outputs() as to:
+        file = to.file(json)
+        check_outputs(None, file, inputs=files)
         told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
-        if json is not None:
-            write_json(document(told), json)
-    for line in said(told):
-        typer.echo(line)
+        if file is not None:
+            write_json(document(told), file)
+        for line in said(told):
+            to.say(line)
 
 
 @app.command()
@@ -268,15 +310,19 @@ def interpret(
     from pipeline.app.moves_table import write_moves
     from pipeline.app.programs import machine_setup, passed_over, read_moves
 
-    with one_sentence(), share_bar("interpreting") as share:
-        check_outputs(program, out)
+    with _working() as to:
+        file = to.file(out, ".csv") or out
+        check_outputs(program, file)
         setup = machine_setup(machine, dialect)
         notes = list(passed_over(program, setup))
-        moves = read_moves(program, setup, share)
-        length = write_moves(moves, out)
-    for note in notes:
-        typer.echo(note)
-    typer.echo(f"{len(moves)} moves, {length:.3f} mm, wrote {out}")
+        with share_bar("interpreting") as share, step(f"followed {program}") as found:
+            moves = read_moves(program, setup, share)
+            found.add(f"{len(moves)} moves")
+        with step(f"wrote {to.names(file)}"):
+            length = write_moves(moves, file)
+        for note in notes:
+            to.say(note)
+        to.say(f"{len(moves)} moves, {length:.3f} mm, wrote {to.names(file)}")
 
 
 @app.command()
@@ -307,58 +353,21 @@ def simulate(
 
     With a blank, tools and its material also what the cut takes: load, power, stability, cost.
     """
-    import pipeline.app.programs as programs
-    from pipeline.app.correction import correct_simulated, correction_document, correction_lines
-    from pipeline.app.cut import cut_document, cut_lines, cut_options
-    from pipeline.app.fleet import check_outputs
-    from pipeline.schema.files import together
-    from pipeline.twin.corrected_program import write_corrected
-    from pipeline.twin.simulation import write_trace
+    from pipeline.app.simulate import SimulateRequest, simulate_and_write, simulate_lines
 
-    with one_sentence():
-        options = cut_options(
-            stock=stock, tool_table=tool_table, material=material, limits={"load_N": limit_load},
-            resolution=resolution, work_offset=work_offset, frf=frf or (), page=page,
-            wear=wear or (),
+    with _working() as to:
+        request = SimulateRequest(
+            program=program, machine=machine, unit=unit, model=model, compensated=compensated,
+            out=to.file(out, ".parquet"), json=to.file(json), page=to.file(page),
+            compensate=to.file(compensate, ".csv"),
+            cut={
+                "stock": stock, "tool_table": tool_table, "material": material,
+                "limits": {"load_N": limit_load}, "resolution": resolution,
+                "work_offset": work_offset, "frf": frf or (), "page": page, "wear": wear or (),
+            },
         )  # fmt: skip
-        read = options.files if options else ()
-        check_outputs(program, json, out, page, compensate, inputs=read)
-        with share_bar("planning") as share:
-            simulated = programs.simulate_program(
-                program, machine, unit, share, model, compensated=compensated
-            )
-        document = programs.simulated_document(simulated, program.stem, machine)
-        cut = None if options is None else cut_document(simulated, machine, options)
-        if cut is not None:
-            document["cut"] = cut
-        if compensate is not None:
-            corrected = correct_simulated(simulated, program, machine)
-            document["correction"] = correction_document(corrected, compensate)
-        with together():
-            if compensate is not None:
-                write_corrected(corrected, compensate)
-            if json is not None:
-                programs.write_document(document, json)
-            if out is not None:
-                with share_bar("writing positions") as share:
-                    write_trace(simulated.plan, out, share)
-            if cut is not None and page is not None:
-                from pipeline.report.cut.page import SimulatedCut, write_cut_page
-
-                shown = SimulatedCut(
-                    program=program.stem, machine=machine, origin=simulated.on.origin, cut=cut,
-                    verdicts=document["verdicts"],
-                )  # fmt: skip
-                write_cut_page(shown, page, json)
-    for line in programs.passed_over(program, simulated.on.setup):
-        typer.echo(line)
-    for line in programs.simulated_lines(document, program):
-        typer.echo(line)
-    for line in correction_lines(document["correction"]) if compensate is not None else ():
-        typer.echo(line)
-    if cut is not None:
-        for line in cut_lines(cut):
-            typer.echo(line)
+        for line in simulate_lines(*simulate_and_write(request, to.taken), request):
+            to.say(line)
 
 
 @app.command()
@@ -372,6 +381,7 @@ def check(
     ] = False,
     tool_table: kerf.ToolTable = None,
     material: kerf.Material = None,
+    json: kerf.Json = False,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
 
@@ -384,20 +394,25 @@ def check(
     from pipeline.app.check import check_lines, check_programs, range_lines
     from pipeline.app.check_machine import machine_lines
 
-    with one_sentence():
+    with _working():
         if material is not None and tool_table is None:
             raise ValueError(
                 "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
                 "file"
             )
-        proof = check_programs(before, after, machine, dialect, splits=splits)
+        with step(f"compared {before} and {after}") as found:
+            proof = check_programs(before, after, machine, dialect, splits=splits)
+            found.add(f"{proof.moves} moves, {len(proof.differences)} F and S words")
         warnings: list[str] = []
         if proof.same:
             warnings += machine_lines(before, after, machine, dialect)
         if proof.same and tool_table is not None:
             warnings += range_lines(before, after, machine, dialect, tool_table, material)
-    for line in (*check_lines(proof, before, after), *warnings):
-        typer.echo(line)
+    if json:
+        _say_json(asdict(proof) | {"warnings": warnings})
+    else:
+        for line in (*check_lines(proof, before, after), *warnings):
+            typer.echo(line)
     if not proof.same:
         raise typer.Exit(1)
 
@@ -444,9 +459,7 @@ def optimise(
     *,
     program: kerf.Program,
     machine: kerf.Whose,
-    objective: Annotated[
-        str, typer.Option(help="time, cost, energy, wear, or pareto: the knee of their front.")
-    ] = "time",
+    objective: kerf.Objective = "time",
     out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of what was found.")] = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of what was found.")] = None,
@@ -466,9 +479,7 @@ def optimise(
     split: Annotated[
         bool, typer.Option("--split", help="Split long blocks where the cut changes.")
     ] = False,
-    speeds: Annotated[
-        str | None, typer.Option(help="blocks: S words at any block; own: only the program's.")
-    ] = None,
+    speeds: kerf.Speeds = None,
     seed: Annotated[int | None, typer.Option(help="Of all chance.")] = None,
     proof_comment: Annotated[
         bool,
@@ -482,21 +493,20 @@ def optimise(
     """
     from pipeline.app.fleet import check_outputs
     from pipeline.app.optimise import (
-        Outputs,
+        PartFiles,
         PartRequest,
         SearchOptions,
         interruptible,
-        objective_of,
         optimise_part,
         part_options,
         write_optimised,
     )
     from pipeline.app.optimise_lines import optimise_lines
 
-    with one_sentence():
-        outputs = Outputs.of(out, json, page)
+    with _working() as to:
+        files = PartFiles.of(to.file(out, program.suffix), to.file(json), to.file(page))
         request = PartRequest(
-            program=program, machine=machine, unit=unit, objective=objective_of(objective),
+            program=program, machine=machine, unit=unit, objective=objective,
             cut=part_options(
                 stock=stock, tool_table=tool_table, material=material, limits=limits,
                 resolution=resolution, work_offset=work_offset, frf=frf, wear=wear,
@@ -507,18 +517,18 @@ def optimise(
                 proof_comment=proof_comment, compensated=compensated,
             ),
         )  # fmt: skip
-        check_outputs(program, out, json, page, inputs=request.cut.files)
+        check_outputs(program, *files.named, inputs=request.cut.files)
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
-                with stages_bar() as shown:
+                with stages_bar() as shown, step(f"optimised {program}"):
                     result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
-                written = write_optimised(result, part, outputs)
+                written = write_optimised(result, part, files)
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error
-    for line in optimise_lines(part):
-        typer.echo(line)
-    typer.echo(f"wrote {', '.join(str(path) for path in written)}")
+        for line in optimise_lines(part):
+            to.say(line)
+        to.say(f"wrote {to.names(*written)}")
     if part.interrupted:
         raise typer.Exit(130)
 

@@ -8,24 +8,28 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from fnmatch import fnmatchcase
+from importlib.metadata import version
 from pathlib import Path
 from shutil import copy2
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from pipeline.app.cache import content_key, keep, kept
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.schema.files import NotWrittenError, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.formats import RecordSource, source_of
-from pipeline.signals.ingest import display_name, ingest
-from pipeline.signals.store import sha256_of
-from pipeline.submodels.cases import sources
+
+if TYPE_CHECKING:
+    from pipeline.signals.formats import RecordSource
 
 CONF = Path("conf")
 DATA = Path("data")
+PACKAGE = Path(__file__).parents[1]
+COMPOSED_BY = (PACKAGE / "stages/compose.py", PACKAGE / "parameters.py")
+"""Code that a composition is made by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +63,17 @@ def machine_parameters(machine: str) -> dict[str, Any]:
 
 
 def _composed(override: str) -> dict[str, Any]:
-    from pipeline.stages.compose import composed
-
+    """What ``conf/`` composes to, kept by all that it is made of: Hydra takes a second."""
+    files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
+    versions = [version(name) for name in ("hydra-core", "omegaconf")]
+    key = content_key([*COMPOSED_BY, *files], *versions, override)
+    text = kept("conf", key)
     try:
-        text = composed(CONF, (override,))
+        if text is None:
+            from pipeline.stages.compose import composed
+
+            text = composed(CONF, (override,))
+            keep("conf", key, text)
         values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
         raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
@@ -82,6 +93,9 @@ def ingest_files(
         When a file does not exist, the machine is not known, or ``out`` is a folder that
         `dvc repro` writes.
     """
+    from pipeline.signals.formats import RecordSource, source_of
+    from pipeline.signals.ingest import ingest
+
     for path in files:
         if not path.is_file():
             state = "is no file" if path.exists() else "does not exist"
@@ -114,6 +128,8 @@ def ingest_files(
 
 def _places(files: Sequence[Path]) -> dict[str, Path]:
     """A name for each file, its own where no two are called the same."""
+    from pipeline.signals.ingest import display_name
+
     names = [display_name(path.name).lstrip(".") or "records" for path in files]
     if len(set(names)) < len(names):
         width = len(str(len(names)))
@@ -121,7 +137,7 @@ def _places(files: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(names, files, strict=True))
 
 
-def _bring_devices(chosen: dict[str, RecordSource], known: Path, raw: Path) -> dict[str, str]:
+def _bring_devices(chosen: dict[str, "RecordSource"], known: Path, raw: Path) -> dict[str, str]:
     """Put the Devices documents of ``known`` beside the records, where they are no records.
 
     Sources whose document is not there do without; the note that says so, by place.
@@ -180,6 +196,9 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
     ValueError
         When a folder or a Devices document is missing, or no record is there.
     """
+    from pipeline.signals.formats import RecordSource
+    from pipeline.signals.store import sha256_of
+
     for machine in fleet.machines:
         values = machine_parameters(machine)
         identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
@@ -204,7 +223,7 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
         yield machine, new, len(wanted)
 
 
-def _wanted(folder: Path, sources: Sequence[RecordSource]) -> list[Path]:
+def _wanted(folder: Path, sources: Sequence["RecordSource"]) -> list[Path]:
     """Records and Devices documents in ``folder`` that ``sources`` name."""
     found = {p for s in sources for p in folder.glob(s.files) if p.is_file()}
     if not found:
@@ -276,6 +295,8 @@ def freeze_set(
             f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
             "file is in one of them"
         )
+    from pipeline.submodels.cases import sources
+
     frozen = FrozenSet(files=sources(known, sorted(names)), days=days)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)

@@ -5,13 +5,39 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
+from pipeline.app.output import log_to_standard_error
 from pipeline.schema.limits import limit_words
 
+_UsageError: Any = typer.BadParameter.__base__
+
+
+class _OneSentence(TyperGroup):
+    """Commands whose wrong options end in one sentence, as all bad input does."""
+
+    def main(self, *args: Any, standalone_mode: bool = True, **more: Any) -> Any:
+        more["standalone_mode"] = False
+        if not standalone_mode:
+            return super().main(*args, **more)
+        try:
+            code = super().main(*args, **more)
+        except _UsageError as error:
+            if type(error).__name__ == "NoArgsIsHelpError":
+                error.show()
+            else:
+                said = error.format_message().replace("Value error, ", "").rstrip(".")
+                where = f"; see `{error.ctx.command_path} --help`" if error.ctx else ""
+                typer.echo(f"kerf: {said}{where}", err=True)
+            sys.exit(error.exit_code)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
 app = typer.Typer(
+    cls=_OneSentence,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="The digital twin of a machine tool that rebuilds itself from the machine's own records.",
@@ -31,8 +57,19 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Say it and end.")
     ] = False,
-) -> None:
+    verbose: Annotated[
+        int,
+        typer.Option(
+            "--verbose", "-v", count=True,
+            help="Say on standard error what each step read, found and took; -vv says more.",
+        ),
+    ] = 0,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Say only results and errors.")
+    ] = False,
+) -> None:  # fmt: skip
     """Options before the command's name."""
+    log_to_standard_error(verbose, quiet)
 
 
 def _machines(incomplete: str) -> list[str]:
@@ -50,8 +87,10 @@ Setup = Annotated[
         help="Whose offsets and tools hold, as in conf/machine/.", autocompletion=_machines
     ),
 ]
+DialectName = Literal["fanuc", "linuxcnc", "siemens"]
 Dialect = Annotated[
-    str | None, typer.Option(help="fanuc, linuxcnc or siemens; the machine's by default.")
+    DialectName | None,
+    typer.Option(help="In which the program is written; the machine's by default."),
 ]
 Unit = Annotated[str | None, typer.Option(help="Which of several machines of a kind.")]
 Stock = Annotated[
@@ -85,9 +124,20 @@ Compensated = Annotated[
     bool,
     typer.Option("--compensated", help="Following errors with what the network adds to them."),
 ]
-Model = Annotated[
-    str, typer.Option(help="Whose sub-models: champion, or latest, which is the exception.")
+ModelName = Literal["champion", "latest"]
+Model = Annotated[ModelName, typer.Option(help="Whose sub-models; latest is the exception.")]
+FormatName = Literal["csv", "fanuc", "siemens"]
+Format = Annotated[FormatName, typer.Option(help="Of the file.")]
+ObjectiveName = Literal["time", "cost", "energy", "wear", "pareto"]
+Objective = Annotated[
+    ObjectiveName, typer.Option(help="What is made least; pareto takes the knee of their front.")
 ]
+SpeedsName = Literal["blocks", "own"]
+Speeds = Annotated[
+    SpeedsName | None,
+    typer.Option(help="S words at any block, or only the program's own.", rich_help_panel="Limits"),
+]
+Json = Annotated[bool, typer.Option("--json", help="Say it as JSON on standard output.")]
 
 
 @contextmanager
@@ -95,6 +145,8 @@ def one_sentence() -> Iterator[None]:
     """Bad input ends in one sentence and exit status 2, not in a traceback."""
     try:
         yield
+    except BrokenPipeError:  # who reads standard output has seen enough
+        raise
     except (ValueError, OSError) as error:
         typer.echo(f"kerf: {error}", err=True)
         raise typer.Exit(2) from error

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
@@ -20,8 +19,8 @@ ROWS_AT_ONCE = 50_000
 G_CODES = [f"G{number}" for number in range(100)]
 
 
-def moves_table(moves: Moves) -> pd.DataFrame:
-    """One row a move, in mm and degree, in the machine's frame."""
+def moves_table(moves: Moves) -> pa.Table:
+    """One row a move, in mm and degree, in the machine's frame; what is not known is null."""
     table: dict[str, Any] = {
         "block": moves.line,
         "type": _named([kind.name.lower() for kind in Kind], moves.kind),
@@ -41,11 +40,31 @@ def moves_table(moves: Moves) -> pd.DataFrame:
         "frame": _named([frame.name for frame in moves.frames], moves.frame),
         "file": _named([Path(file).name for file in moves.files], moves.file),
     }
-    return pd.DataFrame(table)
+    return pa.table(
+        {
+            name: column if isinstance(column, pa.Array) else _column(column)
+            for name, column in table.items()
+        }
+    )
 
 
-def _named(names: Sequence[str], numbers: NDArray[np.integer]) -> NDArray[np.object_]:
-    return np.array(names, dtype=object)[numbers]
+def _named(names: Sequence[str], numbers: NDArray[np.integer]) -> pa.Array:
+    words = [name.encode() for name in names]
+    ends = np.cumsum([0, *map(len, words)], dtype=np.int32)
+    table = pa.StringArray.from_buffers(
+        len(words), pa.py_buffer(ends), pa.py_buffer(b"".join(words))
+    )
+    numbered = pa.DictionaryArray.from_arrays(_column(numbers.astype(np.int32)), table)
+    return numbered.dictionary_decode()
+
+
+def _column(values: NDArray[np.generic]) -> pa.Array:
+    """An array with null for NaN, from its bytes: ``pa.array`` of an array imports pandas."""
+    values, known = np.ascontiguousarray(values), None
+    if values.dtype.kind == "f":
+        known = pa.py_buffer(np.packbits(~np.isnan(values), bitorder="little"))
+    kind = pa.from_numpy_dtype(values.dtype)
+    return pa.Array.from_buffers(kind, len(values), [known, pa.py_buffer(values)])
 
 
 def write_moves(moves: Moves, out: Path) -> float:
@@ -59,10 +78,10 @@ def write_moves(moves: Moves, out: Path) -> float:
     length = 0.0
     with replacing(out) as part, _opened(part, PACKED.get(out.suffix)) as file:
         for first in range(0, max(len(moves), 1), ROWS_AT_ONCE):
-            rows = moves_table(moves.part(first, first + ROWS_AT_ONCE))
+            part_of = moves.part(first, first + ROWS_AT_ONCE)
             options = csv.WriteOptions(include_header=first == 0, quoting_style="needed")
-            csv.write_csv(pa.Table.from_pandas(rows, preserve_index=False), file, options)
-            length += float(rows["length_mm"].sum())
+            csv.write_csv(moves_table(part_of), file, options)
+            length += float(part_of.length.sum())
     return length
 
 

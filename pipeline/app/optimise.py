@@ -3,11 +3,11 @@
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pipeline.app.cut import (
     REMEDY,
@@ -60,8 +60,6 @@ class SearchOptions:
         """
         own = section(dict(parameters), "optimisation", OptimisationSettings)
         own = own or OptimisationSettings()
-        if self.speeds not in (None, "own", "blocks"):
-            raise ValueError(f"--speeds {self.speeds} is neither own nor blocks: name one of them")
         with named_as_options():
             return replace(
                 own,
@@ -80,7 +78,7 @@ def _with(settings: T, **options: float | str | None) -> T:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outputs:
+class PartFiles:
     """Files to write; a page and a JSON only where they are named."""
 
     program: Path
@@ -88,7 +86,7 @@ class Outputs:
     page: Path | None = None
 
     @classmethod
-    def of(cls, program: Path | None, json: Path | None, page: Path | None) -> "Outputs":
+    def of(cls, program: Path | None, json: Path | None, page: Path | None) -> "PartFiles":
         """The files that were named.
 
         Raises
@@ -101,6 +99,11 @@ class Outputs:
                 "--out is missing: name a file for the optimised program, as OPTIMISED.nc"
             )
         return cls(program=program, json=json, page=page)
+
+    @property
+    def named(self) -> list[Path]:
+        """Those that were named."""
+        return [path for path in (self.program, self.json, self.page) if path is not None]
 
 
 def part_options(
@@ -127,20 +130,6 @@ def part_options(
     if found is None:
         raise ValueError("--stock is missing")
     return found
-
-
-def objective_of(name: str) -> Objective:
-    """The objective of that name.
-
-    Raises
-    ------
-    ValueError
-        When there is none.
-    """
-    known = get_args(Objective)
-    if name not in known:
-        raise ValueError(f"--objective {name} is none of {', '.join(known)}: name one of them")
-    return name  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,15 +178,14 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
 
 
 @together()
-def write_optimised(result: Result, part: OptimisedPart, out: Outputs) -> list[Path]:
+def write_optimised(result: Result, part: OptimisedPart, out: PartFiles) -> list[Path]:
     """Write program, JSON and page; the files that were written."""
     write_bytes(optimised_text(result), out.program)
     if out.json is not None:
         write_document(part_values(part), out.json)
     if out.page is not None:
         write_optimised_page(part, out.page, out.json)
-    named = (getattr(out, item.name) for item in fields(out))
-    return [path for path in named if path is not None]
+    return out.named
 
 
 @contextmanager

@@ -3,10 +3,9 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import pandas as pd
 
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
 from pipeline.gcode.interpret import interpret
@@ -15,23 +14,15 @@ from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
-from pipeline.optimisation.job import machine_models
-from pipeline.optimisation.reliability.judged import used_models
-from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import UsedModel
-from pipeline.twin.control import (
-    ControlModelFile,
-    control_of_unit,
-    planned_program,
-    read_controls,
-    time_interval,
-)
-from pipeline.twin.drive import read_drives
-from pipeline.twin.program_axes import AxisFollowing, Residual
-from pipeline.twin.simulation import blocks, summary, without_time
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.twin.program_axes import AxisFollowing, Residual
 
 Share = Callable[[float], None]
 
@@ -100,6 +91,10 @@ class Controlled:
     @property
     def used(self) -> tuple[UsedModel, ...]:
         """Sub-models that figures rest on, with their verdicts, the gravest first."""
+        from pipeline.optimisation.job import machine_models
+        from pipeline.optimisation.reliability.judged import used_models
+        from pipeline.optimisation.settings import OptimisationSettings
+
         settings = structure(self.parameters, "optimisation", OptimisationSettings)
         known = machine_models(self.models, self.control)
         return used_models(known.verdicts, settings.certainty)
@@ -115,7 +110,7 @@ class Simulated:
     plan: Plan
     axes: list[dict[str, Any]]
     on: Controlled
-    residual: Residual | None = None
+    residual: "Residual | None" = None
     residual_name: str = ""
 
     @property
@@ -123,6 +118,8 @@ class Simulated:
         """90 % interval of the time of the program [s]; None where the control was not learnt."""
         if not self.on.identified:
             return None
+        from pipeline.twin.control import ControlModelFile, time_interval
+
         stored = read_json(self.on.models / "control/model.json", ControlModelFile)
         return time_interval(self.plan.total, stored.intervals)
 
@@ -132,6 +129,8 @@ class Simulated:
         on = self.on
         if on.chosen or not on.identified or len(on.units) < 2:
             return {}
+        from pipeline.twin.control import planned_program, read_controls
+
         controls = read_controls(on.models / "control/model.json")
         moves = self.plan.path.moves
         return {
@@ -215,7 +214,7 @@ def setup_beside(setup: Setup, path: Path) -> Setup:
     return replace(setup, folders=(*setup.folders, path.resolve().parent))
 
 
-def write_csv(table: pd.DataFrame, out: Path) -> None:
+def write_csv(table: "pd.DataFrame", out: Path) -> None:
     """Write a table as CSV, packed where the end of the file's name says so (``.gz``)."""
     with replacing(out) as part:
         table.to_csv(part, index=False, compression=PACKED.get(out.suffix))
@@ -267,6 +266,8 @@ def simulate_program(
         When machine, control or unit is not known, or the program cannot be followed, or no
         compensation model passed where one is asked for.
     """
+    from pipeline.twin.control import planned_program
+
     on = machine_control(machine, unit, model)
     residual, name = machine_residual(on, machine) if compensated else (None, "")
     plan = planned_program(read_moves(path, on.setup, share), on.control)
@@ -295,7 +296,7 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
     )  # fmt: skip
 
 
-def machine_residual(on: Controlled, machine: str) -> tuple[Residual, str]:
+def machine_residual(on: Controlled, machine: str) -> "tuple[Residual, str]":
     """The compensation network of a machine with its name.
 
     Raises
@@ -332,7 +333,9 @@ def needed_drives(models: Path, machine: str, option: str) -> Path:
     return found
 
 
-def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> list[dict[str, Any]]:
+def axes_table(
+    plan: Plan, models: Path, residual: "Residual | None" = None
+) -> list[dict[str, Any]]:
     """Following error [um] and command of each axis whose drive was identified, in air.
 
     Also the greatest half width of the 90 % interval of the error [um], where it is known: of the
@@ -343,6 +346,7 @@ def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> li
     ValueError
         When the program is too long to be followed.
     """
+    from pipeline.twin.drive import read_drives
     from pipeline.twin.program_axes import follow_program
 
     found = models / "drive/model.json"
@@ -376,6 +380,8 @@ def axes_table(plan: Plan, models: Path, residual: Residual | None = None) -> li
 def _control(
     machine: str, sections: dict[str, Any], unit: str | None, models: Path
 ) -> tuple[ControlParameters, bool]:
+    from pipeline.twin.control import control_of_unit, read_controls
+
     found = models / "control/model.json"
     records = sections.get("control_records", {})
     units = records.get("units", {})
@@ -396,6 +402,8 @@ def _control(
 
 def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:
     """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
+    from pipeline.twin.simulation import blocks, summary, without_time
+
     return (
         {"verdicts": simulated.on.used}
         | summary(simulated.plan, name)
@@ -459,7 +467,7 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
 
 
-def _half_width(axis: AxisFollowing) -> float | None:
+def _half_width(axis: "AxisFollowing") -> float | None:
     """Greatest half width of an axis' interval [um]; None where it was not learnt."""
     width = axis.half_width
     return _micrometres(None if width is None else float(width.max()))
@@ -504,6 +512,8 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
     ValueError
         When something named is not known, the table cannot be read or lacks a column.
     """
+    import pandas as pd
+
     from pipeline.submodels.contract import submodel
 
     machine_parameters(machine)  # refuses one that is not known

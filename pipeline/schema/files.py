@@ -34,6 +34,14 @@ class NotWrittenError(OSError):
     """A file that could not be written; what was there before is left as it was."""
 
 
+def cache_folder() -> Path:
+    """Folder of what may be deleted: ``KERF_CACHE``, or ``kerf`` in the user's cache."""
+    own = os.environ.get("KERF_CACHE")
+    if own:
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "kerf"
+
+
 @contextmanager
 def replacing(path: Path, *, follow: bool = True) -> Iterator[Path]:
     """A name to write to; the file is moved to ``path`` when all went well, else removed.

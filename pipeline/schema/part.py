@@ -95,7 +95,7 @@ class Nominal:
 
 @dataclass(frozen=True, kw_only=True)
 class Price:
-    """Extra time [s] [%] and cost [currency] [%] of keeping the load limit with its probability.
+    """Extra time [s, %] and cost [currency, %] of keeping the load limit with its probability.
 
     The difference between the two rows of the blockwise optimum in ``methods``.
     """

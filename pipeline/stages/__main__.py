@@ -6,8 +6,10 @@ are sections of params.yaml, those of the machine first.
 
 import importlib
 import inspect
+import logging
 import os
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +17,7 @@ from typing import Any
 
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.schema.files import ended_by_signals
+from pipeline.stages._line import line
 from pipeline.submodels.contract import sections, submodel, submodels
 
 # One thread for linear algebra: the same sums in the same order everywhere, and for matrices as
@@ -120,9 +123,14 @@ def main() -> None:
     if len(sys.argv) < 2:
         sys.stderr.write("usage: python -m pipeline.stages NAME[@MACHINE] PATH...\n")
         sys.exit(2)
+    log = logging.getLogger("pipeline.stages")
+    log.addHandler(logging.StreamHandler())  # standard error: no stage's output holds it
+    began = time.time()
     with ended_by_signals():
         try:
+            log.setLevel(os.environ.get("KERF_LOG", "INFO").upper())
             run(*sys.argv[1:])
+            log.info("%s", line(sys.argv[1], [Path(one) for one in sys.argv[2:]], began))
         except (ValueError, OSError) as error:
             sys.stderr.write(f"{sys.argv[1]}: {error}\n")
             sys.exit(2)

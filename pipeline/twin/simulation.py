@@ -5,10 +5,9 @@ from dataclasses import replace
 from hashlib import sha256
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
@@ -28,6 +27,9 @@ from pipeline.schema.program import SimulatedProgram
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured
 from pipeline.twin.control import planned_program, program_moves, time_interval
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _TYPE: dict[int, str] = {
     Kind.RAPID: "rapid",
@@ -55,7 +57,7 @@ def limit_words(plan: Plan) -> NDArray[np.str_]:
     return words[plan.limit]
 
 
-def block_table(plan: Plan) -> pd.DataFrame:
+def block_table(plan: Plan) -> "pd.DataFrame":
     """One row a move: where it ends [mm], what was programmed and reached [mm/min], time [s].
 
     Returns
@@ -64,6 +66,8 @@ def block_table(plan: Plan) -> pd.DataFrame:
         Columns ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool
         speed limit``; ``programmed_feed`` is NaN where no feed holds.
     """
+    import pandas as pd
+
     moves = plan.path.moves
     cutting = np.isin(moves.kind, CUTTING)
     return pd.DataFrame(

@@ -1,0 +1,110 @@
+"""Hooks of the site: pages made from README, changes, notebooks and docstrings; pages not there."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+sys.path.insert(0, str(Path(__file__).parent))
+import notebook_pages
+
+ROOT = Path(__file__).parents[2]
+COPIES = {
+    "README.md": "index.md",
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+}
+"""Pages of the repository's root, and their names in the site."""
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Fill in the notebooks and the reference, and leave out pages that are not there."""
+    config.nav = [_filled(entry) for entry in config.nav]
+    known = set(_pages(config.nav))
+    more = [p.name for p in sorted((ROOT / "docs").glob("*.md")) if p.name not in known]
+    if more:
+        config.nav.append({"More": more})
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made."""
+    for source, name in COPIES.items():
+        text = (ROOT / source).read_text(encoding="utf-8")
+        files.append(File.generated(config, name, content=_relinked(text)))
+    for path in notebooks():
+        page, pictures = notebook_pages.rendered(path)
+        files.append(File.generated(config, f"notebooks/{path.stem}.md", content=page))
+        for name, picture in pictures.items():
+            files.append(File.generated(config, f"notebooks/{name}", content=picture))
+    for room in rooms():
+        files.append(File.generated(config, f"reference/{room}.md", content=reference(room)))
+    return files
+
+
+def notebooks() -> list[Path]:
+    """The notebooks, in their order."""
+    return sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+
+def rooms() -> list[str]:
+    """Folders of the package, each with a face that names what others may import."""
+    return sorted(path.parent.name for path in (ROOT / "pipeline").glob("*/__init__.py"))
+
+
+def reference(room: str) -> str:
+    """Page of a room: what its face says, and its public modules."""
+    face = ast.parse((ROOT / "pipeline" / room / "__init__.py").read_text(encoding="utf-8"))
+    names = [
+        name
+        for node in face.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__"
+        for name in ast.literal_eval(node.value)
+    ]
+    modules = [name for name in names if (ROOT / "pipeline" / room / f"{name}.py").exists()]
+    parts = [f"# {room}", ast.get_docstring(face) or ""]
+    parts += [f"::: pipeline.{room}.{name}" for name in modules]
+    return "\n\n".join(parts) + "\n"
+
+
+def _filled(entry: Any) -> Any:
+    """An entry of the navigation with made pages in the place of a folder."""
+    ((title, target),) = entry.items()
+    if target == "notebooks/":
+        return {title: [{_question(p): f"notebooks/{p.stem}.md"} for p in notebooks()]}
+    if target == "reference/":
+        return {title: [{room: f"reference/{room}.md"} for room in rooms()]}
+    if isinstance(target, list):
+        return {title: [one for one in map(_filled, target) if _there(one)]}
+    return entry
+
+
+def _question(path: Path) -> str:
+    return notebook_pages.question(path)
+
+
+def _there(entry: dict[str, Any]) -> bool:
+    (target,) = entry.values()
+    return target in COPIES.values() or (ROOT / "docs" / target).exists()
+
+
+def _pages(nav: list[Any]) -> list[str]:
+    found = []
+    for entry in nav:
+        (target,) = entry.values()
+        found += _pages(target) if isinstance(target, list) else [target]
+    return found
+
+
+def _relinked(text: str) -> str:
+    """Links of a page of the root as links of a page in docs/."""
+    text = re.sub(r"\]\(docs/", "](", text)
+    return re.sub(r"\]\((README|CHANGELOG|CONTRIBUTING)\.md", _copied, text)
+
+
+def _copied(found: re.Match[str]) -> str:
+    return f"]({COPIES[found[1] + '.md']}"

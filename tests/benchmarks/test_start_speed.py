@@ -1,0 +1,72 @@
+"""Seconds that commands of kerf take, warm and where no compiled loop is kept yet.
+
+A process each, since what is measured is what a person waits: imports, settings, compiled loops.
+"""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PART = "G21 G90 G17\nG54\nT1 M6\nS5000 M3\nG0 X0 Y0 Z5\nG1 Z-2 F500\nX50 F1200\nY40\nX0\nY0\nM30\n"
+CUT = ("--stock", "box:-20,70,-20,60,-20,0", "--tool-table", "shop", "--material", "A6061")
+COMMANDS = {
+    "help": ("--help",),
+    "status": ("status",),
+    "interpret": ("interpret", "part.nc", "--out", "moves.csv"),
+    "check": ("check", "part.nc", "part.nc"),
+    "simulate": ("simulate", "part.nc", "--machine", "hurco"),
+    "simulate-cut": ("simulate", "part.nc", "--machine", "mill01", *CUT),
+    "optimise": (
+        "optimise", "part.nc", "--machine", "mill01", *CUT, "--limit-load", "400",
+        "--feed", "50", "8000", "--speed", "1000", "12000", "--out", "faster.nc",
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("start")
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    shutil.copy(ROOT / "params.yaml", folder)
+    shutil.copy(ROOT / "champions.json", folder)
+    (folder / "part.nc").write_text(PART)
+    return folder
+
+
+def kerf(project: Path, words: tuple[str, ...], **variables: str) -> float:
+    """Seconds of processor time that a command took."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline.app", *words], cwd=project, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **variables}, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_warm_start(benchmark, project: Path, name: str) -> None:
+    kerf(project, COMMANDS[name])
+    seconds: list[float] = []
+    benchmark.pedantic(
+        lambda: seconds.append(kerf(project, COMMANDS[name])), rounds=3, warmup_rounds=0
+    )
+    benchmark.extra_info["processor_s"] = min(seconds)
+
+
+@pytest.mark.parametrize("name", ["interpret", "simulate", "simulate-cut", "optimise"])
+def test_first_start(benchmark, project: Path, name: str, tmp_path: Path) -> None:
+    """With no compiled loop and no composed settings kept."""
+    package = tmp_path / "pipeline"
+    shutil.copytree(ROOT / "pipeline", package, ignore=shutil.ignore_patterns("__pycache__"))
+    variables = {"PYTHONPATH": str(tmp_path), "KERF_CACHE": str(tmp_path / "cache")}
+    run = partial(kerf, project, COMMANDS[name], **variables)
+    benchmark.extra_info["processor_s"] = benchmark.pedantic(run, rounds=1)
