@@ -41,7 +41,8 @@ from pipeline.submodels.cutting.settings import (
     CuttingSetup,
 )
 from pipeline.submodels.cutting.spindle_load.against_force import tangential_by_load
-from pipeline.submodels.cutting.spread import force_levels, half_widths
+from pipeline.submodels.cutting.spread import force_levels, force_wave, half_widths, quantile
+from pipeline.submodels.cutting.waveform import CutHarmonics, phase_shift
 
 Complexes = NDArray[np.complex128]
 
@@ -127,10 +128,10 @@ class ForcePredictor:
             f"baseline_{PLAIN}": wave(plain.beside(cut), angles),
         }
         degrees = np.degrees(angles)
-        half = NORMAL_90 * np.sqrt(model.left_out * cut.harmonics)
+        half = self._half(model, cut)
         # rows of a force on the tool: feed, normal, axis; the first two span the plane
         plane = {name: force[:, :2].ravel(order="F") for name, force in forces.items()}
-        yield _table(PLANE, regime, np.tile(degrees, 2), plane, np.repeat(half[:2], ANGLES))
+        yield _table(PLANE, regime, np.tile(degrees, 2), plane, half[:, :2].ravel(order="F"))
         magnitude = {name: np.linalg.norm(f[:, :2], axis=1) for name, f in forces.items()}
         yield _table(MAGNITUDE, regime, degrees, magnitude)
         if model.spread is not None:
@@ -143,8 +144,21 @@ class ForcePredictor:
         rotation = self.setup.dynamometer.rotation
         for k, name in enumerate(CHANNELS):
             channel = {key: force @ rotation[:, k] for key, force in forces.items()}
-            width = np.full(ANGLES, float(half @ np.abs(rotation[:, k])))
+            width = half @ np.abs(rotation[:, k])
             yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
+
+    def _half(self, model: CutModel, cut: CutHarmonics) -> Floats:
+        """Half of the 90 % interval at each angle [N]; shape (ANGLES, 3)."""
+        spread = model.spread
+        if spread is None:
+            width = NORMAL_90 * np.sqrt(model.left_out * cut.harmonics)
+            return np.tile(width, (ANGLES, 1))
+        whole = force_wave(model, cut.conditions, cut.harmonics)
+        shift = phase_shift(
+            model.predicted(cut.conditions, cut.harmonics), cut.lines, model.weight(cut)
+        )
+        turned = np.roll(whole.deviation, -round(shift / (2 * np.pi) * ANGLES), axis=0)
+        return quantile(spread) * spread.shape_scale * turned
 
     def _by_load(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
         """Tangential force by the spindle's load beside that of the dynamometer, if there is any.

@@ -20,12 +20,13 @@ import numpy as np
 from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import TermsTried
+from pipeline.schema.cutting import ForceSpread, TermsTried
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
-from pipeline.submodels.cutting.model import CutModel, WaveformResidual, waveform_residuals
+from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
     CutHarmonics,
     Terms,
+    rotated,
 )
 
 FOLDS = 6
@@ -198,19 +199,24 @@ def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
     return squares[0], squares[1]
 
 
-def model_of(fit: Fit, *, with_residual: bool) -> CutModel:
+def model_of(fit: Fit, *, with_residual: bool, spread: ForceSpread | None = None) -> CutModel:
     """The model of a fit; with ``with_residual`` its waveform residual is part of it."""
     problem, x = fit.problem, fit.x
     modes = problem.modes(x)
-    phases = x[: len(problem.cuts)].tolist()
-    residuals: Sequence[WaveformResidual] = ()
-    if with_residual:
-        residuals = waveform_residuals(problem.cuts, fit.modelled, phases, problem.zero)
-    return CutModel(
+    mechanics = CutModel(
         tool=problem.tool, geometry=problem.geometry(x), values=fit.values,
         natural=None if modes is None else modes[0], damping=None if modes is None else modes[1],
-        left_out=problem.left_out, residuals=residuals,
+        left_out=problem.left_out, spread=spread,
     )  # fmt: skip
+    if not with_residual:
+        return mechanics
+    phases = x[: len(problem.cuts)].tolist()
+    modelled = [
+        rotated(mechanics.mechanics(cut.conditions, cut.harmonics), phase)
+        for cut, phase in zip(problem.cuts, phases, strict=True)
+    ]
+    residuals = waveform_residuals(problem.cuts, modelled, phases, problem.zero)
+    return replace(mechanics, residuals=residuals)
 
 
 FEWEST = 4
