@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.cutting.force.chip_law import feeds
 from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
 from pipeline.cutting.tool import DEGREE, UM
@@ -23,7 +24,6 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import coefficient_draws, law_draws
-from pipeline.submodels.cutting.laws import feeds
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
 
@@ -39,6 +39,8 @@ HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
 RUNOUT = 0.1
 """Least size of a runout in the test of its interval, over the feed per tooth [1]."""
+UNLIKE = 0.1
+"""Standard deviation of the edge forces of teeth, over their mean [1]: wear and grinding differ."""
 NORMAL = 1.96
 """Half of a 95 % interval over the standard deviation [1]."""
 WAVEFORM = "weighted least squares on the harmonics of the revolution"
@@ -101,17 +103,16 @@ def parameters(
     """Coefficients, runout and helix of a fit.
 
     What zeros, wear, gain and the law of the chip leave open of the mean forces is left open of the
-    coefficients: their intervals hold the draws of :mod:`.law_draws`, and the statistical interval of
-    the fit where that is wider.  A coefficient that only the mean forces determine is taken from
-    them.
+    coefficients: their intervals hold the draws of :mod:`.law_draws`.  A coefficient that only the
+    mean forces determine is taken from them.
     """
-    half = np.array([uncertainty.half_width(_unit(uncertainty, name)) for name in COEFFICIENTS])
     each = [cut.conditions for cut in fit.problem.cuts]
     law = np.full(6, np.inf)
     if feeds(each) > 1:
-        law = half_of_draws(coefficient_draws(law_draws(fit.problem.cuts), each), fit.values[:6])
+        drawn = coefficient_draws(law_draws(fit.problem.cuts, uncertainty.line), each)
+        law = half_of_draws(drawn, fit.values[:6])
     rows = coefficients(
-        fit.values[:6], np.maximum(half, law), float(np.mean([one.f_z for one in each])), widest,
+        fit.values[:6], law, float(np.mean([one.f_z for one in each])), widest,
         WAVEFORM,
     )  # fmt: skip
     better = [
@@ -168,7 +169,7 @@ def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estima
     size, angle = abs(offset), float(np.angle(offset))
     outward = offset / size if size > 0 else 1.0
     radial = _unit(uncertainty, "along", outward.real) + _unit(uncertainty, "across", outward.imag)
-    half = uncertainty.half_width(radial)
+    half = float(np.hypot(uncertainty.half_width(radial), NORMAL * _unlike_teeth(fit)))
     f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
     determined = flutes > 1 and half <= widest * max(size, RUNOUT * f_z)
     reason = remedy = remark = ""
@@ -201,6 +202,20 @@ def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estima
             if angle_determined else "",
         ),
     ]  # fmt: skip
+
+
+def _unlike_teeth(fit: Fit) -> float:
+    """Standard deviation of a runout by edges of different sharpness [m]; 0 where they are terms.
+
+    Edge forces that differ by ``UNLIKE`` from tooth to tooth look in the force over a revolution as
+    differences of the chips K_e / K_c times as great, tangential and radial force together; those of
+    a runout are 2 sin(pi / N) of it.
+    """
+    flutes = fit.problem.tool.flutes
+    if fit.problem.terms.teeth or flutes < 2 or not fit.values[0] > 0:
+        return 0.0
+    chip = UNLIKE * float(np.hypot(*fit.values[3:5]) / np.hypot(*fit.values[:2]))
+    return float(chip * np.sqrt(2 / flutes) / (2 * np.sin(np.pi / flutes)))
 
 
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:

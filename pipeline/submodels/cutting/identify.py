@@ -1,7 +1,7 @@
 """Identification of cutting forces from dynamometer recordings, and the document of the result."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -95,9 +95,7 @@ class CuttingIdentification:
         """The model that predicts."""
         if self.fit is None or self.selection is None:
             return None
-        return model_of(
-            self.fit, with_residual=self.selection.with_residual, spread=self.spread
-        )
+        return model_of(self.fit, with_residual=self.selection.with_residual, spread=self.spread)
 
     @property
     def training(self) -> list[CuttingRecording]:
@@ -138,13 +136,14 @@ def identify_cutting_force(
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
         mean_force=means, mean_values=mean_values, methods=methods, folds=folds,
-        spread=calibrated(spread_of(fit), errors), reason=_upside_down(fit),
+        spread=calibrated(spread_of(fit, uncertainty), errors), reason=_upside_down(fit),
     )  # fmt: skip
 
 
 def _fold_model(fold: Fold, with_residual: bool) -> CutModel:
     """The model of a fit without some recordings; those left out do not scale its spread."""
-    return model_of(fold.fit, with_residual=with_residual, spread=spread_of(fold.fit))
+    spread = spread_of(fold.fit, fit_uncertainty(fold.fit, (), ()))
+    return model_of(fold.fit, with_residual=with_residual, spread=spread)
 
 
 def _why_none(recordings: Sequence[CuttingRecording]) -> str:

@@ -4,11 +4,13 @@ Given the law's exponents and growth the mean forces y are linear in C and E, y 
 
     cov e = (s sd)^2 + (g y)^2 by recording + crosstalk + wear of the edge by recording.
 
-The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ from
-recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so that
-the edge force on the land (radial, tangential by its friction) differs by a share w.  None of the
-four is known: each has a grid of values of the same prior weight.  So has the law: a straight line,
-size effects, edge forces that grow with the chip, both together.  Every combination is weighted by
+The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ
+from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so that
+the edge force on the land (radial, tangential by its friction) differs by a share w, one half of
+the variance at random, the other with the logarithm of the feed: series are often cut in the order
+of their feeds, and wear then looks like cutting force.  None of these is known: each has a grid of
+values of the same prior weight.  So has the law: a straight line, size effects, edge forces that
+grow with the chip, both together.  Every combination is weighted by
 its restricted likelihood (Patterson and Thompson 1971), which says nothing where there are no more
 means than coefficients: two feeds leave the prior.  Draws with a negative tangential or radial edge
 force are left out: an edge that ploughs neither pulls nor drives its tool.
@@ -26,10 +28,11 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from pipeline.cutting.force.chip_law import design, edge_lines, feeds, local_lines
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.laws import design, feeds, local_lines
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
 
 EXPONENTS = (0.0, 0.1, 0.2, 0.3)
@@ -44,12 +47,14 @@ POWERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 (Koenig and Essel 1973)."""
 STEEPEST = 0.9
 """Greatest exponent of radial and axial force [1]."""
-UNDERSTATED = (1.0, 2.0, 4.0, 8.0)
+UNDERSTATED = (1.0, 2.0, 4.0)
 """Factors s of the stated deviations [1]."""
+SHAPES = (1.0, 2.0, 4.0)
+"""Factors of the stated deviations of a line by the waveforms [1]."""
 GAINS = (0.005, 0.01, 0.02)
 """Shares g of depth and gain [1]."""
-WEARS = (0.03, 0.1, 0.3)
-"""Shares w of the edge force [1]: a land of 10 um at 500 N/mm^2 is a sixth of 30 N/mm."""
+WEARS = (0.05, 0.15, 0.3)
+"""Shares w of the edge force [1]: a land of 3 to 20 um at 500 N/mm^2 is 0.05 to 0.3 of 30 N/mm."""
 FRICTION = 0.4
 """Friction of the land [1] (Smithey, Kapoor and DeVor 2000)."""
 CROSSTALK = 0.012
@@ -96,7 +101,7 @@ class LawDraws:
 
 
 def named_range(each: Sequence[CutConditions]) -> list[CutConditions]:
-    """Conditions at five feeds over which coefficients are named, from the least to the greatest."""
+    """Conditions at the five feeds over which coefficients are named, least to greatest."""
     least, most = min(c.f_z for c in each), max(c.f_z for c in each)
     wider = max(np.sqrt(SPAN * least / most), 1.0)
     named = np.linspace(least / wider, wider * most, 5).tolist()
@@ -122,13 +127,34 @@ def _forms(many: bool) -> tuple[Floats, Floats, Floats]:
     return np.array(exponents), np.array([growth for *_, growth in forms]), prior
 
 
-def law_draws(cuts: Sequence[CutHarmonics], seed: int = 0) -> LawDraws:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedLine:
+    """Straight line that the harmonics of the waveforms give without the mean forces.
+
+    Parameters
+    ----------
+    values : ndarray, shape (6,)
+        [N/m^2], [N/m].
+    covariance : ndarray, shape (6, 6)
+        Of them.
+    """
+
+    values: Floats
+    covariance: Floats
+
+
+def law_draws(
+    cuts: Sequence[CutHarmonics], line: FittedLine | None = None, seed: int = 0
+) -> LawDraws:
     """Draws of the law that the mean forces allow.
 
     Parameters
     ----------
     cuts : sequence of CutHarmonics
         The recordings.
+    line : FittedLine, optional
+        Of their waveforms, which zeros do not move: a reading of each law's own line over the
+        recorded cuts.  Its stated deviations may be too small by a factor, too.
     seed : int
         Of the draws.
     """
@@ -141,8 +167,16 @@ def law_draws(cuts: Sequence[CutHarmonics], seed: int = 0) -> LawDraws:
         np.concatenate([design(one, m, growth) for one in each])
         for m, growth in zip(exponents.tolist(), growths.tolist(), strict=True)
     ])  # fmt: skip
-    scales = list(product(UNDERSTATED, GAINS, WEARS))
-    parts = _covariances(cuts, tables[0], means)
+    line = line if many else None
+    scales = list(product(UNDERSTATED, GAINS, WEARS, (0.0,) if line is None else SHAPES))
+    parts = _covariances(cuts, tables[0], means, line)
+    if line is not None:
+        lines = [
+            local_lines(np.tile(m, (6, 1)), np.full(6, growth), np.eye(6), each).T
+            for m, growth in zip(exponents, growths.tolist(), strict=True)
+        ]
+        tables = np.concatenate([tables, lines], axis=1)
+        means = np.concatenate([means, line.values])
     solved = [_solutions(tables, means, parts.total(*one), believed) for one in scales]
     likely = np.array([one[0] for one in solved])
     weight = (prior * np.exp(likely - likely.max())).ravel()
@@ -154,7 +188,7 @@ def law_draws(cuts: Sequence[CutHarmonics], seed: int = 0) -> LawDraws:
     values = centres + np.einsum("dij,dj->di", roots, random.standard_normal((TRIED, 6)))
     possible = (values[:, [0, 3, 4]] >= 0).all(axis=1)
     kept = np.flatnonzero(possible if possible.sum() >= KEPT // 8 else np.ones(TRIED, bool))[:KEPT]
-    s, g, w = np.sqrt((np.array(scales)[of[kept]] ** 2).mean(axis=0)).tolist()
+    s, g, w, _ = np.sqrt((np.array(scales)[of[kept]] ** 2).mean(axis=0)).tolist()
     return LawDraws(
         exponent=exponents[form[kept]], growth=growths[form[kept]], values=values[kept],
         understated=s, gain=g, wear=w,
@@ -163,46 +197,71 @@ def law_draws(cuts: Sequence[CutHarmonics], seed: int = 0) -> LawDraws:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Covariances:
-    """Covariances of the means for s, g and w of one, and that of crosstalk [N^2]."""
+    """Covariances for s, g, w and the factor of a fitted line of one, and that of crosstalk."""
 
     stated: Floats
     gain: Floats
     wear: Floats
+    shape: Floats
     crosstalk: Floats
 
-    def total(self, understated: float, gain: float, wear: float) -> Floats:
+    def total(self, understated: float, gain: float, wear: float, shape: float) -> Floats:
         """Of all of them."""
         return (
             understated**2 * self.stated + gain**2 * self.gain + wear**2 * self.wear
-            + self.crosstalk
+            + shape**2 * self.shape + self.crosstalk
         )  # fmt: skip
 
 
-def _covariances(cuts: Sequence[CutHarmonics], table: Floats, means: Floats) -> _Covariances:
-    """``table`` is that of a straight line, whose radial edge force the wear is a share of."""
-    count = len(cuts)
-    line = np.linalg.lstsq(table * PRIOR, means, rcond=None)[0] * PRIOR
-    land = max(abs(float(line[4])), abs(float(line[3])))
-    rows = table[:, 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
-    by = np.kron(np.eye(count), np.ones((3, 3)))
+def _covariances(
+    cuts: Sequence[CutHarmonics], table: Floats, means: Floats, line: FittedLine | None
+) -> _Covariances:
+    """Of the means, and of the six rows of a fitted line after them.
+
+    ``table`` is that of a straight line, whose radial edge force the wear is a share of.
+    """
+    count, more = len(cuts), 0 if line is None else 6
+    fitted = np.linalg.lstsq(table * PRIOR, means, rcond=None)[0] * PRIOR
+    land = max(abs(float(fitted[4])), abs(float(fitted[3]))) * np.array([FRICTION, 1.0, 0.0])
+    each = [one.conditions for one in cuts]
+    forces, worn = np.zeros((3 * count + more, count)), np.zeros((3 * count + more, count))
+    rows = table[:, 3:] @ land
+    for k in range(count):
+        part = slice(3 * k, 3 * k + 3)
+        forces[part, k], worn[part, k] = means[part], rows[part]
+    if line is not None:
+        worn[3 * count :] = edge_lines(each, land)
     force = means.reshape(count, 3)
     crosstalk = np.zeros((3 * count, 3 * count))
     for one, other in ((i, j) for i, j in product(range(3), repeat=2) if i != j):
         mixed = np.zeros((count, 3))
         mixed[:, one] = force[:, other]
         crosstalk += np.outer(mixed, mixed)
+    stated, none = np.concatenate([one.variance[0] for one in cuts]), np.zeros((more, more))
     return _Covariances(
-        stated=np.diag(np.concatenate([one.variance[0] for one in cuts])),
-        gain=by * np.outer(means, means), wear=by * np.outer(rows, rows),
-        crosstalk=CROSSTALK**2 * crosstalk,
+        stated=block_diag(np.diag(stated), none), gain=forces @ forces.T,
+        wear=worn @ _alike(each) @ worn.T,
+        shape=block_diag(np.zeros((3 * count, 3 * count)), none if line is None else
+                         line.covariance),
+        crosstalk=block_diag(CROSSTALK**2 * crosstalk, none),
     )  # fmt: skip
+
+
+def _alike(each: Sequence[CutConditions]) -> Floats:
+    """Covariance of the wear of recordings, of variance 1 on the average; shape (R, R)."""
+    logarithm = np.log([one.f_z for one in each])
+    order = logarithm - logarithm.mean()
+    size = float(np.sqrt((order**2).mean()))
+    drift = order / size if size > 1e-6 else np.zeros(len(order))
+    return np.asarray(0.5 * np.eye(len(order)) + 0.5 * np.outer(drift, drift))
 
 
 def _solutions(
     tables: Floats, means: Floats, covariance: Floats, prior: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Logarithm of the restricted likelihood (L,), values (L, 6), roots of covariance (L, 6, 6)."""
-    lower = np.linalg.cholesky(covariance)
+    size = np.sqrt(np.diag(covariance))
+    lower = size[:, None] * np.linalg.cholesky(covariance / np.outer(size, size))
     white = np.linalg.solve(lower, np.concatenate([means[:, None], *tables], axis=1))
     y, designs = white[:, 0], white[:, 1:].reshape(len(means), -1, 6).swapaxes(0, 1) * prior
     normal = designs.swapaxes(1, 2) @ designs + np.eye(6)

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.chip_law import laws_lines
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
@@ -24,7 +25,6 @@ from pipeline.schema.cutting import (
     ToolGeometry,
 )
 from pipeline.schema.structure import structured
-from pipeline.submodels.cutting.laws import local_lines
 from pipeline.submodels.cutting.waveform import (
     CutHarmonics,
     columns,
@@ -207,7 +207,7 @@ class CutModel:
         fitted = self.values[:6]
         if self.spread is None:
             return fitted[None]
-        return np.asarray(fitted + _local_laws(self.spread, conditions) - self.spread.line)
+        return np.asarray(fitted + laws_lines(self.spread.laws, [conditions]) - self.spread.line)
 
     def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
         """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
@@ -251,14 +251,6 @@ class CutModel:
         variance = cut.variance.copy()
         variance[1:] += self.left_out
         return np.asarray(1 / np.sqrt(variance))
-
-
-def _local_laws(spread: ForceSpread, conditions: CutConditions) -> Floats:
-    """Straight lines of the drawn laws over the chips of a cut; shape (D, 6)."""
-    exponent = np.array([law.exponent for law in spread.laws])
-    growth = np.array([law.growth for law in spread.laws])
-    values = np.array([(*law.cutting, *law.edge) for law in spread.laws])
-    return local_lines(exponent, growth, values, [conditions])
 
 
 def plain_model(tool: Tool, coefficients: Floats) -> CutModel:

@@ -58,18 +58,21 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
     waveform = {"relative_percent": limits.rms_percent}
     magnitude = {"peak_percent": limits.peak_percent, "mean_percent": limits.mean_percent}
     judged = [
-        Target(quantity=quantity, unit="N", regime=regime, limits=kept, baselines=beside)
+        Target(
+            quantity=quantity, unit="N", regime=regime, limits=kept, baselines=beside, widens=True
+        )
         for regime in ("", OTHERS)
         for quantity, kept in ((PLANE, waveform), (MAGNITUDE, magnitude))
     ]
     levels = [
-        Target(quantity=quantity, unit="N", regime=regime, baselines=beside)
+        Target(quantity=quantity, unit="N", regime=regime, baselines=beside, widens=True)
         for regime in ("", OTHERS)
         for quantity in (PEAK, MEAN)
     ]
     loads = [Target(quantity=BY_LOAD, unit="N"), Target(quantity=BY_LOAD_SHARE, unit="%")]
     channels = [
-        Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside) for name in CHANNELS
+        Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside, widens=True)
+        for name in CHANNELS
     ]
     return (*judged, *levels, *loads, *channels)
 

@@ -2,10 +2,10 @@
 
 Forces are predicted by the mean of the laws that the records allow
 (:mod:`pipeline.submodels.cutting.law_draws`).  The spread of the laws, which grows outside of the
-feeds that were learnt, the model error of the harmonics, and what differs from recording to recording
-(depth and gain, wear of the edge, zero) add up to an expected error.  It grows outside of the speeds
-and depths too.  The errors on recordings left out, over those expected, scale it: their mean square
-is shrunk towards 1 by ``PRIOR`` degrees of freedom, and the quantile is Student's.
+feeds that were learnt, the model error of the harmonics, and what differs from recording to
+recording (depth and gain, wear of the edge, zero) add up to an expected error.  It grows outside of
+the speeds and depths too.  The errors on recordings left out, over those expected, scale it: their
+mean square is shrunk towards 1 by ``PRIOR`` degrees of freedom, and the quantile is Student's.
 """
 
 from collections.abc import Sequence
@@ -14,21 +14,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.chip_law import laws_lines, outside_share
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import FRICTION, law_draws
-from pipeline.submodels.cutting.laws import local_lines
 from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
+from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics
 
 Complexes = NDArray[np.complex128]
 PRIOR = 4
 """Degrees of freedom for which the expected error counts beside recordings left out."""
-OTHERWISE = 0.1
-"""Standard deviation of a force for each factor e of speed or depth beyond those learnt, as a share
-[1]: specific forces fall with the cutting speed to the power of 0.1 (Koenig and Essel 1973)."""
 ANGLES = 720
 """Angles of a revolution at which peak and mean are taken."""
 STORED = 128
@@ -71,23 +69,20 @@ class ForceWave:
         return np.asarray(np.sqrt(law + self.shaped + (self.recording**2).sum(axis=0)))
 
 
-def spread_of(fit: Fit) -> ForceSpread:
+def spread_of(fit: Fit, uncertainty: FitUncertainty) -> ForceSpread:
     """Laws of a fit's mean forces, before recordings left out have scaled their intervals."""
     cuts = fit.problem.cuts
     each = [one.conditions for one in cuts]
-    draws = law_draws(cuts)
+    draws = law_draws(cuts, uncertainty.line)
     laws = draws.laws(STORED)
-    lines = local_lines(
-        np.array([law.exponent for law in laws]), np.array([law.growth for law in laws]),
-        np.array([(*law.cutting, *law.edge) for law in laws]), each,
-    )  # fmt: skip
     stated = float(np.mean([cut.variance[0].mean() for cut in cuts]))
     ranges = [
         (float(min(values)), float(max(values)))
         for values in zip(*((c.f_z, c.speed, c.a_p) for c in each), strict=True)
     ]
     return ForceSpread(
-        laws=laws, line=tuple(lines.mean(axis=0).tolist()), gain=draws.gain, wear=draws.wear,
+        laws=laws, line=tuple(laws_lines(laws, each).mean(axis=0).tolist()),
+        gain=draws.gain, wear=draws.wear,
         zero_N2=draws.understated**2 * stated, feeds_m=ranges[0], speeds=ranges[1],
         depths_m=ranges[2],
     )  # fmt: skip
@@ -166,13 +161,13 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
     mean = local.mean(axis=0)
     land = spread.wear * max(abs(float(mean[4])), abs(float(mean[3])))
     worn = shape[..., 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
-    beyond = _distance(spread, conditions)
+    beyond = outside_share(spread, conditions.speed, conditions.a_p)
     error = model.left_out * _extrapolated(model.residual(conditions), conditions.f_z)
     zero = np.full_like(force, np.sqrt(spread.zero_N2))
     return ForceWave(
         force=force, draws=force + np.einsum("tij,dj->dti", shape, local - mean),
         shaped=error * harmonics,
-        recording=np.stack([np.hypot(spread.gain, OTHERWISE * beyond) * force, worn, zero]),
+        recording=np.stack([np.hypot(spread.gain, beyond) * force, worn, zero]),
     )  # fmt: skip
 
 
@@ -206,13 +201,6 @@ def force_levels(
         total = law + float((cause**2).sum()) + float(by_shape) + zero
         found.append(ForceLevel(value=value, deviation=float(np.sqrt(total))))
     return found[0], found[1]
-
-
-def _distance(spread: ForceSpread, conditions: CutConditions) -> float:
-    """Logarithm of speed and depth over the nearest that were learnt; 0 inside [1]."""
-    ranges = ((conditions.speed, spread.speeds), (conditions.a_p, spread.depths_m))
-    beyond = [max(np.log(low / value), np.log(value / high), 0.0) for value, (low, high) in ranges]
-    return float(np.hypot(*beyond))
 
 
 def _extrapolated(residual: WaveformResidual | None, f_z: float) -> float:

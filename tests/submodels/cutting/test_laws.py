@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.force.mean_force import regressors
-from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.coefficients import mean_regression
-from pipeline.submodels.cutting.identify import identify_cutting_force
-from pipeline.submodels.cutting.laws import (
+from pipeline.cutting.force.chip_law import (
     chip_laws,
     design,
     law_scales,
     mean_edge_force,
     straight_line_spread,
 )
+from pipeline.cutting.force.mean_force import regressors
+from pipeline.schema.cutting import ChipLaw, CutConditions
+from pipeline.submodels.cutting.coefficients import mean_regression
+from pipeline.submodels.cutting.identify import identify_cutting_force
 from pipeline.submodels.cutting.recordings import cut_harmonics
 from pipeline.submodels.cutting.spread import (
     calibrated,

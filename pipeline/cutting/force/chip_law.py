@@ -7,7 +7,7 @@ For each width of chip the edge force along t, r, a is taken as
 m = 0 and h_0 = 0 is the linear-edge law (Altintas 2012, eq. 2.40), m > 0 the size effect, E = 0
 Kienzle's law (1952), h_0 > 0 an edge force that grows until the chip is about as thick as the edge
 is round (Waldorf, DeVor and Kapoor 1998).  Which of them the mean forces of recorded cuts allow
-stands in :mod:`pipeline.submodels.cutting.law_draws`; from one feed no law follows.
+stands in the cutting sub-model; from one feed no law follows.
 Angles are those of :mod:`pipeline.cutting.engagement.engagement` [rad]; the rest is SI.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import CutConditions
+from pipeline.schema.cutting import ChipLaw, CutConditions, ForceSpread
 
 REFERENCE = 5e-5
 """Thickness h_ref, at which C is the specific force [m]."""
@@ -24,6 +24,9 @@ APART = 1.1
 """Ratio from which two feeds count as different [1]."""
 NODES = 48
 """Gauss nodes over an arc."""
+OTHERWISE = 0.1
+"""Standard deviation of a force for each factor e of speed or depth beyond those learnt, as a share
+[1]: specific forces fall with the cutting speed to the power of 0.1 (Koenig and Essel 1973)."""
 
 
 def _parts(h: Floats, exponent: Sequence[float], growth: float) -> Floats:
@@ -83,14 +86,7 @@ def local_lines(
     ndarray, shape (D, 6)
         K_tc, K_rc, K_ac [N/m^2], K_te, K_re, K_ae [N/m].
     """
-    arcs = [_arc(one) for one in each]
-    h = np.concatenate([
-        np.maximum(one.f_z * np.sin(phi), 1e-12)
-        for one, (phi, _) in zip(each, arcs, strict=True)
-    ])  # fmt: skip
-    weight = np.concatenate([w / w.sum() for _, w in arcs]) / len(arcs)
-    middle = weight @ h
-    slope = weight * (h - middle) / (weight @ (h - middle) ** 2)
+    h, slope, weight, middle = _regression(each)
     chip = h * (h / REFERENCE) ** -exponent[..., None]
     edge = np.where(
         growth[:, None] > 0, -np.expm1(-h / np.maximum(growth, 1e-12)[:, None]), 1.0
@@ -98,3 +94,46 @@ def local_lines(
     force = values[:, :3, None] * chip + values[:, 3:, None] * edge[:, None]
     k_c = force @ slope
     return np.concatenate([k_c, force @ weight - k_c * middle], axis=1)
+
+
+def _regression(each: Sequence[CutConditions]) -> tuple[Floats, Floats, Floats, float]:
+    """Chips h of cuts [m], weights of a force at each in K_c and in its mean, mean of h."""
+    arcs = [_arc(one) for one in each]
+    h = np.concatenate([
+        np.maximum(one.f_z * np.sin(phi), 1e-12)
+        for one, (phi, _) in zip(each, arcs, strict=True)
+    ])  # fmt: skip
+    weight = np.concatenate([w / w.sum() for _, w in arcs]) / len(arcs)
+    middle = float(weight @ h)
+    return h, weight * (h - middle) / float(weight @ (h - middle) ** 2), weight, middle
+
+
+def edge_lines(each: Sequence[CutConditions], edge: Floats) -> Floats:
+    """Straight line of an edge force that one cut has more than the others; shape (6, R).
+
+    Parameters
+    ----------
+    each : sequence of CutConditions
+        Of R cuts.
+    edge : ndarray, shape (3,)
+        Tangential, radial, axial [N/m].
+    """
+    _, slope, weight, middle = _regression(each)
+    k_c = slope.reshape(len(each), -1).sum(axis=1)
+    k_e = weight.reshape(len(each), -1).sum(axis=1) - middle * k_c
+    return np.concatenate([np.outer(edge, k_c), np.outer(edge, k_e)])
+
+
+def laws_lines(laws: Sequence[ChipLaw], each: Sequence[CutConditions]) -> Floats:
+    """:func:`local_lines` of stored laws; shape (D, 6)."""
+    exponent = np.array([law.exponent for law in laws])
+    growth = np.array([law.growth for law in laws])
+    values = np.array([(*law.cutting, *law.edge) for law in laws])
+    return local_lines(exponent, growth, values, each)
+
+
+def outside_share(spread: ForceSpread, speed: float, a_p: float) -> float:
+    """Standard deviation of a force by speed [rev/s] and depth [m] beyond those learnt [1]."""
+    ranges = ((speed, spread.speeds), (a_p, spread.depths_m))
+    beyond = [max(np.log(low / value), np.log(value / high), 0.0) for value, (low, high) in ranges]
+    return OTHERWISE * float(np.hypot(*beyond))
