@@ -1,9 +1,9 @@
 """90 % intervals of the forces of a cut, tool by tool, by the draws of its uncertain quantities.
 
-The draws are those of ``kerf optimise`` (:mod:`.uncertainty`, :mod:`.part_loads`): coefficients over
-the feeds, speeds and depths that the tool cuts with, wear of its edge, runout, axial depth, and what
-the model itself errs.  The load of the station with the greatest peak, and of that with the greatest
-mean, are computed in each draw; the ends are the quantiles of draw over expectation.
+The draws are those of ``kerf optimise`` (:mod:`.uncertainty`, :mod:`.part_loads`): coefficients
+over the feeds, speeds and depths that the tool cuts with, wear of its edge, runout, axial depth,
+and the error of the model itself.  The loads of the station with the greatest peak, and of that
+with the greatest mean, are computed in each draw; the ends are quantiles of draw over expectation.
 """
 
 from collections.abc import Mapping

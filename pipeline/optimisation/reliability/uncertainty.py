@@ -6,9 +6,9 @@ A coefficient of a tool is
 
 with z standard normal, z_source common to all tools whose coefficients come from one source.
 
-- Identified coefficients have the spread of the laws of the chip that the records allow, each law by
-  its straight line over the chips of the cut, so that they spread further beyond the feeds that were
-  learnt; and a share for speeds and depths that were not.  A model without such laws has the
+- Identified coefficients have the spread of the laws of the chip that the records allow, each law
+  by its straight line over the chips of the cut, so that they spread further beyond the feeds that
+  were learnt; and a share for speeds and depths that were not.  A model without such laws has the
   intervals and correlations of its fit.  A coefficient that the records did not determine has the
   value that the fit took: zero, which nominal loads take, is among its spread.
 - The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.

@@ -208,8 +208,8 @@ def _unlike_teeth(fit: Fit) -> float:
     """Standard deviation of a runout by edges of different sharpness [m]; 0 where they are terms.
 
     Edge forces that differ by ``UNLIKE`` from tooth to tooth look in the force over a revolution as
-    differences of the chips K_e / K_c times as great, tangential and radial force together; those of
-    a runout are 2 sin(pi / N) of it.
+    differences of the chips K_e / K_c times as great, tangential and radial force together; those
+    of a runout are 2 sin(pi / N) of it.
     """
     flutes = fit.problem.tool.flutes
     if fit.problem.terms.teeth or flutes < 2 or not fit.values[0] > 0:

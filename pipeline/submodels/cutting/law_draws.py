@@ -5,8 +5,8 @@ Given the law's exponents and growth the mean forces y are linear in C and E, y 
     cov e = (s sd)^2 + (g y)^2 by recording + crosstalk + wear of the edge by recording.
 
 The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ
-from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so that
-the edge force on the land (radial, tangential by its friction) differs by a share w, one half of
+from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so
+that the force on its land (radial, tangential by its friction) differs by a share w, one half of
 the variance at random, the other with the logarithm of the feed: series are often cut in the order
 of their feeds, and wear then looks like cutting force.  None of these is known: each has a grid of
 values of the same prior weight.  So has the law: a straight line, size effects, edge forces that
