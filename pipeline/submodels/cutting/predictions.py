@@ -41,8 +41,7 @@ from pipeline.submodels.cutting.settings import (
     CuttingSetup,
 )
 from pipeline.submodels.cutting.spindle_load.against_force import tangential_by_load
-from pipeline.submodels.cutting.spread import force_levels, force_wave, half_widths, quantile
-from pipeline.submodels.cutting.waveform import CutHarmonics, phase_shift
+from pipeline.submodels.cutting.spread import force_levels, half_widths, wave_half_widths
 
 Complexes = NDArray[np.complex128]
 
@@ -131,7 +130,10 @@ class ForcePredictor:
             f"baseline_{PLAIN}": wave(plain.beside(cut), angles),
         }
         degrees = np.degrees(angles)
-        half = self._half(model, cut)
+        half = (
+            np.tile(NORMAL_90 * np.sqrt(model.left_out * cut.harmonics), (ANGLES, 1))
+            if model.spread is None else wave_half_widths(model, cut)
+        )  # fmt: skip
         # rows of a force on the tool: feed, normal, axis; the first two span the plane
         plane = {name: force[:, :2].ravel(order="F") for name, force in forces.items()}
         yield _table(PLANE, regime, np.tile(degrees, 2), plane, half[:, :2].ravel(order="F"))
@@ -149,19 +151,6 @@ class ForcePredictor:
             channel = {key: force @ rotation[:, k] for key, force in forces.items()}
             width = half @ np.abs(rotation[:, k])
             yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
-
-    def _half(self, model: CutModel, cut: CutHarmonics) -> Floats:
-        """Half of the 90 % interval at each angle [N]; shape (ANGLES, 3)."""
-        spread = model.spread
-        if spread is None:
-            width = NORMAL_90 * np.sqrt(model.left_out * cut.harmonics)
-            return np.tile(width, (ANGLES, 1))
-        whole = force_wave(model, cut.conditions, cut.harmonics)
-        shift = phase_shift(
-            model.predicted(cut.conditions, cut.harmonics), cut.lines, model.weight(cut)
-        )
-        turned = np.roll(whole.deviation, -round(shift / (2 * np.pi) * ANGLES), axis=0)
-        return quantile(spread) * spread.shape_scale * turned
 
     def _by_load(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
         """Tangential force by the spindle's load beside that of the dynamometer, if there is any.

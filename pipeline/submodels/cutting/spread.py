@@ -22,7 +22,7 @@ from pipeline.submodels.cutting.law_draws import FRICTION, law_draws
 from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.selection import FitUncertainty
-from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics
+from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
 
 Complexes = NDArray[np.complex128]
 PRIOR = 4
@@ -140,6 +140,22 @@ def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[floa
     peak, mean = levels
     each = quantile(spread)
     return each * spread.peak_scale * peak.deviation, each * spread.mean_scale * mean.deviation
+
+
+def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
+    """Halves of the 90 % intervals of a recording's force at each angle [N]; shape (ANGLES, 3).
+
+    Raises
+    ------
+    ValueError
+        When the model has no spread.
+    """
+    whole = force_wave(model, cut.conditions, cut.harmonics)
+    lines = model.predicted(cut.conditions, cut.harmonics)
+    shift = phase_shift(lines, cut.lines, model.weight(cut)) / (2 * np.pi)
+    turned = np.roll(whole.deviation, -round(shift * ANGLES), axis=0)
+    scale = 1.0 if model.spread is None else quantile(model.spread) * model.spread.shape_scale
+    return np.asarray(scale * turned)
 
 
 def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> ForceWave:
