@@ -2,7 +2,7 @@
 
 The shop's mills are richer than the model: wear that grows over the series, tilt, a bent edge law,
 teeth of different sharpness, crosstalk; and each seed is another one (:mod:`.other_mills`), for on
-one mill alone a law that bends is off by the same in every chance.  ``KERF_CUT_SEEDS=100 pytest -s``
+one mill alone a bent law is off by the same in every chance.  ``KERF_CUT_SEEDS=100 pytest -s``
 on this file prints how often each interval holds the truth, with all training recordings and with
 two feeds of a slot.
 
@@ -102,7 +102,7 @@ def held(machine, two, folder, seed):
             continue
         for name, share in _shares(found, cut_harmonics(one, settings)):
             determined.append(("force", name))
-            inside += [("force", name)] * share
+            inside += [("force", name)] if share else []
     return inside, determined
 
 
