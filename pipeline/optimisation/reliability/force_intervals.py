@@ -24,18 +24,26 @@ DRAWS = 256
 """Draws of each tool: a 5 % quantile errs by a tenth of the half width."""
 ENDS = (0.05, 0.95)
 """Ends of a 90 % interval [1]."""
+HEAVY = 0.5
+"""Share of a tool's greatest peak load from which a cut counts as heavy [1]."""
 ANGLES = 72
 """Angles of a turn at which a mean is taken."""
 
 
 def cut_ranges(cut: Cut) -> dict[int, CutRange]:
-    """Feeds, speeds and depths that each tool of a cut cuts with, by its number."""
+    """Feeds, speeds and depths of each tool's heavier cuts, by its number.
+
+    They are those with ``HEAVY`` of its greatest peak load at least: where a tool leaves the material
+    its depth is next to nothing, and so is its force.
+    """
     engagement, found = cut.engagement, {}
+    peak = cut.station_loads.peak
     speed = cut.plan.spindle_speed[engagement.block] / 60
     f_z = cut.feed_per_tooth[engagement.block]
     for index, number in enumerate(cut.numbers):
         mine = engagement.feed & (engagement.tool == index) & (f_z > 0) & (speed > 0)
         mine &= engagement.axial_depth > 0
+        mine &= peak >= HEAVY * peak[mine].max(initial=0.0)
         if mine.any():
             found[number] = CutRange(
                 feeds_m=_ends(f_z[mine]), speeds=_ends(speed[mine]),
