@@ -33,8 +33,8 @@ ANGLES = 72
 def cut_ranges(cut: Cut) -> dict[int, CutRange]:
     """Feeds, speeds and depths of each tool's heavier cuts, by its number.
 
-    They are those with ``HEAVY`` of its greatest peak load at least: where a tool leaves the material
-    its depth is next to nothing, and so is its force.
+    They are those with ``HEAVY`` of its greatest peak load at least: where a tool leaves the
+    material its depth is next to nothing, and so is its force.
     """
     engagement, found = cut.engagement, {}
     peak = cut.station_loads.peak

@@ -253,9 +253,8 @@ def law_root(
                              phi_ex=float(np.pi), flutes=flutes)  # fmt: skip
         off = fitted_coefficients(model) - spread.line + laws_lines(spread.laws, [slot]) - mean
         square += off.T @ off / len(off) / FEEDS
-    share = max(
-        outside_share(spread, speed, depth) for speed in used.speeds for depth in used.depths_m
-    )
+    deepest = used.depths_m[1]  # chips of shallower cuts are as thick, and the tool ends in some
+    share = max(outside_share(spread, speed, deepest) for speed in used.speeds)
     square += share**2 * np.outer(mean, mean)
     values, vectors = np.linalg.eigh(square)
     root_of: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
