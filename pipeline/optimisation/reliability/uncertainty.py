@@ -346,7 +346,8 @@ def fitted_coefficients(model: CuttingModel | None) -> Floats:
     """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
     if model is None or model.prediction is None:
         return np.zeros(len(COEFFICIENTS))
-    return np.array(model.prediction.values[: len(COEFFICIENTS)])
+    values = np.array(model.prediction.values[: len(COEFFICIENTS)], dtype=np.float64)
+    return np.pad(values, (0, len(COEFFICIENTS) - len(values)))
 
 
 def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats:
