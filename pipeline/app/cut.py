@@ -20,7 +20,9 @@ from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, Tip
 from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.axis_limits import check_axes
 from pipeline.optimisation.job import Workshop, cut_of, machine_models
-from pipeline.optimisation.settings import Part
+from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_intervals
+from pipeline.optimisation.reliability.uncertainty import uncertainty
+from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective
@@ -28,12 +30,13 @@ from pipeline.schema.program_cut import (
     CutCost,
     CutTotals,
     CutWarning,
+    ForceInterval,
     NotKnown,
     ProgramCut,
     ToolEdge,
 )
 from pipeline.stages.optimise import machine_wear
-from pipeline.twin.cut import CutJob, cut_program
+from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_wear import ToolWear, WearRule
 
@@ -228,8 +231,26 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> Pro
     document = document_of(cut, basis)
     drives = machine_models(simulated.on.models, simulated.on.control).drives
     axes = check_axes(cut, drives, residual=simulated.residual)
+    forces = _force_intervals(cut, job, basis, simulated.on)
     unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
-    return replace(document, axes=axes.axes, not_known=(*document.not_known, *unknown))
+    return replace(
+        document, axes=axes.axes, forces=forces, not_known=(*document.not_known, *unknown)
+    )
+
+
+def _force_intervals(
+    cut: Cut, job: CutJob, basis: CutBasis, on: Controlled
+) -> tuple[ForceInterval, ...]:
+    """Forces of each tool with 90 % intervals, by the draws of an optimisation's load limit."""
+    models = machine_models(on.models, on.control)
+    settings = section(dict(on.parameters), "optimisation", OptimisationSettings)
+    certainty = (settings or OptimisationSettings()).certainty
+    ranges = cut_ranges(cut)
+    used = {number: basis.coefficients[number] for number in ranges}
+    uncertain = uncertainty(
+        used, job.tools, models.cutting, models.judged, certainty, ranges=ranges
+    )  # fmt: skip
+    return force_intervals(cut, uncertain, basis.coefficients, models.cutting, certainty.seed)
 
 
 def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
@@ -421,6 +442,7 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
             yield f"  {row.what}: {row.value} ({row.source})"
     yield from edge_lines(cut.edges)
     yield from _table(cut)
+    yield from force_lines(cut.forces)
     if total.cost is not None:
         parts = ", ".join(f"{name} {_number(value)}" for name, value in vars(total.cost).items())
         yield f"  cost of the part, {cut.currency}: {parts}"
@@ -454,6 +476,19 @@ def edge_lines(edges: Sequence[ToolEdge]) -> Iterator[str]:
                 f"{_number(of.peak_load_N)} N ({ends}, 95 %); power "
                 f"{_number(of.power_sharp_kW)} and {_number(of.power_kW)} kW"
             )
+
+
+def force_lines(forces: Sequence[ForceInterval]) -> Iterator[str]:
+    """Peak and mean force of each tool with its 90 % interval, and what was not learnt."""
+    for one in forces:
+        yield (
+            f"  force of T{one.tool}: peak {_number(one.peak_load_N)} N "
+            f"({_number(one.peak_load_low_N)} to {_number(one.peak_load_high_N)}, 90 %), mean "
+            f"{_number(one.mean_load_N)} N ({_number(one.mean_load_low_N)} to "
+            f"{_number(one.mean_load_high_N)})"
+        )
+        if one.outside:
+            yield f"    outside of what was learnt: {'; '.join(one.outside)}"
 
 
 def warning_lines(warnings: Sequence[CutWarning]) -> Iterator[str]:

@@ -46,6 +46,7 @@ from pipeline.optimisation.reliability.chance_constraint import (
     chance_constrained_feeds,
     exceedance,
 )
+from pipeline.optimisation.reliability.force_intervals import cut_ranges
 from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertainty
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks
@@ -241,8 +242,9 @@ class _Course:
             raise Interrupted
         basis, models = self.job.basis, self.job.models
         uncertain = uncertainty(
-            basis.coefficients, self.job.cut.tools, models.cutting, models.judged, settings
-        )
+            basis.coefficients, self.job.cut.tools, models.cutting, models.judged, settings,
+            ranges=cut_ranges(self.before),
+        )  # fmt: skip
         margin = self.job.limits.margins.load
         most = None if self.practice is None else self.practice.greatest_f_z
         feeds = chance_constrained_feeds(

@@ -118,53 +118,54 @@ class ChipLaw:
 
     Parameters
     ----------
-    name : str
-        Of its family.
     cutting, edge : tuple of float
         C [N/m^2] and E [N/m], tangential, radial, axial.
     exponent : tuple of float
         m of each direction [1].
     growth : float
         h_0 [m]; 0 for an edge force that is there at once.
-    weight : float
-        Its share among the laws that the records allow [1].
     """
 
-    name: str
     cutting: tuple[float, ...]
-    exponent: tuple[float, ...]
     edge: tuple[float, ...]
+    exponent: tuple[float, ...]
     growth: float
-    weight: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceSpread:
-    """What the interval of a predicted force is made of.
+    """Draws of the law of the chip that predictions average over, and what widens their intervals.
 
     Parameters
     ----------
     laws : tuple of ChipLaw
-        Laws that the records allow; the first is what the others are compared with.
-    covariance : tuple of tuple of float
-        Of the six coefficients [SI]; shape (6, 6).
+        Draws that the records allow, each as likely as the others.
+    line : tuple of float
+        Mean of their straight lines over the recorded cuts: six coefficients [N/m^2], [N/m].
+    gain, wear : float
+        By which depth and gain, and the edge force, differ from recording to recording [1].
     zero_N2 : float
         Variance of a mean force by the zeros [N^2].
-    speeds, depths_m : (float, float)
-        Least and greatest spindle speed [rev/s] and axial depth [m] that were learnt.
-    peak_scale, mean_scale : float
-        Errors of peak and mean on recordings left out, over what was expected of them [1].
+    feeds_m, speeds, depths_m : (float, float)
+        Least and greatest feed per tooth [m], spindle speed [rev/s] and axial depth [m] that were
+        learnt.
+    peak_scale, mean_scale, shape_scale : float
+        Errors of peak, mean and waveform on recordings left out, over what was expected [1].
     freedom : int
         Degrees of freedom of these.
     """
 
     laws: tuple[ChipLaw, ...]
-    covariance: tuple[tuple[float, ...], ...]
+    line: tuple[float, ...]
+    gain: float
+    wear: float
     zero_N2: float
+    feeds_m: tuple[float, float]
     speeds: tuple[float, float]
     depths_m: tuple[float, float]
     peak_scale: float = 1.0
     mean_scale: float = 1.0
+    shape_scale: float = 1.0
     freedom: int = 4
 
 

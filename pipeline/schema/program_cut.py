@@ -205,6 +205,36 @@ class ToolEdge:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ForceInterval:
+    """Greatest force of a tool with its 90 % interval.
+
+    Parameters
+    ----------
+    tool, name : int, str
+        Its number and name.
+    source : str
+        Of its coefficients.
+    peak_load_N, peak_load_low_N, peak_load_high_N : float or None
+        Load in the plane where its peak over a turn is greatest, and the ends [N].
+    mean_load_N, mean_load_low_N, mean_load_high_N : float or None
+        Where its mean over a turn is greatest, and the ends [N].
+    outside : tuple of str
+        Conditions of its cuts outside of those that identified coefficients were learnt at.
+    """
+
+    tool: int
+    name: str
+    source: str
+    peak_load_N: float | None
+    peak_load_low_N: float | None
+    peak_load_high_N: float | None
+    mean_load_N: float | None
+    mean_load_low_N: float | None
+    mean_load_high_N: float | None
+    outside: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class CutBlock(CutQuantities):
     """One block that cuts.
 
@@ -424,6 +454,8 @@ class ProgramCut:
         Following error and motor command of each axis in the cut; empty where not known.
     edges : tuple of ToolEdge
         Wear of each tool that cuts, with its force sharp and worn.
+    forces : tuple of ForceInterval
+        Peak and mean load of each tool that cuts, with 90 % intervals.
     """
 
     stock: Blank
@@ -447,3 +479,4 @@ class ProgramCut:
     blocks: tuple[CutBlock, ...]
     axes: tuple[AxisInCut, ...] = ()
     edges: tuple[ToolEdge, ...] = ()
+    forces: tuple[ForceInterval, ...] = ()

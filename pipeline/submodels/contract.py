@@ -66,6 +66,9 @@ class Target:
     coverage : (float, float) or None
         Least and greatest share of samples inside the 90 % interval over all groups that decide
         [1]; None where no interval is asked for.
+    widens : bool
+        Whether the predictor itself widens the interval outside of the learnt conditions; else the
+        judge does.
     """
 
     quantity: str
@@ -77,6 +80,7 @@ class Target:
     each_group: bool = False
     resolution: float = 0.0
     coverage: tuple[float, float] | None = None
+    widens: bool = False
 
     def __post_init__(self) -> None:
         if self.coverage is not None and not 0 <= self.coverage[0] <= self.coverage[1] <= 1:

@@ -95,7 +95,8 @@ def judge(
     looked_at = cases.of(*roles)
     predicted = [(case, predictor(case)) for case in looked_at]
     outside = [found for case in looked_at for found in outside_conditions(case, model.conditions)]
-    frame = _table(predicted, outside)
+    own = {target.quantity for target in targets if target.widens}
+    frame = _table(predicted, outside, own)
     deciding = _deciding(looked_at)
     scores = [score for target in targets for score in _scores(frame, target, deciding)]
     decisive = [s for s in scores if s.role == deciding and (s.limits or s.coverage_limits)]
@@ -130,9 +131,12 @@ def judge(
 
 
 def _table(
-    predicted: Sequence[tuple[Case, Any]], outside: Sequence[OutsideConditions]
+    predicted: Sequence[tuple[Case, Any]], outside: Sequence[OutsideConditions], own: set[str]
 ) -> pd.DataFrame:
-    """Rows of all cases; the intervals of cases outside of the learnt conditions are widened."""
+    """Rows of all cases; the intervals of cases outside of the learnt conditions are widened.
+
+    Those of the quantities in ``own`` are wide already.
+    """
     distance: dict[str, float] = {}
     for one in outside:
         distance[one.case] = max(distance.get(one.case, 1.0), widening(one))
@@ -140,9 +144,9 @@ def _table(
     for case, one in predicted:
         part = one.frame.assign(case=case.name, group=case.group, role=case.role)
         if case.name in distance and {"low", "high"} <= set(part.columns):
+            factor = np.where(part["quantity"].isin(own), 1.0, distance[case.name])
             for end in ("low", "high"):
-                half = part[end] - part["predicted"]
-                part[end] = part["predicted"] + distance[case.name] * half
+                part[end] = part["predicted"] + factor * (part[end] - part["predicted"])
         parts.append(part)
     full = [part for part in parts if len(part)]
     if not full:
@@ -153,15 +157,23 @@ def _table(
     return frame.astype({"scored": bool})
 
 
+ONE = 0.1
+"""Width of a learnt range, over its greater end, below which it counts as one value [1]."""
+
+
 def widening(one: OutsideConditions) -> float:
-    """Factor on an interval: one more for each width of the learnt range beyond its end."""
+    """Factor on an interval: one more for each width of the learnt range beyond its end.
+
+    The width of one value is that value: speeds of 4000 and 4002 rev/min are one.
+    """
     low, _, high = one.learnt.partition(" to ")
     try:
         ends = float(low), float(high or low)
     except ValueError:  # words have no distance
         return 2.0
     beyond = max(ends[0] - float(one.value), float(one.value) - ends[1])
-    width = ends[1] - ends[0] or abs(ends[0])
+    size = max(map(abs, ends))
+    width = size if ends[1] - ends[0] < ONE * size else ends[1] - ends[0]
     if not width:  # learnt at 0 alone, as an entry angle: nothing to measure a distance by
         return 2.0
     return 1.0 + max(beyond, 0.0) / width

@@ -323,6 +323,14 @@ def responses(cut: Cut, candidates: Critical, f_z: Floats, draws: Draws) -> Resp
     return Responses(f_z=f_z, expected=expected, values=values)
 
 
+def station_loads(cut: Cut, station: int, drawn: ToolDraws) -> tuple[float, Floats]:
+    """Peak load of a station at the feed of the plan: nominal, and in D draws of its tool [N]."""
+    f_z = cut.feed_per_tooth[[cut.engagement.block[station]]]
+    expected, values = np.zeros(1), np.zeros((1, len(drawn.depth)))
+    _fill(cut, station, f_z, drawn, expected, values)
+    return float(expected[0]), values[0]
+
+
 def _fill(
     cut: Cut, station: int, f_z: Floats, drawn: ToolDraws, expected: Floats, out: Floats
 ) -> None:

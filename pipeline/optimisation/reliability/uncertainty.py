@@ -6,9 +6,11 @@ A coefficient of a tool is
 
 with z standard normal, z_source common to all tools whose coefficients come from one source.
 
-- Identified coefficients have the intervals and correlations of the fit, and no common part.  One
-  that the records did not determine has the value that the fit took and a standard deviation as
-  great as that, or as a tenth of the tangential one: zero, which nominal loads take, is among it.
+- Identified coefficients have the spread of the laws of the chip that the records allow, each law
+  by its straight line over the chips of the cut, so that they spread further beyond the feeds that
+  were learnt; and a share for speeds and depths that were not.  A model without such laws has the
+  intervals and correlations of its fit.  A coefficient that the records did not determine has the
+  value that the fit took: zero, which nominal loads take, is among its spread.
 - The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.
 - Others' measurements and catalogues err in the material and the edge above all, which moves all
   coefficients together: of the variance 4 / 5 is common, 1 / 5 each coefficient's own.
@@ -24,12 +26,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pipeline.cutting.force.chip_law import laws_lines, outside_share
 from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
 from pipeline.cutting.tool import UM, Tool
 from pipeline.optimisation.reliability.judged import judged_errors, judged_spread
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.part import UncertainQuantity
 from pipeline.schema.verdict import UsedStatus, Verdict
 from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
@@ -42,6 +45,8 @@ BESIDE = 0.1
 """Standard deviation of what was not determined, at least, over the tangential coefficient."""
 CHIP = 5e-5
 """Thickness by which edge coefficients are beside cutting ones [m]."""
+FEEDS = 5
+"""Feeds per tooth of a range at which the laws of the chip are compared."""
 SCALES = np.array([N_MM2] * 3 + [N_MM] * 3)
 
 
@@ -115,12 +120,26 @@ class Uncertainty:
         return (*of_tools, *self.described)
 
 
+@dataclass(frozen=True, kw_only=True)
+class CutRange:
+    """Feeds per tooth and axial depths [m], and spindle speeds [rev/s], that a tool cuts with.
+
+    Each is the least and the greatest.
+    """
+
+    feeds_m: tuple[float, float]
+    speeds: tuple[float, float]
+    depths_m: tuple[float, float]
+
+
 def uncertainty(
     coefficients: Mapping[int, ToolCoefficients],
     tools: Mapping[int, Tool],
     model: CuttingModel | None,
     verdict: Verdict | None,
     settings: ReliabilitySettings,
+    *,
+    ranges: Mapping[int, CutRange] | None = None,
 ) -> Uncertainty:
     """Distribution of the uncertain quantities of a part.
 
@@ -136,6 +155,8 @@ def uncertainty(
         On it.
     settings : ReliabilitySettings
         Spread of what the documents do not hold.
+    ranges : mapping of int to CutRange, optional
+        What each tool cuts with; by default what was learnt.
 
     Raises
     ------
@@ -151,7 +172,7 @@ def uncertainty(
             raise ValueError(f"uncertainty: T{number} has a force law and is no tool: add it")
         sharp = given if given.sharp is None else replace(given, law=given.sharp)
         if given.kind == "identified":
-            drawn = _identified(sharp, model)
+            drawn = _identified(sharp, model, (ranges or {}).get(number), tools[number].flutes)
         else:
             drawn = _taken_over(sharp, sources.index(given.source), settings)
         drawn = _with_wear(drawn, given)
@@ -193,27 +214,65 @@ def _taken_over(
     )  # fmt: skip
 
 
-def _identified(given: ToolCoefficients, model: CuttingModel | None) -> ToolUncertainty:
-    """Coefficients that this machine's recordings say, with the covariance of the fit."""
-    mean, spread = _values(given.law), np.zeros(6)
-    fitted = fitted_coefficients(model)
-    described = []
-    for k, name in enumerate(COEFFICIENTS):
-        value, half = interval(model, name)
-        if value is not None and half is not None:
-            spread[k], how = half / NORMAL * SCALES[k], given.source
-        else:
-            mean[k] = fitted[k]
-            beside = mean[0] if k < 3 else max(mean[3], mean[0] * CHIP)
-            spread[k], how = max(abs(mean[k]), BESIDE * beside), "not determined by the records"
-        unit = "N/mm^2" if k < 3 else "N/mm"
-        described.append(UncertainQuantity(
-            what=name, value=f"{mean[k] / SCALES[k]:.4g} {unit}",
-            spread=f"{spread[k] / SCALES[k]:.3g} {unit}", source=how,
-        ))  # fmt: skip
-    determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(given.law)[k]]
-    own = spread[:, None] * root(correlation(model, determined))
-    return ToolUncertainty(mean=mean, own=own, described=tuple(described))
+def _identified(
+    given: ToolCoefficients, model: CuttingModel | None, used: CutRange | None, flutes: int
+) -> ToolUncertainty:
+    """Coefficients that this machine's recordings say."""
+    mean, fitted = _values(given.law), fitted_coefficients(model)
+    halves = [interval(model, name)[1] for name in COEFFICIENTS]
+    for k, half in enumerate(halves):
+        mean[k] = mean[k] if half is not None else fitted[k]
+    of_laws = law_root(model, mean, used, flutes)
+    own = _fitted_root(model, mean, halves, given.law) if of_laws is None else of_laws
+    spread = np.sqrt((own**2).sum(axis=1))
+    described = tuple(
+        UncertainQuantity(
+            what=name, value=f"{mean[k] / SCALES[k]:.4g} {'N/mm^2' if k < 3 else 'N/mm'}",
+            spread=f"{spread[k] / SCALES[k]:.3g} {'N/mm^2' if k < 3 else 'N/mm'}",
+            source="not determined by the records" if halves[k] is None else given.source,
+        )
+        for k, name in enumerate(COEFFICIENTS)
+    )  # fmt: skip
+    return ToolUncertainty(mean=mean, own=own, described=described)
+
+
+def law_root(
+    model: CuttingModel | None, mean: Floats, used: CutRange | None, flutes: int
+) -> Floats | None:
+    """Root of the covariance of coefficients about ``mean`` by the laws of the chip; (6, 6).
+
+    None where the model holds no laws.
+    """
+    spread = None if model is None or model.prediction is None else model.prediction.spread
+    if spread is None:
+        return None
+    used = used or CutRange(feeds_m=spread.feeds_m, speeds=spread.speeds, depths_m=spread.depths_m)
+    square = np.zeros((6, 6))
+    for f_z in np.linspace(*used.feeds_m, FEEDS).tolist():
+        slot = CutConditions(speed=used.speeds[0], f_z=f_z, a_p=used.depths_m[0], phi_st=0.0,
+                             phi_ex=float(np.pi), flutes=flutes)  # fmt: skip
+        off = fitted_coefficients(model) - spread.line + laws_lines(spread.laws, [slot]) - mean
+        square += off.T @ off / len(off) / FEEDS
+    deepest = used.depths_m[1]  # chips of shallower cuts are as thick, and the tool ends in some
+    share = max(outside_share(spread, speed, deepest) for speed in used.speeds)
+    square += share**2 * np.outer(mean, mean)
+    values, vectors = np.linalg.eigh(square)
+    root_of: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root_of
+
+
+def _fitted_root(
+    model: CuttingModel | None, mean: Floats, halves: Sequence[float | None], law: ForceLaw
+) -> Floats:
+    """The same by the intervals and correlations of the fit."""
+    spread = np.zeros(6)
+    for k, half in enumerate(halves):
+        beside = mean[0] if k < 3 else max(mean[3], mean[0] * CHIP)
+        spread[k] = (
+            max(abs(mean[k]), BESIDE * beside) if half is None else half / NORMAL * SCALES[k]
+        )
+    determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(law)[k]]
+    return np.asarray(spread[:, None] * root(correlation(model, determined)))
 
 
 def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertainty:
@@ -287,7 +346,8 @@ def fitted_coefficients(model: CuttingModel | None) -> Floats:
     """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
     if model is None or model.prediction is None:
         return np.zeros(len(COEFFICIENTS))
-    return np.array(model.prediction.values[: len(COEFFICIENTS)])
+    values = np.array(model.prediction.values[: len(COEFFICIENTS)], dtype=np.float64)
+    return np.pad(values, (0, len(COEFFICIENTS) - len(values)))
 
 
 def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats:

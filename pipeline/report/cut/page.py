@@ -28,6 +28,7 @@ from pipeline.report.cut.tables import (
     basis_table,
     cost_table,
     forces_table,
+    intervals_table,
     sentence,
     share,
     warnings_pairs,
@@ -191,6 +192,7 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
             Figures(figures=[load], legend=legend, kind="one wide"),
             Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
             forces_table(cut, sources),
+            *([intervals_table(cut, sources)] if cut.forces else []),
             *present(
                 edges_table(cut.edges, sources),
                 worst_table(cut, sources),

@@ -72,6 +72,34 @@ def forces_table(cut: ProgramCut, sources: list[Source]) -> Table:
     )
 
 
+def intervals_table(cut: ProgramCut, sources: list[Source]) -> Table:
+    """By tool: peak and mean force in the plane with 90 % intervals, and what was not learnt."""
+    ends = numbers(("predicted", "N"), ("from", "N"), ("to", "N"), group="Peak force")
+    return Table(
+        caption="By tool: how sure the greatest forces are",
+        heads=[
+            *names("Tool"), *ends,
+            *numbers(("predicted", "N"), ("from", "N"), ("to", "N"), group="Mean force"),
+            *names("Outside of what was learnt"),
+        ],
+        rows=[
+            cells(
+                f"T{row.tool} {row.name}".strip(),
+                *(_figure(value) for value in (
+                    row.peak_load_N, row.peak_load_low_N, row.peak_load_high_N, row.mean_load_N,
+                    row.mean_load_low_N, row.mean_load_high_N,
+                )),
+                "; ".join(row.outside) or "nothing",
+            )
+            for row in cut.forces
+        ],
+        sources=sources,
+        note="90 % intervals: coefficients and law of the chip, wear of the edge, runout, "
+        "axial depth and the errors of the model on recordings left out, drawn as for the load "
+        "limit of an optimisation. Wider where feed, speed or depth were not learnt.",
+    )  # fmt: skip
+
+
 def _force_row(row: ToolTotals) -> list[Cell]:
     return cells(
         f"T{row.tool} {row.name}".strip(),

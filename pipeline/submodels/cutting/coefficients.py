@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.cutting.force.chip_law import feeds
 from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
 from pipeline.cutting.tool import DEGREE, UM
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.submodels.cutting.fit import Fit
-from pipeline.submodels.cutting.laws import SHARE, straight_line_spread
+from pipeline.submodels.cutting.law_draws import coefficient_draws, law_draws
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
 
@@ -38,6 +39,8 @@ HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
 RUNOUT = 0.1
 """Least size of a runout in the test of its interval, over the feed per tooth [1]."""
+UNLIKE = 0.1
+"""Standard deviation of the edge forces of teeth, over their mean [1]: wear and grinding differ."""
 NORMAL = 1.96
 """Half of a 95 % interval over the standard deviation [1]."""
 WAVEFORM = "weighted least squares on the harmonics of the revolution"
@@ -99,18 +102,18 @@ def parameters(
 ) -> list[Estimate]:
     """Coefficients, runout and helix of a fit.
 
-    The mean forces of the same recordings should give the same coefficient as their waveform.  The
-    difference is a sample of the difference of two model errors: its standard deviation over the
-    root of two widens the interval of the waveform's coefficient, and so does what the law of the
-    chip leaves open.  A coefficient that only the mean forces determine is taken from them.
+    What zeros, wear, gain and the law of the chip leave open of the mean forces is left open of the
+    coefficients: their intervals hold the draws of :mod:`.law_draws`.  A coefficient that only the
+    mean forces determine is taken from them.
     """
-    half = np.array([uncertainty.half_width(_unit(uncertainty, name)) for name in COEFFICIENTS])
-    difference = np.abs(np.array([one.value for one in means]) * SCALES - fit.values[:6])
-    unexplained = NORMAL * np.where(np.isfinite(difference), difference, 0.0) / np.sqrt(2.0)
-    law = NORMAL * straight_line_spread(fit.problem.cuts)
+    each = [cut.conditions for cut in fit.problem.cuts]
+    law = np.full(6, np.inf)
+    if feeds(each) > 1:
+        drawn = coefficient_draws(law_draws(fit.problem.cuts, uncertainty.line), each)
+        law = half_of_draws(drawn, fit.values[:6])
     rows = coefficients(
-        fit.values[:6], np.hypot(np.hypot(half, unexplained), law),
-        float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts])), widest, WAVEFORM,
+        fit.values[:6], law, float(np.mean([one.f_z for one in each])), widest,
+        WAVEFORM,
     )  # fmt: skip
     better = [
         mean if mean.determined and not one.determined else one
@@ -166,7 +169,7 @@ def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estima
     size, angle = abs(offset), float(np.angle(offset))
     outward = offset / size if size > 0 else 1.0
     radial = _unit(uncertainty, "along", outward.real) + _unit(uncertainty, "across", outward.imag)
-    half = uncertainty.half_width(radial)
+    half = float(np.hypot(uncertainty.half_width(radial), NORMAL * _unlike_teeth(fit)))
     f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
     determined = flutes > 1 and half <= widest * max(size, RUNOUT * f_z)
     reason = remedy = remark = ""
@@ -199,6 +202,20 @@ def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estima
             if angle_determined else "",
         ),
     ]  # fmt: skip
+
+
+def _unlike_teeth(fit: Fit) -> float:
+    """Standard deviation of a runout by edges of different sharpness [m]; 0 where they are terms.
+
+    Edge forces that differ by ``UNLIKE`` from tooth to tooth look in the force over a revolution as
+    differences of the chips K_e / K_c times as great, tangential and radial force together; those
+    of a runout are 2 sin(pi / N) of it.
+    """
+    flutes = fit.problem.tool.flutes
+    if fit.problem.terms.teeth or flutes < 2 or not fit.values[0] > 0:
+        return 0.0
+    chip = UNLIKE * float(np.hypot(*fit.values[3:5]) / np.hypot(*fit.values[:2]))
+    return float(chip * np.sqrt(2 / flutes) / (2 * np.sin(np.pi / flutes)))
 
 
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
@@ -263,26 +280,24 @@ def mean_regression(
         Of the waveforms of ``cuts``; its effect of teeth without a chip on the means widens the
         intervals.
     """
-    from scipy.stats import t as student
-
-    table, measured, deviation = _means(cuts)
-    values, covariance = _solved(table, measured, deviation)
-    freedom = len(measured) - 6
-    quantile, spread = 1.96, 1.0
-    if freedom > 0:  # zeros may scatter more than stated
-        square = float((((measured - table @ values) / deviation) ** 2).sum()) / freedom
-        if square > 1:
-            quantile, spread = float(student.ppf(0.975, freedom)), square
-    half = quantile * np.sqrt(spread * np.diag(covariance))
+    values = linear_means(cuts)
+    each = [one.conditions for one in cuts]
+    f_z = float(np.mean([one.f_z for one in each]))
+    if feeds(each) < 2:
+        return values, coefficients(values, np.full(6, np.inf), f_z, widest, HOW)
+    drawn = coefficient_draws(law_draws(cuts), each)
+    named = np.median(drawn, axis=0)
+    half = half_of_draws(drawn, named)
     if fit is not None:
+        table, _, deviation = _means(cuts)
         modelled = np.concatenate([one[0].real for one in fit.modelled])
         half = np.hypot(half, _solved(table, modelled, deviation)[0] - fit.values[:6])
-    # gain and depth differ from recording to recording, which scatter over revolutions hides
-    gain = covariance @ (table / deviation[:, None] ** 2).T * SHARE * measured
-    half = np.maximum(half, NORMAL * np.sqrt((gain**2).sum(axis=1)))
-    half = np.hypot(half, NORMAL * straight_line_spread(cuts))
-    f_z = float(np.mean([one.conditions.f_z for one in cuts]))
-    return values, coefficients(values, half, f_z, widest, HOW)
+    return values, coefficients(named, half, f_z, widest, HOW)
+
+
+def half_of_draws(drawn: Floats, values: Floats) -> Floats:
+    """Half of the 95 % interval about ``values`` that holds draws of shape (D, 6); shape (6,)."""
+    return np.asarray(np.quantile(np.abs(drawn - values), 0.95, axis=0))
 
 
 def linear_means(cuts: Sequence[CutHarmonics]) -> Floats:

@@ -95,8 +95,7 @@ class CuttingIdentification:
         """The model that predicts."""
         if self.fit is None or self.selection is None:
             return None
-        model = model_of(self.fit, with_residual=self.selection.with_residual)
-        return replace(model, spread=self.spread)
+        return model_of(self.fit, with_residual=self.selection.with_residual, spread=self.spread)
 
     @property
     def training(self) -> list[CuttingRecording]:
@@ -144,7 +143,7 @@ def identify_cutting_force(
 def _fold_model(fold: Fold, with_residual: bool) -> CutModel:
     """The model of a fit without some recordings; those left out do not scale its spread."""
     spread = spread_of(fold.fit, fit_uncertainty(fold.fit, (), ()))
-    return replace(model_of(fold.fit, with_residual=with_residual), spread=spread)
+    return model_of(fold.fit, with_residual=with_residual, spread=spread)
 
 
 def _why_none(recordings: Sequence[CuttingRecording]) -> str:

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.chip_law import laws_lines
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
@@ -175,7 +176,8 @@ class CutModel:
     residuals : sequence of WaveformResidual
         Residuals under trained conditions; none where they were not kept.
     spread : ForceSpread, optional
-        What the intervals of its forces are made of.
+        Laws of the chip that its forces are averaged over, and what their intervals are made of;
+        the straight line alone without.
     """
 
     tool: Tool
@@ -192,9 +194,24 @@ class CutModel:
         """Whether single teeth have edge forces of their own."""
         return len(self.values) > 6
 
+    def local(self, conditions: CutConditions) -> Floats:
+        """Straight line of the averaged laws over the chips of a cut [N/m^2], [N/m]; (6,)."""
+        return np.asarray(self.local_draws(conditions).mean(axis=0))
+
+    def local_draws(self, conditions: CutConditions) -> Floats:
+        """The same by each law; shape (D, 6), of the fitted line alone without a spread.
+
+        The waveform's coefficients are those of a straight line through the recorded cuts: the
+        laws add by how much they depart from their own.
+        """
+        fitted = self.values[:6]
+        if self.spread is None:
+            return fitted[None]
+        return np.asarray(fitted + laws_lines(self.spread.laws, [conditions]) - self.spread.line)
+
     def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
         """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
-        forces = self.coefficient_columns(conditions, harmonics) @ self.values[:6]
+        forces = self.coefficient_columns(conditions, harmonics) @ self.local(conditions)
         if not self.teeth:
             return np.asarray(forces)
         teeth = tooth_columns(self.tool, self.geometry, conditions, harmonics) @ self.values[6:]

@@ -41,7 +41,7 @@ from pipeline.submodels.cutting.settings import (
     CuttingSetup,
 )
 from pipeline.submodels.cutting.spindle_load.against_force import tangential_by_load
-from pipeline.submodels.cutting.spread import force_levels, half_widths
+from pipeline.submodels.cutting.spread import force_levels, half_widths, wave_half_widths
 
 Complexes = NDArray[np.complex128]
 
@@ -57,18 +57,21 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
     waveform = {"relative_percent": limits.rms_percent}
     magnitude = {"peak_percent": limits.peak_percent, "mean_percent": limits.mean_percent}
     judged = [
-        Target(quantity=quantity, unit="N", regime=regime, limits=kept, baselines=beside)
+        Target(
+            quantity=quantity, unit="N", regime=regime, limits=kept, baselines=beside, widens=True
+        )
         for regime in ("", OTHERS)
         for quantity, kept in ((PLANE, waveform), (MAGNITUDE, magnitude))
     ]
     levels = [
-        Target(quantity=quantity, unit="N", regime=regime, baselines=beside)
+        Target(quantity=quantity, unit="N", regime=regime, baselines=beside, widens=True)
         for regime in ("", OTHERS)
         for quantity in (PEAK, MEAN)
     ]
     loads = [Target(quantity=BY_LOAD, unit="N"), Target(quantity=BY_LOAD_SHARE, unit="%")]
     channels = [
-        Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside) for name in CHANNELS
+        Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside, widens=True)
+        for name in CHANNELS
     ]
     return (*judged, *levels, *loads, *channels)
 
@@ -127,10 +130,13 @@ class ForcePredictor:
             f"baseline_{PLAIN}": wave(plain.beside(cut), angles),
         }
         degrees = np.degrees(angles)
-        half = NORMAL_90 * np.sqrt(model.left_out * cut.harmonics)
+        half = (
+            np.tile(NORMAL_90 * np.sqrt(model.left_out * cut.harmonics), (ANGLES, 1))
+            if model.spread is None else wave_half_widths(model, cut)
+        )  # fmt: skip
         # rows of a force on the tool: feed, normal, axis; the first two span the plane
         plane = {name: force[:, :2].ravel(order="F") for name, force in forces.items()}
-        yield _table(PLANE, regime, np.tile(degrees, 2), plane, np.repeat(half[:2], ANGLES))
+        yield _table(PLANE, regime, np.tile(degrees, 2), plane, half[:, :2].ravel(order="F"))
         magnitude = {name: np.linalg.norm(f[:, :2], axis=1) for name, f in forces.items()}
         yield _table(MAGNITUDE, regime, degrees, magnitude)
         if model.spread is not None:
@@ -143,7 +149,7 @@ class ForcePredictor:
         rotation = self.setup.dynamometer.rotation
         for k, name in enumerate(CHANNELS):
             channel = {key: force @ rotation[:, k] for key, force in forces.items()}
-            width = np.full(ANGLES, float(half @ np.abs(rotation[:, k])))
+            width = half @ np.abs(rotation[:, k])
             yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
 
     def _by_load(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:

@@ -20,12 +20,14 @@ import numpy as np
 from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import TermsTried
+from pipeline.schema.cutting import ForceSpread, TermsTried
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
-from pipeline.submodels.cutting.model import CutModel, WaveformResidual, waveform_residuals
+from pipeline.submodels.cutting.law_draws import FittedLine
+from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
     CutHarmonics,
     Terms,
+    rotated,
 )
 
 FOLDS = 6
@@ -198,19 +200,24 @@ def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
     return squares[0], squares[1]
 
 
-def model_of(fit: Fit, *, with_residual: bool) -> CutModel:
+def model_of(fit: Fit, *, with_residual: bool, spread: ForceSpread | None = None) -> CutModel:
     """The model of a fit; with ``with_residual`` its waveform residual is part of it."""
     problem, x = fit.problem, fit.x
     modes = problem.modes(x)
-    phases = x[: len(problem.cuts)].tolist()
-    residuals: Sequence[WaveformResidual] = ()
-    if with_residual:
-        residuals = waveform_residuals(problem.cuts, fit.modelled, phases, problem.zero)
-    return CutModel(
+    mechanics = CutModel(
         tool=problem.tool, geometry=problem.geometry(x), values=fit.values,
         natural=None if modes is None else modes[0], damping=None if modes is None else modes[1],
-        left_out=problem.left_out, residuals=residuals,
+        left_out=problem.left_out, spread=spread,
     )  # fmt: skip
+    if not with_residual:
+        return mechanics
+    phases = x[: len(problem.cuts)].tolist()
+    modelled = [
+        rotated(mechanics.mechanics(cut.conditions, cut.harmonics), phase)
+        for cut, phase in zip(problem.cuts, phases, strict=True)
+    ]
+    residuals = waveform_residuals(problem.cuts, modelled, phases, problem.zero)
+    return replace(mechanics, residuals=residuals)
 
 
 FEWEST = 4
@@ -233,12 +240,15 @@ class FitUncertainty:
         Half of a 95 % interval over the standard deviation [1].
     condition : float
         Condition number of the Jacobian with columns scaled to length one [1].
+    line : FittedLine
+        The six coefficients by the harmonics without the mean forces.
     """
 
     names: list[str]
     covariance: Floats
     quantile: float
     condition: float
+    line: FittedLine
 
     def half_width(self, slope: Floats) -> float:
         """Half of the 95 % interval of a quantity with this gradient by the unknowns."""
@@ -279,7 +289,30 @@ def fit_uncertainty(fit: Fit, folds: Sequence[Fold], rivals: Sequence[Fit]) -> F
     return FitUncertainty(
         names=names, covariance=covariance, quantile=quantile,
         condition=float(np.sqrt(singular[-1] / max(float(singular[0]), 1e-300))),
+        line=_without_means(fit, slopes, length, loose, factor),
     )  # fmt: skip
+
+
+def _without_means(
+    fit: Fit, slopes: Floats, length: Floats, loose: Floats, factor: Floats
+) -> FittedLine:
+    """One Gauss-Newton step of a fit without the rows of its means, with its covariance."""
+    rows = np.ones(len(slopes), dtype=bool)
+    first = 0
+    for cut in fit.problem.cuts:
+        rows[first : first + 3] = False
+        first += 6 * cut.harmonics + 3
+    scaled = (slopes / length)[rows]
+    normal = scaled.T @ scaled + np.diag((loose * length) ** -2.0)
+    inverse = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
+    step = inverse @ (scaled.T @ fit.solved.residuals[rows]) / length
+    wide = factor / length
+    start = len(fit.x)
+    part = slice(start, start + len(COEFFICIENTS))
+    return FittedLine(
+        values=fit.values[:6] + step[part],
+        covariance=(inverse * np.outer(wide, wide))[part, part],
+    )
 
 
 def _edges(fit: Fit) -> list[str]:

@@ -1,10 +1,10 @@
-"""90 % intervals of predicted forces: law of the chip, coefficients, waveform, recordings left out.
+"""90 % intervals of predicted forces: law of the chip, waveform, recording, recordings left out.
 
-Forces are predicted by the straight line; peak and mean of the force in the plane are also taken
-under every law that the records allow.  Their distance from the line, the covariance of the
-coefficients and the model error of the harmonics add up to an expected error.  It grows outside of
-the feeds that were learnt, where laws part and the waveform residual is extrapolated, and outside
-of the speeds and depths.  The errors on recordings left out, over those expected, scale it: their
+Forces are predicted by the mean of the laws that the records allow
+(:mod:`pipeline.submodels.cutting.law_draws`).  The spread of the laws, which grows outside of the
+feeds that were learnt, the model error of the harmonics, and what differs from recording to
+recording (depth and gain, wear of the edge, zero) add up to an expected error.  It grows outside of
+the speeds and depths too.  The errors on recordings left out, over those expected, scale it: their
 mean square is shrunk towards 1 by ``PRIOR`` degrees of freedom, and the quantile is Student's.
 """
 
@@ -14,23 +14,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.chip_law import laws_lines, outside_share
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import ChipLaw, CutConditions, ForceSpread
+from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit
-from pipeline.submodels.cutting.laws import SHARE, chip_laws, feeds, law_scales, mean_edge_force
+from pipeline.submodels.cutting.law_draws import FRICTION, law_draws
 from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.selection import FitUncertainty
-from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics
+from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
 
 Complexes = NDArray[np.complex128]
 PRIOR = 4
 """Degrees of freedom for which the expected error counts beside recordings left out."""
-OTHERWISE = 0.1
-"""Standard deviation of a force for each factor e of speed or depth beyond those learnt, as a share
-[1]: specific forces fall with the cutting speed to the power of 0.1 (Koenig and Essel 1973)."""
 ANGLES = 720
 """Angles of a revolution at which peak and mean are taken."""
+STORED = 128
+"""Draws of the law that are stored."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,54 +41,72 @@ class ForceLevel:
     deviation: float
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForceWave:
+    """Force on the tool over a revolution, and the error that is expected of it.
+
+    Parameters
+    ----------
+    force : ndarray, shape (ANGLES, 3)
+        Along the feed, to its left, along the axis [N].
+    draws : ndarray, shape (D, ANGLES, 3)
+        By each law [N].
+    shaped : ndarray, shape (3,)
+        Variance by the model error of all harmonics [N^2].
+    recording : ndarray, shape (K, ANGLES, 3)
+        One standard deviation by each cause that differs from recording to recording [N].
+    """
+
+    force: Floats
+    draws: Floats
+    shaped: Floats
+    recording: Floats
+
+    @property
+    def deviation(self) -> Floats:
+        """Standard deviation at each angle [N]; shape (ANGLES, 3)."""
+        law = ((self.draws - self.force) ** 2).mean(axis=0)
+        return np.asarray(np.sqrt(law + self.shaped + (self.recording**2).sum(axis=0)))
+
+
 def spread_of(fit: Fit, uncertainty: FitUncertainty) -> ForceSpread:
-    """Laws and covariance of a fit, before recordings left out have scaled them."""
-    first = len(uncertainty.names) - fit.problem.linear
-    part = slice(first, first + COEFFICIENTS)
-    covariance = np.asarray(uncertainty.covariance)[part, part]
+    """Laws of a fit's mean forces, before recordings left out have scaled their intervals."""
     cuts = fit.problem.cuts
-    laws = chip_laws(cuts)
     each = [one.conditions for one in cuts]
-    if feeds(each) < 2:
-        laws = _through(fit.values[:COEFFICIENTS], laws, each)
-    zero = fit.problem.zero + float(np.mean([cut.variance[0].mean() for cut in cuts]))
-    speeds, depths = [one.speed for one in each], [one.a_p for one in each]
+    draws = law_draws(cuts, uncertainty.line)
+    laws = draws.laws(STORED)
+    stated = float(np.mean([cut.variance[0].mean() for cut in cuts]))
+    ranges = [
+        (float(min(values)), float(max(values)))
+        for values in zip(*((c.f_z, c.speed, c.a_p) for c in each), strict=True)
+    ]
     return ForceSpread(
-        laws=tuple(laws), covariance=tuple(map(tuple, covariance.tolist())), zero_N2=zero,
-        speeds=(min(speeds), max(speeds)), depths_m=(min(depths), max(depths)),
+        laws=laws, line=tuple(laws_lines(laws, each).mean(axis=0).tolist()),
+        gain=draws.gain, wear=draws.wear,
+        zero_N2=draws.understated**2 * stated, feeds_m=ranges[0], speeds=ranges[1],
+        depths_m=ranges[2],
     )  # fmt: skip
 
 
-def _through(
-    values: Floats, laws: Sequence[ChipLaw], each: Sequence[CutConditions]
-) -> list[ChipLaw]:
-    """The straight line of a fit, and laws that give its mean edge force at the recorded feed."""
-    weight = 1 / (len(laws) + 1)
-    line = ChipLaw(
-        name="linear edge", cutting=tuple(values[:3].tolist()), exponent=(0.0,) * 3,
-        edge=tuple(values[3:].tolist()), growth=0.0, weight=weight,
-    )  # fmt: skip
-    fitted = sum(mean_edge_force(line, one) for one in each)
-    through = [line]
-    for law in laws:
-        there = sum(mean_edge_force(law, one) for one in each)
-        factor = np.asarray(fitted) / np.where(np.asarray(there) != 0, there, np.inf)
-        through.append(replace(law, cutting=tuple((factor * law.cutting).tolist()), weight=weight))
-    return through
+def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, ...]]) -> ForceSpread:
+    """The spread, scaled by errors on recordings left out of peak, mean and waveform.
 
-
-def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, float]]) -> ForceSpread:
-    """The spread, scaled by errors of peak and mean on recordings left out over those expected."""
-    squares = np.array(errors).reshape(-1, 2) ** 2
+    The errors are over those expected.
+    """
+    squares = np.array(errors).reshape(-1, 3) ** 2
     scales = np.sqrt((PRIOR + squares.sum(axis=0)) / (PRIOR + len(squares)))
+    peak, mean, shape = scales.tolist()
     return replace(
-        spread, peak_scale=float(scales[0]), mean_scale=float(scales[1]),
-        freedom=PRIOR + len(squares),
-    )  # fmt: skip
+        spread, peak_scale=peak, mean_scale=mean, shape_scale=shape, freedom=PRIOR + len(squares)
+    )
 
 
-def left_out_errors(model: CutModel, cut: CutHarmonics) -> tuple[float, float]:
-    """Errors of peak and mean of a recording that the model has not seen, over those expected."""
+def left_out_errors(model: CutModel, cut: CutHarmonics) -> tuple[float, float, float]:
+    """Errors of peak, mean and waveform of a recording that the model has not seen.
+
+    They are over those expected; that of the waveform is a root mean square over angles and
+    directions.
+    """
     measured = magnitude(cut.lines)
     levels = force_levels(model, cut.conditions, cut.harmonics)
     real = (float(measured.max()), float(measured.mean()))
@@ -96,25 +114,77 @@ def left_out_errors(model: CutModel, cut: CutHarmonics) -> tuple[float, float]:
         (level.value - true) / max(level.deviation, 1e-9)
         for level, true in zip(levels, real, strict=True)
     )
-    return peak, mean
+    off = wave(cut.lines - model.beside(cut), _angles())
+    deviation = np.maximum(force_wave(model, cut.conditions, cut.harmonics).deviation, 1e-9)
+    return peak, mean, float(np.sqrt(((off / deviation) ** 2).mean()))
 
 
 def magnitude(lines: Complexes) -> Floats:
     """Magnitude of the force in the plane over a revolution [N]; shape (ANGLES,)."""
-    angles = np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)
-    return np.asarray(np.linalg.norm(wave(lines, angles)[:, :2], axis=1))
+    return np.asarray(np.linalg.norm(wave(lines, _angles())[:, :2], axis=1))
+
+
+def _angles() -> Floats:
+    return np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)
+
+
+def quantile(spread: ForceSpread) -> float:
+    """Half of a 90 % interval over the standard deviation [1]."""
+    from scipy.stats import t as student
+
+    return float(student.ppf(0.95, spread.freedom))
 
 
 def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[float, float]:
     """Halves of the 90 % intervals of peak and mean [N]."""
-    from scipy.stats import t as student
-
-    quantile = float(student.ppf(0.95, spread.freedom))
     peak, mean = levels
-    return (
-        quantile * spread.peak_scale * peak.deviation,
-        quantile * spread.mean_scale * mean.deviation,
-    )
+    each = quantile(spread)
+    return each * spread.peak_scale * peak.deviation, each * spread.mean_scale * mean.deviation
+
+
+def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
+    """Halves of the 90 % intervals of a recording's force at each angle [N]; shape (ANGLES, 3).
+
+    Raises
+    ------
+    ValueError
+        When the model has no spread.
+    """
+    whole = force_wave(model, cut.conditions, cut.harmonics)
+    lines = model.predicted(cut.conditions, cut.harmonics)
+    shift = phase_shift(lines, cut.lines, model.weight(cut)) / (2 * np.pi)
+    turned = np.roll(whole.deviation, -round(shift * ANGLES), axis=0)
+    scale = 1.0 if model.spread is None else quantile(model.spread) * model.spread.shape_scale
+    return np.asarray(scale * turned)
+
+
+def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> ForceWave:
+    """Force over a revolution with the error that is expected of it.
+
+    Raises
+    ------
+    ValueError
+        When the model has no spread.
+    """
+    spread = model.spread
+    if spread is None:
+        raise ValueError("the model holds no spread of its forces: identify it again")
+    angles = _angles()
+    force = wave(model.predicted(conditions, harmonics), angles)
+    table = model.coefficient_columns(conditions, harmonics)
+    shape = wave(table.reshape(len(table), -1), angles).reshape(ANGLES, 3, COEFFICIENTS)
+    local = model.local_draws(conditions)
+    mean = local.mean(axis=0)
+    land = spread.wear * max(abs(float(mean[4])), abs(float(mean[3])))
+    worn = shape[..., 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
+    beyond = outside_share(spread, conditions.speed, conditions.a_p)
+    error = model.left_out * _extrapolated(model.residual(conditions), conditions.f_z)
+    zero = np.full_like(force, np.sqrt(spread.zero_N2))
+    return ForceWave(
+        force=force, draws=force + np.einsum("tij,dj->dti", shape, local - mean),
+        shaped=error * harmonics,
+        recording=np.stack([np.hypot(spread.gain, beyond) * force, worn, zero]),
+    )  # fmt: skip
 
 
 def force_levels(
@@ -127,45 +197,26 @@ def force_levels(
     ValueError
         When the model has no spread.
     """
-    spread = model.spread
-    if spread is None:
-        raise ValueError("the model holds no spread of its forces: identify it again")
-    angles = np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)
-    lines = model.predicted(conditions, harmonics)
-    force = wave(lines, angles)[:, :2]
-    table = model.coefficient_columns(conditions, harmonics)
-    shape = wave(table.reshape(len(table), -1), angles).reshape(ANGLES, 3, COEFFICIENTS)[:, :2]
-    values, scales = model.values[:COEFFICIENTS], law_scales(spread.laws, conditions)
-    weights = np.array([law.weight for law in spread.laws])
-    changes = [shape @ (values * np.tile(one - 1, 2)) for one in scales]
-    sizes = np.array([np.linalg.norm(force + one, axis=1) for one in changes])
-    size = np.linalg.norm(force, axis=1)
-    unit = force / np.maximum(size, 1e-9)[:, None]
-    slope = np.einsum("tk,tkd->td", unit, shape)
-    covariance = np.array(spread.covariance)
-    error = model.left_out[:2] * _extrapolated(model.residual(conditions), conditions.f_z)
+    whole = force_wave(model, conditions, harmonics)
+    plane = whole.force[:, :2]
+    size = np.linalg.norm(plane, axis=1)
+    unit = plane / np.maximum(size, 1e-9)[:, None]
+    drawn = np.linalg.norm(whole.draws[..., :2], axis=2)
+    along = (whole.recording[..., :2] * unit).sum(axis=2)
     top = int(np.argmax(size))
-    every = (  # value, by each law, slope by the coefficients, direction squared, harmonics
-        (float(size[top]), sizes.max(axis=1), slope[top], unit[top] ** 2, harmonics),
-        (float(size.mean()), sizes.mean(axis=1), slope.mean(axis=0), (unit**2).mean(axis=0), 1),
-    )
-    other = (OTHERWISE * _distance(spread, conditions)) ** 2
+    shaped = whole.shaped[:2]
+    every = (  # value, by each law, by each cause in the recording, by the harmonics
+        (float(size[top]), drawn.max(axis=1), along[:2, top], unit[top] ** 2 @ shaped),
+        (float(size.mean()), drawn.mean(axis=1), along[:2].mean(axis=1),
+         (unit**2).mean(axis=0) @ shaped / max(harmonics, 1)),
+    )  # fmt: skip
+    zero = float(whole.recording[2, 0, 0] ** 2)  # along any direction of the plane
     found = []
-    for value, by_law, gradient, direction, count in every:
-        law = float(weights @ (by_law - value) ** 2)
-        known = float(gradient @ covariance @ gradient)
-        shaped = float(direction @ (error * count)) + spread.zero_N2
-        of_cut = (SHARE**2 + other) * value**2
-        total = float(np.sqrt(law + known + shaped + of_cut))
-        found.append(ForceLevel(value=value, deviation=total))
+    for value, by_law, cause, by_shape in every:
+        law = float(((by_law - value) ** 2).mean())
+        total = law + float((cause**2).sum()) + float(by_shape) + zero
+        found.append(ForceLevel(value=value, deviation=float(np.sqrt(total))))
     return found[0], found[1]
-
-
-def _distance(spread: ForceSpread, conditions: CutConditions) -> float:
-    """Logarithm of speed and depth over the nearest that were learnt; 0 inside [1]."""
-    ranges = ((conditions.speed, spread.speeds), (conditions.a_p, spread.depths_m))
-    beyond = [max(np.log(low / value), np.log(value / high), 0.0) for value, (low, high) in ranges]
-    return float(np.hypot(*beyond))
 
 
 def _extrapolated(residual: WaveformResidual | None, f_z: float) -> float:

@@ -5,17 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.cutting.force.chip_law import design, edge_lines, local_lines
 from pipeline.cutting.force.mean_force import regressors
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.coefficients import mean_regression
 from pipeline.submodels.cutting.identify import identify_cutting_force
-from pipeline.submodels.cutting.laws import (
-    chip_laws,
-    design,
-    law_scales,
-    mean_edge_force,
-    straight_line_spread,
-)
+from pipeline.submodels.cutting.law_draws import coefficient_draws, law_draws, named_range
 from pipeline.submodels.cutting.recordings import cut_harmonics
 from pipeline.submodels.cutting.spread import (
     calibrated,
@@ -29,8 +24,8 @@ from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
 
 SLOT = CutConditions(speed=100.0, f_z=1e-4, a_p=2e-3, phi_st=0.0, phi_ex=np.pi, flutes=3)
 SIZE = ChipLaw(
-    name="size effect", cutting=(9e8, 3e8, 1.5e8), exponent=(0.2,) * 3, edge=(2e4, 2e4, 4e3),
-    growth=6e-6, weight=1.0,
+    cutting=(9e8, 3e8, 1.5e8), exponent=(0.2,) * 3, edge=(2e4, 2e4, 4e3),
+    growth=6e-6,
 )  # fmt: skip
 
 
@@ -54,21 +49,54 @@ def test_a_straight_line_has_the_means_of_the_closed_form(arc):
     assert design(c, (0.0,) * 3, 0.0) == pytest.approx(closed, rel=1e-9, abs=1e-16)
 
 
+def line_of(law, conditions):
+    """Straight line of one law over the chips of cuts; shape (6,)."""
+    values = np.array([(*law.cutting, *law.edge)])
+    one = np.array([law.exponent]), np.array([law.growth])
+    return local_lines(*one, values, conditions)[0]
+
+
+def test_the_line_of_a_slot_has_its_mean_forces():
+    """What is left of a law beside its line is orthogonal to 1 and sin(phi)."""
+    law = design(SLOT, SIZE.exponent, SIZE.growth) @ [*SIZE.cutting, *SIZE.edge]
+    line = design(SLOT, (0.0,) * 3, 0.0) @ line_of(SIZE, [SLOT])
+    assert line == pytest.approx(law, rel=1e-6)
+
+
+def test_the_line_of_one_worn_cut_is_that_of_the_sum_less_the_rest():
+    """Two cuts of a straight law, the second with an edge force of its own."""
+    cuts = [SLOT, replace(SLOT, f_z=5e-5)]
+    found = edge_lines(cuts, np.array([1e3, 2e3, 0.0]))
+    assert found.sum(axis=1) == pytest.approx([0, 0, 0, 1e3, 2e3, 0], abs=1e-6)  # all worn alike
+    assert found[0, 1] < 0 < found[0, 0]  # the edge of the greater feed looks like cutting force
+
+
 def test_two_feeds_leave_every_law_and_five_do_not():
-    two, five = (chip_laws(means_of(SIZE, f)) for f in ((5e-5, 1e-4), np.geomspace(1e-5, 2e-4, 5)))
-    families = {law.name for law in two}
-    by_family = [sum(law.weight for law in two if law.name == name) for name in families]
-    assert by_family == pytest.approx([1 / len(families)] * len(families), rel=0.05)
-    assert sum(law.weight for law in five) == pytest.approx(1.0)
-    line = next(law.weight for law in five if law.name == "linear edge")
-    assert line < 0.5 / len(families)  # a straight line bends away from its means
+    two, five = (law_draws(means_of(SIZE, f)) for f in ((5e-5, 1e-4), np.geomspace(1e-5, 2e-4, 5)))
+    straight = [((d.exponent[:, 0] == 0) & (d.growth == 0)).mean() for d in (two, five)]
+    assert straight[0] > 0.02  # one of sixteen, less those that others beat by a positive edge
+    assert straight[1] < straight[0]  # a straight line bends away from its means
+    assert np.ptp(two.exponent[:, 0]) == pytest.approx(0.3)
+
+
+def test_draws_plough_and_repeat():
+    cuts = means_of(SIZE, (5e-5, 1e-4))
+    draws = law_draws(cuts)
+    assert (draws.values[:, [0, 3, 4]] >= 0).all()
+    assert (draws.values == law_draws(cuts).values).all()
+    assert len(draws.laws(16)) == 16
 
 
 def test_laws_agree_where_they_were_fitted_and_part_beyond():
-    laws = chip_laws(means_of(SIZE, (5e-5, 1e-4)))
-    here, there = (law_scales(laws, replace(SLOT, f_z=f)) for f in (1e-4, 2.5e-5))
-    assert here == pytest.approx(np.ones_like(here), abs=0.01)
-    assert np.ptp(there[:, 0]) > 0.05
+    draws = law_draws(means_of(SIZE, (5e-5, 1e-4)))
+
+    def share(f_z):
+        means = design(replace(SLOT, f_z=f_z), (0.0,) * 3, 0.0)
+        lines = local_lines(draws.exponent, draws.growth, draws.values, [replace(SLOT, f_z=f_z)])
+        force = (lines @ means.T)[:, 1]
+        return force.std() / force.mean()
+
+    assert share(2.5e-4) > share(7.5e-5) and share(1e-5) > 2 * share(7.5e-5)
 
 
 @pytest.mark.parametrize("feeds", [(5e-5, 1e-4), (3e-5, 6e-5)])
@@ -81,20 +109,49 @@ def test_the_line_of_two_feeds_holds_that_of_five(feeds):
         assert abs(one.value - other.value) <= one.half_width, one.name
 
 
+def test_coefficients_are_named_over_a_ratio_of_five():
+    feeds = [c.f_z for c in named_range([SLOT, replace(SLOT, f_z=5e-5)])]
+    assert max(feeds) / min(feeds) == pytest.approx(5.0)
+    assert max(feeds) * min(feeds) == pytest.approx(5e-9)  # about those recorded
+    wide = [c.f_z for c in named_range([SLOT, replace(SLOT, f_z=1e-5)])]
+    assert (min(wide), max(wide)) == pytest.approx((1e-5, 1e-4))  # ratio ten: as recorded
+
+
 def test_one_feed_has_no_line():
     cuts = means_of(SIZE, (1e-4,))
-    assert np.isinf(straight_line_spread(cuts)).all()
-    laws = chip_laws(cuts)
-    forces = np.array([mean_edge_force(law, replace(SLOT, f_z=2e-4)) for law in laws])
-    one = np.array([mean_edge_force(law, SLOT) for law in laws])
-    growth = forces[:, 0] / one[:, 0]
-    assert growth.max() == pytest.approx(2.0) and growth.min() == pytest.approx(2**0.4)
+    assert not any(one.determined for one in mean_regression(cuts, 0.5)[1])
+    draws = law_draws(cuts)
+    assert (draws.values[:, 3:] == 0).all()
+    twice = [
+        local_lines(draws.exponent, draws.growth, draws.values, [replace(SLOT, f_z=f)]) @ [
+            *(design(replace(SLOT, f_z=f), (0.0,) * 3, 0.0)[1])
+        ] for f in (1e-4, 2e-4)
+    ]  # fmt: skip
+    growth = twice[1] / twice[0]
+    assert growth.max() == pytest.approx(2.0, rel=0.02) and 1.2 < growth.min() < 1.6
+
+
+def test_wear_between_two_cuts_lies_in_the_interval():
+    """An edge that wears from the first feed to the second looks like cutting force."""
+    cuts = means_of(replace(SIZE, exponent=(0.0,) * 3, growth=0.0), (5e-5, 1e-4))
+    true = coefficient_draws(law_draws(cuts), [one.conditions for one in cuts])
+    land = design(cuts[1].conditions, (0.0,) * 3, 0.0) @ [0, 0, 0, 1.2e3, 3e3, 0]
+    lines = cuts[1].lines.copy()
+    lines[0] += land
+    worn = mean_regression([cuts[0], replace(cuts[1], lines=lines)], 0.5)[1]
+    assert worn[1].value * 1e6 > np.median(true, axis=0)[1]
+    sharp = line_of(
+        replace(SIZE, exponent=(0.0,) * 3, growth=0.0), [one.conditions for one in cuts]
+    )
+    for one, scale, value in zip(worn, [1e6] * 3 + [1e3] * 3, sharp, strict=True):
+        assert abs(one.value - value / scale) <= one.half_width, one.name
 
 
 def test_recordings_left_out_scale_the_interval():
     found = identified((0.05, 0.1, 0.15)).spread
-    wide = calibrated(found, [(3.0, 0.1)] * 20)
+    wide = calibrated(found, [(3.0, 0.1, 1.0)] * 20)
     assert wide.peak_scale > 2.5 and wide.mean_scale < 0.6 and wide.freedom == 24
+    assert wide.shape_scale == pytest.approx(1.0)
 
 
 def identified(feeds):
@@ -117,7 +174,7 @@ def test_forces_beyond_the_feeds_lie_in_wider_intervals():
         for level, half, measured in zip(levels, halves, (real.max(), real.mean()), strict=True):
             assert abs(level.value - measured) <= half
         share[f_z] = halves[1] / levels[1].value
-    assert share[0.025] > 1.5 * share[0.075]
+    assert share[0.025] > 1.2 * share[0.075]
     deeper = replace(cut.conditions, a_p=2 * cut.conditions.a_p)
     level = force_levels(found.model, deeper, cut.harmonics)[1]
     assert level.deviation / level.value > 0.06  # 0.1 ln 2 of it by the depth alone

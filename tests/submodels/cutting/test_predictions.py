@@ -214,7 +214,7 @@ def test_served_forces_are_those_of_the_model(tmp_path):
     wide, near = (
         (one["mean_high_N"] - one["mean_N"]) / one["mean_N"] for one in (further.iloc[0], served)
     )
-    assert wide > 1.5 * near
+    assert wide > near  # the zero counts less in a heavier cut
     with pytest.raises(ValueError, match="no column exit_deg"):
         SUBMODEL.serve(tmp_path)(table.drop(columns="exit_deg"))
 

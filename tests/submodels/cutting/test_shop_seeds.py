@@ -1,38 +1,55 @@
-"""Intervals of the coefficients against the simulated shop's truth, over other chances.
+"""Intervals of coefficients and forces against the truth of simulated mills, one a seed.
 
-The shop's machine is richer than the model: wear that grows over the series, tilt, a bent edge law,
-teeth of different sharpness, crosstalk.  ``KERF_CUT_SEEDS=100 pytest -s`` on this file prints how
-often each interval holds the truth, with all training recordings and with two feeds of a slot.
+The shop's mills are richer than the model: wear that grows over the series, tilt, a bent edge law,
+teeth of different sharpness, crosstalk; and each seed is another one (:mod:`.other_mills`), for on
+one mill alone a bent law is off by the same in every chance.  ``KERF_CUT_SEEDS=100 pytest -s``
+on this file prints how often each interval holds the truth, with all training recordings and with
+two feeds of a slot.
+
+The true coefficients are those of the straight line through the shop's own edge force over the
+range of feeds that :func:`named_range` widens the learnt ones to, with the mean wear of the
+recordings that were learnt from.
 """
 
 import os
+import random
 import sys
 from collections import Counter
 from dataclasses import replace
 from functools import partial
 from multiprocessing import Pool
+from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+from scipy.stats import binom
 from threadpoolctl import threadpool_limits
 
 from pipeline.parameters import structure
 from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.cutting.dynamometer import write_dynamometer
-from pipeline.shop.cutting.records import dynamometer_truth
+from pipeline.shop.cutting.records import dynamometer_truth, linear_edge
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 from pipeline.stages.compose import composed
-from pipeline.submodels.cases import Case, Roles, conditions_of, role_of
+from pipeline.submodels.cases import Roles, role_of
 from pipeline.submodels.cutting.coefficients import parameters
 from pipeline.submodels.cutting.identify import identify_cutting_force
+from pipeline.submodels.cutting.law_draws import named_range
 from pipeline.submodels.cutting.recordings import cut_harmonics, read_recordings
+from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
-from pipeline.submodels.cutting.spread import force_levels, half_widths, magnitude
-from pipeline.submodels.cutting.submodel import _facts
-from pipeline.submodels.judge import outside_conditions, widening
+from pipeline.submodels.cutting.spread import (
+    ANGLES,
+    force_levels,
+    half_widths,
+    magnitude,
+    wave_half_widths,
+)
 from tests.small_project import ROOT
+from tests.submodels.cutting.other_mills import other_mill
 
 SEEDS = int(os.environ.get("KERF_CUT_SEEDS", "2"))
 COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
@@ -49,9 +66,10 @@ def held(machine, two, folder, seed):
     """Names of the quantities whose 90 % interval holds the truth, and all that were determined."""
     values = yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
     section = partial(structure, values)
-    shop = replace(section(f"machine.{machine}.shop", ShopParameters), seed=seed)
+    shop = other_mill(section(f"machine.{machine}.shop", ShopParameters), seed)
     raw, signals = folder / f"raw-{seed}", folder / f"signals-{seed}"
-    truth = dynamometer_truth(shop.cutting, write_dynamometer(raw, shop))
+    recorded = write_dynamometer(raw, shop)
+    runout = dynamometer_truth(shop.cutting, recorded)["parameters"]["runout"]
     sources = section(f"machine.{machine}.records", tuple[RecordSource, ...])
     ingest(raw, signals, list(sources), section(f"machine.{machine}.identity", MachineIdentity))
     known = section(f"machine.{machine}.cutting", CuttingSetup)
@@ -66,6 +84,7 @@ def held(machine, two, folder, seed):
 
     recordings = read_recordings(signals, records, known, settings, role)
     found = identify_cutting_force(recordings, known, settings)
+    truth = true_line(shop.cutting, recorded, found.training) | {"runout": runout}
     waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
     inside, determined = [], []
     for method, some in (("waveform", waveform), ("mean force", found.mean_force)):
@@ -73,39 +92,60 @@ def held(machine, two, folder, seed):
             if one.name not in (*COEFFICIENTS, "runout") or one.half_width is None:
                 continue
             determined.append((method, one.name))
-            off = abs(one.value - truth["parameters"][one.name])
+            off = abs(one.value - truth[one.name])
             inside += [(method, one.name)] if off <= NORMAL_90 * one.half_width else []
             wider = [(f"{method} 95", one.name)]
             determined += wider
             inside += wider if off <= one.half_width else []
-    learnt = conditions_of(_case(one) for one in found.training)
     for one in recordings:
         if one.is_training or one.revolution is None:
             continue
-        outside = outside_conditions(_case(one), learnt)
-        for name, close in _levels(found, cut_harmonics(one, settings), outside):
+        for name, share in _shares(found, cut_harmonics(one, settings)):
             determined.append(("force", name))
-            inside += [("force", name)] if close else []
+            inside += [("force", name)] if share else []
     return inside, determined
 
 
-def _case(one):
-    facts = _facts(one.conditions)
-    return Case(
-        name=one.name, group=one.name, role=one.role, files=(), load=lambda: one, conditions=facts
-    )
+def true_line(cutting, recorded, training):
+    """The six coefficients over the named range, at the mean wear of the training recordings."""
+    files = {Path(one["file"]).stem: one for one in recorded.files}
+    mine = [next(f for stem, f in files.items() if stem in one.name) for one in training]
+    VB = sum(one["true"]["wear_um"] for one in mine) / len(mine) * 1e-6
+    each = [one.cut[0] for one in training]
+    arcs = {(c.phi_st, c.phi_ex): f["settings"] for c, f in zip(each, mine, strict=True)}
+    flutes = cutting.tool.flutes
+    named = [
+        replace(arcs[c.phi_st, c.phi_ex], speed=60 * c.speed,
+                feed=c.f_z * 1e3 * flutes * 60 * c.speed)
+        for c in named_range(each)
+    ]  # fmt: skip
+    return linear_edge(cutting, named, VB)
 
 
-def _levels(found, cut, outside):
-    """Whether the judged intervals of peak and mean hold what was measured."""
-    wider = max([1.0, *(widening(one) for one in outside)])
-    levels = force_levels(found.model, cut.conditions, cut.harmonics)
+def _shares(found, cut):
+    """Whether the intervals of peak and mean hold what was measured, and most of each channel."""
+    model, spread = found.model, found.spread
+    levels = force_levels(model, cut.conditions, cut.harmonics)
     real = magnitude(cut.lines)
     for name, level, half, true in zip(
-        ("peak", "mean"), levels, half_widths(found.spread, levels), (real.max(), real.mean()),
+        ("peak", "mean"), levels, half_widths(spread, levels), (real.max(), real.mean()),
         strict=True,
     ):  # fmt: skip
-        yield name, abs(level.value - true) <= wider * half
+        yield name, abs(level.value - true) <= half
+    angle = random.Random(cut.conditions.feed).randrange(
+        ANGLES
+    )  # one angle a recording: its neighbours err alike
+    half = wave_half_widths(model, cut)[angle]
+    off = wave(cut.lines - model.beside(cut), np.array([2 * np.pi * angle / ANGLES]))[0]
+    for name, close in zip(("along", "across", "axial"), np.abs(off) <= half, strict=True):
+        yield name, bool(close)
+
+
+def within(inside, count, nominal=0.9, tolerated=0.05):
+    """Whether a share is as nominal within what is tolerated and what so many draws err (99 %)."""
+    low, high = max(nominal - tolerated, 0.0), min(nominal + tolerated, 1.0)
+    least, most = binom.ppf(0.005, count, low), binom.ppf(0.995, count, high)
+    return least <= inside <= most
 
 
 @pytest.mark.proof
@@ -122,10 +162,10 @@ def test_intervals_hold_the_truth_of_the_shop(machine, two, tmp_path):
     lines = [f"{of} {' '.join(name)}: {inside[name]} of {n}\n"
              for name, n in sorted(determined.items())]  # fmt: skip
     sys.stdout.writelines(lines)
-    names = [("waveform", k) for k in COEFFICIENTS]
+    names = [(method, k) for method in ("waveform", "mean force") for k in COEFFICIENTS]
+    names += [("force", k) for k in ("peak", "mean", "along", "across", "axial")]
     assert all(name in determined for name in names)
-    assert sum(inside[n] for n in names) >= 0.85 * sum(determined[n] for n in names)
-    wider = [("waveform 95", k) for k in COEFFICIENTS]
-    assert sum(inside[n] for n in wider) >= 0.9 * sum(determined[n] for n in wider)
-    forces = [("force", "peak"), ("force", "mean")]
-    assert sum(inside[n] for n in forces) >= 0.85 * sum(determined[n] for n in forces)
+    off = [" ".join(n) for n in names if not within(inside[n], determined[n])]
+    wider = [(f"{method} 95", k) for method, k in names if method != "force"]
+    off += [" ".join(n) for n in wider if not within(inside[n], determined[n], 0.95)]
+    assert not off, f"{of}: not as nominal: {', '.join(off)}"

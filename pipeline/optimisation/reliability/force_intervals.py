@@ -1,0 +1,144 @@
+"""90 % intervals of the forces of a cut, tool by tool, by the draws of its uncertain quantities.
+
+The draws are those of ``kerf optimise`` (:mod:`.uncertainty`, :mod:`.part_loads`): coefficients
+over the feeds, speeds and depths that the tool cuts with, wear of its edge, runout, axial depth,
+and the error of the model itself.  The loads of the station with the greatest peak, and of that
+with the greatest mean, are computed in each draw; the ends are quantiles of draw over expectation.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pipeline.cutting.force.waveform import profile_basis
+from pipeline.optimisation.reliability.part_loads import ToolDraws, draws_of, station_loads
+from pipeline.optimisation.reliability.uncertainty import CutRange, Uncertainty
+from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.program_cut import ForceInterval
+from pipeline.twin.cut import Cut
+from pipeline.twin.cut_coefficients import ToolCoefficients
+from pipeline.twin.cut_tables import figure
+
+DRAWS = 256
+"""Draws of each tool: a 5 % quantile errs by a tenth of the half width."""
+ENDS = (0.05, 0.95)
+"""Ends of a 90 % interval [1]."""
+HEAVY = 0.5
+"""Share of a tool's greatest peak load from which a cut counts as heavy [1]."""
+ANGLES = 72
+"""Angles of a turn at which a mean is taken."""
+
+
+def cut_ranges(cut: Cut) -> dict[int, CutRange]:
+    """Feeds, speeds and depths of each tool's heavier cuts, by its number.
+
+    They are those with ``HEAVY`` of its greatest peak load at least: where a tool leaves the
+    material its depth is next to nothing, and so is its force.
+    """
+    engagement, found = cut.engagement, {}
+    peak = cut.station_loads.peak
+    speed = cut.plan.spindle_speed[engagement.block] / 60
+    f_z = cut.feed_per_tooth[engagement.block]
+    for index, number in enumerate(cut.numbers):
+        mine = engagement.feed & (engagement.tool == index) & (f_z > 0) & (speed > 0)
+        mine &= engagement.axial_depth > 0
+        mine &= peak >= HEAVY * peak[mine].max(initial=0.0)
+        if mine.any():
+            found[number] = CutRange(
+                feeds_m=_ends(f_z[mine]), speeds=_ends(speed[mine]),
+                depths_m=_ends(engagement.axial_depth[mine]),
+            )  # fmt: skip
+    return found
+
+
+def _ends(values: Floats) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+def force_intervals(
+    cut: Cut, uncertain: Uncertainty, coefficients: Mapping[int, ToolCoefficients],
+    model: CuttingModel | None, seed: int,
+) -> tuple[ForceInterval, ...]:  # fmt: skip
+    """Peak and mean load in the plane of each tool that cuts, with 90 % intervals.
+
+    Parameters
+    ----------
+    cut : Cut
+        Of the program.
+    uncertain : Uncertainty
+        Of the coefficients over :func:`cut_ranges`.
+    coefficients : mapping of int to ToolCoefficients
+        Of each tool, by number.
+    model : CuttingModel or None
+        Identified of the machine.
+    seed : int
+        Of the draws.
+    """
+    draws, ranges = draws_of(uncertain, DRAWS, seed), cut_ranges(cut)
+    rows = []
+    for number in dict.fromkeys(cut.numbers[k] for k in cut.tool[cut.tool >= 0].tolist()):
+        if number not in ranges or number not in draws.tools:
+            continue
+        peak_at, mean_at = _stations(cut, cut.numbers.index(number))
+        peak, mean = cut.station_loads.peak[peak_at], cut.station_loads.mean[mean_at]
+        expected, drawn = station_loads(cut, peak_at, draws.tools[number])
+        peaks = peak * drawn / max(expected, 1e-9) * draws.model
+        means = mean * _mean_ratio(cut, mean_at, draws.tools[number]) * draws.model
+        given = coefficients[number]
+        (low, high), (mean_low, mean_high) = (np.quantile(one, ENDS) for one in (peaks, means))
+        rows.append(ForceInterval(
+            tool=number, name=cut.tools[cut.numbers.index(number)].name, source=given.source,
+            peak_load_N=figure(peak), peak_load_low_N=figure(low), peak_load_high_N=figure(high),
+            mean_load_N=figure(mean), mean_load_low_N=figure(mean_low),
+            mean_load_high_N=figure(mean_high),
+            outside=not_learnt(ranges[number], model) if given.kind == "identified" else (),
+        ))  # fmt: skip
+    return tuple(rows)
+
+
+def _stations(cut: Cut, index: int) -> tuple[int, int]:
+    """Stations of a tool with the greatest peak and with the greatest mean load."""
+    engagement = cut.engagement
+    mine = np.flatnonzero(engagement.feed & (engagement.tool == index))
+    loads = cut.station_loads
+    return int(mine[np.argmax(loads.peak[mine])]), int(mine[np.argmax(loads.mean[mine])])
+
+
+def _mean_ratio(cut: Cut, station: int, drawn: ToolDraws) -> Floats:
+    """Mean load of a station in each draw over the nominal one; shape (D,)."""
+    engagement = cut.engagement
+    place = int(engagement.tool[station])
+    law = cut.force_laws[place]
+    angles = (np.arange(ANGLES) + 0.5) * (2 * np.pi / ANGLES)
+    table = profile_basis(
+        cut.tools[place], f_z=float(cut.feed_per_tooth[engagement.block[station]]),
+        lower=engagement.lower[station], upper=engagement.upper[station], angles=angles,
+        m_c=law.m_c, slope=float(engagement.slope[station]), ring=engagement.rings.of(station),
+    )[:, :2]  # fmt: skip
+    nominal = np.concatenate([law.cutting, law.edge])
+    expected = np.linalg.norm(table @ nominal, axis=1).mean()
+    loads = np.linalg.norm(np.einsum("tkc,dc->dtk", table, drawn.coefficients), axis=2)
+    return np.asarray(loads.mean(axis=1) / max(float(expected), 1e-9))
+
+
+ALIKE = 0.01
+"""Relative difference up to which conditions count as learnt [1]."""
+
+
+def not_learnt(used: CutRange, model: CuttingModel | None) -> tuple[str, ...]:
+    """Conditions of a tool outside of those that an identified law was learnt at, in words."""
+    spread = None if model is None or model.prediction is None else model.prediction.spread
+    if spread is None:
+        return ()
+    every = (
+        ("feed per tooth", used.feeds_m, spread.feeds_m, 1e3, "mm"),
+        ("spindle speed", used.speeds, spread.speeds, 60.0, "rev/min"),
+        ("axial depth of cut", used.depths_m, spread.depths_m, 1e3, "mm"),
+    )
+    return tuple(
+        f"{name} {low * unit:.4g} to {high * unit:.4g} {of}, learnt {least * unit:.4g} to "
+        f"{most * unit:.4g}"
+        for name, (low, high), (least, most), unit, of in every
+        if low < least * (1 - ALIKE) or high > most * (1 + ALIKE)
+    )
