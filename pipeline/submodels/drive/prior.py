@@ -201,6 +201,8 @@ def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
     named = {f"drive.axes names {letter!r}": letter for letter in prior.axes}
     if records.motor is not None:
         named[f"drive_records.motor.axis is {records.motor.axis!r}"] = records.motor.axis
+    if records.shaft is not None:
+        named |= {f"drive_records.shaft.axes names {one!r}": one for one in records.shaft.axes}
     for place, letter in named.items():
         if letter not in records.axes:
             raise ValueError(
