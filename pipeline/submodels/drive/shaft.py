@@ -187,8 +187,10 @@ def identify_shaft(
     shown = [one for one in shown if one.good.sum() > 10 * (7 + one.nuisance.shape[1])]
     if not shown:
         return None
-    found = [_rounds(shown, start) for start in _starts(shown)]
-    shared, sides, sure, grams, products, _ = min(found, key=lambda one: one[-1])
+    # bearings that push are none: their friction stays out where it comes out below 0
+    found = [_rounds(shown, start, out) for start in _starts(shown) for out in ((COULOMB,), ())]
+    physical = [one for one in found if one[0][COULOMB] >= 0]
+    shared, sides, sure, grams, products, _ = min(physical, key=lambda one: one[-1])
     count = len(grams)
     whole, sums = grams.sum(axis=0), products.sum(axis=0)
     left = np.array([_solution(whole - g, sums - p)
@@ -213,12 +215,17 @@ def _starts(shown: Sequence[Signals]) -> list[Floats]:
     return [np.array([1.0, share * found[0], *np.zeros(5)]) for share in SHARES]
 
 
-def _rounds(shown: Sequence[Signals], shared: Floats) -> Rounds:
-    """Fit from a first guess of the motor's mass, by which the flanks are known."""
+def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> Rounds:
+    """Fit from a first guess of the motor's mass, by which the flanks are known.
+
+    ``out`` are columns that are left out.
+    """
     for _ in range(ROUNDS):
         sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
         grams, products = _blocks(shown, sides, sure)
-        shared = _solved(grams, products)
+        grams[:, out, :] = grams[:, :, out] = products[:, out] = 0.0
+        shared = _solution(grams.sum(axis=0), products.sum(axis=0))
+        shared[[*out]] = 0.0
     errors = sum(_squares(one, side, ok) for one, side, ok in zip(shown, sides, sure, strict=True))
     count = sum(int(ok.sum()) for ok in sure)
     return shared, sides, sure, grams, products, errors / max(count, 1)
@@ -258,10 +265,6 @@ def _blocks(
     if not grams:
         return np.zeros((1, 7, 7)), np.zeros((1, 7))
     return np.array(grams), np.array(products)
-
-
-def _solved(grams: Floats, products: Floats) -> Floats:
-    return _solution(grams.sum(axis=0), products.sum(axis=0))
 
 
 def _solution(gram: Floats, product: Floats) -> Floats:
@@ -318,10 +321,12 @@ def _parameter(
     value: float, reach: float, unit: str, why: str, remedy: str, least: float | None = None
 ) -> Parameter:
     known = not why
-    value, low, high = float(value), value - reach, value + reach
-    if least is not None:
-        value, low = max(value, least), max(low, least)
-        high = max(high, low)
+    value = float(value)
+    if least is not None and value < least:
+        # beyond what can be: as much as that, at least, the records err
+        reach, value = float(np.hypot(reach, least - value)), least
+    low, high = value - reach, value + reach
+    low = low if least is None else max(low, least)
     return Parameter(
         value=float(f"{value:.5g}") if known else None, unit=unit,
         interval_95=(float(f"{low:.5g}"), float(f"{high:.5g}")) if known else None,
