@@ -66,6 +66,11 @@ current_limit : float or str, optional
             if item.name != "coulomb" and not isinstance(value, str):
                 _number(item.name, value, {})
 
+    @property
+    def screw_lead(self) -> float | None:
+        """Lead [m/rev]; None where it is not listed as a number."""
+        return float(self.lead) * 1e-3 if isinstance(self.lead, int | float) else None
+
     def resolved(self, constants: Mapping[str, float]) -> AxisConstants:
         """Numbers in place of names.
 

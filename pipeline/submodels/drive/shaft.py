@@ -34,7 +34,7 @@ ROUNDS = 6
 """Rounds of the fit, which finds the flanks in contact."""
 STRETCHES = 8
 """Stretches of each recording that are left out in turn."""
-SLOW = 0.01
+SLOW = 0.0005
 """Share of the highest speed below which an axis may stand [1]."""
 FLAT = 0.15
 """Share of the shaft's force, as root mean square, near which the flank may change [1]."""
