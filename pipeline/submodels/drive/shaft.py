@@ -17,7 +17,7 @@ time, and forces are no more certain than the sensor of the current.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
@@ -34,10 +34,13 @@ ROUNDS = 6
 """Rounds of the fit, which finds the flanks in contact."""
 STRETCHES = 8
 """Stretches of each recording that are left out in turn."""
-SLOW = 0.0005
+SLOW = 0.01
 """Share of the highest speed below which an axis may stand [1]."""
 FLAT = 0.15
 """Share of the shaft's force, as root mean square, near which the flank may change [1]."""
+LEFT = 0.05
+"""Greatest share of the twist that a fit may leave over [1]: beyond it the intervals, which take
+the equation for granted, are not to be believed."""
 FLANKS = 0.05
 """Least share of samples on each flank that shows the play [1]."""
 HOW = "twist between motor and carriage against the motor's force"
@@ -198,12 +201,20 @@ def identify_shaft(
     wide = float(student.ppf(0.975, count - 1)) if count > 1 else np.inf
     used = np.concatenate(sides)[np.concatenate(sure)]
     play = len(used) > 0 and min((used > 0).mean(), (used < 0).mean()) >= FLANKS
-    said = _parameters(shared, left, wide, force_unit, widest, play=bool(play))
     twist = np.concatenate([one.twist[s] for one, s in zip(shown, sure, strict=True)])
     errors = sum(_squares(one, side, ok) for one, side, ok in zip(shown, sides, sure, strict=True))
+    over, many = float(np.sqrt(errors / max(len(twist), 1))), float(twist.std())
+    said = _parameters(shared, left, wide, force_unit, widest, play=bool(play))
+    stiff = not said["shaft_stiffness"].determined
+    if over > LEFT * many and not stiff:
+        why = (
+            f"not determined: the fit leaves {1e6 * over:.2g} of {1e6 * many:.2g} um of twist, "
+            f"more than {100 * LEFT:g} %"
+        )
+        said = {name: replace(p, value=None, interval_95=None, determined=False, method=why,
+                              remedy=REVERSALS) for name, p in said.items()}  # fmt: skip
     return ShaftFit(
-        shared=shared, parameters=said, samples=len(twist),
-        twist_um=1e6 * float(twist.std()), left_um=1e6 * float(np.sqrt(errors / len(twist))),
+        shared=shared, parameters=said, samples=len(twist), twist_um=1e6 * many, left_um=1e6 * over
     )  # fmt: skip
 
 
