@@ -6,7 +6,7 @@ encoders differ by, with C = 1 / K,
 
 d = C (k A - M_m x_m'' - B x_m' - F_c sgn x_m') - C D d' + b/2 sgn F + e(x_c, t),
 
-it is linear in C, C M_m, C B, C F_c, C D and b, and stays well posed for a stiff shaft, whose C is 0
+it is linear in C, C M_m, C B, C F_c, C D and b, and well posed for a stiff shaft, whose C is 0
 within its interval.  The play's flank sgn F is not the direction of motion: an axis that brakes
 harder than its friction hangs on the other one.  It follows from the fit and is found in rounds;
 samples near its change, and near standstill, are left out.  e is what encoders and screw err by: of
