@@ -290,8 +290,11 @@ class SpeedLoop:
         Until the speed stays within 0.1 % of the step [ms]; None for never.
     reaching_ms : float or None
         Until the speed stays within 2 % of the step [ms]; None for never.
-    overshoot_percent, ripple_percent : float
-        Of the step; ripple is half of the span of the speed over the last fifth [%].
+    overshoot_percent : float
+        Of the step [%].
+    ripple_percent : float or None
+        Half of the span of the speed over the last fifth of the step [%]; None where it has not
+        settled there.
     following_um : float or None
         Greatest following error on 100 mm at 1500 mm/min [um]; None without a position loop.
     time_ms, speed_percent : tuple of float
@@ -305,7 +308,7 @@ class SpeedLoop:
     settling_ms: float | None
     reaching_ms: float | None
     overshoot_percent: float
-    ripple_percent: float
+    ripple_percent: float | None
     following_um: float | None
     time_ms: tuple[float, ...] = ()
     speed_percent: tuple[float, ...] = ()

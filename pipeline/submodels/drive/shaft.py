@@ -146,15 +146,15 @@ def signals_of(one: Recording, axis: str, force_constant: float, lead: float | N
 
 
 def shaft_force(one: Signals, shared: Floats) -> Floats:
-    """Force of the shaft [N] by the motor's equation, shape (T,); 0 where C is not above 0."""
-    if shared[C] <= 0:
-        return np.zeros(len(one.twist))
+    """Force of the shaft [N] by the motor's equation, shape (T,), for a C above 0."""
     inside = [C, MASS, VISCOUS, COULOMB]
     return np.asarray(one.columns[:, inside] @ shared[inside] / shared[C])
 
 
 def flanks(one: Signals, shared: Floats) -> tuple[Floats, Bools]:
     """Flank in contact, -1 or 1, and where it is sure; both of shape (T,)."""
+    if shared[C] <= 0:  # no twist that tells it: nothing hangs on the flank
+        return np.sign(one.columns[:, C]), one.good
     force = shaft_force(one, shared)
     level = float(np.sqrt(np.mean(force[one.good] ** 2))) if one.good.any() else 0.0
     side, size = np.sign(force), 2 * int(np.ceil(4 * WIDTH)) + 1

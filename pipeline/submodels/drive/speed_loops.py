@@ -156,16 +156,18 @@ def _tried(
     samples = round(trial.duration / trial.period) + 1
     trace = follow_speed(np.full(samples, trial.speed), trial.period, switched)
     share = trace.speed / trial.speed
+    settled = settling_time(trace.time, 1 - share, 0.001)
     last = share[-round(STEADY * samples) :]
     following = ramp_error(drive, FEED, trial, feedforward=forward, direction=1)
     rows = np.unique(np.linspace(0, samples - 1, DRAWN).astype(int))
     return SpeedLoop(
         kind=kind, gains=gains, proportional=_short(drive.speed_loop.proportional),
         integral=_short(drive.speed_loop.integral),
-        settling_ms=_ms(settling_time(trace.time, 1 - share, 0.001)),
+        settling_ms=_ms(settled),
         reaching_ms=_ms(settling_time(trace.time, 1 - share, 0.02)),
         overshoot_percent=_short(100 * max(0.0, float(share.max()) - 1)),
-        ripple_percent=_short(50 * float(np.ptp(last))), following_um=_short(1e6 * following),
+        ripple_percent=_short(50 * float(np.ptp(last))) if isfinite(settled) else None,
+        following_um=_short(1e6 * following),
         time_ms=tuple(_short(1e3 * t) for t in trace.time[rows].tolist()),
         speed_percent=tuple(round(100 * s, 3) for s in share[rows].tolist()),
     )  # fmt: skip
