@@ -16,8 +16,10 @@ MOTOR = "motor"
 """Group of the motor's parameters, beside the letters of the axes."""
 FORCE, FOLLOWING, COMMAND, SPEED = "force", "following error", "command", "speed"
 """Predicted quantities, each followed by the axis' letter; the last two are shown, not scored."""
-LEVEL, LAG = "constant_level", "speed_over_loop_gain"
-"""Baselines: one force against motion; the following error at steady speed."""
+TWIST = "twist"
+"""Predicted too, where both ends of an axis are recorded: motor's position less the carriage's."""
+LEVEL, LAG, RIGID = "constant_level", "speed_over_loop_gain", "rigid_shaft"
+"""Baselines: one force against motion; the following error at steady speed; no twist."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,6 +257,78 @@ class TrainingRecording:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Shaft:
+    """Shaft of an axis between its motor and its carriage, as positions along the axis.
+
+    Parameters
+    ----------
+    factors : tuple of float, length 7
+        Of the twist's equation in SI: C, C M_m, C B, C F_c, C D, C times the command's lag, play.
+    lead : float or None
+        Of the screw [m/rev]; None where it is not listed.
+    samples : int
+        That were fitted [1].
+    twist_um, left_um : float
+        Root mean square of the twist, and of what the fit leaves over [um].
+    """
+
+    factors: tuple[float, ...]
+    lead: float | None
+    samples: int
+    twist_um: float
+    left_um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedLoop:
+    """A speed loop on the simulated axis: a step of 1000 rev/min, switched inverter; a ramp.
+
+    Parameters
+    ----------
+    kind : str
+        "PI" or "fuzzy PI".
+    gains : str
+        "as found", "Feed2025" or "tuned alike".
+    proportional, integral : float
+        K_p [N m s/rad], K_i [N m/rad]; with fuzzy rules the middles.
+    settling_ms : float or None
+        Until the speed stays within 0.1 % of the step [ms]; None for never.
+    reaching_ms : float or None
+        Until the speed stays within 2 % of the step [ms]; None for never.
+    overshoot_percent : float
+        Of the step [%].
+    ripple_percent : float or None
+        Half of the span of the speed over the last fifth of the step [%]; None where it has not
+        settled there.
+    following_um : float or None
+        Greatest following error on 100 mm at 1500 mm/min [um]; None without a position loop.
+    time_ms, speed_percent : tuple of float
+        The response.
+    """
+
+    kind: str
+    gains: str
+    proportional: float
+    integral: float
+    settling_ms: float | None
+    reaching_ms: float | None
+    overshoot_percent: float
+    ripple_percent: float | None
+    following_um: float | None
+    time_ms: tuple[float, ...] = ()
+    speed_percent: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedLoops:
+    """Speed loops held against each other on one axis as identified, or why they are not."""
+
+    axis: str
+    loops: tuple[SpeedLoop, ...] = ()
+    reason: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class DriveModel(Model):
     """The drives' ``model.json``.
 
@@ -268,9 +342,15 @@ class DriveModel(Model):
         Training recordings of the axes.
     substeps : int
         Steps of the closed-loop simulation in one sample [1].
+    shafts : mapping of str to Shaft
+        By letter, of axes whose both ends were recorded.
+    speed_loops : SpeedLoops or None
+        PI against fuzzy PI on the axis whose motor was recorded; None without one.
     """
 
     axes: Mapping[str, DriveAxis] = field(default_factory=dict)
     motor: DriveMotor | None = None
     recordings: tuple[TrainingRecording, ...] = ()
     substeps: int = 1
+    shafts: Mapping[str, Shaft] = field(default_factory=dict)
+    speed_loops: SpeedLoops | None = None

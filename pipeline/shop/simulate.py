@@ -12,6 +12,7 @@ from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.drives.records import write_drives
+from pipeline.shop.drives.shafts import write_shafts
 from pipeline.shop.files import write_text
 from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
@@ -33,7 +34,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     out : Path
         Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
         ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
-        ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``feed/<trace>.csv``,
+        ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``feed/<trace>.csv``, ``shaft/<test>.csv``,
         ``dynamometer/<test>.csv``, ``cutting/<program>.nc``, ``cutting/<run>.txt``,
         ``growth/<profile>.csv``, ``wear/<tool>_<number>.parquet``, ``wear/lives.csv``,
         ``parts/<name>.nc``.  Made if it is missing; files of the same names are replaced.
@@ -79,6 +80,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         "control": write_control(out, parameters),
         "drives": write_drives(out, parameters),
         "feed": write_feed(out, parameters),
+        "shafts": write_shafts(out, parameters),
         "cutting": write_cutting(out, parameters),
         "growth": write_growth(out, parameters),
         "wear": write_wear(out, parameters),

@@ -69,4 +69,5 @@ def judge(
     )
     write_json(found.verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
-    metrics.write_text(json.dumps(key_figures(found.verdict), indent=2) + "\n")
+    figures = key_figures(found.verdict) | dict(submodel.figures(model))
+    metrics.write_text(json.dumps(figures, indent=2) + "\n")

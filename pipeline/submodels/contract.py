@@ -183,6 +183,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         """Error after each epoch of what was trained, by a name; none where nothing is trained."""
         return {}
 
+    def figures(self, model: M) -> Mapping[str, Any]:
+        """Further key figures for the metrics, by their names; none by default."""
+        return {}
+
     def page(self, shown: "Shown[M]") -> Any:
         """What only this sub-model can show and say, as ``SubModelPage`` of the room ``charts``."""
         return None

@@ -10,8 +10,11 @@ along the axis at the carriage or the encoder; SI units.  Sources: Sim2023, Feed
 
 __all__ = [
     "drive_step",
+    "drive_train",
     "feed_drive",
     "friction",
+    "loops",
+    "motor",
     "presliding",
     "servo",
     "simd_population",

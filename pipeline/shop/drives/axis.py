@@ -198,7 +198,7 @@ class Followed:
 
 def follow(
     axis: Axis, reference: Floats, random: np.random.Generator, load: Floats | None = None,
-    extra: Floats | None = None,
+    extra: Floats | None = None, injected: Floats | None = None,
 ) -> Followed:  # fmt: skip
     """Motion of an axis that follows its commands, from standstill.
 
@@ -212,10 +212,14 @@ def follow(
         Of the current's noise.
     load, extra : (T,) arrays or None
         Force against positive motion [N], mass on the carriage [kg]; none by default.
+    injected : (T,) array or None
+        Current that is added to the command of the current loop, to excite the axis [A].
     """
     nothing: Floats = np.zeros(reference.size)
     ticks = axis.cascade.velocity_frequency // axis.cascade.position_frequency
     noise = random.standard_normal(reference.size * ticks) * axis.motor.current_noise
+    if injected is not None:
+        noise += np.repeat(injected, ticks)
     out = followed(
         _mechanics(axis), _loops(axis), reference, nothing if load is None else load,
         nothing if extra is None else extra, noise,
@@ -281,6 +285,11 @@ def truth(axis: Axis) -> dict[str, float]:
         **{f"viscous_{s}": getattr(f, f"viscous_{s}") + bearings for s in sides},
         "offset": axis.weight,
         "backlash": axis.backlash * 1e-6,
+        "shaft_stiffness": axis.stiffness * 1e6,
+        "shaft_damping": axis.damping * 1e3,
+        "motor_mass": axis.motor_mass,
+        "motor_inertia": axis.inertia,
+        "load_mass": axis.carriage,
         "force_constant": axis.force_constant,
         "position_scale": c.position_scale,
         "velocity_scale": shown * c.velocity_scale,

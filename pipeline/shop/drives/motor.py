@@ -221,6 +221,7 @@ def motor_truth(axis: Axis, out: Floats) -> dict[str, Any]:
         "L_d": motor.inductance_d * 1e-3,
         "L_q": motor.inductance_q * 1e-3 * float(1 - bend.mean()),
         "flux": motor.flux,
+        "torque_constant": motor.torque_constant,
         "pole_pairs": motor.pole_pairs,
         "R_cold": motor.resistance,
         "R_at_end": float(warm[-1]),

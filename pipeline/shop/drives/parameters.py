@@ -237,6 +237,38 @@ class FeedRecords(Ranged, section="FeedRecords"):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShaftRecords(Ranged, section="ShaftRecords"):
+    """Recordings of both ends of each drive, and what stands between them beside twist and play.
+
+    Errors of a ground screw of class C3 to C5 (ISO 3408-3), of a sealed scale of 20 um, and of an
+    encoder's coupling; a scale is set up beside the axis where none closes its loop.
+
+    Parameters
+    ----------
+    sweep : float
+        Amplitude of the swept sine on the current.
+    scale_step, scale_noise, interpolation : float
+        Of the scale: resolution, noise, error within a period of its grating.
+    eccentricity : float
+        Of the motor's encoder, once a turn, at the carriage.
+    pitch, pitch_ripple : float
+        Error of the screw along a metre, and once a turn.
+    growth : float
+        Of the screw from its warmth, over a recording.
+    """
+
+    recorded: bool = True
+    sweep: Annotated[float, Range(least=0, most=100, unit="A")] = 3.0
+    scale_step: Annotated[float, Range(least=1e-3, most=10, unit="um")] = 0.05
+    scale_noise: Annotated[float, Range(least=0, most=10, unit="um")] = 0.03
+    interpolation: Annotated[float, Range(least=0, most=10, unit="um")] = 0.06
+    eccentricity: Annotated[float, Range(least=0, most=10, unit="um")] = 0.12
+    pitch: Annotated[float, Range(least=-100, most=100, unit="um/m")] = 9.0
+    pitch_ripple: Annotated[float, Range(least=0, most=10, unit="um")] = 0.5
+    growth: Annotated[float, Range(least=-10, most=10, unit="um")] = 0.4
+
+
+@dataclass(frozen=True, kw_only=True)
 class Friction(Ranged, section="Friction"):
     """LuGre friction of guideways and nut, for motion in positive and in negative direction.
 
@@ -365,6 +397,8 @@ class Drives(Ranged, section="Drives"):
     ----------
     feed : FeedRecords
         Its recordings of feeds, which it makes when those are ``recorded`` too.
+    shaft : ShaftRecords
+        Recordings of both ends of each drive, made when those are ``recorded`` too.
 
     Raises
     ------
@@ -378,6 +412,7 @@ class Drives(Ranged, section="Drives"):
     z: Axis = field(default_factory=_z)
     tool: ServoTool = field(default_factory=ServoTool)
     feed: FeedRecords = field(default_factory=FeedRecords)
+    shaft: ShaftRecords = field(default_factory=ShaftRecords)
 
     def __post_init__(self) -> None:
         super().__post_init__()

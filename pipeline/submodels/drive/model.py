@@ -17,6 +17,7 @@ from pipeline.schema.drive import (
     FrictionPoint,
     RecursiveMass,
     Servo,
+    Shaft,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter
 from pipeline.schema.structure import structured
@@ -28,6 +29,7 @@ from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
 from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, identify_presliding
+from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.twin.drive import identified_drive
 
 if TYPE_CHECKING:
@@ -55,6 +57,8 @@ class DriveIdentification:
         Letter; "" without recordings of a motor.
     motor_reason : str
         Why there is no motor.
+    shafts : mapping of str to ShaftFit
+        Of axes whose both ends were recorded.
     """
 
     feed_drives: Mapping[str, FeedDriveFit]
@@ -65,6 +69,7 @@ class DriveIdentification:
     motor: MotorFit | None = None
     motor_axis: str = ""
     motor_reason: str = ""
+    shafts: Mapping[str, ShaftFit] = field(default_factory=dict)
 
 
 def identify_drives(
@@ -106,7 +111,7 @@ def identify_drives(
     motor, reason = _motor(recordings, records.motor, settings.widest)
     return DriveIdentification(
         feed_drives=drives, servos=servos, masses=masses, presliding=springs,
-        open_axes=missing, motor=motor,
+        open_axes=missing, motor=motor, shafts=_shafts(training, drives, prior, settings),
         motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
     )  # fmt: skip
 
@@ -147,7 +152,34 @@ def axis_again(
 
 
 def _determined_of(letter: str, found: DriveIdentification) -> set[str]:
-    return {name for name, one in axis_parameters(letter, found).items() if one.determined}
+    """Parameters of mechanics and loops that are determined; the shaft's tell nothing of these."""
+    own = axis_parameters(letter, replace(found, shafts={}))
+    return {name for name, one in own.items() if one.determined}
+
+
+def _shafts(
+    training: Sequence[Recording],
+    drives: Mapping[str, FeedDriveFit],
+    prior: DrivePrior,
+    settings: DriveFitSettings,
+) -> dict[str, ShaftFit]:
+    """Shafts of the axes whose both ends were recorded."""
+    found = {}
+    for letter, fit in drives.items():
+        shaft = identify_shaft(
+            training, letter, force_constant=fit.feed_drive.force_constant,
+            force_unit=fit.force_unit, lead=prior.axis(letter).screw_lead, widest=settings.widest,
+        )  # fmt: skip
+        found |= {} if shaft is None else {letter: shaft}
+    return found
+
+
+def stored_shaft(fit: ShaftFit, lead: float | None) -> Shaft:
+    """A shaft as it is stored, without its parameters; ``lead`` [m/rev]."""
+    return Shaft(
+        factors=tuple(map(_significant, fit.shared.tolist())), lead=lead, samples=fit.samples,
+        twist_um=_significant(fit.twist_um), left_um=_significant(fit.left_um),
+    )  # fmt: skip
 
 
 def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
@@ -246,12 +278,22 @@ def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parame
     known = {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
     if letter in found.presliding:
         known |= found.presliding[letter].parameters(found.feed_drives[letter].force_unit)
+    if letter in found.shafts:
+        known |= found.shafts[letter].parameters
     return known
 
 
-def motor_parameters(fit: MotorFit) -> dict[str, Parameter]:
-    """Parameters of the motor by their symbols."""
-    return {MOTOR_NAMES.get(name, name): _parameter(fit, i) for i, name in enumerate(fit.names)}
+def motor_parameters(fit: MotorFit, pole_pairs: int) -> dict[str, Parameter]:
+    """Parameters of the motor by their symbols; k_t = 3/2 p phi_f of an ampere's amplitude."""
+    known = {MOTOR_NAMES.get(name, name): _parameter(fit, i) for i, name in enumerate(fit.names)}
+    flux, factor = known["flux"], 1.5 * pole_pairs
+    ends = flux.interval_95
+    torque = replace(
+        flux, unit="N m/A", value=None if flux.value is None else _significant(factor * flux.value),
+        interval_95=None if ends is None else tuple(_significant(factor * one) for one in ends),
+        method=f"3/2 p flux: {flux.method}" if flux.determined else flux.method,
+    )  # fmt: skip
+    return known | {"torque_constant": torque}
 
 
 def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tuple[LeftOut, ...]:

@@ -41,6 +41,7 @@ from pipeline.submodels.drive.page_parameters import (
     made_from,
     meaning,
 )
+from pipeline.submodels.drive.page_speed_loops import shaft_words, speed_loop_blocks
 
 METHODS = {"least_squares": "least squares", "genetic": "genetic search"}
 """Methods of identification in words."""
@@ -96,6 +97,7 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
         blocks += present(
             axis_parameters_table(shown, MOTOR, f"the motor of axis {model.motor.axis}")
         )
+    blocks += speed_loop_blocks(shown)
     methods = methods_table(shown)
     if methods is not None:
         blocks += [Heading(heading="How they were found", text=methods_words(shown)), methods]
@@ -113,6 +115,7 @@ def _axis(shown: Shown[DriveModel], axis: str) -> list[Block]:
         _fit_words(one.fit.condition, one.fit.correlation, one.fit),
         _loops_words(one),
         _unknown_force(one),
+        shaft_words(shown, axis),
     )
     blocks: list[Block] = [Heading(heading=f"Axis {axis}", text=" ".join(w for w in said if w))]
     return blocks + present(

@@ -66,6 +66,11 @@ current_limit : float or str, optional
             if item.name != "coulomb" and not isinstance(value, str):
                 _number(item.name, value, {})
 
+    @property
+    def screw_lead(self) -> float | None:
+        """Lead [m/rev]; None where it is not listed as a number."""
+        return float(self.lead) * 1e-3 if isinstance(self.lead, int | float) else None
+
     def resolved(self, constants: Mapping[str, float]) -> AxisConstants:
         """Numbers in place of names.
 
@@ -201,6 +206,8 @@ def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
     named = {f"drive.axes names {letter!r}": letter for letter in prior.axes}
     if records.motor is not None:
         named[f"drive_records.motor.axis is {records.motor.axis!r}"] = records.motor.axis
+    if records.shaft is not None:
+        named |= {f"drive_records.shaft.axes names {one!r}": one for one in records.shaft.axes}
     for place, letter in named.items():
         if letter not in records.axes:
             raise ValueError(

@@ -32,6 +32,7 @@ from pipeline.submodels.drive.records import (
     DriveRecords,
     MotorRecords,
     Recording,
+    ShaftRecords,
     check_channels,
 )
 
@@ -42,6 +43,7 @@ SI = {
 DISTURBANCES = ("N", "m", "m/s")
 """Units in which a disturbance is read if it is declared in one that converts to them."""
 MOTOR_SI = {"u_d": "V", "u_q": "V", "i_d": "A", "i_q": "A", "speed": "rad/s", "torque": "N m"}
+SHAFT_SI = {"motor": "m", "load": "m"}
 COMMAND_UNITS = {"AMPERE": "A", "VOLT": "V", "NEWTON": "N", "PERCENT": "%", "": "1"}
 
 
@@ -79,7 +81,10 @@ def read_recordings(
     check_axes(records, prior)
     files = recordings.read_recordings(
         signals, {}, preferred=is_training, section="drive_records.recordings",
-        patterns=[records.recordings, *([records.motor.recordings] if records.motor else [])],
+        patterns=[
+            records.recordings,
+            *(one.recordings for one in (records.motor, records.shaft) if one is not None),
+        ],
     )  # fmt: skip
     check_constants(prior, {name for one in files for name in one.constants})
     shared = constants_of({one.name: one.constants for one in files})
@@ -125,6 +130,8 @@ def read_file(
     try:
         if records.motor is not None and fnmatchcase(name, records.motor.recordings):
             return _motor(table, blank, records.motor)
+        if records.shaft is not None and fnmatchcase(name, records.shaft.recordings):
+            return _shafts(table, blank, records.shaft)
         own = constants_of({name: file.constants})
         used = {one for letter in records.axes for one in names_of(prior.axis(letter))}
         if lent := sorted(used & set(shared) - set(own)):
@@ -196,6 +203,40 @@ def _motor(table: pa.Table, blank: Recording, records: MotorRecords) -> list[Rec
         replace(
             one,
             motor={key: piece.on_grid(values[rows]) for key, values in found.items()},
+            air=~piece.filled,
+        )
+        for piece, one in _parts(pieces, table.num_rows, blank)
+    ]
+
+
+def _shafts(table: pa.Table, blank: Recording, records: ShaftRecords) -> list[Recording]:
+    """Recordings of both ends of the drive trains in one table."""
+    found: dict[str, dict[str, Floats]] = {}
+    for letter, channels in records.axes.items():
+        names = {"motor": channels.motor, "load": channels.load, "command": channels.command}
+        if not set(names.values()) <= set(table.column_names):
+            continue
+        both = {key: _channel(table, name, SHAFT_SI.get(key)) for key, name in names.items()}
+        values = {key: one for key, one in both.items() if one is not None}
+        if len(values) < len(names):
+            continue
+        check_command(channels.command, _unit(table.schema.field(channels.command)))
+        if channels.reversed:
+            values["command"] = -values["command"]
+        found[letter] = values
+    if not found:
+        raise Unusable(
+            "it shows both ends of no axis: record motor position, scale and current together, or "
+            "correct drive_records.shaft"
+        )
+    rows, pieces = _pieces(table, [v for axis in found.values() for v in axis.values()])
+    return [
+        replace(
+            one,
+            shafts={
+                letter: {key: piece.on_grid(values[rows]) for key, values in axis.items()}
+                for letter, axis in found.items()
+            },
             air=~piece.filled,
         )
         for piece, one in _parts(pieces, table.num_rows, blank)

@@ -79,6 +79,8 @@ class MotorRecords:
     held : bool
         Whether the voltages are the inverter's commands, each held until the next sample, as drives
         record them; else they are sampled like the currents.
+    dc_link : float, optional
+        Voltage between the inverter's rails [V], from its data sheet.
     """
 
     recordings: str
@@ -86,6 +88,7 @@ class MotorRecords:
     channels: Mapping[str, str]
     pole_pairs: int
     held: bool = True
+    dc_link: float | None = None
 
     def __post_init__(self) -> None:
         missing = {"u_d", "u_q", "i_d", "i_q", "speed"} - set(self.channels)
@@ -97,6 +100,44 @@ class MotorRecords:
             raise ValueError(
                 f"drive_records.motor.pole_pairs = {self.pole_pairs} must be at least 1"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShaftChannels:
+    """Channels of both ends of an axis' drive train, by their names in the recordings.
+
+    Parameters
+    ----------
+    motor : str
+        Position of the motor's encoder, as travel of the carriage.
+    load : str
+        Position of the carriage, by a scale.
+    command : str
+        Current of the motor, or another command that its force is proportional to.
+    reversed : bool
+        Whether a positive command pushes in the negative direction.
+    """
+
+    motor: str
+    load: str
+    command: str
+    reversed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShaftRecords:
+    """Recordings of both ends of drive trains.
+
+    Parameters
+    ----------
+    recordings : str
+        Pattern of their names below the machine's folder.
+    axes : mapping of str to ShaftChannels
+        By the axis' letter.
+    """
+
+    recordings: str
+    axes: Mapping[str, ShaftChannels]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,12 +154,15 @@ class DriveRecords:
         Rows to fit; all when absent.
     motor : MotorRecords, optional
         Recordings of a motor's voltages and currents.
+    shaft : ShaftRecords, optional
+        Recordings of both ends of drive trains.
     """
 
     recordings: str
     axes: Mapping[str, AxisChannels]
     air: AirRows | None = None
     motor: MotorRecords | None = None
+    shaft: ShaftRecords | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,6 +258,9 @@ class Recording:
     motor : mapping of str to ndarray, shape (T,)
         Of a motor's recording: ``u_d``, ``u_q`` [V], ``i_d``, ``i_q`` [A], ``speed`` [rad/s] and,
         where recorded, ``torque`` [N m].
+    shafts : mapping of str to mapping of str to ndarray, shape (T,)
+        Of a recording of both ends of drive trains, by the axis' letter: positions ``motor`` and
+        ``load`` [m], and ``command`` in the command's unit.
     notes : tuple of str
         Changes to its rows.
     sha256 : str
@@ -227,6 +274,7 @@ class Recording:
     axes: Mapping[str, AxisRecord] = field(default_factory=dict)
     lacking: Mapping[str, str] = field(default_factory=dict)
     motor: Mapping[str, Floats] = field(default_factory=dict)
+    shafts: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     sha256: str = ""
 

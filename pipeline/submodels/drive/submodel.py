@@ -18,7 +18,9 @@ from pipeline.schema.drive import (
     LAG,
     LEVEL,
     MOTOR,
+    RIGID,
     SPEED,
+    TWIST,
     DriveModel,
     TrainingRecording,
 )
@@ -42,10 +44,13 @@ from pipeline.submodels.drive.model import (
     motor_parameters,
     stored_axis,
     stored_motor,
+    stored_shaft,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings
 from pipeline.submodels.drive.records import AxisRecord, DriveRecords, Recording
+from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
+from pipeline.submodels.drive.twist import is_known, twist_frames
 from pipeline.twin.drive import IdentifiedDrive, identified_drives
 from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.program_axes import between
@@ -128,6 +133,11 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                     limits={"relative_percent": share, "max_percent": share},
                 ),
             )
+        ) + tuple(
+            Target(
+                quantity=f"{TWIST} {letter}", unit="um", baselines=(RIGID,), must_beat=(RIGID,),
+            )
+            for letter in model.shafts if is_known(model, letter)
         )  # fmt: skip
 
     def cases(
@@ -144,7 +154,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         for one in read_recordings(
             records.signals, settings.drive_records, settings.drive, lambda f: role(f) == "training"
         ):
-            if not (one.axes or one.motor or one.trained):
+            if not (one.axes or one.motor or one.shafts or one.trained):
                 reasons = "; ".join(sorted(set(one.lacking.values())))
                 others.append(LeftOut(case=one.name, reason=reasons))
                 continue
@@ -173,8 +183,16 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
             )
         parameters = {letter: axis_parameters(letter, found) for letter in axes}
         if found.motor is not None:
-            parameters[MOTOR] = motor_parameters(found.motor)
-        used = [c for c, one in zip(training, recordings, strict=True) if one.axes or one.motor]
+            pairs = settings.drive_records.motor.pole_pairs if settings.drive_records.motor else 1
+            parameters[MOTOR] = motor_parameters(found.motor, pairs)
+        shafts = {
+            letter: stored_shaft(fit, settings.drive.axis(letter).screw_lead)
+            for letter, fit in found.shafts.items()
+        }
+        used = [
+            c for c, one in zip(training, recordings, strict=True)
+            if one.axes or one.motor or one.shafts
+        ]  # fmt: skip
         return DriveModel(
             submodel=self.name,
             machine=settings.identity.name,
@@ -194,6 +212,8 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                 if one.axes
             ),
             substeps=settings.drive_fit.substeps,
+            shafts=shafts,
+            speed_loops=compared_loops(axes, parameters, shafts, settings.drive_records.motor),
         )
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
@@ -201,6 +221,10 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         model = read_json(folder / "model.json", DriveModel)
         drives = identified_drives(model)
         return lambda case: _predicted(case.load(), model, drives)
+
+    def figures(self, model: DriveModel) -> dict[str, Any]:
+        """Parameters of shafts, and speed loops by kind and gains, for the metrics."""
+        return shaft_figures(model)
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Following error [um], command and force of each axis from its commanded position.
@@ -282,6 +306,7 @@ def _predicted(
     """Force and following error of every axis that a recording shows."""
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {"length": Fact(value=round(recording.seconds, 3), unit="s")}
+    frames += twist_frames(recording, model, drives)
     notes: dict[str, list[str]] = {}
     for letter, drive in drives.items():
         if letter not in recording.axes:

@@ -1,0 +1,137 @@
+"""Stiffness, damping, play and motor's mass of simulated axes with two masses."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipeline.schema.drive import SpeedLoop, SpeedLoops
+from pipeline.shop.drives import commands
+from pipeline.shop.drives.axis import follow
+from pipeline.shop.drives.commands import Move
+from pipeline.shop.drives.parameters import Axis, ShaftRecords
+from pipeline.shop.drives.shafts import _sweeps, both_ends
+from pipeline.shop.parameters import AxisLimits
+from pipeline.submodels.drive.page_speed_loops import loops_figure
+from pipeline.submodels.drive.records import Recording
+from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
+from pipeline.submodels.drive.speed_loops import verdict_words
+
+QUICK = [Move(length=(-1) ** k * 30.0, speed=400.0, pause=0.02) for k in range(10)]
+SWEPT = [Move(length=sign * 80.0, speed=25.0) for sign in (1, -1)]
+
+
+def recorded(axis: Axis, seed: int) -> list[Recording]:
+    """Quick strokes and a frequency response of an axis, as the shop floor's recorder has them."""
+    random, shaft = np.random.default_rng(seed), ShaftRecords()
+    frequency = axis.cascade.position_frequency
+    found = []
+    for moves, swept in ((QUICK, False), (SWEPT, True)):
+        command = commands.travel(moves, AxisLimits().bounds, frequency)
+        added = _sweeps(command, frequency, shaft) if swept else np.zeros(command.size)
+        out = follow(axis, command * 1e-3, random, injected=added)
+        both = both_ends(axis, out, shaft, random)
+        current = out.current + 0.03 * random.standard_normal(out.current.size)
+        ends = {"motor": 1e-3 * both["motor"], "load": 1e-3 * both["carriage"], "command": current}
+        found.append(
+            Recording(
+                name=f"shaft/{len(found)}.csv", trained=True, period=1 / frequency,
+                air=np.ones(current.size, bool), shafts={"X": ends},
+            )
+        )  # fmt: skip
+    return found
+
+
+@cache
+def fitted(stiffness: float, carriage: float, seed: int) -> tuple[Axis, ShaftFit]:
+    axis = Axis(stiffness=stiffness, carriage=carriage)
+    fit = identify_shaft(
+        recorded(axis, seed), "X", force_constant=axis.force_constant, force_unit="N",
+        lead=axis.lead * 1e-3, widest=0.5,
+    )  # fmt: skip
+    assert fit is not None
+    return axis, fit
+
+
+@pytest.mark.parametrize(("stiffness", "carriage"), [(180.0, 520.0), (90.0, 800.0)])
+def test_shaft_is_recovered_from_both_ends(stiffness: float, carriage: float) -> None:
+    axis, fit = fitted(stiffness, carriage, 1)
+    found = fit.parameters
+    assert found["shaft_stiffness"].value == pytest.approx(1e6 * stiffness, rel=0.03)
+    assert found["motor_mass"].value == pytest.approx(axis.motor_mass, rel=0.03)
+    assert found["shaft_damping"].value == pytest.approx(1e3 * axis.damping, rel=0.35)
+
+
+def test_axis_without_play_has_an_interval_with_0() -> None:
+    found = fitted(180.0, 520.0, 1)[1].parameters["backlash"]
+    assert found.interval_95 is not None
+    assert found.interval_95[0] == 0.0
+    assert found.interval_95[1] < 0.3e-6
+
+
+def test_stiff_axis_says_how_stiff_it_is_at_least() -> None:
+    axis = Axis()
+    records = [
+        replace(one, shafts={"X": one.shafts["X"] | {"load": one.shafts["X"]["motor"]
+                + 1e-7 * np.random.default_rng(3).standard_normal(one.samples)}})
+        for one in recorded(axis, 2)
+    ]  # fmt: skip
+    fit = identify_shaft(
+        records, "X", force_constant=axis.force_constant, force_unit="N", lead=None, widest=0.5
+    )
+    assert fit is not None
+    found = fit.parameters["shaft_stiffness"]
+    assert not found.determined
+    assert "at least" in found.method
+    assert found.value is None
+
+
+def test_no_recording_of_both_ends_is_no_shaft() -> None:
+    bare = Recording(name="servo/a.csv", trained=True)
+    assert identify_shaft(
+        [bare], "X", force_constant=1.0, force_unit="N", lead=None, widest=0.5
+    ) is None  # fmt: skip
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("stiffness", [60.0, 120.0, 180.0, 250.0])
+def test_intervals_hold_over_seeds(stiffness: float) -> None:
+    """Of stiffness and motor's mass, in 9 of 10 seeds."""
+    held = []
+    for seed in range(10):
+        axis, fit = fitted(stiffness, 520.0, seed)
+        true = {"shaft_stiffness": 1e6 * stiffness, "motor_mass": axis.motor_mass}
+        for name, value in true.items():
+            ends = fit.parameters[name].interval_95
+            held.append(ends is not None and ends[0] <= value <= ends[1])
+    assert np.mean(held) >= 0.9
+
+
+def loops(settling: float, following: float) -> SpeedLoops:
+    def one(kind: str, ms: float, um: float) -> SpeedLoop:
+        return SpeedLoop(
+            kind=kind, gains="tuned alike", proportional=1.0, integral=1.0, settling_ms=ms,
+            reaching_ms=ms, overshoot_percent=0.0, ripple_percent=0.0, following_um=um,
+            time_ms=(0.0, 1.0, 2.0), speed_percent=(0.0, 90.0, 100.0),
+        )  # fmt: skip
+
+    both = (one("PI", 40.0, 300.0), one("fuzzy PI", settling, following))
+    return SpeedLoops(axis="X", loops=both)
+
+
+@pytest.mark.parametrize(
+    ("settling", "following", "words"),
+    [(20.0, 300.0, "helps:"), (39.0, 299.0, "not worth"), (20.0, 500.0, "in part")],
+)
+def test_verdict_on_fuzzy_loops(settling: float, following: float, words: str) -> None:
+    assert words in verdict_words(loops(settling, following))
+
+
+def test_loops_that_were_not_compared_have_their_reason() -> None:
+    assert "no current_limit" in verdict_words(SpeedLoops(axis="X", reason="no current_limit"))
+
+
+def test_figure_draws_both_loops() -> None:
+    drawn = str(loops_figure(loops(20.0, 300.0), "speed"))
+    assert drawn.count("<path") + drawn.count("<polyline") >= 2
