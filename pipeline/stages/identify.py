@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.schema.golden import read_golden
+from pipeline.schema.plots import write_plots
 from pipeline.schema.predictions import write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Records
@@ -41,9 +42,10 @@ def judge(
     folder: Path,
     golden: Path,
     metrics: Path,
+    plots: Path,
     settings: Any,
 ) -> None:
-    """Judge the sub-model in ``folder``; write ``verdict.json``, ``predictions.parquet``, metrics.
+    """Judge the sub-model in ``folder``; write verdict, predictions, metrics, plots.
 
     Parameters
     ----------
@@ -53,6 +55,8 @@ def judge(
         Folder of the frozen sets, one file a machine.
     metrics : Path
         JSON of the key figures.
+    plots : Path
+        Folder of the tables for ``dvc plots``.
     settings : object
         Of its ``judging`` type.
     """
@@ -70,3 +74,4 @@ def judge(
     write_json(found.verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
     metrics.write_text(json.dumps(key_figures(found.verdict), indent=2) + "\n")
+    write_plots(found.verdict, found.predictions, plots)

@@ -84,8 +84,9 @@ def build(
     identify(SUBMODEL, reads, out, fitting(training, wanted, settings))
     (folder / "golden").mkdir()
     judge(
-        SUBMODEL, reads, out, folder / "golden", folder / "metrics.json", judging(training, wanted)
-    )
+        SUBMODEL, reads, out, folder / "golden", folder / "metrics.json", folder / "plots",
+        judging(training, wanted),
+    )  # fmt: skip
     return Built(
         reads, out, read_json(out / "model.json", CompensationModel),
         read_json(out / "verdict.json", Verdict), pd.read_parquet(out / "predictions.parquet"),
