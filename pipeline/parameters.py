@@ -14,6 +14,8 @@ from pipeline.schema.structure import structured
 T = TypeVar("T")
 
 PARAMS = Path("params.yaml")
+NotYaml = yaml.YAMLError
+"""What reading YAML raises."""
 
 
 class ParametersError(ValueError):

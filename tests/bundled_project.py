@@ -113,7 +113,13 @@ def spindle(root: Path, error_K: float = 0.0, mae_K: float = 5.0) -> Path:
     }
     metrics = root / "metrics.json"
     judge(
-        submodel("spindle"), reads, folder, root / "data/golden", metrics, root / "plots", settings
+        submodel("spindle"),
+        reads,
+        folder,
+        root / "data/golden",
+        metrics,
+        root / "plots",
+        settings=settings,
     )
     return machine
 

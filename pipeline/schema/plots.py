@@ -45,20 +45,31 @@ def write_plots(verdict: Verdict, predictions: "pd.DataFrame", folder: Path) -> 
 
     folder.mkdir(parents=True, exist_ok=True)
     one = first_judged(verdict)
-    shown = pd.DataFrame(columns=list(PREDICTIONS))
-    rows: list[dict[str, object]] = []
-    if one is not None:
-        of_one = predictions[
-            (predictions["quantity"] == one.quantity)
-            & (predictions["regime"].fillna("") == one.regime)
-            & (predictions["role"] == one.role)
-        ]
-        known = of_one.dropna(subset=["measured", "predicted"])[list(PREDICTIONS)]
-        shown = known.iloc[:: max(1, -(-len(known) // POINTS))]
-        rows = [
-            {name: getattr(score, name) for name in SCORES}
-            for score in verdict.scores
-            if (score.quantity, score.regime, score.role) == (one.quantity, one.regime, one.role)
-        ]
-    for name, table in (("predictions", shown), ("scores", pd.DataFrame(rows, columns=SCORES))):
+    rows = [
+        {name: getattr(score, name) for name in SCORES}
+        for score in verdict.scores
+        if one is not None
+        and (score.quantity, score.regime, score.role) == (one.quantity, one.regime, one.role)
+    ]
+    tables = {
+        "predictions": shown_predictions(verdict, predictions),
+        "scores": pd.DataFrame(rows, columns=list(SCORES)),
+    }
+    for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
+
+
+def shown_predictions(verdict: Verdict, predictions: "pd.DataFrame") -> "pd.DataFrame":
+    """At most :data:`POINTS` rows of what a verdict judges first, where both values are known."""
+    import pandas as pd
+
+    one = first_judged(verdict)
+    if one is None:
+        return pd.DataFrame(columns=list(PREDICTIONS))
+    of_one = predictions[
+        (predictions["quantity"] == one.quantity)
+        & (predictions["regime"].fillna("") == one.regime)
+        & (predictions["role"] == one.role)
+    ]
+    known = of_one.dropna(subset=["measured", "predicted"])[list(PREDICTIONS)]
+    return known.iloc[:: max(1, -(-len(known) // POINTS))]

@@ -75,14 +75,15 @@ def load_stage(name: str) -> Entry:
 
 
 def _of_submodel(verb: str, which: str) -> Entry:
-    """The shared stage of a sub-model: its records, its folder, and when judged three more paths."""
+    """The shared stage of a sub-model: its records, its folder; three more paths to judge it."""
     module = importlib.import_module("pipeline.stages.identify")
     one = submodel(which)
     settings = one.fitting if verb == "identify" else one.judging
 
     def call(*paths: Path, **loaded: Any) -> None:
         reads = dict(zip(one.reads, paths, strict=False))
-        getattr(module, verb)(one, reads, *paths[len(one.reads) :], settings(**loaded))
+        others = paths[len(one.reads) :]
+        getattr(module, verb)(one, reads, *others, settings=settings(**loaded))
 
     more = ["folder"] if verb == "identify" else ["folder", "golden", "metrics", "plots"]
     return Entry(

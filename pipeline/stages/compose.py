@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.parameters import as_section, as_yaml, read_params, read_yaml
+from pipeline.parameters import NotYaml, as_section, as_yaml, read_params, read_yaml
 from pipeline.schema.store import write_text
 
 HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
@@ -181,7 +181,7 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
         return OmegaConf.to_yaml(config, resolve=True) + as_section(
             "catalogue", conf / "catalogue/default.yaml"
         )
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, NotYaml) as error:
         raise ValueError(f"{conf} does not compose: {' '.join(str(error).split())}") from error
 
 

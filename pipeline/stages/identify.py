@@ -16,7 +16,7 @@ from pipeline.submodels.judge import metrics as key_figures
 
 
 def identify(
-    submodel: SubModel[Any, Any, Any], reads: Mapping[str, Path], folder: Path, settings: Any
+    submodel: SubModel[Any, Any, Any], reads: Mapping[str, Path], folder: Path, *, settings: Any
 ) -> None:
     """Fit the sub-model on its training cases; write ``model.json`` into ``folder``.
 
@@ -43,6 +43,7 @@ def judge(
     golden: Path,
     metrics: Path,
     plots: Path,
+    *,
     settings: Any,
 ) -> None:
     """Judge the sub-model in ``folder``; write verdict, predictions, metrics, plots.

@@ -1,13 +1,11 @@
 """What an experiment sets stands on top of conf/ as it is now, or is refused in one sentence."""
 
-import os
 import subprocess
 from pathlib import Path
 
 import pytest
 import yaml
 
-from pipeline.parameters import ParametersError
 from pipeline.stages.compose import BASELINE, HEADER, compose, composed
 from tests.small_project import with_conf
 
@@ -133,12 +131,15 @@ def test_a_key_that_is_edited_and_set_is_asked_back(root: Path) -> None:
 
 
 def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path) -> None:
-    os.environ.pop(BASELINE)
     fleet = root / "conf/fleet/active.yaml"
     text = fleet.read_text().replace("  wear: [mill01, mill02]", "  wear: [mill01]")
     assert text != fleet.read_text()
     fleet.write_text(text)
     machine = root / "conf/machine/mill02.yaml"
-    machine.write_text(machine.read_text() + "\ndynamics: {depth: 3}\n")
-    with pytest.raises(ParametersError, match=r"machine\.mill02\.dynamics"):
+    known = machine.read_text()
+    machine.write_text(known.replace("\nenergy:", "\nenergi:"))
+    with pytest.raises(ValueError, match=r"section machine\.mill02\.energi, did you mean energy"):
+        compose(root / "conf", root / "params.yaml")
+    machine.write_text(known.replace("\nenergy:", "\nwear_life:"))
+    with pytest.raises(ValueError, match=r"conf does not compose: .*duplicate key wear_life"):
         compose(root / "conf", root / "params.yaml")
