@@ -168,7 +168,7 @@ def test_each_identification_is_a_run_and_the_version_has_a_card(root: Path) -> 
         f"# Digital twin of {MACHINE} (simulated records)",
         "Simulated:",
         "passed",
-        f"Learnt from: 2026-01-05",
+        "Learnt from: 2026-01-05",
         "golden records, frozen as",
         f"{TARGET} [degC]",
         "MAE",
