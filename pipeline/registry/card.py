@@ -65,7 +65,7 @@ def _part(name: str, folder: Path, units: Mapping[str, str]) -> list[str]:
         f"- Learnt from: {_trained(model)}.",
         f"- Judged on: {_judged(verdict)}.",
     ]
-    lines += [f"  - {_score(score)}" for score in _decisive(verdict)]
+    lines += [f"  - {_score(score, _limits(score, verdict))}" for score in _decisive(verdict)]
     lines += [f"- Limit: {reason}." for reason in verdict.missed[:MOST]]
     lines += [f"- Beyond what was learnt: {o.case}, {o.condition} {o.value} {o.unit}, learnt "
               f"{o.learnt}." for o in verdict.outside[:MOST]]  # fmt: skip
@@ -99,7 +99,14 @@ def _decisive(verdict: Verdict) -> list[Score]:
             if s.group == "all" and s.role == verdict.judged_role and s.n]  # fmt: skip
 
 
-def _score(score: Score) -> str:
+def _limits(score: Score, verdict: Verdict) -> Mapping[str, float]:
+    """Limits of a quantity and regime, which may be set for each group alone."""
+    same = [s for s in verdict.scores
+            if (s.quantity, s.regime, s.role) == (score.quantity, score.regime, score.role)]  # fmt: skip
+    return next((s.limits for s in [score, *same] if s.limits), {})
+
+
+def _score(score: Score, bounds: Mapping[str, float]) -> str:
     """Errors of a quantity with the limits that they were held against."""
     regime = f", {score.regime}" if score.regime else ""
     errors = [
@@ -107,9 +114,9 @@ def _score(score: Score) -> str:
         for name in ("mae", "rmse", "max")
         if (value := getattr(score, name)) is not None
     ]
-    limits = [f"{name} {limit:.4g}" for name, limit in score.limits.items()]
+    limits = [f"{name} {limit:.4g}" for name, limit in bounds.items()]
     held = f" (limits: {', '.join(limits)})" if limits else ""
     inside = ""
     if score.coverage_90 is not None:
         inside = f"; {100 * score.coverage_90:.0f} % inside the 90 % interval"
-    return f"{score.quantity}{regime}: {', '.join(errors)}{held}{inside}; {score.status}"
+    return f"{score.quantity}{regime}: {', '.join(errors)}{held}{inside}"

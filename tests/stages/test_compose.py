@@ -137,8 +137,10 @@ def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path
     fleet.write_text(text)
     machine = root / "conf/machine/mill02.yaml"
     known = machine.read_text()
-    machine.write_text(known.replace("\nenergy:", "\nenergi:"))
-    with pytest.raises(ValueError, match=r"section machine\.mill02\.energi, did you mean energy"):
+    machine.write_text(known.replace("\nwear_life:", "\nwear_lives:"))
+    with pytest.raises(
+        ValueError, match=r"section machine\.mill02\.wear_lives, did you mean wear_life"
+    ):
         compose(root / "conf", root / "params.yaml")
     machine.write_text(known.replace("\nenergy:", "\nwear_life:"))
     with pytest.raises(ValueError, match=r"conf does not compose: .*duplicate key wear_life"):
