@@ -1,4 +1,4 @@
-"""The commands of docs/experiments.md on a project of two stages: settings, then what is plotted."""
+"""The commands of docs/experiments.md on a project of two stages: settings, and what is plotted."""
 
 import os
 import re
@@ -23,7 +23,7 @@ Path("metrics.json").write_text(json.dumps({"limit": limit}))
 
 
 def run(folder: Path, *words: str) -> str:
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b",
+    env = {**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT), "GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b",
            "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL": "a@b",
            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}  # fmt: skip
     done = subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True, check=False)
@@ -64,6 +64,12 @@ def commands(heading: str) -> list[str]:
     return [line.partition("#")[0].strip() for line in lines]
 
 
+def shown(table: str) -> dict[str, str]:
+    """Rows of ``dvc exp show`` by the name of the experiment, ``1a2b3c4 [name]``."""
+    named = [(re.search(r"\[(\w+)\]", row), row) for row in table.splitlines()]
+    return {found[1]: row for found, row in named if found and found[1] not in ("main", "master")}
+
+
 def test_a_clean_clone_differs_in_no_parameter(project: Path, tmp_path: Path) -> None:
     run(tmp_path, "git", "clone", "-q", str(project), "clone")
     assert run(tmp_path / "clone", "dvc", "params", "diff", "--json").strip() == "{}"
@@ -82,7 +88,10 @@ def test_two_values_of_a_setting_are_shown_side_by_side(project: Path) -> None:
     soft, strict, show, plots = found
     for command in (soft, strict, show):
         said = run(project, *command.split())
-    assert "soft" in said and "strict" in said and "4.0" in said and "1.0" in said
+    assert {name: row.split()[-1] for name, row in shown(said).items()} == {
+        "soft": "4",
+        "strict": "1",
+    }
     place = run(project, *plots.split()).strip().splitlines()[-1]
     page = Path(place.removeprefix("file://")).read_text()
     assert "measured" in page and "soft" in page and "strict" in page

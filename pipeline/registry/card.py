@@ -101,8 +101,8 @@ def _decisive(verdict: Verdict) -> list[Score]:
 
 def _limits(score: Score, verdict: Verdict) -> Mapping[str, float]:
     """Limits of a quantity and regime, which may be set for each group alone."""
-    same = [s for s in verdict.scores
-            if (s.quantity, s.regime, s.role) == (score.quantity, score.regime, score.role)]  # fmt: skip
+    about = (score.quantity, score.regime, score.role)
+    same = [s for s in verdict.scores if (s.quantity, s.regime, s.role) == about]
     return next((s.limits for s in [score, *same] if s.limits), {})
 
 
