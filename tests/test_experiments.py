@@ -23,7 +23,8 @@ Path("metrics.json").write_text(json.dumps({"limit": limit}))
 
 
 def run(folder: Path, *words: str) -> str:
-    env = {**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT), "GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b",
+    env = {**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT),
+           "GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b",
            "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL": "a@b",
            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}  # fmt: skip
     done = subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True, check=False)
