@@ -9,7 +9,9 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONHASHSEED := 0
 READY := $(VENV)/ready
 TESTS := $(VENV)/ready-for-tests
-INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.lock
+PIP = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.lock
+# uv where it is on the path; torch always by pip, whose configuration may name an index of CPU builds
+INSTALL = $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python -c requirements.lock,$(PIP))
 
 .PHONY: repro test proof setup benchmark docs clean
 
@@ -39,6 +41,7 @@ setup: $(TESTS)
 $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else f"Kerf needs Python 3.11, this is {v[0]}.{v[1]}: make PYTHON=/path/to/python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) "torch==$$(sed -n 's/^torch==//p' requirements.lock)"
 	$(INSTALL) -e .
 	touch $@
 

@@ -11,15 +11,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.registry import (
+from pipeline.registry.loading import checked_place
+from pipeline.registry.provenance import CHAMPIONS, git
+from pipeline.registry.runs import register
+from pipeline.registry.store import (
     ARTIFACTS,
-    CHAMPIONS,
     DATABASE,
     Version,
-    checked_place,
-    git,
     name_versions,
-    register,
+    note_promotion,
     versions,
 )
 from pipeline.schema.bundle import (
@@ -166,6 +166,7 @@ def promote(
     champion = Champion(
         version=number, bundle=sha256, since=_utc_now(), by=by or person(root), why=why
     )
+    note_promotion(machine, root, champion)
     names, models = _names(machine, root), root / DATA / "models" / machine
     fill_champion(sha256, names, models, root / DATA / "champion" / machine, root=root)
     write_champions(champions.promoted(machine, champion), root / CHAMPIONS)

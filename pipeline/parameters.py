@@ -14,6 +14,8 @@ from pipeline.schema.structure import structured
 T = TypeVar("T")
 
 PARAMS = Path("params.yaml")
+NotYaml = yaml.YAMLError
+"""What reading YAML raises."""
 
 
 class ParametersError(ValueError):
@@ -32,13 +34,29 @@ def read_params(path: Path = PARAMS) -> dict[str, Any]:
         raise ParametersError(
             f"{path} does not exist: run `dvc repro compose` to write it from conf/"
         )
+    return read_yaml(path.read_text(), str(path))
+
+
+def read_yaml(text: str, source: str = "params.yaml") -> dict[str, Any]:
+    """A mapping in YAML, such as params.yaml of another commit.
+
+    Raises
+    ------
+    ParametersError
+        When it is none; the message names its ``source``.
+    """
     try:
-        values = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
+        values = yaml.load(text, Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
-        raise ParametersError(f"{path} is no YAML: {error}") from error
+        raise ParametersError(f"{source} is no YAML: {error}") from error
     if not isinstance(values, dict):
-        raise ParametersError(f"{path} holds {type(values).__name__}, a mapping is needed")
+        raise ParametersError(f"{source} holds {type(values).__name__}, a mapping is needed")
     return values
+
+
+def as_yaml(values: dict[str, Any]) -> str:
+    """A mapping in YAML, its keys in their order."""
+    return str(yaml.dump(values, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True))
 
 
 def section_path(values: dict[str, Any], name: str, item: str | None) -> str:

@@ -112,7 +112,15 @@ def spindle(root: Path, error_K: float = 0.0, mae_K: float = 5.0) -> Path:
         "clean": root / f"data/clean/{MACHINE}",
     }
     metrics = root / "metrics.json"
-    judge(submodel("spindle"), reads, folder, root / "data/golden", metrics, settings)
+    judge(
+        submodel("spindle"),
+        reads,
+        folder,
+        root / "data/golden",
+        metrics,
+        root / "plots",
+        settings=settings,
+    )
     return machine
 
 

@@ -38,7 +38,7 @@ ARROWS: dict[str, set[str]] = {
         "submodels.judge",
     },
     "serving": set(),
-    "registry": {"submodels.contract", "submodels.judge"},
+    "registry": {"charts", "submodels.contract", "submodels.judge"},
     "champions": {"registry", "submodels", "fleet", "parameters"},
     "stages": {"*"},
     "app": {"*"},

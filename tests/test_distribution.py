@@ -4,7 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from pipeline.registry import requirements
+from pipeline.registry.provenance import requirements
 
 ROOT = Path(__file__).parents[1]
 ANOTHERS = re.compile(

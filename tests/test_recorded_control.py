@@ -47,7 +47,7 @@ def project(tmp_path_factory) -> Path:
         run("ingest@hurco", raw, signals)
         run("identify_control@hurco", signals, raw, MODEL)
         run("judge_control@hurco", signals, raw, MODEL, "data/golden",
-            "data/metrics/hurco_control.json")  # fmt: skip
+            "data/metrics/hurco_control.json", "data/plots/hurco_control")  # fmt: skip
     return folder
 
 
@@ -75,7 +75,9 @@ def test_every_golden_run_is_within_the_limit(project, verdict):
     assert judged == pytest.approx(JUDGED, abs=0.25)  # of a percent: what a change may move them
     assert max(map(abs, judged.values())) < 5.0
     assert (verdict.status, verdict.judged_role) == ("passed", "golden")
-    metrics = json.loads((project / "data/metrics/hurco_control.json").read_text())
+    metrics = json.loads(
+        (project / "data/metrics/hurco_control.json", "data/plots/hurco_control").read_text()
+    )
     assert metrics["status"] == "passed"
     # the aborted run of plate 04 is compared up to its last line and counts for nothing
     assert metrics["cases_judged"] == 8

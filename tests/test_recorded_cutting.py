@@ -45,7 +45,7 @@ def documents(tmp_path_factory):
         run(f"identify_cutting@{MACHINE}", signals, raw, folder)
         run(
             f"judge_cutting@{MACHINE}", signals, raw, folder, "data/golden",
-            f"data/metrics/{MACHINE}_cutting.json",
+            f"data/metrics/{MACHINE}_cutting.json", f"data/plots/{MACHINE}_cutting",
         )  # fmt: skip
         return (
             read_json(Path(folder) / "model.json", CuttingModel),

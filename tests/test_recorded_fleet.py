@@ -30,7 +30,13 @@ def build(project: Path) -> None:
         run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
         reads = ("data/signals/mazak01/manifest.json", "data/clean/mazak01", MODEL)
         run("identify_spindle@mazak01", *reads)
-        run("judge_spindle@mazak01", *reads, "data/golden", "data/metrics/mazak01_spindle.json")
+        run(
+            "judge_spindle@mazak01",
+            *reads,
+            "data/golden",
+            "data/metrics/mazak01_spindle.json",
+            "data/plots/mazak01_spindle",
+        )
         run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "champion", "golden",
                                                "truth", "programs", "parts", "trials")),
             "reports", "data/metrics/report.json")  # fmt: skip
@@ -76,7 +82,9 @@ def test_every_golden_day_is_within_the_limits_and_better_than_persistence(proje
         assert day.mae < 2.0
         assert day.rmse < 3.0
         assert day.rmse < day.baselines["persistence"].rmse
-    metrics = json.loads((project / "data/metrics/mazak01_spindle.json").read_text())
+    metrics = json.loads(
+        (project / "data/metrics/mazak01_spindle.json", "data/plots/mazak01_spindle").read_text()
+    )
     (total,) = [s for s in scores if s.regime == "windows" and s.group == "all"]
     assert metrics["status"] == "passed" and metrics["cases_judged"] == len(days)
     assert metrics["spindle_temperature, windows"]["mae"] == total.mae

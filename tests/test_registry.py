@@ -15,7 +15,9 @@ import pandas as pd
 import pytest
 
 from pipeline.champions import first_champion, made_with, promote, status
-from pipeline.registry import CHAMPIONS, Version, load, model_name, requirements, versions
+from pipeline.registry.loading import load, place_of
+from pipeline.registry.provenance import CHAMPIONS, requirements
+from pipeline.registry.store import Version, client_of, model_name, versions
 from pipeline.schema.bundle import (
     Bundle,
     BundledModel,
@@ -141,9 +143,7 @@ def test_another_store_is_filled_as_well(
 
 
 def test_a_run_says_what_the_version_was_made_of(root: Path) -> None:
-    from pipeline.registry import _client
-
-    client = _client(root)
+    client = client_of(root)
     version = client.get_model_version(model_name(MACHINE), "2")
     run = client.get_run(version.run_id).data
     verdict = read_json(root / MODELS / "spindle/verdict.json", Verdict)
@@ -160,12 +160,52 @@ def test_a_run_says_what_the_version_was_made_of(root: Path) -> None:
     assert info.name == "bundle"
 
 
+def test_each_identification_is_a_run_and_the_version_has_a_card(root: Path) -> None:
+    client = client_of(root)
+    version = client.get_model_version(model_name(MACHINE), "2")
+    card = version.description
+    for words in (
+        f"# Digital twin of {MACHINE} (simulated records)",
+        "Simulated:",
+        "passed",
+        "Learnt from: 2026-01-05",
+        "golden records, frozen as",
+        f"{TARGET} [degC]",
+        "MAE",
+        "limits",
+    ):
+        assert words in card, words
+    children = [
+        run
+        for run in client.search_runs([client.get_run(version.run_id).info.experiment_id])
+        if run.data.tags.get("mlflow.parentRunId") == version.run_id
+    ]
+    (run,) = children
+    model = read_json(root / MODELS / "spindle/model.json", submodel("spindle").model)
+    assert run.data.tags["submodel"] == "spindle"
+    assert run.data.params["cooling_rate"] == "0.00111111 1/s"
+    assert run.data.metrics["spindle.parameter.cooling_rate"] == pytest.approx(1 / 900)
+    place = root / "mlartifacts" / run.info.artifact_uri.rpartition("/mlartifacts/")[2]
+    listed = (place / "training_files.sha256").read_text().split()
+    assert set(listed[::2]) == set(model.training_files)
+    assert "<svg" in (place / "spindle.svg").read_text()
+
+
+def test_the_version_that_serves_says_since_when_by_whom_and_why(root: Path) -> None:
+    served = promote(MACHINE, root, why="a week in March", by="Ada")
+    tags = {v.version: v.tags for v in versions(MACHINE, root)}
+    assert tags[1]["promoted_by"] == "dvc repro" and tags[1]["promoted_why"] == "first bundle"
+    said = [tags[2][f"promoted_{word}"] for word in ("at", "by", "why")]
+    assert said == [served.since, "Ada", "a week in March"]
+    client = client_of(root)
+    card = client.get_registered_model(model_name(MACHINE)).description
+    assert card == client.get_model_version(model_name(MACHINE), "2").description
+
+
 def test_a_version_has_signature_example_units_and_pinned_requirements(root: Path) -> None:
     import mlflow
 
-    from pipeline.registry import _place
-
-    place = _place(versions(MACHINE, root)[0], root)
+    place = place_of(versions(MACHINE, root)[0], root)
     model = mlflow.models.Model.load(str(place))
     assert model.metadata["units"]["spindle"] == {
         "spindle_speed": "rev/min", "spindle_load": "%", TARGET: "degC"
@@ -264,9 +304,7 @@ def test_a_version_of_long_ago_predicts_what_it_predicted(tmp_path: Path, made: 
 
 
 def bundle_in(root: Path) -> Path:
-    from pipeline.registry import _place
-
-    return _place(versions(MACHINE, root)[0], root) / "artifacts/bundle"
+    return place_of(versions(MACHINE, root)[0], root) / "artifacts/bundle"
 
 
 def spoil(bundle: Path) -> None:

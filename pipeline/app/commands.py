@@ -37,6 +37,18 @@ def _say_json(document: Any) -> None:
 
 
 @app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Of the new project, or of one to bring up.")],
+) -> None:
+    """Make a project in FOLDER: conf/, dvc.yaml and DVC, run by the Kerf that is installed."""
+    from pipeline.app.project import new_project
+
+    with one_sentence():
+        made = new_project(folder)
+    typer.echo(f"{made} {folder}: `cd {folder}` and `dvc repro`")
+
+
+@app.command()
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
     machine: Annotated[str, typer.Option(help="Whose records these are, as in conf/machine/.")],

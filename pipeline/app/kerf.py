@@ -1,5 +1,6 @@
 """The command kerf: its options, one sentence for bad input, a bar while it waits."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,8 +53,21 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
+def _work_in(project: Path | None) -> None:
+    """Do as if the command had been called in the folder of a project."""
+    if project is not None:
+        with one_sentence():
+            if not project.is_dir():
+                raise ValueError(f"{project} is no folder: `kerf init {project}` makes a project")
+            os.chdir(project)
+
+
 @app.callback()
 def _options(
+    project: Annotated[
+        Path | None,
+        typer.Option("-C", metavar="PROJECT", callback=_work_in, help="Work in this folder."),
+    ] = None,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Say it and end.")
     ] = False,

@@ -19,6 +19,7 @@ __all__ = [
     "model",
     "part",
     "part_sheet",
+    "plots",
     "predictions",
     "program",
     "program_cut",

@@ -25,6 +25,9 @@ from pipeline.submodels.contract import sections, submodel, submodels
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+NO_STAGES = {"identify", "sections"}
+"""Modules of this room that are no stage of their name."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
@@ -59,8 +62,8 @@ def load_stage(name: str) -> Entry:
     verb, _, which = name.partition("_")
     if verb in ("identify", "judge") and which in submodels():
         return _of_submodel(verb, which)
-    shared = {"identify"}
-    known = sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py") if p.stem not in shared)
+    stages = {path.stem for path in Path(__file__).parent.glob("[a-z]*.py")}
+    known = sorted(stages - NO_STAGES)
     if name not in known:
         every = [*known, *(f"{v}_{s}" for v in ("identify", "judge") for s in submodels())]
         raise ValueError(f"there is no stage {name!r}; there are {', '.join(every)}")
@@ -75,16 +78,17 @@ def load_stage(name: str) -> Entry:
 
 
 def _of_submodel(verb: str, which: str) -> Entry:
-    """The shared stage of a sub-model: its records, its folder, and when judged two more paths."""
+    """The shared stage of a sub-model: its records, its folder; three more paths to judge it."""
     module = importlib.import_module("pipeline.stages.identify")
     one = submodel(which)
     settings = one.fitting if verb == "identify" else one.judging
 
     def call(*paths: Path, **loaded: Any) -> None:
         reads = dict(zip(one.reads, paths, strict=False))
-        getattr(module, verb)(one, reads, *paths[len(one.reads) :], settings(**loaded))
+        others = paths[len(one.reads) :]
+        getattr(module, verb)(one, reads, *others, settings=settings(**loaded))
 
-    more = ["folder"] if verb == "identify" else ["folder", "golden", "metrics"]
+    more = ["folder"] if verb == "identify" else ["folder", "golden", "metrics", "plots"]
     return Entry(
         modules=("pipeline.stages.identify", f"pipeline.submodels.{which}.submodel"),
         paths=[*one.reads, *more],

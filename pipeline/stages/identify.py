@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.schema.golden import read_golden
+from pipeline.schema.plots import write_plots
 from pipeline.schema.predictions import write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Records
@@ -15,7 +16,7 @@ from pipeline.submodels.judge import metrics as key_figures
 
 
 def identify(
-    submodel: SubModel[Any, Any, Any], reads: Mapping[str, Path], folder: Path, settings: Any
+    submodel: SubModel[Any, Any, Any], reads: Mapping[str, Path], folder: Path, *, settings: Any
 ) -> None:
     """Fit the sub-model on its training cases; write ``model.json`` into ``folder``.
 
@@ -41,9 +42,11 @@ def judge(
     folder: Path,
     golden: Path,
     metrics: Path,
+    plots: Path,
+    *,
     settings: Any,
 ) -> None:
-    """Judge the sub-model in ``folder``; write ``verdict.json``, ``predictions.parquet``, metrics.
+    """Judge the sub-model in ``folder``; write verdict, predictions, metrics, plots.
 
     Parameters
     ----------
@@ -53,6 +56,8 @@ def judge(
         Folder of the frozen sets, one file a machine.
     metrics : Path
         JSON of the key figures.
+    plots : Path
+        Folder of the tables for ``dvc plots``.
     settings : object
         Of its ``judging`` type.
     """
@@ -71,3 +76,4 @@ def judge(
     write_predictions(found.predictions, folder / "predictions.parquet")
     figures = key_figures(found.verdict) | dict(submodel.figures(model))
     metrics.write_text(json.dumps(figures, indent=2) + "\n")
+    write_plots(found.verdict, found.predictions, plots)

@@ -3,9 +3,10 @@
 from functools import partial
 from pathlib import Path
 
-from pipeline import registry
 from pipeline.champions import DATA, FIRST_BY, first_champion, made_with
 from pipeline.fleet import Fleet
+from pipeline.registry.runs import register as registered_version
+from pipeline.registry.store import name_versions, note_promotion, versions
 from pipeline.schema.bundle import (
     Bundle,
     Champions,
@@ -54,10 +55,10 @@ def _registered(bundle: Bundle, folder: Path, known: Champions, root: Path) -> C
     champion = known.machines.get(machine)
     held = stored_bundle(serves, machine)
     if champion is not None and held is not None and held.sha256 == champion.bundle:
-        registry.register(held, serves, root)
+        registered_version(held, serves, root)
     settings = partial(made_with, machine, tuple(bundle.submodels), root)
-    registry.register(bundle, folder, root, made_with=settings)
-    stored = registry.versions(machine, root)
+    registered_version(bundle, folder, root, made_with=settings)
+    stored = versions(machine, root)
     if champion is not None and champion.by == FIRST_BY:
         # nobody chose it: on a machine whose last digits differ, the first bundle is another
         held_by = {one.bundle for one in stored}
@@ -66,5 +67,6 @@ def _registered(bundle: Bundle, folder: Path, known: Champions, root: Path) -> C
         champion = first_champion(bundle, stored)
         known = known.promoted(machine, champion)
     other = None if champion.bundle == bundle.sha256 else bundle.sha256
-    registry.name_versions(machine, root, champion=champion.bundle, challenger=other)
+    name_versions(machine, root, champion=champion.bundle, challenger=other)
+    note_promotion(machine, root, champion)
     return known

@@ -7,23 +7,16 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.cutting.economics.cost import EnergyParameters
-from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.stages.__main__ import load_stage
-from pipeline.submodels.promotion import PromotionSettings
+from pipeline.stages.sections import BY_HAND as SINGLE
 from tests.test_architecture import imported
 
 ROOT = Path(__file__).parents[2]
 DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-BY_HAND: dict[str, Any] = {
-    "machine.*.spindle_drive": SpindleDrive,
-    "machine.*.dynamics": TipModes,
-    "machine.*.energy": EnergyParameters,
-    "promotion": PromotionSettings,
-}
-"""Sections that no stage reads, only ``kerf simulate`` and ``promote``; their types."""
+BY_HAND = {name if name == "promotion" else f"machine.*.{name}": wanted
+           for name, wanted in SINGLE.items()}  # fmt: skip
+"""Sections that no stage reads; their types by the pattern of their path."""
 
 
 def listed(each: str, fleet: dict[str, Any]) -> list[str]:
@@ -77,6 +70,7 @@ def test_the_command_gives_the_stage_its_paths(name: str) -> None:
     given = words[4:]
     assert len(given) == len(wanted), f"{name} takes {wanted}"
     known = paths(stage["deps"]) | paths(stage["outs"]) | paths(stage.get("metrics", []))
+    known |= paths(stage.get("plots", []))
     known |= {next(iter(p)) for p in stage.get("params", []) if isinstance(p, dict)}
     known |= {"champions.json"} if stage.get("always_changed") else set()  # it keeps that itself
     for path in given:

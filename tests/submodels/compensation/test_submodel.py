@@ -81,11 +81,12 @@ def build(
     drives = write_drive(folder / "drive") if with_drive else folder / "none"
     reads = {"signals": write_signals(folder / "signals", found), "drive": drives}
     out = folder / "model"
-    identify(SUBMODEL, reads, out, fitting(training, wanted, settings))
+    identify(SUBMODEL, reads, out, settings=fitting(training, wanted, settings))
     (folder / "golden").mkdir()
     judge(
-        SUBMODEL, reads, out, folder / "golden", folder / "metrics.json", judging(training, wanted)
-    )
+        SUBMODEL, reads, out, folder / "golden", folder / "metrics.json", folder / "plots",
+        settings=judging(training, wanted),
+    )  # fmt: skip
     return Built(
         reads, out, read_json(out / "model.json", CompensationModel),
         read_json(out / "verdict.json", Verdict), pd.read_parquet(out / "predictions.parquet"),

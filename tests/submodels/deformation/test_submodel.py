@@ -73,9 +73,12 @@ def build(folder: Path, found: dict[str, Made], settings: DeformationFitSettings
         identity=IDENTITY, roles=ROLES, deformation_records=RECORDS,
         deformation_limits=DeformationLimits(),
     )  # fmt: skip
-    identify(SUBMODEL, {"signals": signals}, out, fitting)
+    identify(SUBMODEL, {"signals": signals}, out, settings=fitting)
     (folder / "golden").mkdir(exist_ok=True)
-    judge(SUBMODEL, {"signals": signals}, out, folder / "golden", folder / "metrics.json", judging)
+    judge(
+        SUBMODEL, {"signals": signals}, out, folder / "golden", folder / "metrics.json",
+        folder / "plots", settings=judging,
+    )  # fmt: skip
     return Built(
         signals, out, read_json(out / "model.json", DeformationModel),
         read_json(out / "verdict.json", Verdict), pd.read_parquet(out / "predictions.parquet"),

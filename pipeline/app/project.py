@@ -1,0 +1,105 @@
+"""A project outside of Kerf's own folder: conf/, dvc.yaml and DVC, run by the installed Kerf."""
+
+import hashlib
+import re
+import shutil
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
+
+from pipeline.schema.store import write_text
+
+CODE = "kerf-version"
+"""File of the version and hash of the code: a dependency of every stage in place of the code."""
+SHARE = "share/kerf-twin"
+IGNORED = ("mlflow.db", "mlartifacts/", "data/*", "!data/golden/", "!data/metrics/")
+
+
+def new_project(folder: Path) -> str:
+    """Make a project in ``folder``; of one that is there, bring dvc.yaml to the installed Kerf.
+
+    A project's conf/ is its own and never written again.  Answers in a word what was done.
+
+    Raises
+    ------
+    ValueError
+        When the folder holds something else, or DVC cannot be set up in it.
+    """
+    there = folder.exists() and any(folder.iterdir()) if not folder.is_file() else True
+    known = (folder / CODE).is_file()
+    if there and not known:
+        raise ValueError(f"{folder} is no empty folder and no project of Kerf: name another one")
+    source = templates()
+    if not known:
+        (folder / "data/golden").mkdir(parents=True)
+        (folder / "data/golden/.gitkeep").touch()
+        shutil.copytree(source / "conf", folder / "conf")
+        simulated = (source / "conf/fleet/simulated.yaml").read_text(encoding="utf-8")
+        write_text(simulated, folder / "conf/fleet/active.yaml")
+        write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
+        _set_up_dvc(folder)
+    write_text(_of_project((source / "dvc.yaml").read_text(encoding="utf-8")), folder / "dvc.yaml")
+    write_text(f"{version('kerf-twin')} {_code_hash()}\n", folder / CODE)
+    return "brought up" if known else "made"
+
+
+def templates() -> Path:
+    """Folder with conf/ and dvc.yaml: Kerf's own checkout, else what was installed with it.
+
+    Raises
+    ------
+    ValueError
+        When neither is there.
+    """
+    checkout = Path(__file__).parents[2]
+    if (checkout / "dvc.yaml").is_file() and (checkout / "conf").is_dir():
+        return checkout
+    try:
+        files = distribution("kerf-twin").files or []
+    except PackageNotFoundError:
+        files = []
+    for file in files:
+        if file.as_posix().endswith(f"{SHARE}/dvc.yaml"):
+            return Path(str(file.locate())).resolve().parent
+    raise ValueError("Kerf was installed without its templates: install the distribution kerf-twin")
+
+
+def _of_project(text: str) -> str:
+    """dvc.yaml whose stages depend on the installed code as a whole, not on files of a checkout."""
+    lines = [line for line in text.split("\n") if not re.match(r" +- pipeline/", line)]
+    found = "\n".join(lines)
+    return re.sub(r"^( +)deps:\n", rf"\1deps:\n\1  - {CODE}\n", found, flags=re.MULTILINE)
+
+
+def _code_hash() -> str:
+    """One sha256 over the names and bytes of the package's files."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _set_up_dvc(folder: Path) -> None:
+    """Make the folder a repository of DVC, in the git repository that it lies in if there is one.
+
+    Raises
+    ------
+    ValueError
+        When DVC refuses; the message holds its words.
+    """
+    git = shutil.which("git")
+    inside = (
+        git
+        and not subprocess.run(
+            [git, "-C", str(folder), "rev-parse"], capture_output=True, check=False
+        ).returncode
+    )
+    how = [] if (folder / ".git").exists() else ["--subdir"] if inside else ["--no-scm"]
+    answer = subprocess.run(
+        [sys.executable, "-m", "dvc", "init", "-q", *how],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if answer.returncode:
+        raise ValueError(f"DVC cannot be set up in {folder}: {' '.join(answer.stderr.split())}")

@@ -1,0 +1,147 @@
+"""What a bundle was made of and how good it is: hashes, settings, key figures, requirements."""
+
+import hashlib
+import importlib.metadata
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.schema.bundle import VERDICT, Bundle
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
+
+CHAMPIONS = Path("champions.json")
+LOCK = Path("requirements.lock")
+NEEDED = ("cattrs", "joblib", "numba", "numpy", "pandas", "pyarrow", "pyyaml", "scikit-learn",
+          "scipy", "skops", "threadpoolctl")  # fmt: skip
+"""Distributions that a prediction imports; a version pins them."""
+
+
+def requirements(root: Path = Path()) -> list[str]:
+    """Distributions that a prediction needs, pinned as in requirements.lock.
+
+    One that the lock does not name is pinned to what is installed.
+    """
+    lock = root / LOCK
+    lines = lock.read_text().splitlines() if lock.exists() else []
+    pinned = dict(line.split("==", 1) for line in lines if re.match(r"[\w.-]+==", line))
+    return [f"{name}=={pinned.get(name) or importlib.metadata.version(name)}" for name in NEEDED]
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested values as ``a.b.c`` keys, of characters that MLflow takes."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        name = prefix + plain(key)
+        found |= flat(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+    return found
+
+
+def plain(key: Any) -> str:
+    """A key of the characters that MLflow takes."""
+    return re.sub(r"[^\w.: -]", "_", str(key))
+
+
+def key_figures(bundle: Bundle, folder: Path) -> dict[str, float]:
+    """Key figures of every sub-model's verdict, and its identified parameters, as numbers."""
+    from pipeline.submodels.contract import submodel
+    from pipeline.submodels.judge import metrics
+
+    found: dict[str, Any] = {}
+    for name in bundle.submodels:
+        found |= flat(metrics(read_json(folder / name / VERDICT, Verdict)), f"{name}.")
+        model = read_json(folder / name / "model.json", submodel(name).model)
+        for group, parameters in model.parameters.items():
+            prefix = f"{name}.parameter.{group}." if group else f"{name}.parameter."
+            found |= flat({key: one.value for key, one in parameters.items()}, prefix)
+    return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
+
+
+def training_files(name: str, folder: Path) -> list[tuple[str, str]]:
+    """Raw files that a sub-model in ``folder`` was fitted on, with the sha256 of each."""
+    from pipeline.submodels.contract import submodel
+
+    model = read_json(folder / "model.json", submodel(name).model)
+    return sorted((file, sha256) for sha256, file in model.training_files.items())
+
+
+def hash_of_files(files: Iterable[tuple[str, str]]) -> str:
+    """One sha256 over names and hashes of files, in the order of their names."""
+    lines = "".join(f"{sha256}  {file}\n" for file, sha256 in sorted(files))
+    return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def parameters_of(name: str, folder: Path) -> dict[str, str]:
+    """Identified parameters with unit and 95 % interval, as words; a key of 250 at most."""
+    from pipeline.submodels.contract import submodel
+
+    model = read_json(folder / "model.json", submodel(name).model)
+    found = {}
+    for group, parameters in model.parameters.items():
+        for key, one in parameters.items():
+            unit = "" if one.unit in ("", "1") else f" {one.unit}"
+            low, high = one.interval_95 or (None, None)
+            interval = "" if low is None or high is None else f" ({low:.4g} to {high:.4g})"
+            known = one.determined and one.value is not None
+            said = f"{one.value:.6g}{interval}{unit}" if known else "not determined"
+            found[plain(f"{group}.{key}" if group else key)[:250]] = said
+    return found
+
+
+def provenance(
+    bundle: Bundle, folder: Path, root: Path, made_with: Mapping[str, Any]
+) -> dict[str, str]:
+    """Tags that say what a version was made of; the bundle's own hash is the last."""
+    raw: set[tuple[str, str]] = set()
+    golden: set[str] = set()
+    tags: dict[str, str] = {}
+    for name, one in bundle.submodels.items():
+        verdict = read_json(folder / name / VERDICT, Verdict)
+        raw |= set(training_files(name, folder / name))
+        golden |= {verdict.golden.sha256} if verdict.golden else set()
+        tags |= {f"{name}.sha256": one.sha256, f"{name}.status": one.status}
+    return tags | {
+        "machine": bundle.machine,
+        "origin": bundle.origin,
+        "status": bundle.status,
+        "raw_sha256": hash_of_files(raw),
+        "golden_sha256": " ".join(sorted(golden)),
+        "made_with_sha256": hashlib.sha256(
+            json.dumps(made_with, sort_keys=True, default=str).encode()
+        ).hexdigest(),
+        "params_sha256": _file_hash(root / "params.yaml"),
+        "dvc_lock_sha256": _file_hash(root / "dvc.lock"),
+        "git_commit": git("rev-parse", "HEAD", root=root) or "",
+        "dirty": dirty(root),
+        "bundle_sha256": bundle.sha256,
+    }
+
+
+def _file_hash(path: Path) -> str:
+    """Hash of a file's bytes, ``""`` when there is none."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+
+
+def git(*words: str, root: Path = Path()) -> str | None:
+    """What git says; None outside a repository or without git."""
+    if shutil.which("git") is None:
+        return None
+    answer = subprocess.run(
+        ["git", "-C", str(root), *words], capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip() if answer.returncode == 0 else None
+
+
+def dirty(root: Path) -> str:
+    """Whether the tree differs from the commit: ``"true"``, ``"false"``, ``""`` without git.
+
+    What a run itself writes does not count: data, reports, params.yaml, dvc.lock, champions.json.
+    """
+    written = [f":(exclude){name}" for name in
+               ("data", "reports", "params.yaml", "dvc.lock", CHAMPIONS.name)]  # fmt: skip
+    said = git("status", "--porcelain", "--", ".", *written, root=root)
+    return "" if said is None else str(bool(said)).lower()

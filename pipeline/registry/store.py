@@ -1,0 +1,232 @@
+"""Registered versions and their aliases, read without MLflow where the store is a file."""
+
+import hashlib
+import os
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from pipeline.schema.bundle import Champion
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+DATABASE = "mlflow.db"
+ARTIFACTS = "mlartifacts"
+EXPERIMENT = "kerf"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Version:
+    """One registered version of a machine's bundle; ``status`` is the gravest of its sub-models."""
+
+    machine: str
+    version: int
+    bundle: str
+    status: str
+    aliases: tuple[str, ...]
+    tags: Mapping[str, str] = field(default_factory=dict)
+
+
+def model_name(machine: str) -> str:
+    """Name of a machine's registered model."""
+    return f"kerf-{machine}"
+
+
+def exists(root: Path) -> bool:
+    """Whether there is a registry to look into."""
+    return bool(os.environ.get("MLFLOW_TRACKING_URI")) or (root / DATABASE).exists()
+
+
+def versions(machine: str, root: Path = Path()) -> list[Version]:
+    """Registered versions of a machine's model, oldest first; none when there is no registry.
+
+    Raises
+    ------
+    ValueError
+        When the registry cannot be opened.
+    """
+    if not exists(root):
+        return []
+    server = bool(os.environ.get("MLFLOW_TRACKING_URI"))
+    tags, aliases = _of_server(machine, root) if server else _read(machine, root / DATABASE)
+    return [
+        Version(
+            machine=machine,
+            version=number,
+            bundle=said.get("bundle_sha256", ""),
+            status=said.get("status", ""),
+            aliases=tuple(sorted(alias for alias, n in aliases.items() if n == number)),
+            tags=said,
+        )
+        for number, said in sorted(tags.items())
+    ]
+
+
+Tags = dict[int, dict[str, str]]
+
+
+def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
+    """Tags by version, and versions by alias, out of the sqlite file."""
+    name = (model_name(machine),)
+    uri = f"file:{quote(str(database.resolve()))}?mode=ro"
+    try:
+        with closing(sqlite3.connect(uri, uri=True)) as store:
+            tables = {row[0] for row in store.execute("SELECT name FROM sqlite_master")}
+            if "model_version_tags" not in tables:
+                return {}, {}
+            numbers = store.execute(
+                "SELECT version FROM model_versions"
+                " WHERE name = ? AND current_stage != 'Deleted_Internal'", name,
+            ).fetchall()  # fmt: skip
+            found: Tags = {number: {} for (number,) in numbers}
+            for number, key, value in store.execute(
+                "SELECT version, key, value FROM model_version_tags WHERE name = ?", name
+            ):
+                found.get(number, {})[key] = value
+            aliases = dict(store.execute(
+                "SELECT alias, version FROM registered_model_aliases WHERE name = ?", name
+            ).fetchall())  # fmt: skip
+    except sqlite3.Error as error:
+        raise ValueError(f"the registry sqlite:///{database} cannot be opened: {error}") from error
+    return found, aliases
+
+
+def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
+    """As :func:`_read`, of a server."""
+    client = client_of(root)
+    found = client.search_model_versions(f"name='{model_name(machine)}'")
+    if not found:
+        return {}, {}
+    aliases = client.get_registered_model(model_name(machine)).aliases
+    return (
+        {int(v.version): dict(v.tags) for v in found},
+        {alias: int(number) for alias, number in aliases.items()},
+    )
+
+
+def client_of(root: Path) -> "MlflowClient":
+    """A client of the project's store, which is made when it is missing.
+
+    Raises
+    ------
+    ValueError
+        When the store cannot be opened.
+    """
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    import logging
+
+    import mlflow
+    from mlflow.utils.logging_utils import disable_logging
+    from sqlalchemy.exc import SQLAlchemyError
+
+    disable_logging()  # what goes wrong is raised; a command says one sentence
+    for noisy in ("mlflow", "alembic"):
+        logging.getLogger(noisy).setLevel(logging.ERROR)
+    named = os.environ.get("MLFLOW_TRACKING_URI")
+    uri = named or f"sqlite:///{(root / DATABASE).resolve()}"
+    mlflow.set_tracking_uri(uri)
+    if not named:  # MLflow has put it there, where the next project would take it for a server
+        os.environ.pop("MLFLOW_TRACKING_URI", None)
+    try:
+        client = mlflow.MlflowClient()
+        client.get_experiment_by_name(EXPERIMENT)
+    except (mlflow.MlflowException, SQLAlchemyError) as error:
+        said = (str(error).splitlines() or [""])[0]
+        raise ValueError(f"the registry {uri} cannot be opened: {said}") from error
+    return client
+
+
+def experiment_of(client: "MlflowClient", root: Path) -> str:
+    """Name of the experiment whose artifacts stand where the project stands now; made if missing.
+
+    MLflow keeps an experiment's place for ever: a project that was moved gets another experiment.
+    """
+    if client.tracking_uri.startswith(("http://", "https://")):
+        name, place = EXPERIMENT, None
+    else:
+        place = (root / ARTIFACTS).resolve().as_uri()
+        first = client.get_experiment_by_name(EXPERIMENT)
+        here = first is None or first.artifact_location == place
+        name = (
+            EXPERIMENT if here else f"{EXPERIMENT} {hashlib.sha256(place.encode()).hexdigest()[:8]}"
+        )
+    if client.get_experiment_by_name(name) is None:
+        client.create_experiment(name, artifact_location=place)
+    return name
+
+
+def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
+    """Give each alias to the version with a bundle's hash; None takes the alias away.
+
+    MLflow is asked only where an alias differs.  A hash that the store does not have is left out.
+
+    Raises
+    ------
+    ValueError
+        When the store cannot be opened or written.
+    """
+    known = versions(machine, root)
+    numbers = {v.bundle: v.version for v in reversed(known)}
+    now = {alias: v.version for v in known for alias in v.aliases}
+    goals = {alias: numbers.get(sha256) if sha256 else None for alias, sha256 in wanted.items()}
+    changed = {alias: number for alias, number in goals.items() if number != now.get(alias)}
+    if not changed:
+        return
+    import mlflow
+    from sqlalchemy.exc import SQLAlchemyError
+
+    client = client_of(root)
+    try:
+        for alias, number in changed.items():
+            if number is None:
+                client.delete_registered_model_alias(model_name(machine), alias)
+            else:
+                client.set_registered_model_alias(model_name(machine), alias, str(number))
+    except (mlflow.MlflowException, SQLAlchemyError) as error:
+        raise _not_written(error) from error
+
+
+def note_promotion(machine: str, root: Path, champion: Champion) -> None:
+    """Say at the version that serves since when, by whom and why; its card is the model's.
+
+    The registered model's description becomes that of the version.  MLflow is asked only where a
+    tag differs.
+
+    Raises
+    ------
+    ValueError
+        When the store cannot be opened or written.
+    """
+    found = [v for v in versions(machine, root) if v.bundle == champion.bundle]
+    wanted = {"promoted_at": champion.since, "promoted_by": champion.by,
+              "promoted_why": champion.why}  # fmt: skip
+    if not found or all(found[-1].tags.get(tag, "") == value for tag, value in wanted.items()):
+        return
+    import mlflow
+    from sqlalchemy.exc import SQLAlchemyError
+
+    client, name, number = client_of(root), model_name(machine), str(found[-1].version)
+    try:
+        card = client.get_model_version(name, number).description or ""
+        client.update_registered_model(name, card)
+        for tag, value in wanted.items():
+            client.set_model_version_tag(name, number, tag, value)
+    except (mlflow.MlflowException, SQLAlchemyError) as error:
+        raise _not_written(error) from error
+
+
+def _not_written(error: Exception) -> ValueError:
+    import mlflow
+
+    said = (str(error).splitlines() or [""])[0]
+    return ValueError(
+        f"the registry {mlflow.get_tracking_uri()} cannot be written ({said}): make room for "
+        "it and do this again"
+    )

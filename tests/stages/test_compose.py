@@ -1,0 +1,147 @@
+"""What an experiment sets stands on top of conf/ as it is now, or is refused in one sentence."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.stages.compose import BASELINE, HEADER, compose, composed
+from tests.small_project import with_conf
+
+FIT, LIMITS = "conf/model/spindle.yaml", "spindle_limits"
+
+
+def git(folder: Path, *words: str) -> str:
+    name = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+    done = subprocess.run(["git", *name, *words], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project whose commit has the composition of its conf/."""
+    root = with_conf(tmp_path_factory.mktemp("project"))
+    compose(root / "conf", root / "params.yaml")
+    git(root, "init", "-q")
+    git(root, "add", ".")
+    git(root, "commit", "-q", "-m", "composed")
+    return root
+
+
+@pytest.fixture
+def root(committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A clone of it, inside of an experiment that starts from its commit."""
+    git(tmp_path, "clone", "-q", str(committed), "clone")
+    monkeypatch.setenv(BASELINE, git(tmp_path / "clone", "rev-parse", "HEAD"))
+    return tmp_path / "clone"
+
+
+def set_(root: Path, path: str, value: object) -> None:
+    """As ``dvc exp run -S path=value`` writes it."""
+    values = params(root)
+    place, (*keys, last) = values, path.split(".")
+    for key in keys:
+        place = place[key]
+    place[last] = value
+    (root / "params.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
+
+
+def edit(root: Path, before: str, after: str) -> None:
+    text = (root / FIT).read_text()
+    assert text.count(before) == 1
+    (root / FIT).write_text(text.replace(before, after))
+
+
+def params(root: Path) -> dict:
+    return yaml.safe_load((root / "params.yaml").read_text())
+
+
+def again(root: Path) -> dict:
+    compose(root / "conf", root / "params.yaml")
+    return params(root)
+
+
+def test_an_edit_of_conf_and_what_is_set_both_hold(root: Path) -> None:
+    before = params(root)
+    trees = before["residual_forest"]["trees"]
+    edit(root, f"trees: {trees}", "trees: 7")
+    set_(root, f"{LIMITS}.mae_K", 1.25)
+    found = again(root)
+    assert found["residual_forest"].pop("trees") == 7 != before["residual_forest"].pop("trees")
+    assert found[LIMITS].pop("mae_K") == 1.25 != before[LIMITS].pop("mae_K")
+    assert found == before
+
+
+def test_nothing_set_is_the_composition_byte_for_byte(root: Path) -> None:
+    compose(root / "conf", root / "params.yaml")
+    assert (root / "params.yaml").read_text() == HEADER + composed(root / "conf")
+
+
+def test_outside_of_an_experiment_conf_alone_counts(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = params(root)
+    set_(root, f"{LIMITS}.mae_K", 1.25)
+    monkeypatch.delenv(BASELINE)
+    assert again(root) == before
+
+
+def test_a_budget_that_is_set_is_the_group(root: Path) -> None:
+    set_(root, "budget", "quick")
+    set_(root, "residual_forest.folds", 3)
+    quick = yaml.safe_load(composed(root / "conf", ("budget=quick",)))
+    assert quick["residual_forest"]["trees"] != params(root)["residual_forest"]["trees"]
+    quick["residual_forest"]["folds"] = 3
+    assert again(root) == quick
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        ("budget", "quickly", "-S budget=quickly names no file of conf/budget: choose one of "
+                              "default, full, quick"),
+        ("fleet", "recorded", "run `kerf fleet NAME` first"),
+        ("fleet.machines", ["mill01"], r"-S fleet\.machines cannot be set"),
+        ("material", "steel", "-S material is no choice"),
+        (f"{LIMITS}.mae_C", 1, r"mae_C.*@ spindle_limits"),
+        (f"{LIMITS}.mae_K", "soon", r"'soon' is no number @ spindle_limits\.mae_K"),
+        ("spindle_limit", {"mae_K": 1}, "section spindle_limit, did you mean spindle_limits"),
+        ("machine.mill02.drives", {}, r"section machine\.mill02\.drives, did you mean drive"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_set_is_refused_and_nothing_is_written(
+    root: Path, path: str, value: object, said: str
+) -> None:
+    set_(root, path, value)
+    before = (root / "params.yaml").read_text()
+    with pytest.raises(ValueError, match=said) as caught:
+        compose(root / "conf", root / "params.yaml")
+    assert "\n" not in str(caught.value)
+    assert (root / "params.yaml").read_text() == before
+
+
+def test_a_key_that_is_edited_and_set_is_asked_back(root: Path) -> None:
+    now = params(root)["residual_forest"]["trees"]
+    edit(root, f"trees: {now}", "trees: 7")
+    set_(root, "residual_forest.trees", 8)
+    with pytest.raises(ValueError, match=rf"trees is 8 in params\.yaml, 7 in conf/ and {now} in"):
+        compose(root / "conf", root / "params.yaml")
+
+
+def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path) -> None:
+    fleet = root / "conf/fleet/active.yaml"
+    text = fleet.read_text().replace("  wear: [mill01, mill02]", "  wear: [mill01]")
+    assert text != fleet.read_text()
+    fleet.write_text(text)
+    machine = root / "conf/machine/mill02.yaml"
+    known = machine.read_text()
+    machine.write_text(known.replace("\nwear_life:", "\nwear_lives:"))
+    with pytest.raises(
+        ValueError, match=r"section machine\.mill02\.wear_lives, did you mean wear_life"
+    ):
+        compose(root / "conf", root / "params.yaml")
+    machine.write_text(known.replace("\nenergy:", "\nwear_life:"))
+    with pytest.raises(ValueError, match=r"conf does not compose: .*duplicate key wear_life"):
+        compose(root / "conf", root / "params.yaml")

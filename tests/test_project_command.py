@@ -1,0 +1,111 @@
+"""A project outside of the checkout, run by the Kerf of a wheel; commands told where to work."""
+
+import os
+import shutil
+import site
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.app.project import CODE, new_project
+
+ROOT = Path(__file__).parents[1]
+TAKEN = ("pipeline", "conf", "dvc.yaml", "pyproject.toml", "README.md", "LICENSE")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Commands of a fresh environment with Kerf's wheel; what it needs is borrowed from ours."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    source.mkdir()
+    for name in TAKEN:
+        place = ROOT / name
+        if place.is_dir():
+            shutil.copytree(
+                place, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
+            )
+        else:
+            shutil.copy(place, source / name)
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
+    subprocess.run(
+        [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(folder), str(source)],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    venv.create(folder / "venv", with_pip=False)
+    python = folder / "venv/bin/python"
+    (wheel,) = folder.glob("kerf_twin-*.whl")
+    subprocess.run([*pip, "--python", str(python), "install", "--no-deps", str(wheel)], check=True)
+    (own,) = (folder / "venv/lib").glob("python*/site-packages")
+    (own / "borrowed.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    return folder / "venv/bin"
+
+
+def run(bin_: Path, *words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    path = f"{bin_}{os.pathsep}{os.environ['PATH']}"
+    env = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"PATH": path}
+    return subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False)
+
+
+def test_a_project_of_an_installed_kerf_is_composed_and_built(
+    installed: Path, tmp_path: Path
+) -> None:
+    kerf, python = str(installed / "kerf"), str(installed / "python")
+    where = run(installed, python, "-c", "import pipeline; print(pipeline.__file__)", cwd=tmp_path)
+    assert str(installed.parent) in where.stdout  # not the checkout's
+    made = run(installed, kerf, "init", "shop", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert made.stdout == "made shop: `cd shop` and `dvc repro`\n"
+    project = tmp_path / "shop"
+    built = run(installed, python, "-m", "dvc", "repro", "-q", "compose", cwd=project)
+    assert built.returncode == 0, built.stderr
+    params = yaml.safe_load((project / "params.yaml").read_text())
+    assert params["fleet"]["name"] == "simulated" and "mill01" in params["machine"]
+    graph = run(installed, python, "-m", "dvc", "status", "report", cwd=project)
+    assert graph.returncode == 0, graph.stderr  # every stage resolves without the checkout's files
+    said = run(installed, kerf, "-C", "shop", "status", cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    assert "mill01" in said.stdout and "not built" in said.stdout
+
+
+def test_a_project_is_brought_up_and_keeps_its_own_conf(tmp_path: Path) -> None:
+    project = tmp_path / "shop"
+    assert new_project(project) == "made"
+    (project / "conf/budget/default.yaml").write_text("# mine\n")
+    (project / "dvc.yaml").write_text("stages: {}\n")
+    (project / CODE).write_text("0.0.1\n")
+    assert new_project(project) == "brought up"
+    assert (project / "conf/budget/default.yaml").read_text() == "# mine\n"
+    assert "kerf-twin" not in (project / CODE).read_text() != "0.0.1\n"
+    stages = yaml.safe_load((project / "dvc.yaml").read_text())["stages"]
+    ours = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    assert list(stages) == list(ours)
+    for stage in stages.values():
+        deps = stage.get("do", stage)["deps"]
+        assert CODE in deps and not [d for d in deps if d.startswith("pipeline/")]
+
+
+def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(ValueError, match="is no empty folder and no project of Kerf"):
+        new_project(tmp_path)
+    with pytest.raises(ValueError, match="is no empty folder"):
+        new_project(tmp_path / "letter.txt")
+    assert [p.name for p in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_a_project_that_is_not_there_is_said_in_one_sentence(tmp_path: Path) -> None:
+    kerf = shutil.which("kerf") or ""
+    words = [kerf, "-C", "nowhere", "status"] if kerf else []
+    answer = subprocess.run(
+        words or [sys.executable, "-m", "pipeline.app", "-C", "nowhere", "status"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert answer.returncode == 2
+    assert "nowhere is no folder: `kerf init nowhere` makes a project" in answer.stderr
+    assert "Traceback" not in answer.stderr
