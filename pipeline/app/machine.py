@@ -75,8 +75,9 @@ class Proposal:
 
     @property
     def strangers(self) -> list[str]:
-        """Items of the logs that the device does not describe."""
-        return [name for name in self.series if self.model.find(name) is None]
+        """Items with values in the logs that the device does not describe."""
+        spoken = (name for name, one in self.series.items() if one.known.any())
+        return [name for name in spoken if self.model.find(name) is None]
 
 
 def propose(
@@ -246,7 +247,7 @@ def _signal(choice: Choice) -> list[str]:
     if choice.item is not None:
         return [f"    {choice.signal}: {_quoted(choice.item)}   # {choice.why}"]
     some = " or ".join(choice.candidates)
-    return [f"    # {choice.signal}: {some}   ({choice.why}: choose one)"]
+    return [f"    # {choice.signal}: {some}   ({choice.why})"]
 
 
 def fleet_text(p: Proposal, submodels: Sequence[str]) -> str:
@@ -267,7 +268,7 @@ def said(p: Proposal, submodels: Sequence[tuple[str, str, str]]) -> list[str]:
         lines.append(f"  {choice.signal}: {where} ({choice.why})")
     if p.strangers and p.series:
         some = ", ".join(p.strangers[:5]) + (" …" if len(p.strangers) > 5 else "")
-        lines.append(f"{len(p.strangers)} items of the logs are not in the Devices document "
+        lines.append(f"{len(p.strangers)} items with values are not in the Devices document "
                      f"({some}): is a log of another machine among them?")  # fmt: skip
     for name, title, needs in submodels:
         if name == "spindle" and not p.lacking:

@@ -115,15 +115,20 @@ def _one_of(found: Found, log: "Log", signal: str, fits: Sequence[tuple[str, Dat
     if not fits:
         return
     names = [n for n, _ in fits]
-    there = [n for n in names if n in log.series and log.series[n].known.any()] or names
-    chosen = next((i for n, i in fits if n == there[0]))
+    there = [n for n in names if n in log.series and log.series[n].known.any()]
+    if log.series and not there:
+        why = "described, and without a value in the logs"
+        found.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(names))
+        return
+    there = there or names
+    chosen = next(i for n, i in fits if n == there[0])
     if len(there) == 1:
         why = _described(chosen)
         if len(names) > 1:
             why += ", the only one of its kind with values in the log"
         found.choices[signal] = Choice(signal=signal, item=there[0], why=why)
     else:
-        why = f"{len(there)} items of type {chosen.type}"
+        why = f"{len(there)} items of type {chosen.type}: choose one"
         found.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(there))
 
 
@@ -174,11 +179,20 @@ def _spindles(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) 
     for place, k in zip(("spindle", "second_spindle"), order, strict=False):
         for quantity, item_name in found.spindles[k].items():
             signal, note = f"{place}_{quantity}", why[k][quantity]
-            if not clear and place == "spindle":
-                note += "; two spindles are alike, swap them with second_spindle_… if it is wrong"
+            if len(order) > 1 and quantity == "speed":
+                note += _which(place, log, clear=clear)
             found.choices[signal] = Choice(signal=signal, item=item_name, why=note)
     found.spindles = [found.spindles[k] for k in order]
     return taken
+
+
+def _which(place: str, log: "Log", *, clear: bool) -> str:
+    """Why a spindle is the modelled one, or the other."""
+    if place != "spindle":
+        return "; swap it with spindle_… to model this one"
+    if not clear:
+        return "; two spindles are alike: choose the one to model"
+    return "; modelled, as it turns most of those with a load and a temperature"
 
 
 def _place(item: DataItem) -> tuple[str | None, str | None]:
