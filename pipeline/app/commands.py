@@ -107,10 +107,13 @@ def golden(
     ] = False,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
-    from pipeline.app.fleet import freeze_set
+    from pipeline.app.fleet import freeze_set, learnt_and_frozen
 
     with one_sentence():
         frozen = freeze_set(machine, first=first, last=last, files=files or (), sealed=sealed)
+        warning = learnt_and_frozen(machine, frozen)
+    if warning:
+        typer.echo(f"kerf: {warning}", err=True)
     typer.echo(f"froze {len(frozen.files)} files, sha256 {frozen.sha256[:12]}")
 
 

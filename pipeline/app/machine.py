@@ -225,9 +225,7 @@ def _records(p: Proposal) -> list[str]:
         lines += [f"  - format: {form}", f'    files: "{files}"', f"    devices: {p.devices}"]
         lines += [f"    device: {_quoted(p.device)}"] if p.device else []
         if form == "shdr":
-            lines.append(
-                "    values: units   # or native, if an adapter wrote the log"
-            )
+            lines.append("    values: units   # or native, if an adapter wrote the log")
     return lines
 
 
