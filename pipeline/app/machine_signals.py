@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.app.records import ItemSeries
+from pipeline.app.records import ItemSeries, span_of
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.mtconnect.model import DataItem
 
@@ -269,9 +269,8 @@ class Log:
 
     def __init__(self, series: Mapping[str, ItemSeries]) -> None:
         self.series = series
-        said = [one.time[one.known] for one in series.values() if one.known.any()]
-        ends = (min(t[0] for t in said), max(t[-1] for t in said)) if said else (0, 0)
-        self.grid: Ints = np.linspace(*ends, GRID).astype(np.int64)
+        first, last = span_of(series)
+        self.grid: Ints = np.linspace(first, last, GRID).astype(np.int64)
 
     def values(self, name: str) -> bool:
         """Whether an item has numbers."""

@@ -3,7 +3,7 @@
 Read from what `ingest` wrote: observations (long) and traces (wide).  Times are UTC.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -181,7 +181,7 @@ def _sparkline(series: ItemSeries, span: tuple[int, int]) -> str:
     return "".join(" " if np.isnan(s) else BARS[min(int(s * 8), 7)] for s in share)
 
 
-def span_of(every: dict[str, ItemSeries]) -> tuple[int, int]:
+def span_of(every: Mapping[str, ItemSeries]) -> tuple[int, int]:
     """First and last time [ns] of all series that said anything; zeros where none did."""
     said = [one.time[one.known] for one in every.values() if one.known.any()]
     return (min(int(t[0]) for t in said), max(int(t[-1]) for t in said)) if said else (0, 0)
@@ -236,8 +236,8 @@ def lines(rows: Sequence[ItemRecord]) -> Iterator[str]:
     head = ("item", "signal", "samples", "every", "range", "unit", "unavail.", "first", "last", "")
     cells = [head, *map(_cells, rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    for row in cells:
-        yield "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
+    for line in cells:
+        yield "  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip()
     absent = [row for row in rows if row.signal and not row.samples]
     for row in absent:
         yield f"no record has a value of {row.item}, which the machine's file names as {row.signal}"
