@@ -157,6 +157,8 @@ def _utc(time: int) -> str:
 def _unavailable(series: ItemSeries) -> float:
     """Share of the time from the first to the last report that no value covers [1]."""
     lasting = np.diff(series.time)
+    if not len(series.time):
+        return 1.0
     if not lasting.sum():
         return float(1 - series.known.mean())
     return float(lasting[~series.known[:-1]].sum() / lasting.sum())

@@ -300,7 +300,12 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\x89PNG", "a picture"),
 )
 _HEX = re.compile(rb"(?:[0-9a-fA-F]{4,8}:?\s+)(?:[0-9a-fA-F]{2,4}\s+){4,}")
-_BLOCK = re.compile(rb"(?:%|O\d{4}|\(|(?:N\d+\s*)?[GM]\d{1,3}(?![0-9A-Za-z_]))")
+_BLOCK = re.compile(
+    rb"(?:%|O\d{4}|[(;]|(?:N\d+\s*)?[GMXYZFSTIJKR][-+]?[\d.]+(?![0-9A-Za-z_|:])"
+    rb"|N\d+\s*[GMXYZFST(])"
+)
+    rb"(?:%|O\d{4}|[(;]|(?:N\d+\s*)?[GMXYZFSTIJKR][-+]?[\d.]+(?![0-9A-Za-z_|:])|N\d+\s*[GMXYZFST(])"
+)
 
 
 def looks_like(head: bytes) -> str:
