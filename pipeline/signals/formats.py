@@ -304,8 +304,6 @@ _BLOCK = re.compile(
     rb"(?:%|O\d{4}|[(;]|(?:N\d+\s*)?[GMXYZFSTIJKR][-+]?[\d.]+(?![0-9A-Za-z_|:])"
     rb"|N\d+\s*[GMXYZFST(])"
 )
-    rb"(?:%|O\d{4}|[(;]|(?:N\d+\s*)?[GMXYZFSTIJKR][-+]?[\d.]+(?![0-9A-Za-z_|:])|N\d+\s*[GMXYZFST(])"
-)
 
 
 def looks_like(head: bytes) -> str:
