@@ -153,8 +153,10 @@ def _bring_devices(
         )
         if document is None:
             chosen[place] = replace(source, devices=None)
-            looked = ", ".join(str(folder) for folder in folders)
-            notes[place] = f"no {source.devices} in {looked}: kinds and units are not known"
+            notes[place] = (
+                f"{known / source.devices} does not exist, nor does it stand beside the file: "
+                "kinds and units are not known"
+            )
             continue
         hidden = f".devices/{sha256_of(document)[:12]}/{source.devices}"
         (raw / hidden).parent.mkdir(parents=True, exist_ok=True)
