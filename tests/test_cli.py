@@ -95,8 +95,8 @@ def test_ingest_prints_a_row_a_file(project: Path, tmp_path: Path) -> None:
     assert lines[3] == f"1 rejected, each with its reason in {out / 'rejected.parquet'}"
     assert {len(line) for line in lines[:3]} == {len(lines[0])}  # columns stand under each other
     assert done.stderr == "".join(
-        f"kerf: {path}: data/raw/{MACHINE}/Devices.xml does not exist: kinds and units are not "
-        "known\n"
+        f"kerf: {path}: data/raw/{MACHINE}/Devices.xml does not exist, nor does it stand "
+        "beside the file: kinds and units are not known\n"
         for path in (good, dirty)
     )
 

@@ -12,10 +12,10 @@ __all__ = [
 
 def main() -> None:
     """Run ``kerf``."""
-    from pipeline.app import commands
+    from pipeline.app import commands, own_machine
     from pipeline.app.kerf import app
     from pipeline.schema.files import ended_by_signals
 
-    del commands  # imported so that its commands are there
+    del commands, own_machine  # imported so that its commands are there
     with ended_by_signals():
         app()

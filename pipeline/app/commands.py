@@ -150,10 +150,13 @@ def golden(
     json: kerf.Json = False,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
-    from pipeline.app.fleet import freeze_set
+    from pipeline.app.fleet import freeze_set, learnt_and_frozen
 
     with one_sentence():
         frozen = freeze_set(machine, first=first, last=last, files=files or (), sealed=sealed)
+        warning = learnt_and_frozen(machine, frozen)
+    if warning:
+        typer.echo(f"kerf: {warning}", err=True)
     if json:
         which = "sealed" if sealed else "golden"
         _say_json({"machine": machine, "set": which, "sha256": frozen.sha256} | asdict(frozen))

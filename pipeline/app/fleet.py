@@ -3,6 +3,7 @@
 import glob
 import json
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -115,9 +116,10 @@ def ingest_files(
             source = source_of(path, sources)
             if source is not None:
                 chosen[place] = replace(source, files=glob.escape(place))
-        notes = _bring_devices(chosen, DATA / "raw" / machine, raw)
+        notes = _bring_devices(chosen, places, DATA / "raw" / machine, raw)
         ingest(raw, out, list(chosen.values()), identity, progress=advance)
     entries = json.loads((out / "manifest.json").read_text())["files"]
+    notes |= _commonest_reasons(entries, out)
     return [
         FileResult(path=path, note=notes.get(place), **{
             name: entries[place][name] for name in ("read", "kept", "rejected", "reason")
@@ -137,20 +139,46 @@ def _places(files: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(names, files, strict=True))
 
 
-def _bring_devices(chosen: dict[str, "RecordSource"], known: Path, raw: Path) -> dict[str, str]:
-    """Put the Devices documents of ``known`` beside the records, where they are no records.
+def _commonest_reasons(entries: dict[str, Any], out: Path) -> dict[str, str]:
+    """Why most records of a file were rejected that kept none, by place."""
+    from pipeline.signals.store import read_rejections
 
-    Sources whose document is not there do without; the note that says so, by place.
+    found = {}
+    for place, rejected in read_rejections(out).items():
+        entry = entries[place]
+        if not entry["kept"] and not entry["reason"] and rejected:
+            reason, n = Counter(one.reason for one in rejected).most_common(1)[0]
+            found[place] = f"nothing of it was kept: {reason} ({n} of {len(rejected)} rejected)"
+    return found
+
+
+def _bring_devices(
+    chosen: dict[str, "RecordSource"], places: dict[str, Path], known: Path, raw: Path
+) -> dict[str, str]:
+    """Put the Devices documents beside the records, where they are no records.
+
+    A document is looked for in ``known``, then beside the file and in the folder above.  Sources
+    whose document is not there do without; the note that says so, by place.
     """
+    from pipeline.signals.store import sha256_of
+
     notes = {}
     for place, source in chosen.items():
         if source.devices is None:
             continue
-        document, hidden = known / source.devices, f".devices/{source.devices}"
-        if not document.exists():
+        beside = places[place].resolve().parent
+        folders = (known, beside, beside.parent)
+        document = next(
+            (f / source.devices for f in folders if (f / source.devices).exists()), None
+        )
+        if document is None:
             chosen[place] = replace(source, devices=None)
-            notes[place] = f"{document} does not exist: kinds and units are not known"
+            notes[place] = (
+                f"{known / source.devices} does not exist, nor does it stand beside the file: "
+                "kinds and units are not known"
+            )
             continue
+        hidden = f".devices/{sha256_of(document)[:12]}/{source.devices}"
         (raw / hidden).parent.mkdir(parents=True, exist_ok=True)
         if not (raw / hidden).exists():
             (raw / hidden).symlink_to(document.resolve())
@@ -276,7 +304,7 @@ def freeze_set(
     if days is not None and not names:
         raise ValueError(
             f"{machine} has no record from {days.first} to {days.last}: put its files into "
-            f"data/raw/{machine} and run `dvc repro`, or name other days"
+            f"data/raw/{machine} and run `dvc repro`, or name other days; {_days_there(known)}"
         )
     for pattern in files:
         fitting = {name for name in known if fnmatchcase(name, pattern)}
@@ -301,6 +329,31 @@ def freeze_set(
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
     return frozen
+
+
+def _days_there(known: dict[str, Any]) -> str:
+    """The first and last day of each file with a clock, as one span, in words."""
+    ends = [str(e[k])[:10] for e in known.values() for k in ("first", "last") if e.get("last")]
+    return f"records reach from {min(ends)} to {max(ends)}" if ends else "no record has a clock"
+
+
+def learnt_and_frozen(machine: str, frozen: FrozenSet) -> str | None:
+    """A warning when a frozen set takes days or files that the roles give to training."""
+    from pipeline.submodels.cases import Roles
+
+    roles = structure(machine_parameters(machine), f"machine.{machine}.roles", Roles)
+    days, learnt = frozen.days, roles.training_days
+    for one in frozen.files:
+        if roles.is_training(one.file):
+            return f"{one.file} is a training file of roles.training: nothing learns from it now"
+    if days is None or learnt is None or days.last < learnt.first or learnt.last < days.first:
+        return None
+    whole = days.first <= learnt.first and learnt.last <= days.last
+    left = "no day is left to learn from" if whole else "nothing learns from the shared days now"
+    return (
+        f"{days.first} to {days.last} overlaps roles.training_days, {learnt.first} to "
+        f"{learnt.last}: {left}; freeze other days, or name other training days"
+    )
 
 
 def _days(first: str | None, last: str | None) -> Days | None:

@@ -6,6 +6,7 @@ bytes of a file; gzip is unpacked up to where it is cut or damaged.
 """
 
 import codecs
+import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -269,12 +270,57 @@ def format_of(path: Path) -> Format:
         if head.startswith(magic):
             return form
     text = _ascii(head).lstrip()
-    if text.startswith(b"<") or b"<MTConnect" in text or (text.startswith(b"--") and b"<" in text):
+    if _is_xml(text):
         return "mtconnect_xml"
     if text.startswith((b"{", b"[")):
         return "mtconnect_json"
     name = path.name.removesuffix(".gz").lower()
     return "csv" if name.endswith((".csv", ".tsv")) else "shdr"
+
+
+_LOGGED = re.compile(rb"^\s*\d{4}-\d\d-\d\dT[^|<\n]*\|", re.MULTILINE)
+"""The beginning of a line of a log: its time and a bar."""
+
+
+def _is_xml(text: bytes) -> bool:
+    """Whether a text is a document; a log may begin with the rest of one."""
+    if b"<MTConnect" in text or text.startswith(b"<?xml"):
+        return True
+    if text.startswith(b"<"):
+        return not _LOGGED.search(text)
+    return text.startswith(b"--") and b"<" in text
+
+
+_OTHERS: tuple[tuple[bytes, str], ...] = (
+    (b"BZh", "packed with bzip2: unpack it"),
+    (b"\xfd7zXZ\0", "packed with xz: unpack it"),
+    (b"\x28\xb5\x2f\xfd", "packed with zstd: unpack it"),
+    (b"PK\x03\x04", "a zip archive or a spreadsheet: unpack it, or save it as CSV"),
+    (b"%PDF", "a PDF"),
+    (b"\x89PNG", "a picture"),
+)
+_HEX = re.compile(rb"(?:[0-9a-fA-F]{4,8}:?\s+)(?:[0-9a-fA-F]{2,4}\s+){4,}")
+_BLOCK = re.compile(
+    rb"(?:%|O\d{4}|[(;]|(?:N\d+\s*)?[GMXYZFSTIJKR][-+]?[\d.]+(?![0-9A-Za-z_|:])"
+    rb"|N\d+\s*[GMXYZFST(])"
+)
+
+
+def looks_like(head: bytes) -> str:
+    """What a file is that is no log, from its first bytes; ``""`` where nothing says it."""
+    for magic, kind in _OTHERS:
+        if head.startswith(magic):
+            return kind
+    lines = [one.strip() for one in head.splitlines()[:50] if one.strip()]
+    if lines and sum(bool(_HEX.match(one)) for one in lines) > len(lines) / 2:
+        return "a hex dump: read the file that it was made of"
+    if lines and sum(bool(_BLOCK.match(one)) for one in lines) > len(lines) / 2:
+        return "a part program: name it in a source of format program"
+    for mark in (b",", b";", b"\t"):
+        counts = {one.count(mark) for one in lines[:-1]}
+        if len(lines) > 2 and len(counts) == 1 and counts != {0}:
+            return "a table of text: name it in a source of format csv"
+    return ""
 
 
 def source_of(path: Path, sources: Sequence[RecordSource]) -> RecordSource | None:

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -176,6 +177,7 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
     try:
         with initialize_config_dir(str(conf.resolve()), version_base=None):
             fleet = hydra_compose("config", overrides=list(overrides)).fleet
+            _check_machines(conf, list(fleet.machines))
             machines = [f"+machine@machine.{name}={name}" for name in fleet.machines]
             config = hydra_compose("config", overrides=[*overrides, *entries, *machines])
         return OmegaConf.to_yaml(config, resolve=True) + as_section(
@@ -183,6 +185,19 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
         )
     except (HydraException, OmegaConfBaseException, NotYaml) as error:
         raise ValueError(f"{conf} does not compose: {' '.join(str(error).split())}") from error
+
+
+def _check_machines(conf: Path, names: list[str]) -> None:
+    """Refuse a machine of the fleet that has no file, with the names that are like it."""
+    known = sorted(path.stem for path in (conf / "machine").glob("*.yaml"))
+    for name in names:
+        if name not in known:
+            near = get_close_matches(name, known)
+            hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
+            raise ValueError(
+                f"the fleet names the machine {name!r}, and {conf}/machine/{name}.yaml does not "
+                f"exist: {hint}"
+            )
 
 
 def _entries(conf: Path, group: str) -> list[str]:

@@ -361,7 +361,10 @@ def _words(state: pd.DataFrame, name: str) -> np.ndarray:
 def _warm_up(
     kind: Ints, time: Ints, operation: Ints, turning: Bools, settings: CleanSettings
 ) -> None:
-    """Mark turning without load, from a cold start to the first cut, as warm_up; in place."""
+    """Mark turning without load, from a cold start to the first cut, as warm_up; in place.
+
+    Where no cut is seen, the first run of the spindle alone counts.
+    """
     cut, known_off = _CUT, settings.cold_after_s * NS
     starts = np.flatnonzero(np.r_[True, np.diff(operation) > 0])
     for n, first in enumerate(starts):
@@ -370,10 +373,14 @@ def _warm_up(
         last = starts[n + 1] if n + 1 < len(starts) else len(kind)
         cuts = np.flatnonzero(kind[first:last] == cut)
         until = first + cuts[0] if len(cuts) else last
-        for a, b in _runs_of(turning[first:until]):
-            if (b - a) * settings.period_s >= settings.warm_up_min_s:
-                part = kind[first + a : first + b]
-                part[part != _UNKNOWN] = _WARM_UP
+        long = [
+            (a, b)
+            for a, b in _runs_of(turning[first:until])
+            if (b - a) * settings.period_s >= settings.warm_up_min_s
+        ]
+        for a, b in long if len(cuts) else long[:1]:
+            part = kind[first + a : first + b]
+            part[part != _UNKNOWN] = _WARM_UP
 
 
 def _runs_of(mask: Bools) -> list[tuple[int, int]]:

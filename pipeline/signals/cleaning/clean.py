@@ -33,6 +33,8 @@ from pipeline.signals.cleaning.recorded import (
     files_of,
     index,
     is_trace,
+    logged_items,
+    near,
     rows_of,
 )
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
@@ -206,6 +208,7 @@ class _Build:
         summary = tables.summary(done, made, parts, gaps, self.indices)
         summary["rules"] = self.rules
         summary["absent"] = self._absent()
+        summary["near"] = near(summary["absent"], logged_items(self.signals))
         tables.write_summary(self.out, summary)
         return summary | {"written": sorted(written)}
 

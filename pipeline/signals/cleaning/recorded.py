@@ -6,6 +6,7 @@ they are in the file before, or not known to be complete.
 """
 
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,26 @@ def _thinned(time: Ints, step: int) -> Bools:
         return np.zeros(0, dtype=bool)
     turn = np.diff(time // max(step, 1)) != 0
     return np.r_[turn, True] | np.r_[True, turn]
+
+
+def logged_items(signals: Path) -> list[str]:
+    """Every data item and channel that the records of a machine hold, sorted."""
+    found: set[str] = set()
+    for path in sorted(signals.glob("observations/*.parquet")):
+        column = pq.read_table(path, columns=["data_item"])["data_item"]
+        found.update(column.unique().to_pylist())
+    for path in sorted(signals.glob("traces/*.parquet")):
+        found.update(name for name in pq.read_schema(path).names if name not in ("time", "t"))
+    return sorted(found)
+
+
+def near(absent: list[str], logged: list[str]) -> dict[str, list[str]]:
+    """Items that the records hold and whose names are like an absent one's, the nearest first."""
+    lowered = {name.lower(): name for name in logged}
+    return {
+        item: [lowered[one] for one in get_close_matches(item.lower(), lowered, n=3)]
+        for item in absent
+    }
 
 
 def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, float]]:

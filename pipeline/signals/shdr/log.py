@@ -25,13 +25,16 @@ Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, version
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile, looks_like
 from pipeline.signals.shdr.lines import CHUNK, LogBytes, Segment, segments
 from pipeline.signals.shdr.record_forms import Items
 from pipeline.signals.shdr.reference import LineReader, Row, read_segment, table_of
 
 SMALL = 1 << 17
 """Bytes below which the scanner is not worth its start."""
+
+HEAD = 1 << 13
+"""Bytes by which a file that is no log is recognised."""
 
 PATIENCE = 100_000
 """Records that may be rejected before the first that has the form of a log."""
@@ -70,7 +73,7 @@ def read_fast(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) 
     from pipeline.signals.shdr.fast import Scanner
 
     scanner = Scanner(Items(source, root))
-    yield from _recognised(scanner.batches(segments(LogBytes(path, chunk))), scanner.reader)
+    yield from _recognised(path, scanner.batches(segments(LogBytes(path, chunk))), scanner.reader)
 
 
 def read_reference(
@@ -78,7 +81,7 @@ def read_reference(
 ) -> Iterator[Batch]:
     """Read a log line by line in plain Python, the reference; arguments as :func:`read`."""
     reader = LineReader(Items(source, root))
-    yield from _recognised(_reference_batches(LogBytes(path, chunk), reader), reader)
+    yield from _recognised(path, _reference_batches(LogBytes(path, chunk), reader), reader)
 
 
 def _reference_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
@@ -104,14 +107,14 @@ def _single_lines(segment: Segment) -> Iterator[Segment]:
         yield Segment("lines", raw, number)
 
 
-def _recognised(batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]:
+def _recognised(path: Path, batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]:
     """Pass batches on as soon as the file is known to be a log."""
     held: list[Batch] = []
     for batch in (b for b in batches if b.read):
         held.append(batch)
         waiting = not reader.formed
         if waiting and sum(len(b.rejected) for b in held) > PATIENCE:
-            raise _no_log(held)
+            raise _no_log(path, held)
         if not waiting:
             yield from held
             held = []
@@ -120,14 +123,16 @@ def _recognised(batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]
             raise UnreadableFile("the file holds no record")
         return
     if any(b.rejected for b in held):
-        raise _no_log(held)
+        raise _no_log(path, held)
     yield from held  # adapter commands only
 
 
-def _no_log(held: list[Batch]) -> UnreadableFile:
+def _no_log(path: Path, held: list[Batch]) -> UnreadableFile:
+    with path.open("rb") as file:
+        kind = looks_like(file.read(HEAD))
     first = next(b.rejected[0] for b in held if b.rejected)
     read = sum(b.read for b in held)
     return UnreadableFile(
         f"none of the first {read} lines has the form of a log (time|item|value): "
-        f"{first.reason} in line {first.line}"
+        f"{first.reason} in line {first.line}" + (f"; it looks like {kind}" if kind else "")
     )

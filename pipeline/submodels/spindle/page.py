@@ -154,8 +154,7 @@ def _verdict(seen: Seen) -> PartVerdict | None:
             status="failed",
             sentence=f"The spindle’s thermal model failed {_set_words(v)} ({_week(v)}): "
             f"{_failure(v)}.",
-            todo="Do not act on this model’s temperatures; leave the model that serves now in "
-            "service.",
+            todo="Do not act on this model’s temperatures, and do not promote it.",
         )
     if v.status == "not decided":
         return PartVerdict(

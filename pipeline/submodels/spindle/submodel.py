@@ -158,6 +158,8 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                 bridge_s=fitting.bridge_s, shortest_s=fitting.shortest_s,
             )
         ]  # fmt: skip
+        if not pieces:
+            raise ValueError(no_stretch(training, cases, settings))
         fit, scores = identify_spindle_network(pieces, settings.spindle, fitting)
         records = replace(settings.spindle, coolant=fit.parameters.coolant_rate > 0)
         data = examples(pieces, records, fit.parameters, settings.residual_forest)
@@ -239,6 +241,37 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         from pipeline.submodels.spindle.page import page
 
         return page(shown)
+
+
+def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str:
+    """Why no training day has a stretch to learn from, and what to do, in one sentence."""
+    start = (
+        f"no stretch of at least {settings.spindle_fit.shortest_s:g} s with "
+        f"{', '.join((*settings.spindle.signals, TARGET))} on the training days"
+    )
+    days = sorted(case.name for case in cases.cases)
+    if not training:
+        there = f"{days[0]} to {days[-1]}" if days else "no day at all"
+        return (
+            f"{start}: roles names none of the days that there are ({there}, {len(days)} in all); "
+            "name some in roles.training_days"
+        )
+    tables = [case.load() for case in training]
+    without = [
+        name
+        for name in (*settings.spindle.signals, TARGET)
+        if not any(name in table.columns and table[name].notna().any() for table in tables)
+    ]
+    if without:
+        return (
+            f"{start}: {', '.join(without)} has no value on any of them; correct its data item "
+            f"under mapping.signals (`kerf records {settings.identity.name}` lists what there is), "
+            "or record it"
+        )
+    return (
+        f"{start}: each has a value, never all of them for so long; record a working day, or name "
+        f"other days of {days[0]} to {days[-1]} in roles.training_days"
+    )
 
 
 def _loader(clean: Path, day: str) -> Callable[[], pd.DataFrame]:

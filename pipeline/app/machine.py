@@ -1,0 +1,287 @@
+"""A machine's file in conf/machine/, proposed from its Devices document and its logs."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import copy2
+
+import numpy as np
+
+from pipeline.app.machine_signals import Choice, Found, find_signals
+from pipeline.app.records import ItemSeries, item_series
+from pipeline.schema.identity import MachineIdentity
+from pipeline.signals.formats import RecordSource, UnreadableFile, format_of
+from pipeline.signals.ingest import OBSERVING, ingest
+from pipeline.signals.mtconnect.devices import chosen, read_devices
+from pipeline.signals.mtconnect.model import DeviceModel
+
+SPINDLE = ("spindle_speed", "spindle_load", "spindle_temperature")
+"""Signals without which the spindle's temperature cannot be modelled."""
+LEARNT = 2 / 3
+"""Share of the days that is proposed to be learnt from [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """What is known of a new machine.
+
+    Parameters
+    ----------
+    name : str
+        Of the machine.
+    model : DeviceModel
+        Of its one device.
+    devices, device : str
+        Its Devices document below the machine's folder, and how the device is called there.
+    groups : tuple of (str, str)
+        Format and pattern of its logs.
+    series : dict of str to ItemSeries
+        What the logs said.
+    found : Found
+        Which item is which signal.
+    """
+
+    name: str
+    model: DeviceModel
+    devices: str
+    device: str | None
+    groups: tuple[tuple[str, str], ...]
+    series: dict[str, ItemSeries]
+    found: Found
+
+    @property
+    def days(self) -> list[str]:
+        """UTC days on which the modelled spindle's temperature, else anything, was reported."""
+        item = self.found.signals.get("spindle_temperature", "")
+        some = [self.series[item]] if item in self.series else list(self.series.values())
+        days = {
+            str(d)
+            for one in some
+            for d in np.unique((one.time[one.known] // (86400 * 10**9)).astype("datetime64[D]"))
+        }
+        return sorted(days)
+
+    @property
+    def learnt(self) -> list[str]:
+        """The first days, to be learnt from; the others are left to judge by."""
+        days = self.days
+        return days[: max(1, round(LEARNT * len(days)))]
+
+    @property
+    def lacking(self) -> list[str]:
+        """Signals that the spindle's model needs and no item is."""
+        return [name for name in SPINDLE if name not in self.found.signals]
+
+    @property
+    def strangers(self) -> list[str]:
+        """Items with values in the logs that the device does not describe."""
+        spoken = (name for name, one in self.series.items() if one.known.any())
+        return [name for name in spoken if self.model.find(name) is None]
+
+
+def propose(
+    name: str, devices: Path, logs: Sequence[Path], device: str | None, raw: Path
+) -> Proposal:
+    """What the machine's file may say, from its Devices document and its logs.
+
+    ``devices`` and ``logs`` are copied to ``raw`` where they do not stand there.
+
+    Raises
+    ------
+    ValueError
+        When a file cannot be read, or several devices could be meant.
+    """
+    for path in (devices, *logs):
+        if not path.is_file():
+            raise ValueError(f"{path} is no file: name the Devices document and each log")
+    try:
+        every = read_devices(devices, device)
+    except UnreadableFile as error:
+        raise ValueError(f"{devices}: {error}") from error
+    documents, records = _into(raw, [devices]), _into(raw, logs)
+    groups = _groups(raw, records)
+    if len(every.devices) > 1:
+        names = set(_read(raw, groups, name, None, None))
+        device = _meant(every, names)
+        every = chosen(every, device)
+    place = documents[0].relative_to(raw).as_posix()
+    series = _read(raw, groups, name, place, device)
+    items = [(every.item_name(i), i) for i in every.items]
+    return Proposal(
+        name=name, model=every, devices=place, device=device, groups=groups, series=series,
+        found=find_signals(items, series),
+    )  # fmt: skip
+
+
+def _into(raw: Path, files: Sequence[Path]) -> list[Path]:
+    """The files in ``raw``, copied there where they stand elsewhere; equal names are refused."""
+    placed = []
+    for path in files:
+        if path.resolve().is_relative_to(raw.resolve()):
+            placed.append(raw / path.resolve().relative_to(raw.resolve()))
+            continue
+        target = raw / path.name
+        if target.exists() and target.read_bytes() != path.read_bytes():
+            raise ValueError(f"{target} is there already and is not {path}: name it otherwise")
+        raw.mkdir(parents=True, exist_ok=True)
+        copy2(path, target)
+        target.chmod(0o644)
+        placed.append(target)
+    return placed
+
+
+def _groups(raw: Path, records: Sequence[Path]) -> tuple[tuple[str, str], ...]:
+    """Format and pattern of the logs: one for each folder, ending and format."""
+    found = []
+    for path in records:
+        form = format_of(path)
+        if form not in OBSERVING:
+            raise ValueError(
+                f"{path} is {form}, no log of an agent: describe tables under records of the "
+                "machine's file (docs/data.md)"
+            )
+        below = path.relative_to(raw)
+        found.append((form, (below.parent / f"*{path.suffix}").as_posix()))
+    return tuple(dict.fromkeys(found))
+
+
+def _read(
+    raw: Path, groups: Sequence[tuple[str, str]], name: str, devices: str | None, device: str | None
+) -> dict[str, ItemSeries]:
+    sources = [RecordSource(format=form, files=files, devices=devices, device=device)  # type: ignore[arg-type]
+               for form, files in groups]  # fmt: skip
+    if not sources:
+        return {}
+    with tempfile.TemporaryDirectory() as scratch:
+        ingest(raw, Path(scratch), sources, MachineIdentity(name=name))
+        return item_series(Path(scratch))
+
+
+def _meant(every: DeviceModel, names: set[str]) -> str:
+    """The one device that describes most of the items in the logs.
+
+    Raises
+    ------
+    ValueError
+        When no log is given, or two devices describe as many of its items.
+    """
+    shares = {}
+    for one in every.devices:
+        known = chosen(every, one.label)
+        shares[one.label] = sum(known.find(n) is not None for n in names)
+    order = sorted(shares, key=lambda label: -shares[label])
+    if not names or shares[order[0]] == shares[order[1]]:
+        there = ", ".join(f"{n} ({shares[n]} of {len(names)} items)" if names else n for n in order)
+        raise ValueError(f"the Devices document has {there}: say which one with --device")
+    return order[0]
+
+
+def machine_text(p: Proposal) -> str:
+    """The proposed file as YAML, every signal with its reason."""
+    lines = [
+        f"# Proposed by `kerf machine new {p.name}` from the Devices document"
+        + (" and the logs" if p.series else "") + "; check it and correct it.",
+        "identity:",
+        f"  name: {p.name}",
+        f"  description: {_quoted(p.device or p.name)}   # make and kind, for people",
+        "  origin: recorded",
+        *_roles(p),
+        *_records(p),
+        *_spindle(p),
+        "mapping:",
+        "  signals:" if p.found.choices else "  signals: {}",
+    ]  # fmt: skip
+    for choice in p.found.choices.values():
+        lines += _signal(choice)
+    if p.found.position_control:
+        inside = ", ".join(f"{k}: {_quoted(v)}" for k, v in p.found.position_control.items())
+        lines.append(f"  position_control: {{{inside}}}   # the spindle stands while C moves")
+    elif "c_angle" in p.found.signals and "spindle_speed" in p.found.signals:
+        inside = f"angle: {p.found.signals['c_angle']}, speed: {p.found.signals['spindle_speed']}"
+        lines.append("  # If the modelled spindle is the C axis too, also set")
+        lines.append("  # spindle.position_control to true above, and:")
+        lines.append(f"  # position_control: {{{inside}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(word: str) -> str:
+    return word if word.replace("_", "").isalnum() and word[0].isalpha() else f'"{word}"'
+
+
+def _roles(p: Proposal) -> list[str]:
+    if not p.days:
+        return ["# roles: {training_days: {first: YYYY-MM-DD, last: YYYY-MM-DD}}   # to learn from"]
+    learnt = p.learnt
+    return [
+        "roles:                           # days that models learn from; all others judge them",
+        f'  training_days: {{first: "{learnt[0]}", last: "{learnt[-1]}"}}',
+    ]
+
+
+def _records(p: Proposal) -> list[str]:
+    lines = ["records:"] if p.groups else ["records:   # which files there are; none was named"]
+    for form, files in p.groups or (("shdr", "*.txt"),):
+        lines += [f"  - format: {form}", f'    files: "{files}"', f"    devices: {p.devices}"]
+        lines += [f"    device: {_quoted(p.device)}"] if p.device else []
+        if form == "shdr":
+            lines.append("    values: units   # or native, if an adapter wrote the log")
+    return lines
+
+
+def _spindle(p: Proposal) -> list[str]:
+    said = p.found.signals
+    extra = [n for n in ("second_spindle_speed", "second_spindle_load", "path_feedrate")
+             if n in said]  # fmt: skip
+    return [
+        "spindle:",
+        f"  position_control: {str(bool(p.found.position_control)).lower()}",
+        f"  ambient: {str('ambient_temperature' in said).lower()}",
+        f"  extra: [{', '.join(extra)}]",
+    ]
+
+
+def _signal(choice: Choice) -> list[str]:
+    if choice.item is not None:
+        return [f"    {choice.signal}: {_quoted(choice.item)}   # {choice.why}"]
+    some = " or ".join(choice.candidates)
+    return [f"    # {choice.signal}: {some}   ({choice.why})"]
+
+
+def fleet_text(p: Proposal, submodels: Sequence[str]) -> str:
+    """A fleet of this machine alone, as YAML."""
+    able = [] if p.lacking else ["spindle"]
+    lines = [f"# The machine {p.name} alone; add other machines to its lists.", f"name: {p.name}",
+             f"machines: [{p.name}]", "simulated: []", "submodels:"]  # fmt: skip
+    lines += [f"  {one}: [{p.name if one in able else ''}]" for one in submodels]
+    return "\n".join([*lines, "drives_under: {}", "optimised: []", "trials: []"]) + "\n"
+
+
+def said(p: Proposal, submodels: Sequence[tuple[str, str, str]]) -> list[str]:
+    """What was found, in lines; ``submodels`` are name, title and what to record for each."""
+    lines = [f"{len(p.model.items)} data items of {p.device or 'the device'} are described, "
+             f"{len(p.series)} stand in the logs"]  # fmt: skip
+    for choice in p.found.choices.values():
+        where = choice.item or "open: " + " or ".join(choice.candidates)
+        lines.append(f"  {choice.signal}: {where} ({choice.why})")
+    if p.strangers and p.series:
+        some = ", ".join(p.strangers[:5]) + (" …" if len(p.strangers) > 5 else "")
+        lines.append(f"{len(p.strangers)} items with values are not in the Devices document "
+                     f"({some}): is a log of another machine among them?")  # fmt: skip
+    for name, title, needs in submodels:
+        if name == "spindle" and not p.lacking:
+            lines.append(f"{title}: the records allow it")
+        elif name == "spindle":
+            lines.append(f"{title}: no item is {', '.join(p.lacking)}; record {needs}")
+        else:
+            lines.append(f"{title}: record {needs}")
+    return lines
+
+
+def next_steps(p: Proposal) -> list[str]:
+    """The commands that follow, in order."""
+    left = [day for day in p.days if day not in p.learnt]
+    lines = [f"kerf fleet {p.name}", "dvc repro"]
+    if left:
+        lines += [f"kerf golden {p.name} --first {left[0]} --last {left[-1]}", "dvc repro"]
+    return lines

@@ -1,0 +1,311 @@
+"""Data items of a machine -> the signals that they are, and why.
+
+A Devices document says type, subtype and component of each data item (ANSI/MTC1.4 part 2); which of
+several spindles has which load and temperature, and which of them is the C axis, is decided by what
+moves with what in the log where the document leaves it open.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.app.records import ItemSeries, span_of
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.signals.mtconnect.model import DataItem
+
+GRID = 20_000
+"""Points of time at which series are compared."""
+TURNS_RPM = 5.0
+"""A spindle turns above this speed [rev/min]."""
+SURE = 0.95
+"""Share of the C axis' motions during which its spindle stands [1]."""
+APART = 0.1
+"""Difference of two correlations that decides between two candidates [1]."""
+
+EVENTS: dict[str, tuple[str, ...]] = {
+    "availability": ("AVAILABILITY",),
+    "execution": ("EXECUTION",),
+    "controller_mode": ("CONTROLLER_MODE",),
+    "emergency_stop": ("EMERGENCY_STOP",),
+    "power_state": ("POWER_STATE", "POWER_STATUS"),
+    "program": ("PROGRAM",),
+    "tool_number": ("TOOL_NUMBER", "TOOL_ID", "TOOL_ASSET_ID"),
+    "part_count": ("PART_COUNT",),
+    "line": ("LINE", "LINE_NUMBER"),
+    "spindle_rotary_mode": ("ROTARY_MODE",),
+    "path_feedrate": ("PATH_FEEDRATE",),
+    "spindle_override": ("ROTARY_VELOCITY_OVERRIDE", "SPINDLE_SPEED_OVERRIDE"),
+}
+"""Signals of the machine as a whole, by MTConnect type, the first type that there is."""
+_AXIS = {
+    "Linear": {"POSITION": "position", "AXIS_FEEDRATE": "feedrate", "LOAD": "load"},
+    "Rotary": {"ANGLE": "angle", "ANGULAR_VELOCITY": "angular_velocity", "LOAD": "load"},
+}
+_TIMES = {"TOTAL": "total_time", "AUTO": "auto_time", "CUT": "cut_time"}
+_NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:SUB_PROGRAM")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """A signal, the data item that it is found in, and why; ``item`` None where it is open."""
+
+    signal: str
+    item: str | None
+    why: str
+    candidates: tuple[str, ...] = ()
+
+
+@dataclass
+class Found:
+    """What was decided, what was left open, and which items show a spindle held in position."""
+
+    choices: dict[str, Choice] = field(default_factory=dict)
+    position_control: dict[str, str] = field(default_factory=dict)
+    spindles: list[dict[str, str]] = field(default_factory=list)
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Signal -> data item, of those that were decided."""
+        return {name: c.item for name, c in self.choices.items() if c.item is not None}
+
+
+def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, ItemSeries]) -> Found:
+    """Which of ``items`` (name in observations, declaration) is which signal.
+
+    Parameters
+    ----------
+    items : sequence of (str, DataItem)
+        Of one device.
+    series : mapping of str to ItemSeries
+        What they said; empty where no log is given.
+    """
+    found, log = Found(), Log(series)
+    usable = [(n, i) for n, i in items if i.category != "CONDITION" and i.type]
+    for signal, kinds in EVENTS.items():
+        _one_of(found, log, signal, _first_type(usable, kinds))
+    for name, wanted in (("rapid_override", True), ("feed_override", False)):
+        fits = [(n, i) for n, i in usable if i.type == "PATH_FEEDRATE_OVERRIDE"
+                and (i.sub_type == "RAPID") == wanted]  # fmt: skip
+        _one_of(found, log, name, fits)
+    for word, signal in _TIMES.items():
+        fits = [(n, i) for n, i in usable if i.type in ("ACCUMULATED_TIME", "EQUIPMENT_TIMER")
+                and word in (i.sub_type or "").upper()]  # fmt: skip
+        _one_of(found, log, signal, fits)
+    _temperatures(found, log, usable)
+    taken = _spindles(found, log, usable)
+    _axes(found, log, [(n, i) for n, i in usable if n not in taken])
+    _c_axis(found, log)
+    return found
+
+
+def _first_type(
+    usable: Sequence[tuple[str, DataItem]], kinds: Sequence[str]
+) -> list[tuple[str, DataItem]]:
+    for kind in kinds:
+        fits = [(n, i) for n, i in usable if i.type == kind and i.sub_type not in _NOT_ACTUAL]
+        if fits:
+            return fits
+    return []
+
+
+def _one_of(found: Found, log: "Log", signal: str, fits: Sequence[tuple[str, DataItem]]) -> None:
+    """Decide ``signal`` among items that fit: the only one, or the only one that the log has."""
+    if not fits:
+        return
+    names = [n for n, _ in fits]
+    there = [n for n in names if n in log.series and log.series[n].known.any()]
+    if log.series and not there:
+        why = "described, and without a value in the logs"
+        found.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(names))
+        return
+    there = there or names
+    chosen = next(i for n, i in fits if n == there[0])
+    if len(there) == 1:
+        why = _described(chosen)
+        if len(names) > 1:
+            why += ", the only one of its kind with values in the log"
+        found.choices[signal] = Choice(signal=signal, item=there[0], why=why)
+    else:
+        why = f"{len(there)} items of type {chosen.type}: choose one"
+        found.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(there))
+
+
+def _described(item: DataItem) -> str:
+    kind = (item.type or "") + (f" {item.sub_type}" if item.sub_type else "")
+    where = " ".join(filter(None, (item.component, item.component_name)))
+    return ", ".join(filter(None, (kind, f"of {where}" if where else "", item.units)))
+
+
+def _temperatures(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> None:
+    for signal, words in (
+        ("ambient_temperature", ("ambient", "environment", "room")),
+        ("coolant_temperature", ("coolant",)),
+    ):
+        fits = [
+            (n, i)
+            for n, i in usable
+            if i.type == "TEMPERATURE"
+            and any(
+                w in f"{n} {i.component} {i.component_name} {i.sub_type}".lower() for w in words
+            )
+        ]
+        _one_of(found, log, signal, fits)
+
+
+def _spindles(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> set[str]:
+    """Speeds, each with the load and temperature that belong to it; the busiest is modelled."""
+    speeds = [(n, i) for n, i in usable if i.type in ("ROTARY_VELOCITY", "SPINDLE_SPEED")
+              and i.sub_type not in (*_NOT_ACTUAL, "OVERRIDE")]  # fmt: skip
+    if len(log.series):
+        speeds = [(n, i) for n, i in speeds if log.values(n)] or speeds
+    taken = {n for n, _ in speeds}
+    why: list[dict[str, str]] = []
+    for name, item in speeds:
+        spindle, reasons = {"speed": name}, {"speed": _described(item)}
+        beside = [n for n, i in speeds if _place(i) == _place(item)]
+        for kind in ("LOAD", "TEMPERATURE"):
+            fits = [(n, i) for n, i in usable if i.type == kind and _place(i) == _place(item)]
+            chosen, reason = _belonging(log, name, beside, fits)
+            if chosen:
+                spindle[kind.lower()], reasons[kind.lower()] = chosen, reason
+                taken.add(chosen)
+        found.spindles.append(spindle)
+        why.append(reasons)
+    order = sorted(range(len(speeds)), key=lambda k: _rank(log, found.spindles[k]), reverse=True)
+    clear = len(order) < 2 or _rank(log, found.spindles[order[0]]) > _rank(
+        log, found.spindles[order[1]])  # fmt: skip
+    for place, k in zip(("spindle", "second_spindle"), order, strict=False):
+        for quantity, item_name in found.spindles[k].items():
+            signal, note = f"{place}_{quantity}", why[k][quantity]
+            if len(order) > 1 and quantity == "speed":
+                note += _which(place, log, clear=clear)
+            found.choices[signal] = Choice(signal=signal, item=item_name, why=note)
+    found.spindles = [found.spindles[k] for k in order]
+    return taken
+
+
+def _which(place: str, log: "Log", *, clear: bool) -> str:
+    """Why a spindle is the modelled one, or the other."""
+    if place != "spindle":
+        return "; swap it with spindle_… to model this one"
+    if not clear:
+        return "; two spindles are alike: choose the one to model"
+    return "; modelled, as it turns most of those with a load and a temperature"
+
+
+def _place(item: DataItem) -> tuple[str | None, str | None]:
+    return item.component, item.component_name
+
+
+def _rank(log: "Log", spindle: Mapping[str, str]) -> tuple[int, float]:
+    """How well a spindle can be modelled: quantities with values, then time that it turns."""
+    there = sum(log.values(item) if log.series else True for item in spindle.values())
+    return there, log.share_turning(spindle["speed"])
+
+
+def _belonging(
+    log: "Log", speed: str, beside: Sequence[str], fits: Sequence[tuple[str, DataItem]]
+) -> tuple[str | None, str]:
+    """The load or temperature of a spindle, among those of its component."""
+    if len(fits) == 1 and len(beside) == 1:
+        return fits[0][0], _described(fits[0][1])
+    stem = _stem(speed)
+    alike = [(n, i) for n, i in fits if _stem(n) == stem]
+    if len(alike) == 1:
+        name, item = alike[0]
+        moved = log.together(speed, name)
+        seen = "" if np.isnan(moved) else f", correlated with {speed} by {moved:.2f} in the log"
+        return name, f"{_described(item)}, named like {speed}{seen}"
+    scored = sorted(((log.together(speed, n), n, i) for n, i in fits
+                     if not np.isnan(log.together(speed, n))), key=lambda s: -s[0])  # fmt: skip
+    if scored and (len(scored) == 1 or scored[0][0] - scored[1][0] > APART):
+        best, name, item = scored[0]
+        return name, f"{_described(item)}, moves with {speed} in the log (correlation {best:.2f})"
+    return None, ""
+
+
+def _stem(name: str) -> str:
+    """A name without the word for its quantity: ``S2rpm`` and ``S2load`` give ``s2``."""
+    words = r"rpm|speed|load|temp(erature)?|velocity|vel|act(ual)?|ovr|frt|deg|n$"
+    return re.sub(rf"({words})", "", name.lower()).strip("_- .")
+
+
+def _axes(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> None:
+    for letters, component in (("XYZ", "Linear"), ("ABC", "Rotary")):
+        for letter in letters:
+            for kind, quantity in _AXIS[component].items():
+                fits = [(n, i) for n, i in usable if i.type == kind and i.component == component
+                        and _letter(i) == letter and i.sub_type not in _NOT_ACTUAL]  # fmt: skip
+                _one_of(found, log, f"{letter.lower()}_{quantity}", fits)
+
+
+def _letter(item: DataItem) -> str:
+    """The axis of an item, from its component's name: ``X``, ``X1``, ``Xaxis``, ``axis_X``."""
+    name = item.component_name or ""
+    match = re.fullmatch(r"(?:axis[ _-]?)?([XYZABC])\d*(?:[ _-]?axis)?", name, re.IGNORECASE)
+    return match.group(1).upper() if match else ""
+
+
+def _c_axis(found: Found, log: "Log") -> None:
+    """Whether the modelled spindle is the C axis: it stands while the angle moves."""
+    signals = found.signals
+    angle, speed = signals.get("c_angle"), signals.get("spindle_speed")
+    if angle is None or speed is None:
+        return
+    mode, rate = signals.get("spindle_rotary_mode"), signals.get("c_angular_velocity")
+    stands = [log.standing_while(one["speed"], angle) for one in found.spindles]
+    alone = stands and stands[0] >= SURE and not any(s >= SURE for s in stands[1:])
+    if mode is None and not alone:
+        return
+    found.position_control = {"angle": angle, "speed": speed}
+    found.position_control |= {"rate": rate} if rate else {}
+    found.position_control |= {"mode": mode} if mode else {}
+
+
+class Log:
+    """Series of a log, compared at equal points of time."""
+
+    def __init__(self, series: Mapping[str, ItemSeries]) -> None:
+        self.series = series
+        first, last = span_of(series)
+        self.grid: Ints = np.linspace(first, last, GRID).astype(np.int64)
+
+    def values(self, name: str) -> bool:
+        """Whether an item has numbers."""
+        one = self.series.get(name)
+        return one is not None and bool((~np.isnan(one.number)).any())
+
+    def held(self, name: str) -> Floats:
+        """The item at the points of the grid, held; NaN where it is not known, shape (GRID,)."""
+        if name not in self.series or not len(self.series[name].time):
+            return np.full(GRID, np.nan)
+        one = self.series[name]
+        at = np.searchsorted(one.time, self.grid, side="right") - 1
+        return np.where(at >= 0, one.number[np.maximum(at, 0)], np.nan)
+
+    def share_turning(self, name: str) -> float:
+        """Share of the time in which a spindle turns [1]."""
+        return float((np.abs(self.held(name)) > TURNS_RPM).mean())
+
+    def together(self, speed: str, other: str) -> float:
+        """Correlation of |speed| with another item [1]; NaN where one of them does not move."""
+        a, b = np.abs(self.held(speed)), self.held(other)
+        both = ~(np.isnan(a) | np.isnan(b))
+        if both.sum() < 3 or a[both].std() == 0 or b[both].std() == 0:
+            return float("nan")
+        return float(np.corrcoef(a[both], b[both])[0, 1])
+
+    def standing_while(self, speed: str, angle: str) -> float:
+        """Share of the motions of an angle during which a spindle stands [1]; 0 without any."""
+        one, other = self.series.get(angle), self.series.get(speed)
+        if one is None or other is None or not len(other.time):
+            return 0.0
+        known = ~np.isnan(one.number)
+        time, value = one.time[known], one.number[known]
+        moved = time[1:][np.diff(value) != 0]
+        at = np.searchsorted(other.time, moved, side="right") - 1
+        rpm = np.abs(other.number[at[at >= 0]])
+        rpm = rpm[~np.isnan(rpm)]
+        return float((rpm <= TURNS_RPM).mean()) if len(rpm) else 0.0

@@ -1,0 +1,54 @@
+"""The commands for a machine of one's own: its file proposed, its records looked at."""
+
+from json import dumps
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import pipeline.app.kerf as kerf
+from pipeline.app.kerf import app, one_sentence
+
+machine_app = typer.Typer(no_args_is_help=True, help="Machines of one's own.")
+app.add_typer(machine_app, name="machine")
+
+
+@machine_app.callback()
+def _machine() -> None:
+    """Machines of one's own."""
+
+
+@machine_app.command()
+def new(
+    name: Annotated[str, typer.Argument(help="Of the machine: letters, digits, _.")],
+    devices: Annotated[Path, typer.Option(help="The agent's Devices document.")],
+    logs: Annotated[
+        list[Path] | None, typer.Option(help="A log, or a folder of them; may be repeated.")
+    ] = None,
+    device: Annotated[str | None, typer.Option(help="Which device of that document.")] = None,
+) -> None:
+    """Propose conf/machine/NAME.yaml and conf/fleet/NAME.yaml, and say why each signal is what."""
+    from pipeline.app.new_machine import write_machine
+
+    with one_sentence():
+        lines = write_machine(name, devices, logs or (), device)
+    for line in lines:
+        typer.echo(line)
+
+
+@app.command()
+def records(
+    machine: kerf.Machine,
+    json: Annotated[bool, typer.Option("--json", help="Say it as JSON, a row an item.")] = False,
+) -> None:
+    """Show what MACHINE's records hold, item by item, as the last `dvc repro` read them."""
+    from pipeline.app.new_machine import records_of
+    from pipeline.app.records import document, lines
+
+    with one_sentence():
+        rows = records_of(machine)
+    if json:
+        typer.echo(dumps(document(rows), indent=1, ensure_ascii=False))
+        return
+    for line in lines(rows):
+        typer.echo(line)

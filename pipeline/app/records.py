@@ -1,0 +1,264 @@
+"""Records of a machine item by item: how often, over which range, when, and how much of the time.
+
+Read from what `ingest` wrote: observations (long) and traces (wide).  Times are UTC.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from pipeline.schema.arrays import Floats, Ints
+
+BARS = "▁▂▃▄▅▆▇█"
+BINS = 24
+"""Characters of a sparkline, equal parts of the time that the records span."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ItemSeries:
+    """What one data item or channel said, in the order of time.
+
+    Parameters
+    ----------
+    time : ndarray of int
+        UTC [ns], shape (T,).
+    number : ndarray
+        Values, NaN for words and where it was unavailable, shape (T,).
+    known : ndarray of bool
+        Whether it was available, shape (T,).
+    words : int
+        Different words among its values.
+    """
+
+    time: Ints
+    number: Floats
+    known: np.ndarray
+    words: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ItemRecord:
+    """One row of `kerf records`.
+
+    Parameters
+    ----------
+    item, signal : str
+        Data item or channel, and the signal that it stands for; ``""`` for none.
+    samples : int
+        Values that were reported; unavailable counts as none.
+    interval_s : float or None
+        Median time between two reports [s].
+    low, high : float or None
+        Range of its numbers, in the unit of the record.
+    words : int
+        Different words among its values.
+    unavailable : float
+        Share of the time from its first to its last report in which it was unavailable [1].
+    first, last : str or None
+        UTC of its first and last value.
+    unit : str
+        As its Devices document or the table's layout says.
+    described : bool
+        False where the machine has a Devices document and it does not describe the item.
+    sparkline : str
+        Its mean in equal parts of the time that all records span; blank where it said nothing.
+    """
+
+    item: str
+    signal: str
+    samples: int
+    interval_s: float | None
+    low: float | None
+    high: float | None
+    words: int
+    unavailable: float
+    first: str | None
+    last: str | None
+    unit: str = ""
+    described: bool = True
+    sparkline: str = ""
+
+
+def item_series(signals: Path) -> dict[str, ItemSeries]:
+    """Series of every data item and channel in ``data/signals/<machine>``, by name."""
+    frames: dict[str, list[pd.DataFrame]] = {}
+    for path in sorted(signals.glob("observations/*.parquet")):
+        for item, part in _observed(path):
+            frames.setdefault(item, []).append(part)
+    for path in sorted(signals.glob("traces/*.parquet")):
+        for item, part in _recorded(path):
+            frames.setdefault(item, []).append(part)
+    return {item: _series(parts) for item, parts in sorted(frames.items())}
+
+
+def _observed(path: Path) -> Iterator[tuple[str, pd.DataFrame]]:
+    table = pq.read_table(path, columns=["time", "data_item", "number", "text"])
+    frame = table.to_pandas()
+    text = frame["text"].astype(object)
+    frame["word"] = text.where(text.astype(str).str.upper() != "UNAVAILABLE")
+    for item, part in frame.groupby("data_item", observed=True, sort=False):
+        yield str(item), part[["time", "number", "word"]]
+
+
+def _recorded(path: Path) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Channels of a table with a clock; one that counts from its start has no place in time."""
+    names = pq.read_schema(path).names
+    if "time" not in names:
+        return
+    for name in names:
+        if name != "time":
+            frame = pq.read_table(path, columns=["time", name]).to_pandas()
+            number = pd.to_numeric(frame[name], errors="coerce")
+            word = frame[name].astype(object).where(number.isna() & frame[name].notna(), None)
+            yield name, pd.DataFrame({"time": frame["time"], "number": number, "word": word})
+
+
+def _series(parts: Sequence[pd.DataFrame]) -> ItemSeries:
+    frame = pd.concat(parts, ignore_index=True).sort_values("time", kind="stable")
+    number = frame["number"].to_numpy(dtype=float)
+    word = frame["word"].notna().to_numpy()
+    return ItemSeries(
+        time=frame["time"].dt.as_unit("ns").astype("int64").to_numpy(),
+        number=number,
+        known=word | ~np.isnan(number),
+        words=int(frame["word"].nunique()),
+    )
+
+
+def item_record(item: str, series: ItemSeries, span: tuple[int, int], **about: Any) -> ItemRecord:
+    """The row of one item; ``span`` [ns] is that of all records, ``about`` its other fields."""
+    said = series.time[series.known]
+    number = series.number[~np.isnan(series.number)]
+    steps = np.diff(np.unique(said)) / 1e9
+    return ItemRecord(
+        item=item,
+        samples=len(said),
+        interval_s=float(np.median(steps)) if len(steps) else None,
+        low=float(number.min()) if len(number) else None,
+        high=float(number.max()) if len(number) else None,
+        words=series.words,
+        unavailable=_unavailable(series),
+        first=_utc(said[0]) if len(said) else None,
+        last=_utc(said[-1]) if len(said) else None,
+        sparkline=_sparkline(series, span),
+        **about,
+    )
+
+
+def _utc(time: int) -> str:
+    return str(np.datetime64(int(time) // 10**9, "s")) + "Z"
+
+
+def _unavailable(series: ItemSeries) -> float:
+    """Share of the time from the first to the last report that no value covers [1]."""
+    lasting = np.diff(series.time)
+    if not len(series.time):
+        return 1.0
+    if not lasting.sum():
+        return float(1 - series.known.mean())
+    return float(lasting[~series.known[:-1]].sum() / lasting.sum())
+
+
+def _sparkline(series: ItemSeries, span: tuple[int, int]) -> str:
+    """Means of a number, or how often words came, in equal parts of the span."""
+    edges = np.linspace(span[0], span[1] + 1, BINS + 1)
+    numeric = ~np.isnan(series.number)
+    chosen = numeric if numeric.any() else series.known
+    place = np.clip(np.searchsorted(edges, series.time[chosen], side="right") - 1, 0, BINS - 1)
+    count = np.bincount(place, minlength=BINS)
+    if numeric.any():
+        total = np.bincount(place, weights=series.number[chosen], minlength=BINS)
+        level = np.divide(total, count, out=np.full(BINS, np.nan), where=count > 0)
+    else:
+        level = np.where(count > 0, count, np.nan).astype(float)
+    if np.isnan(level).all():
+        return " " * BINS
+    low, high = np.nanmin(level), np.nanmax(level)
+    share = (level - low) / (high - low) if high > low else np.where(count > 0, 0.5, np.nan)
+    return "".join(" " if np.isnan(s) else BARS[min(int(s * 8), 7)] for s in share)
+
+
+def span_of(every: Mapping[str, ItemSeries]) -> tuple[int, int]:
+    """First and last time [ns] of all series that said anything; zeros where none did."""
+    said = [one.time[one.known] for one in every.values() if one.known.any()]
+    return (min(int(t[0]) for t in said), max(int(t[-1]) for t in said)) if said else (0, 0)
+
+
+def machine_records(
+    signals: Path, signal_of: dict[str, str], units: dict[str, str]
+) -> list[ItemRecord]:
+    """Rows of every item in ``signals``, those of the machine's signals first, then by name.
+
+    Parameters
+    ----------
+    signals : Path
+        ``data/signals/<machine>``.
+    signal_of : dict of str to str
+        Data item -> its signal; an item that no record has gets a row without samples.
+    units : dict of str to str
+        Data item -> unit, of the items that a Devices document describes; empty without one.
+    """
+    every = item_series(signals)
+    span = span_of(every)
+    traced = {n for p in signals.glob("traces/*.parquet") for n in pq.read_schema(p).names}
+    empty = ItemSeries(
+        time=np.array([], np.int64), number=np.array([]), known=np.array([], bool), words=0
+    )
+    rows = [
+        item_record(
+            item, every.get(item, empty), span, signal=signal_of.get(item, ""),
+            unit=units.get(item, ""), described=not units or item in units or item in traced,
+        )
+        for item in {**dict.fromkeys(signal_of), **every}
+    ]  # fmt: skip
+    return sorted(rows, key=lambda row: (not row.signal, row.item))
+
+
+def described_units(signals: Path) -> dict[str, str]:
+    """Unit of every data item that the machine's Devices document describes; ``""`` for none."""
+    path = signals / "data_items.parquet"
+    if not path.exists():
+        return {}
+    table = pq.read_table(path, columns=["data_item", "units"]).to_pylist()
+    return {row["data_item"]: row["units"] or "" for row in table}
+
+
+def document(rows: Sequence[ItemRecord]) -> list[dict[str, Any]]:
+    """The rows as JSON."""
+    return [asdict(row) for row in rows]
+
+
+def lines(rows: Sequence[ItemRecord]) -> Iterator[str]:
+    """The rows as a table of words, with what is wrong with them below."""
+    head = ("item", "signal", "samples", "every", "range", "unit", "unavail.", "first", "last", "")
+    cells = [head, *map(_cells, rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    for line in cells:
+        yield "  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip()
+    absent = [row for row in rows if row.signal and not row.samples]
+    for row in absent:
+        yield f"no record has a value of {row.item}, which the machine's file names as {row.signal}"
+    strange = [row.item for row in rows if not row.described and row.samples]
+    if strange:
+        more = "" if len(strange) <= 5 else f" and {len(strange) - 5} more"
+        yield (
+            f"{len(strange)} items with values are not in the Devices document ("
+            f"{', '.join(strange[:5])}{more}): is a log of another machine among them?"
+        )
+
+
+def _cells(row: ItemRecord) -> tuple[str, ...]:
+    numbers = row.low is not None and row.high is not None
+    words = f"{row.words} words" if row.words else ""
+    return (
+        row.item, row.signal, str(row.samples),
+        "" if row.interval_s is None else f"{row.interval_s:.3g} s",
+        f"{row.low:.5g} … {row.high:.5g}" if numbers else words,
+        row.unit, f"{100 * row.unavailable:.0f} %",
+        (row.first or "")[:16], (row.last or "")[:16], row.sparkline,
+    )  # fmt: skip
