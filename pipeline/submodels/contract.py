@@ -99,11 +99,14 @@ class Prediction:
         What else is to be said of the case.
     note : str
         Why it is not judged, where it is not; or what limits what can be compared.
+    cause : str
+        Fault of the case's record that would explain its errors; "" where none is known.
     """
 
     frame: "pd.DataFrame"
     facts: Mapping[str, Fact] = field(default_factory=dict)
     note: str = ""
+    cause: str = ""
 
 
 Predictor = Callable[[Case], Prediction]

@@ -106,6 +106,8 @@ def judge(
     ]
     beaten, open_ = _beaten(scores, targets, deciding)
     status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
+    if status == "failed":
+        reasons += [f"{case.name}: {one.cause}" for case, one in predicted if one.cause]
     verdict = Verdict(
         submodel=model.submodel,
         machine=model.machine,
