@@ -61,8 +61,8 @@ class Target:
     each_group : bool
         Whether it has to be so in every group.
     resolution : float
-        Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0 for
-        a measurement that is fine enough.
+        Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0
+        where the column ``step`` of a prediction or the grid of its measured values tells it.
     coverage : (float, float) or None
         Least and greatest share of samples inside the 90 % interval over all groups that decide
         [1]; None where no interval is asked for.

@@ -343,12 +343,13 @@ def _station_values(
         np.empty((nodes + 2, FINEST * angles, 4)), out,
     )  # fmt: skip
     if chisel_length(tool):
-        _add_chisel(out, tool, law, lower, upper, slope, feeds)
+        low, high, down = (np.asarray(one, dtype=np.float64) for one in (lower, upper, slope))
+        _add_chisel(out, tool, law, lower=low, upper=high, slope=down, feeds=feeds)
     return out
 
 
 def _add_chisel(
-    out: Floats, tool: Tool, law: ForceLaw, lower: Floats, upper: Floats, slope: Floats,
+    out: Floats, tool: Tool, law: ForceLaw, *, lower: Floats, upper: Floats, slope: Floats,
     feeds: Floats,
 ) -> None:  # fmt: skip
     """Add the thrust of the chisel edge, in proportion to f_z^(1 - m_c) as that of the lips."""
