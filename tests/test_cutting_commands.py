@@ -194,6 +194,19 @@ def test_a_program_that_cuts_nothing_says_so(project: Path) -> None:
     assert "part.nc has no moves" in refused(project, "simulate", "part.nc", *CUT)
 
 
+def test_a_diameter_in_metre_is_said_on_screen_in_json_and_page(project: Path) -> None:
+    table = "tools: {4: {kind: flat, diameter_mm: 0.016, flutes: 3, flute_length_mm: 32.0}}"
+    (project / "metre.yaml").write_text(table)
+    metre = [w if w != CUT[5] else "metre.yaml" for w in CUT]
+    done = kerf(project, "simulate", "part.nc", *metre, "--json", "c.json", "--page", "p.html")
+    assert done.exit_code == 0, done.output
+    said = "T4 in the tool table metre.yaml: diameter_mm = 0.016 is below the 0.1 mm"
+    assert f"warning: {said}" in done.stdout and "metre or inch seems to be meant" in done.stdout
+    written = json.loads((project / "c.json").read_text())["cut"]["warnings"]
+    assert any(one["what"].startswith(said) for one in written)
+    assert said in words(project / "p.html")
+
+
 def test_rapids_alone_go_through_the_material(project: Path) -> None:
     text = PART.replace("G1 Z-2. F300.", "G0 Z-2.").replace("X70. F900.", "X70.")
     (project / "part.nc").write_text(text)

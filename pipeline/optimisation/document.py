@@ -66,7 +66,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     totals = _totals(before, result), _totals(after, result)
     reasons = RowReasons(result)
     words = FeedWords(reasons.program, result.moves)
-    warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut)
+    warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut, basis.table)
     return OptimisedPart(
         warnings=(
             *changed_earlier(basis.wear),

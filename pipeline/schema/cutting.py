@@ -271,11 +271,13 @@ class CutRecording:
     """One recording of a dynamometer; numbers are None where they are not known.
 
     ``role`` is ``"training"``, ``"judged"`` or ``"left out"``, the last with the reason.
+    ``fault`` is what would explain that it differs from the others.
     """
 
     recording: str
     role: str
     reason: str = ""
+    fault: str = ""
     notes: tuple[str, ...] = ()
     speed_rpm: float | None = None
     feed_mm_min: float | None = None

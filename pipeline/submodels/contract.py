@@ -61,8 +61,8 @@ class Target:
     each_group : bool
         Whether it has to be so in every group.
     resolution : float
-        Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0 for
-        a measurement that is fine enough.
+        Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0
+        where the column ``step`` of a prediction or the grid of its measured values tells it.
     coverage : (float, float) or None
         Least and greatest share of samples inside the 90 % interval over all groups that decide
         [1]; None where no interval is asked for.
@@ -103,11 +103,14 @@ class Prediction:
         What else is to be said of the case.
     note : str
         Why it is not judged, where it is not; or what limits what can be compared.
+    cause : str
+        Fault of the case's record that would explain its errors; "" where none is known.
     """
 
     frame: "pd.DataFrame"
     facts: Mapping[str, Fact] = field(default_factory=dict)
     note: str = ""
+    cause: str = ""
 
 
 Predictor = Callable[[Case], Prediction]

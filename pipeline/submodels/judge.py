@@ -29,7 +29,7 @@ from pipeline.schema.verdict import (
 )
 from pipeline.submodels.cases import Case, Cases
 from pipeline.submodels.contract import Predictor, Target
-from pipeline.submodels.rounding import left_open
+from pipeline.submodels.rounding import grid_step, left_open
 
 DIGITS = 6
 """Significant digits of a stored error."""
@@ -40,6 +40,8 @@ FEWEST_GROUPS = 3
 CANARY_SAMPLES, CANARY_VALUES = 100, 10
 """Samples, and different values among them, from which on a prediction without any error at all has
 seen what it predicts [1]."""
+STEP = "step"
+"""Column of a prediction: resolution of the recorded signal that it is derived from."""
 ALL = "all"
 """Group of a score over all groups of one role."""
 WORDS = {
@@ -107,6 +109,8 @@ def judge(
     ]
     beaten, open_ = _beaten(scores, targets, deciding)
     status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
+    if status == "failed":
+        reasons += [f"{case.name}: {one.cause}" for case, one in predicted if one.cause]
     verdict = Verdict(
         submodel=model.submodel,
         machine=model.machine,
@@ -312,17 +316,26 @@ def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
 
 def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
     """What the sensor's steps leave open of the difference to what has to be beaten."""
-    if target.resolution <= 0:
+    step = target.resolution or _recorded_step(rows, target)
+    if step <= 0:
         return {}
     measured, predicted = (rows[name].to_numpy(float) for name in ("measured", "predicted"))
     _, groups = np.unique(rows["group"].to_numpy(str), return_inverse=True)
     return {
-        name: left_open(
-            predicted, rows[BASELINE + name].to_numpy(float), measured, groups, target.resolution
-        )
+        name: left_open(predicted, rows[BASELINE + name].to_numpy(float), measured, groups, step)
         for name in target.must_beat
         if BASELINE + name in rows.columns and rows[BASELINE + name].notna().all()
     }
+
+
+def _recorded_step(rows: pd.DataFrame, target: Target) -> float:
+    """Resolution of the recorded signal: of the prediction's column, else of the values' grid."""
+    if not target.must_beat:
+        return 0.0
+    if STEP in rows:
+        known = rows[STEP].to_numpy(float)
+        return float(np.nanmax(known, initial=0.0))
+    return grid_step(rows["measured"].to_numpy(float))
 
 
 def _held_against(score: Score, target: Target) -> Score:

@@ -11,6 +11,42 @@ from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.verdict import Figures
 
 NORMAL_95 = 1.96
+FEWEST_VALUES = 5
+"""Different values from which on their steps tell a resolution."""
+OFF_GRID = 0.05
+"""Greatest distance of a value from a grid, in steps [1]."""
+
+
+def grid_step(values: Floats) -> float:
+    """Smallest step between the values of a recorded signal, where they lie on a grid; else 0.
+
+    A signal whose values lie on no grid has a resolution that its samples do not tell.
+
+    Parameters
+    ----------
+    values : ndarray, any shape
+        As recorded, in any unit; what is not finite is left out.
+
+    Examples
+    --------
+    >>> round(grid_step(0.25 * np.round(8 * np.sin(np.arange(500.0)))), 9)
+    0.25
+    >>> grid_step(np.sin(np.arange(500.0)))
+    0.0
+    """
+    known = np.asarray(values, dtype=np.float64).ravel()
+    known = np.unique(known[np.isfinite(known)])
+    if len(known) < FEWEST_VALUES:
+        return 0.0
+    steps = np.diff(known)
+    steps = steps[steps > 1e-9 * max(float(np.abs(known).max()), float(np.ptp(known)))]
+    if not len(steps):
+        return 0.0
+    near = steps[steps < 1.5 * steps.min()]
+    step = float(np.median(near))
+    step = float(np.mean(steps / np.maximum(np.round(steps / step), 1)))
+    off = np.abs(steps / step - np.round(steps / step))
+    return step if float(off.max()) < OFF_GRID else 0.0
 
 
 def left_open(

@@ -192,7 +192,7 @@ def warnings_of(of: AssessedCut, basis: CutBasis) -> tuple[CutWarning, ...]:
         found.cut, found.blocks, found.limits, basis.limit_load,
         dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
     )  # fmt: skip
-    every = (*setup_warnings(found.cut), *warnings, *_worn(by_tool(found)))
+    every = (*setup_warnings(found.cut, basis.table), *warnings, *_worn(by_tool(found)))
     return tuple(sorted(every, key=lambda one: not one.grave))
 
 

@@ -1,18 +1,38 @@
-"""Warnings on the set-up of a cut: tools that cut nothing or are not listed, cutter radii of 0."""
+"""Warnings on the set-up of a cut: sizes of tools, tools that cut nothing, cutter radii of 0."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from pipeline.cutting.tool_sizes import odd_sizes
 from pipeline.gcode.moves import CutterRadius
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
 
 
-def setup_warnings(cut: Cut) -> tuple[CutWarning, ...]:
-    """What of tools and registers does not fit the program that is cut with them."""
-    return (*_without_radius(cut), *_cutting_nothing(cut), *_not_listed(cut))
+def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
+    """What of tools and registers does not fit the program that is cut with them.
+
+    ``table`` is the tool table as it was named.
+    """
+    return (
+        *_odd_sizes(cut, table),
+        *_without_radius(cut),
+        *_cutting_nothing(cut),
+        *_not_listed(cut),
+    )
+
+
+def _odd_sizes(cut: Cut, table: str) -> Iterator[CutWarning]:
+    """Sizes of tools that another unit would explain."""
+    for number, tool in zip(cut.numbers, cut.tools, strict=True):
+        for odd in odd_sizes(tool):
+            yield CutWarning(
+                what=f"T{number} in the tool table {table}: {odd.field} = {odd.value:g} is "
+                f"{odd.reason}",
+                do=odd.remedy,
+            )
 
 
 def _without_radius(cut: Cut) -> Iterator[CutWarning]:

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.engagement.end_rings import whole_ring
 from pipeline.cutting.engagement.engagement import Engagement
+from pipeline.cutting.force.chisel import chisel_engaged, chisel_length, chisel_thrust
 from pipeline.cutting.force.edge import (
     LIP,
     bin_middles,
@@ -213,9 +214,10 @@ def load_table(
     """Tabulate the loads of all blocks.
 
     The bottom of a flat end cuts where the motion goes down, as edges from the axis to the rim; a
-    drill cuts with its lips.  In full material both take a mean torque of N K_tc f_z D^2 / 8 and a
-    thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end, and edge terms for each
-    length of lip; the chisel edge of a drill is not modelled.  In a hole of diameter d the flat of
+    drill cuts with its lips and its chisel edge.  In full material both take a mean torque of
+    N K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
+    and edge terms for each length of lip; the chisel edge adds its own
+    (:mod:`pipeline.cutting.force.chisel`).  In a hole of diameter d the flat of
     an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.
 
     Parameters
@@ -340,7 +342,26 @@ def _station_values(
         piece_buffer(many.sum(), shape, float(upper.max()), bins),
         np.empty((nodes + 2, FINEST * angles, 4)), out,
     )  # fmt: skip
+    if chisel_length(tool):
+        low, high, down = (np.asarray(one, dtype=np.float64) for one in (lower, upper, slope))
+        _add_chisel(out, tool, law, lower=low, upper=high, slope=down, feeds=feeds)
     return out
+
+
+def _add_chisel(
+    out: Floats, tool: Tool, law: ForceLaw, *, lower: Floats, upper: Floats, slope: Floats,
+    feeds: Floats,
+) -> None:  # fmt: skip
+    """Add the thrust of the chisel edge, in proportion to f_z^(1 - m_c) as that of the lips."""
+    from pipeline.cutting.force.profile_kernel import AXIAL, FORCE
+
+    power = 1.0 - law.m_c
+    nodes = len(feeds)
+    scaled = feeds[-1] ** power * (np.arange(nodes + 1) / (nodes - 1)) ** 2
+    down = np.clip(-slope, 0.0, 1.0) ** power * chisel_engaged(tool, lower, upper)
+    thrust = chisel_thrust(tool, law) * down[:, None] * scaled
+    out[:, :, AXIAL] += thrust
+    out[:, :, FORCE + 2] -= thrust
 
 
 def _rings(engagement: Engagement, rows: Integers) -> tuple[Integers, Floats, Floats]:

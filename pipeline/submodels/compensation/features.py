@@ -73,6 +73,8 @@ class Features:
         Samples that were recorded, neither put in between nor beside such.
     fuzzy : ndarray, shape (N,), or None
         Following error of the drives' model with a fuzzy PI speed loop [m], where asked for.
+    step : float
+        Resolution of the measured position [m]; 0 where its values show none.
     """
 
     recording: Recording
@@ -83,6 +85,7 @@ class Features:
     regime: "np.ndarray[Any, np.dtype[np.str_]]"
     known: Bools
     fuzzy: Floats | None = None
+    step: float = 0.0
 
 
 def every(period: float, step_s: float) -> int:
@@ -225,6 +228,7 @@ def features_of(
         ),
         group=run.group, time=time, measured=axis.error[rows], modelled=modelled[rows],
         regime=regime[rows], known=~beside[rows], fuzzy=None if fuzzy is None else fuzzy[rows],
+        step=axis.step,
     )  # fmt: skip
 
 

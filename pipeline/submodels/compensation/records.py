@@ -18,6 +18,7 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.signals.parts import PART, parts_of, samples_sha256
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
 from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.submodels.rounding import grid_step
 
 MOTION = ("reference", "position", "error")
 """Channels of an axis that are lengths."""
@@ -133,6 +134,12 @@ class AxisRun:
     reference: Floats | None = None
     command: Floats | None = None
     filled: Bools = field(default_factory=lambda: np.zeros(0, bool))
+
+    @property
+    def step(self) -> float:
+        """Resolution of the scale, else of the recorded error [m]; 0 where no grid shows it."""
+        position = self.error if self.reference is None else self.reference - self.error
+        return grid_step(np.asarray(position)[~self.filled] if len(self.filled) else position)
 
     def within(self, rows: slice) -> "AxisRun":
         """Some of its samples."""

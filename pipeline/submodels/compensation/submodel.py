@@ -368,7 +368,7 @@ def _frame(
     return pd.DataFrame({
         "quantity": f"{QUANTITIES[use]} {letter}", "unit": "um", "t": features.time[at],
         "measured": UM * features.measured[at], "predicted": found, "low": low, "high": high,
-        **others,
+        "step": UM * features.step, **others,
     })  # fmt: skip
 
 

@@ -56,10 +56,20 @@ def _failed(facts: CuttingFacts, failed: list[CutRun]) -> PartVerdict:
     return PartVerdict(
         status="failed",
         sentence="Cutting forces are not predicted within their limits: on "
-        f"{where} {errors}{bracketed(why)}.{_outside_words(failed)}",
+        f"{where} {errors}{bracketed(why)}.{_outside_words(failed)}{fault_words(facts)}",
         todo=f"{REFRAIN}record the failed conditions again with a new edge and the tool clamped "
         "anew.",
     )
+
+
+def fault_words(facts: CuttingFacts) -> str:
+    """The recordings that a fault explains, the first by name; empty without one."""
+    found = {run.recording: run.row.fault for run in (*facts.runs, *facts.cross) if run.row.fault}
+    if not found:
+        return ""
+    name, words = next(iter(found.items()))
+    more = f" The table names {counted(len(found) - 1, 'more')}." if len(found) > 1 else ""
+    return f" In {name} {words}.{more}"
 
 
 def _outside_words(failed: list[CutRun]) -> str:

@@ -30,6 +30,7 @@ from pipeline.submodels.cutting.coefficients import (
     parameters,
 )
 from pipeline.submodels.cutting.conditions import MM
+from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
 from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
 from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
@@ -89,6 +90,20 @@ class CuttingIdentification:
     spread: ForceSpread | None = None
     folds: Sequence[CutModel] = ()
     reason: str = ""
+
+    @property
+    def references(self) -> dict[str, Reference]:
+        """Model of each recording that was fitted without it: of its fold, else of the fit."""
+        if self.selection is None or self.model is None:
+            return {}
+        names = tuple(one.name for one in self.training)
+        whole = Reference(model=self.model, fitted_on=names)
+        found = {one.name: whole for one in self.recordings if not one.is_training}
+        for fold, model in zip(self.selection.folds, self.folds, strict=True):
+            out = tuple(names[k] for k in fold.left_out)
+            rest = tuple(name for name in names if name not in out)
+            found |= {name: Reference(model=model, fitted_on=rest) for name in out}
+        return found
 
     @property
     def model(self) -> CutModel | None:
@@ -225,6 +240,7 @@ def cutting_model(
             _fold(one, fold_model, [r.name for r in identified.training])
             for one, fold_model in zip(selection.folds, identified.folds, strict=True)
         )
+    faults = named_faults(identified.recordings, identified.references, setup, settings)
     if spindle is not None:
         groups[SPINDLE] = spindle.parameters
     plain = identified.mean_values
@@ -246,7 +262,10 @@ def cutting_model(
         terms=terms,
         methods=tuple(identified.methods),
         residual_conditions=() if model is None else _residual_conditions(model),
-        recordings=tuple(recording_row(one) for one in identified.recordings),
+        recordings=tuple(
+            replace(recording_row(one), fault=faults.get(one.name, ""))
+            for one in identified.recordings
+        ),
         prediction=None if model is None else stored(model),
         plain=None if plain is None else stored(plain_model(setup.tool, np.array(plain))),
         folds=folds,

@@ -179,7 +179,9 @@ def _fitted_on(facts: CuttingFacts, run: CutRun) -> str:
 
 
 def _why(run: CutRun) -> str:
-    """Conditions that were not learnt; else why it was not judged, unless the marks say so."""
+    """What explains it; conditions that were not learnt; else why it was not judged."""
+    if run.row.fault:
+        return run.row.fault
     if run.outside:
         return f"outside of what was learnt: {run.outside}"
     return "" if run.is_training or any(run.beyond(kind) for kind in ERRORS) else run.reason

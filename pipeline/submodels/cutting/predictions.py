@@ -96,6 +96,7 @@ class ForcePredictor:
         self.model = None if stored.prediction is None else restored(stored.prediction)
         self.load = stored.spindle_parameters
         self.plain = None if stored.plain is None else restored(stored.plain)
+        self.faults = {one.recording: one.fault for one in stored.recordings if one.fault}
         self.without: Mapping[str, CutModel] = {
             name: restored(fold.prediction) for fold in stored.folds for name in fold.left_out
         }
@@ -113,8 +114,9 @@ class ForcePredictor:
         residual = self.model.residual(cut_harmonics(recording, self.settings).conditions)
         how = "mechanics" if residual is None else "mechanics and what they leave over"
         return Prediction(
-            frame=pd.concat(parts, ignore_index=True), facts={"predicted by": Fact(value=how)}
-        )
+            frame=pd.concat(parts, ignore_index=True), facts={"predicted by": Fact(value=how)},
+            cause=self.faults.get(recording.name, ""),
+        )  # fmt: skip
 
     def _rows(
         self, recording: CuttingRecording, model: CutModel, plain: CutModel, regime: str

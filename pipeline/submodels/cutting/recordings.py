@@ -164,8 +164,26 @@ def with_revolution(
         force, rate, notes = forces(one.file.load())
         revolution, zero_measured = steady_revolution(force, rate, one.conditions, setup, settings)
     except ValueError as error:
-        return replace(one, reason=str(error))
+        return replace(one, reason=f"{error}{_other_speed(one, setup, settings)}")
     return replace(one, revolution=revolution, zero_measured=zero_measured, notes=notes)
+
+
+def _other_speed(one: CuttingRecording, setup: CuttingSetup, settings: CuttingFitSettings) -> str:
+    """Twice or half of the stated speed, where the forces repeat with that; empty otherwise."""
+    if one.conditions is None or one.file is None:
+        return ""
+    for factor, words in ((0.5, "half of"), (2.0, "twice")):
+        speed = factor * one.conditions.speed
+        try:
+            force, rate, _ = forces(one.file.load())
+            found, _ = steady_revolution(
+                force, rate, replace(one.conditions, speed=speed), setup, settings
+            )
+        except ValueError:
+            continue
+        share = 100 * float(found.coherent[:2].max())
+        return f"; {share:.0f} % repeat with {60 * speed:.4g} rev/min, {words} what is stated"
+    return ""
 
 
 def cut_harmonics(recording: CuttingRecording, settings: CuttingFitSettings) -> CutHarmonics:
