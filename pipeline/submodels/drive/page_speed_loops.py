@@ -7,7 +7,7 @@ from pipeline.charts import svg
 from pipeline.charts.bands import band, line, tick_words
 from pipeline.charts.numbers import number
 from pipeline.charts.sections import Block, Figure, Figures, Heading
-from pipeline.charts.tables import Table, cells, names, numbers
+from pipeline.charts.tables import Cell, Table, cells, names, numbers
 from pipeline.schema.drive import DriveModel, SpeedLoop, SpeedLoops
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive.page_parameters import made_from
@@ -69,7 +69,7 @@ def _table(shown: Shown[DriveModel], found: SpeedLoops) -> Table:
     )  # fmt: skip
 
 
-def _row(one: SpeedLoop) -> list[object]:
+def _row(one: SpeedLoop) -> list[Cell]:
     values = (one.reaching_ms, one.settling_ms, one.overshoot_percent, one.ripple_percent,
               one.following_um)  # fmt: skip
     return cells(one.gains, one.kind, *("–" if v is None else number(v, 3) for v in values))
