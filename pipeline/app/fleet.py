@@ -168,9 +168,10 @@ def _bring_devices(
             continue
         beside = places[place].resolve().parent
         folders = (known, beside, beside.parent)
-        document = next(
-            (f / source.devices for f in folders if (f / source.devices).exists()), None
-        )
+        read = {path.resolve() for path in places.values()}  # records, whatever they are called
+        named = [f / source.devices for f in folders]
+        there = [one for one in named if one.is_file() and one.resolve() not in read]
+        document = there[0] if there else None
         if document is None:
             chosen[place] = replace(source, devices=None)
             notes[place] = (
