@@ -54,7 +54,7 @@ def _square(points: "pd.DataFrame", title: str) -> str:
                 transform=f"translate({MARGIN / 2} {MARGIN + SIDE}) rotate(-90)"),
     ]  # fmt: skip
     for measured, predicted in both.itertuples(index=False):
-        at = {"cx": MARGIN + place(measured), "cy": MARGIN + SIDE - place(predicted)}
-        parts.append(svg.tag("circle", r=2, fill="#1f5fa8", fill_opacity=0.6, **at))
+        x, y = MARGIN + place(measured), MARGIN + SIDE - place(predicted)
+        parts.append(svg.tag("circle", cx=x, cy=y, r=2, fill="#1f5fa8", fill_opacity=0.6))
     return str(svg.tag("svg", svg.group(parts), xmlns="http://www.w3.org/2000/svg",
                        width=whole, height=whole, role="img", aria_label=title))  # fmt: skip

@@ -4,14 +4,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
 from pipeline.cutting.tool import Tool
+from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CuttingModel
 
 CATALOGUE = "catalogue values of k_c1.1 scatter by 20 to 30 %"
 NO_LOAD = ("p0", "p1", "p2")
 COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
+SCALES = np.array([N_MM2] * 3 + [N_MM] * 3)
+"""Units in which these are said, over SI: N/mm^2 of cutting, N/mm of edges."""
 ALIKE = 0.01
 """Relative difference of diameters up to which tools count as alike [1]."""
 
@@ -72,17 +77,22 @@ class ToolCoefficients:
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedCoefficients:
-    """Force law of an identified cut, with material and tool (keys of :class:`Tool`) of its fit."""
+    """Force law of an identified cut, with material and tool (keys of :class:`Tool`) of its fit.
+
+    Coefficients in ``open`` are not determined by the records.
+    """
 
     law: ForceLaw
     material: str
     tool: Mapping[str, Any]
+    open: tuple[str, ...] = ()
 
 
 def identified_coefficients(model: CuttingModel | None) -> IdentifiedCoefficients | None:
     """The law of an identified cut; None where the tangential coefficient was not determined.
 
-    A coefficient that the records do not determine counts as none.
+    One of the others that the records do not determine has the value that the fit took, which
+    serves beside the others better than none; its interval then holds zero.
     """
     found = {} if model is None else model.coefficients
     values = {
@@ -91,11 +101,23 @@ def identified_coefficients(model: CuttingModel | None) -> IdentifiedCoefficient
     }
     if model is None or values["K_tc"] is None:
         return None
+    fitted = dict(zip(COEFFICIENTS, (fitted_coefficients(model) / SCALES).tolist(), strict=True))
     return IdentifiedCoefficients(
-        law=ForceLaw.linear(**{name: value or 0.0 for name, value in values.items()}),
-        material=model.material,
-        tool=model.tool,
-    )
+        law=ForceLaw.linear(**{
+            name: max(0.0, fitted[name]) if value is None else value
+            for name, value in values.items()
+        }),
+        material=model.material, tool=model.tool,
+        open=tuple(name for name, value in values.items() if value is None),
+    )  # fmt: skip
+
+
+def fitted_coefficients(model: CuttingModel | None) -> Floats:
+    """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
+    if model is None or model.prediction is None:
+        return np.zeros(len(COEFFICIENTS))
+    values = np.array(model.prediction.values[: len(COEFFICIENTS)], dtype=np.float64)
+    return np.pad(values, (0, len(COEFFICIENTS) - len(values)))
 
 
 def identified_no_load(model: CuttingModel | None) -> tuple[float, ...] | None:
@@ -131,8 +153,12 @@ def tool_coefficients(
     other = _of_material(material)
     if identified is None or identified.material not in (name, material.name):
         return dict.fromkeys(tools, other)
+    caution = (
+        f"{', '.join(identified.open)} not determined by the records: as the fit took it"
+        if identified.open else ""
+    )  # fmt: skip
     own = ToolCoefficients(
-        law=identified.law, kind="identified", source="identified on this machine"
+        law=identified.law, kind="identified", source="identified on this machine", caution=caution
     )
     return {
         number: own if _is_like(tool, identified.tool) else other for number, tool in tools.items()

@@ -10,7 +10,7 @@ with z standard normal, z_source common to all tools whose coefficients come fro
   by its straight line over the chips of the cut, so that they spread further beyond the feeds that
   were learnt; and a share for speeds and depths that were not.  A model without such laws has the
   intervals and correlations of its fit.  A coefficient that the records did not determine has the
-  value that the fit took: zero, which nominal loads take, is among its spread.
+  value that the fit took, and zero is among its spread.
 - The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.
 - Others' measurements and catalogues err in the material and the edge above all, which moves all
   coefficients together: of the variance 4 / 5 is common, 1 / 5 each coefficient's own.
@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.cutting.force.chip_law import laws_lines, outside_share
-from pipeline.cutting.force.force_law import N_MM, N_MM2, ForceLaw
+from pipeline.cutting.force.force_law import N_MM, ForceLaw
 from pipeline.cutting.tool import UM, Tool
 from pipeline.optimisation.reliability.judged import judged_errors, judged_spread
 from pipeline.optimisation.settings import ReliabilitySettings
@@ -35,7 +35,12 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.part import UncertainQuantity
 from pipeline.schema.verdict import UsedStatus, Verdict
-from pipeline.twin.cut_coefficients import COEFFICIENTS, ToolCoefficients
+from pipeline.twin.cut_coefficients import (
+    COEFFICIENTS,
+    SCALES,
+    ToolCoefficients,
+    fitted_coefficients,
+)
 
 NORMAL = 1.959963984540054
 """Standard deviations of half a 95 % interval."""
@@ -47,7 +52,6 @@ CHIP = 5e-5
 """Thickness by which edge coefficients are beside cutting ones [m]."""
 FEEDS = 5
 """Feeds per tooth of a range at which the laws of the chip are compared."""
-SCALES = np.array([N_MM2] * 3 + [N_MM] * 3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -223,7 +227,7 @@ def _identified(
     for k, half in enumerate(halves):
         mean[k] = mean[k] if half is not None else fitted[k]
     of_laws = law_root(model, mean, used, flutes)
-    own = _fitted_root(model, mean, halves, given.law) if of_laws is None else of_laws
+    own = _fitted_root(model, mean, halves) if of_laws is None else of_laws
     spread = np.sqrt((own**2).sum(axis=1))
     described = tuple(
         UncertainQuantity(
@@ -262,7 +266,7 @@ def law_root(
 
 
 def _fitted_root(
-    model: CuttingModel | None, mean: Floats, halves: Sequence[float | None], law: ForceLaw
+    model: CuttingModel | None, mean: Floats, halves: Sequence[float | None]
 ) -> Floats:
     """The same by the intervals and correlations of the fit."""
     spread = np.zeros(6)
@@ -271,7 +275,7 @@ def _fitted_root(
         spread[k] = (
             max(abs(mean[k]), BESIDE * beside) if half is None else half / NORMAL * SCALES[k]
         )
-    determined = [name for k, name in enumerate(COEFFICIENTS) if mean[k] == _values(law)[k]]
+    determined = [name for k, name in enumerate(COEFFICIENTS) if halves[k] is not None]
     return np.asarray(spread[:, None] * root(correlation(model, determined)))
 
 
@@ -340,14 +344,6 @@ def interval(
         return None, None
     low, high = parameter.interval_95
     return parameter.value, high - parameter.value if upper else (high - low) / 2
-
-
-def fitted_coefficients(model: CuttingModel | None) -> Floats:
-    """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
-    if model is None or model.prediction is None:
-        return np.zeros(len(COEFFICIENTS))
-    values = np.array(model.prediction.values[: len(COEFFICIENTS)], dtype=np.float64)
-    return np.pad(values, (0, len(COEFFICIENTS) - len(values)))
 
 
 def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats:

@@ -164,7 +164,7 @@ def _shafts(
     settings: DriveFitSettings,
 ) -> dict[str, ShaftFit]:
     """Shafts of the axes whose both ends were recorded."""
-    found = {}
+    found: dict[str, ShaftFit] = {}
     for letter, fit in drives.items():
         shaft = identify_shaft(
             training, letter, force_constant=fit.feed_drive.force_constant,
@@ -287,10 +287,13 @@ def motor_parameters(fit: MotorFit, pole_pairs: int) -> dict[str, Parameter]:
     """Parameters of the motor by their symbols; k_t = 3/2 p phi_f of an ampere's amplitude."""
     known = {MOTOR_NAMES.get(name, name): _parameter(fit, i) for i, name in enumerate(fit.names)}
     flux, factor = known["flux"], 1.5 * pole_pairs
-    ends = flux.interval_95
+    ends = None
+    if flux.interval_95 is not None:
+        low, high = flux.interval_95
+        ends = _significant(factor * low), _significant(factor * high)
     torque = replace(
         flux, unit="N m/A", value=None if flux.value is None else _significant(factor * flux.value),
-        interval_95=None if ends is None else tuple(_significant(factor * one) for one in ends),
+        interval_95=ends,
         method=f"3/2 p flux: {flux.method}" if flux.determined else flux.method,
     )  # fmt: skip
     return known | {"torque_constant": torque}
