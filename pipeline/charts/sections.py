@@ -129,6 +129,25 @@ def combined(parts: list[PartVerdict]) -> tuple[PartVerdict, list[PartVerdict]]:
     return first, ranked
 
 
+Role = Literal["maintenance", "tool room", "process engineer", "ML engineer", "data engineer"]
+"""Who an action is for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Action:
+    """One thing to do: ``what``, ``where``, ``why``, ``until`` when, and who does it.
+
+    ``evidence`` is the key of the section that shows why; empty where no section does.
+    """
+
+    what: str
+    where: str
+    why: str
+    until: str
+    who: Role
+    evidence: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Compared:
     """A key figure that is compared with the last report's: its name, its unit, its value."""
@@ -156,11 +175,13 @@ class SubModelPage:
     verdict : PartVerdict or None
         For the head of the page, in the words of the shop floor; None where nothing was judged.
     key_figures : list of (str, str, str)
-        Name, value, aside.
+        Name, value, aside; the first is the one that counts.
     doubts : list of str
         What a model that passed is no good at; they make a reservation of its pass.
     notes : list of str
         What else is unusual, the most important first.
+    actions : list of Action
+        What these records ask of people, besides what ``verdict`` says of the model.
     sections : list of Section
         In the order in which they are read.
     truth : list of Table
@@ -176,6 +197,7 @@ class SubModelPage:
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    actions: list[Action] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
     truth: list[Table] = field(default_factory=list)
     compared: dict[str, Compared] = field(default_factory=dict)

@@ -13,8 +13,8 @@ MOST_SAID = 3  # warnings in the verdict, and stretches of lines of each
 IN_WORDS = {"lead": "lead-ins and lead-outs", "ramping": "ramps", "plunging": "plunges"}
 """Operations whose own name is no word of a sentence."""
 AIMS = {
-    "time": ("least time", "time_percent", "faster"),
-    "cost": ("least cost", "cost_percent", "cheaper"),
+    "time": ("least time", "time_percent", "less time"),
+    "cost": ("least cost", "cost_percent", "less cost"),
     "energy": ("least energy", "energy_percent", "less energy"),
     "wear": ("least wear of tools", "tool_life_percent", "less wear"),
 }

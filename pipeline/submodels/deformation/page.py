@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number
 from pipeline.charts.sections import (
+    Action,
     Compared,
     Figure,
     Figures,
@@ -45,6 +46,7 @@ def page(shown: Seen) -> SubModelPage:
     return SubModelPage(
         verdict=_verdict(facts),
         key_figures=_key_figures(facts),
+        actions=_actions(facts),
         notes=_notes(facts),
         sections=[
             _expected(facts),
@@ -118,6 +120,26 @@ def _mend(faults: Sequence[SensorFault]) -> str:
     ]
     said = joined(words)
     return f"{said[:1].upper()}{said[1:]}"
+
+
+def _actions(facts: GrowthFacts) -> list[Action]:
+    """Sensors to be mended, and how to keep the growth out of finishing cuts."""
+    until = "next stop" if _kept(facts) else "next stop; until then the model does without"
+    found = [
+        Action(
+            what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
+            where=one.sensor, why=_sentence(sensor_words(one)), until=until, who="maintenance",
+            evidence="growth-errors",
+        )
+        for one in facts.faults if one.lasts
+    ]  # fmt: skip
+    verdict, warm = facts.shown.verdict, _warm_words(facts)
+    if warm and verdict is not None and verdict.status in ("passed", "failed"):
+        why = f"{_hour_words(facts)}."
+        found.append(Action(what=warm[:1].upper() + warm[1:], where="Spindle", why=why,
+                            until="before finishing cuts", who="process engineer",
+                            evidence="growth"))  # fmt: skip
+    return found
 
 
 def _kept(facts: GrowthFacts) -> bool:
@@ -209,14 +231,14 @@ def _largest(facts: GrowthFacts) -> float | None:
 
 def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
     found = []
+    if facts.total is not None:
+        found.append(("Largest error of growth", um(_largest(facts)),
+                      f"recordings held out{_limit_words(facts)}"))  # fmt: skip
     if (hour := facts.first_hour) is not None:
         aside = f"90 %: {fixed(hour.low, 0)} to {whole_um(hour.high)}"
         if hour.speed is not None:
             aside += f", at up to {_speed_words(hour.speed)}"
         found.append(("Growth in the first hour", whole_um(hour.growth), aside))
-    if facts.total is not None:
-        found.append(("Largest error of growth", um(_largest(facts)),
-                      f"recordings held out{_limit_words(facts)}"))  # fmt: skip
     if facts.faults:
         lasting = ", ".join(one.sensor for one in facts.faults)
         found.append(("Faulty temperature sensors", str(len(facts.faults)), lasting))

@@ -1,0 +1,176 @@
+"""Actions that a machine's records and models ask for, as rows of one table on the lead's page."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import get_args
+
+from pipeline.charts.numbers import counted, day_list, duration, joined, moment, number
+from pipeline.charts.sections import Action, Role
+from pipeline.charts.sources import shown
+from pipeline.report.facts import MachineFacts
+from pipeline.report.page_names import PROGRAMS, RECORDS, evidence_page, link
+from pipeline.report.part_programs import PartProgram, gain_words, loadable, refused
+from pipeline.report.records import rule_words
+
+USE = "before its figures are used"
+NOW, STOP, OPEN = "now", "next stop", "no deadline"
+ORDER: tuple[str, ...] = get_args(Role)
+"""Readers of the table, those at the machine first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """An action with the page that shows why; ``href`` is empty where none does."""
+
+    action: Action
+    href: str = ""
+
+
+def machine_actions(facts: MachineFacts, grave: list[tuple[str, str]]) -> list[Row]:
+    """Everything that is to be done about a machine, what is urgent first.
+
+    Parameters
+    ----------
+    facts : MachineFacts
+        Of the machine.
+    grave : list of (str, str)
+        Faults that make its judgement doubtful, each with what mends it.
+    """
+    rows = [
+        *_alarms(facts), *_sensors(facts), *_of_submodels(facts), *_records(facts, grave),
+        *_models(facts), *_programs(facts),
+    ]  # fmt: skip
+    return sorted(rows, key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
+
+
+def _alarms(facts: MachineFacts) -> Iterator[Row]:
+    """Alarms that were active at the end of the records."""
+    for same in facts.alarms.kinds:
+        last = same[-1]
+        if any(one.ended == "open" for one in same):
+            text = f"{last.code} {last.message}".strip() or last.item
+            yield Row(
+                action=Action(
+                    what=f"Clear the {last.level}", where=last.where or last.item,
+                    why=f"{text}: still active at the end of the records, since "
+                    f"{moment(last.start)}.",
+                    until=NOW, who="maintenance",
+                ),
+                href="#alarms",
+            )  # fmt: skip
+
+
+def _sensors(facts: MachineFacts) -> Iterator[Row]:
+    """Data items whose values cleaning had to remove so often that the sensor is in doubt."""
+    for item, rule, count, a_day in facts.doubtful_items:
+        yield Row(
+            action=Action(
+                what="Check sensor, wiring and adapter", where=item,
+                why=f"{number(count)} values were removed ({rule_words(rule)}), "
+                f"{number(a_day)} on a working day.",
+                until=STOP, who="maintenance",
+            ),
+            href=link(facts.folders.name, RECORDS, "records"),
+        )  # fmt: skip
+
+
+def _of_submodels(facts: MachineFacts) -> Iterator[Row]:
+    """What the sub-models ask for, and those that may not be used as they are."""
+    machine = facts.folders.name
+    for one in facts.models:
+        keys = {section.key for section in one.page.sections}
+        for action in one.page.actions:
+            at = action.evidence if action.evidence in keys else ""
+            yield Row(action=action, href=link(machine, one.name, at))
+        verdict = one.page.verdict
+        if verdict is not None and verdict.status != "passed":
+            action = Action(
+                what=verdict.todo, where=f"Twin: {one.title}", why=verdict.sentence, until=USE,
+                who="ML engineer",
+            )  # fmt: skip
+            yield Row(action=action, href=link(machine, one.name))
+
+
+def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[Row]:
+    """What is wrong with the records themselves."""
+    records = link(facts.folders.name, RECORDS, "records")
+    for why, what in grave:
+        yield _data(what, "Records", why, NOW, records)
+    silent = facts.silence
+    if silent is not None:
+        yield _data(
+            "Find out why the machine’s log is silent", "Machine’s log",
+            f"It ends {duration(silent)} before the newest other record.", NOW, "#last-records",
+        )  # fmt: skip
+    if facts.work.surprising_days:
+        days = day_list(facts.work.surprising_days)
+        yield _data("Check the logger", "Machine’s log", f"No record on {days}.", STOP, records)
+
+
+def _data(what: str, where: str, why: str, until: str, href: str) -> Row:
+    action = Action(what=what, where=where, why=why, until=until, who="data engineer")
+    return Row(action=action, href=href)
+
+
+def _models(facts: MachineFacts) -> Iterator[Row]:
+    """A champion that is not the latest; nothing that was judged at all."""
+    name = facts.folders.name
+    if facts.serving is not None and facts.serving.older:
+        yield Row(
+            action=Action(
+                what="Promote the latest models, or leave those that serve", where="Twin: champion",
+                why=f"What serves has another model of {facts.titles(facts.serving.older)}.",
+                until=OPEN, who="ML engineer",
+            ),
+            href=link(name, RECORDS, "provenance"),
+        )  # fmt: skip
+    if any(one.page.verdict is not None for one in facts.models):
+        return
+    if facts.records.files is None:
+        yield _data("Put its records under data/raw and run dvc repro", "Records",
+                    "Nothing has been read of this machine yet.", NOW,
+                    evidence_page(name, RECORDS))  # fmt: skip
+    elif facts.known:
+        yield _data("Run dvc repro to its end", "Twin", "No model has been judged.", USE, "")
+    for what, record in facts.folders.missing[:1]:
+        action = Action(what=f"Record {record.rstrip('.')}", where=f"Twin: {what}",
+                        why="There is no model of it.", until=OPEN, who="data engineer")  # fmt: skip
+        yield Row(action=action, href=link(name, RECORDS, "missing"))
+
+
+def _programs(facts: MachineFacts) -> Iterator[Row]:
+    """Optimised programs that gain something, and those that must not be loaded."""
+    href = link(facts.folders.name, PROGRAMS, "part-programs")
+    for one, why in refused(facts.parts):
+        yield Row(
+            action=Action(what=f"Do not load {shown(one.program)}", where=f"Program {one.label}",
+                          why=f"{why[:1].upper()}{why[1:]}.", until=NOW, who="process engineer"),
+            href=href,
+        )  # fmt: skip
+    for one in loadable(facts.parts):
+        yield Row(
+            action=Action(what=f"Review {shown(one.program)} before it is cut",
+                          where=f"Program {one.label}", why=_gain(one), until=OPEN,
+                          who="process engineer"),
+            href=href,
+        )  # fmt: skip
+
+
+def _gain(one: PartProgram) -> str:
+    """What an optimised program saves, and what it asks for beside it."""
+    life = _times(one.part.before.tool_life_share, one.part.after.tool_life_share)
+    speeds = [(b.speed_before, b.speed_after) for b in one.part.groups]
+    beside = [f"use of tool life {life}"] if life else []
+    raised = [(a, b) for a, b in speeds if a is not None and b is not None and b != a]
+    if raised:
+        a, b = max(raised, key=lambda pair: abs(pair[1] / pair[0] - 1))
+        beside.append(f"spindle speed up to {number(round(a))} → {number(round(b))} rev/min")
+    doubtful = [used.submodel for used in one.part.verdicts if used.doubtful]
+    rests = f" It rests on {counted(len(doubtful), 'model')} that did not pass." if doubtful else ""
+    also = f", {joined(beside)}" if beside else ""
+    return f"Predicted {gain_words(one)}, inside its limits{also}.{rests}"
+
+
+def _times(before: float | None, after: float | None) -> str:
+    """The factor between two shares: ``× 3.6``; empty where one is not known."""
+    return f"× {number(after / before, 2)}" if before and after is not None else ""
