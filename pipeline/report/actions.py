@@ -11,9 +11,11 @@ from pipeline.report.facts import MachineFacts
 from pipeline.report.page_names import PROGRAMS, RECORDS, evidence_page, link
 from pipeline.report.part_programs import PartProgram, gain_words, loadable, refused
 from pipeline.report.records import rule_words
+from pipeline.report.scorecard import counting_figure
+from pipeline.report.submodel_pages import ModelledPart
 
 USE = "before its figures are used"
-NOW, STOP, OPEN = "now", "next stop", "no deadline"
+NOW, STOP, REPORT, OPEN = "now", "next stop", "next report", "no deadline"
 ORDER: tuple[str, ...] = get_args(Role)
 """Readers of the table, those at the machine first."""
 
@@ -26,7 +28,7 @@ class Row:
     href: str = ""
 
 
-def machine_actions(facts: MachineFacts, grave: list[tuple[str, str]]) -> list[Row]:
+def machine_actions(facts: MachineFacts, grave: list[tuple[str, str]], trusted: bool) -> list[Row]:
     """Everything that is to be done about a machine, what is urgent first.
 
     Parameters
@@ -35,10 +37,12 @@ def machine_actions(facts: MachineFacts, grave: list[tuple[str, str]]) -> list[R
         Of the machine.
     grave : list of (str, str)
         Faults that make its judgement doubtful, each with what mends it.
+    trusted : bool
+        Whether the whole twin passed; no optimised program is proposed otherwise.
     """
     rows = [
         *_alarms(facts), *_sensors(facts), *_of_submodels(facts), *_records(facts, grave),
-        *_models(facts), *_programs(facts),
+        *_models(facts), *_programs(facts, trusted),
     ]  # fmt: skip
     return sorted(rows, key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
 
@@ -85,10 +89,18 @@ def _of_submodels(facts: MachineFacts) -> Iterator[Row]:
         verdict = one.page.verdict
         if verdict is not None and verdict.status != "passed":
             action = Action(
-                what=verdict.todo, where=f"Twin: {one.title}", why=verdict.sentence, until=USE,
+                what=verdict.todo, where=f"Twin: {one.title}", why=_why(one), until=USE,
                 who="ML engineer",
             )  # fmt: skip
             yield Row(action=action, href=link(machine, one.name))
+
+
+def _why(one: ModelledPart) -> str:
+    """The figure that counts against its limit, where it is beyond it; else the whole sentence."""
+    figure, verdict = counting_figure(one), one.page.verdict
+    if verdict is None or verdict.status != "failed" or not figure.passed_limit:
+        return "" if verdict is None else verdict.sentence
+    return f"{figure.what[:1].upper()}{figure.what[1:]}: {figure.value}, limit {figure.limit}."
 
 
 def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[Row]:
@@ -99,8 +111,9 @@ def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[Row]
     silent = facts.silence
     if silent is not None:
         yield _data(
-            "Find out why the machine’s log is silent", "Machine’s log",
-            f"It ends {duration(silent)} before the newest other record.", NOW, "#last-records",
+            "Find out whether the machine is off or its log is lost", "Machine’s log",
+            f"Silent: it ends {duration(silent)} before the newest other record.", REPORT,
+            "#last-records",
         )  # fmt: skip
     if facts.work.surprising_days:
         days = day_list(facts.work.surprising_days)
@@ -133,12 +146,12 @@ def _models(facts: MachineFacts) -> Iterator[Row]:
     elif facts.known:
         yield _data("Run dvc repro to its end", "Twin", "No model has been judged.", USE, "")
     for what, record in facts.folders.missing[:1]:
-        action = Action(what=f"Record {record.rstrip('.')}", where=f"Twin: {what}",
-                        why="There is no model of it.", until=OPEN, who="data engineer")  # fmt: skip
-        yield Row(action=action, href=link(name, RECORDS, "missing"))
+        why = "There is no model of it."
+        yield _data(f"Record {record.rstrip('.')}", f"Twin: {what}", why, OPEN,
+                    link(name, RECORDS, "missing"))  # fmt: skip
 
 
-def _programs(facts: MachineFacts) -> Iterator[Row]:
+def _programs(facts: MachineFacts, trusted: bool) -> Iterator[Row]:
     """Optimised programs that gain something, and those that must not be loaded."""
     href = link(facts.folders.name, PROGRAMS, "part-programs")
     for one, why in refused(facts.parts):
@@ -147,7 +160,7 @@ def _programs(facts: MachineFacts) -> Iterator[Row]:
                           why=f"{why[:1].upper()}{why[1:]}.", until=NOW, who="process engineer"),
             href=href,
         )  # fmt: skip
-    for one in loadable(facts.parts):
+    for one in loadable(facts.parts) if trusted else []:
         yield Row(
             action=Action(what=f"Review {shown(one.program)} before it is cut",
                           where=f"Program {one.label}", why=_gain(one), until=OPEN,

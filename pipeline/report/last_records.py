@@ -29,7 +29,9 @@ def origins(facts: MachineFacts) -> list[Origin]:
         stamp = None if when is None else when.timestamp()
         found.setdefault(f"{folder} ({read.format or 'unreadable'})", []).append(stamp)
     each = [
-        Origin(name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None))
+        Origin(
+            name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None)
+        )
         for name, ends in found.items()
     ]  # fmt: skip
     clocked = sorted(
@@ -57,5 +59,5 @@ def last_records_table(facts: MachineFacts) -> Table | None:
     clocked = sum(one.files for one in shown if one.name != LOG)
     bare = len(facts.records.files or {}) - clocked
     rest = f"; {counted(bare, 'file')} without a clock" if bare > 0 else ""
-    return tabulated(f"Last record of each source{rest}", shown, COLUMNS,
-                     sources(facts.shelf, facts.folders.signals / "manifest.json"), most=8)  # fmt: skip
+    made = sources(facts.shelf, facts.folders.signals / "manifest.json")
+    return tabulated(f"Last record of each source{rest}", shown, COLUMNS, made, most=8)

@@ -76,7 +76,7 @@ def lead_page(
     return LeadPage(
         folders=facts.folders,
         verdict=verdict,
-        scorecard=scorecard(facts),
+        scorecard=scorecard(name, facts.models),
         sections=[section for section in sections if section is not None],
         pages=[(evidence_page(name, one.subject), one.title) for one in evidence],
     )

@@ -1,10 +1,9 @@
 """What the twin may be trusted for: one row for each sub-model, from its verdict alone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from pipeline.charts.numbers import TOGETHER, number, percent, powers, unit_words
-from pipeline.report.facts import MachineFacts
+from pipeline.charts.numbers import TOGETHER, day_words, number, percent, powers, unit_words
 from pipeline.report.page_names import evidence_page
 from pipeline.report.submodel_pages import ModelledPart
 from pipeline.schema.verdict import Figures, Score, Verdict
@@ -30,6 +29,8 @@ class Counts:
         What it is held against.
     interval : str
         Share of samples that the 90 % prediction interval holds.
+    passed_limit : bool
+        Whether the value is beyond its limit.
     """
 
     what: str
@@ -37,6 +38,7 @@ class Counts:
     limit: str = ""
     baseline: str = ""
     interval: str = ""
+    passed_limit: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +53,9 @@ class Line:
     href: str
 
 
-def scorecard(facts: MachineFacts) -> list[Line]:
-    """Rows of the sub-models, in the order of the fleet."""
-    return [_line(facts.folders.name, one) for one in facts.models]
+def scorecard(machine: str, models: Sequence[ModelledPart]) -> list[Line]:
+    """Rows of the sub-models of a machine, in the order of the fleet."""
+    return [_line(machine, one) for one in models]
 
 
 def _line(machine: str, one: ModelledPart) -> Line:
@@ -73,17 +75,28 @@ def counting_figure(one: ModelledPart) -> Counts:
         _, score, name, value, limit = max(found, key=lambda row: row[0])
         unit = "%" if name.endswith("percent") else powers(unit_words(score.unit))
         words = ERRORS.get(name) or f"{name.removesuffix('_percent').replace('_', ' ')} error"
-        where = "over all" if score.group == "all" else f"in {score.group}"
+        where = "over all" if score.group == "all" else _place(score.group)
         return Counts(
             what=f"{score.quantity.replace('_', ' ')}, {words}, {where}",
             value=f"{number(value)}{TOGETHER}{unit}", limit=f"{limit:g}{TOGETHER}{unit}",
             baseline=_baseline(score, name, unit), interval=_interval(verdict, score.quantity),
+            passed_limit=value > limit,
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, "")
     if not one.page.key_figures or verdict is None:
         return Counts(what="", value="not known", interval=interval)
     what, value, aside = one.page.key_figures[0]
     return Counts(what=what, value=value, baseline=aside, interval=interval)
+
+
+def _place(group: str) -> str:
+    """A group of records: a day, or a recording by the name of its file."""
+    day = day_words(group)
+    return (
+        f"on {day}"
+        if day != group
+        else f"in {group.rpartition('/')[2].rpartition('.')[0] or group}"
+    )
 
 
 def _shares(verdict: Verdict) -> Iterator[tuple[float, Score, str, float, float]]:

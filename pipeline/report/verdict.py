@@ -61,10 +61,11 @@ def machine_verdict(facts: MachineFacts) -> MachineVerdict:
     """The head of one machine's page, made from its facts alone."""
     grave = _grave(facts)
     repaired = [(sentence, repair) for sentence, repair in grave if repair]
-    actions = machine_actions(facts, repaired)
+    twin = _twin(facts, [sentence for sentence, _ in grave])
+    actions = machine_actions(facts, repaired, trusted=twin.status == "passed")
     return MachineVerdict(
         condition=_condition(facts, actions),
-        twin=_twin(facts, [sentence for sentence, _ in grave]),
+        twin=twin,
         actions=actions,
         notes=[*(words for page in facts.pages for words in page.doubts), *_notes(facts)],
     )
@@ -88,8 +89,8 @@ def _condition(facts: MachineFacts, actions: list[Row]) -> StateLine:
 
 def _twin(facts: MachineFacts, grave: list[str]) -> StateLine:
     """How many sub-models may be trusted, and those that may not."""
-    told = [(one, one.page.verdict) for one in facts.models if one.page.verdict is not None]
-    counting = [(one, v) for one, v in told if one.name not in BESIDE] or told
+    judged = [(one, one.page.verdict) for one in facts.models if one.page.verdict is not None]
+    counting = [(one, v) for one, v in judged if one.name not in BESIDE] or judged
     if not counting:
         return StateLine(
             status="unknown", word="not judged yet", sentences=[*grave, _unread(facts)]
@@ -100,8 +101,10 @@ def _twin(facts: MachineFacts, grave: list[str]) -> StateLine:
         if titles:
             words.append(f"{len(titles)} {word} ({', '.join(titles)})")
     passed = sum(v.status == "passed" for _, v in counting)
-    beside = [f"{one.title[:1].upper()}{one.title[1:]} {WORDS[v.status]}; nothing else rests on it."
-              for one, v in told if v.status != "passed" and (one, v) not in counting]  # fmt: skip
+    beside = [
+        f"{one.title[:1].upper()}{one.title[1:]} {WORDS[v.status]}; nothing else rests on it."
+        for one, v in judged if v.status != "passed" and (one, v) not in counting
+    ]  # fmt: skip
     everything = f"all {passed}" if passed == len(counting) else f"{passed} of {len(counting)}"
     return StateLine(
         status=_twin_status([v for _, v in counting], grave),
@@ -116,7 +119,7 @@ def _twin_status(parts: list[PartVerdict], grave: list[str]) -> Status:
     found = {part.status for part in parts}
     if found == {"failed"}:
         return "failed"
-    if found == {"unknown"}:
+    if found == {"unknown"} and not any(part.reserved for part in parts):
         return "unknown"
     return "passed" if found == {"passed"} and not grave else "attention"
 

@@ -16,7 +16,7 @@ from control_folders import (
     write_refused,
     write_validation,
 )
-from page_reader import outline, section, words
+from page_reader import every_word, outline, section
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.pages import write_report
@@ -37,18 +37,18 @@ def page(built):
 
 def report(folders, tmp_path) -> str:
     write_report([folders], FLEET, None, tmp_path / "out")
-    return words(tmp_path / "out" / f"{folders.name}.html")
+    return every_word(tmp_path / "out" / f"{folders.name}.html")
 
 
 def test_without_documents_there_is_no_section(tmp_path):
     write_report([machine(tmp_path, "m", days=3)], FLEET, None, tmp_path / "out")
     page = tmp_path / "out" / "m.html"
     assert [section(page, key) for key in ("control", "times", "programs")] == ["", "", ""]
-    assert "control" not in words(page).split("What the machine did")[0].lower()
+    assert "control" not in every_word(page).split("What the machine did")[0].lower()
 
 
 def test_parameters_stand_with_interval_and_remedy(page):
-    text = words(page)
+    text = every_word(page)
     assert "corner_jump jump of an axis’ speed that a corner may ask for 310 273 to 347" in text
     assert (
         "jerk change of acceleration in time not determined – mm/s³ run a program of 5 mm" in text
@@ -59,7 +59,7 @@ def test_parameters_stand_with_interval_and_remedy(page):
 
 
 def test_each_run_has_its_times_errors_and_verdict(page):
-    text = words(page)
+    text = every_word(page)
     assert "run-05 box.nc 10 min 42 s 14.0 s 11 min 09 s +4.2 7 min 36 s −24.8 +13.2 87 %" in text
     assert re.search(r"run-04 cover.nc [^r]*passed", text)
     assert re.search(r"run-01 plate.nc [^r]*fitted on", text)
@@ -101,7 +101,7 @@ def test_a_machine_with_nothing_else_is_judged_by_its_times(tmp_path):
 
 
 def test_a_program_says_where_its_time_goes(page):
-    text = words(page)
+    text = every_word(page)
     assert "plate.nc Predicted 6 min 59 s, of which 6 min 03 s cutting (87 %)" in text
     assert "corners slow it down: rounded ones, or a wider path tolerance, would help" in text
     assert "T4 2 min 14 s · 32 %" in text
@@ -233,7 +233,7 @@ def test_the_second_report_says_how_the_times_changed(tmp_path):
     write_report([folders], FLEET, None, tmp_path / "one")
     write_validation(folders, [run("run-02", "plate.nc", 2.0)])
     write_report([folders], FLEET, tmp_path / "one", tmp_path / "out")
-    text = words(tmp_path / "out" / "m.html")
+    text = every_word(tmp_path / "out" / "m.html")
     assert "Error of program times, worst judged run 4.20 % 2.00 % −2.20 %" in text
     assert "Runs judged 3 1 −2" in text
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_reader import outline, words
+from page_reader import every_word, outline
 from report_folders import FLEET, empty_machine, machine, write_signals, write_table
 
 from pipeline.report.changes import KeyFigures
@@ -81,7 +81,7 @@ def test_nothing_is_loaded_and_no_script_runs(report):
 
 
 def test_a_failed_model_says_so_and_what_to_do(report):
-    text = words(report / "lathe.html")
+    text = every_word(report / "lathe.html")
     assert "Failed" in text
     assert "it failed on 2 of 2 days, worst on Thu 7 Mar" in text
     assert "2.80 K (limit 2.0 K; 2.70 K over all days), since " in text
@@ -90,12 +90,12 @@ def test_a_failed_model_says_so_and_what_to_do(report):
 
 
 def test_what_is_missing_stands_with_what_to_record(report):
-    text = words(report / "lathe.html")
+    text = every_word(report / "lathe.html")
     assert "forces" in text and "10 min with a dynamometer" in text
 
 
 def test_a_machine_without_any_file_has_a_page_that_says_so(report):
-    text = words(report / "new_mill.html")
+    text = every_word(report / "new_mill.html")
     assert "No verdict" in text
     assert "Nothing has been read of this machine yet" in text
     for part in ("manifest.json", "spindle/model.json", "spindle/verdict.json"):
@@ -131,7 +131,7 @@ def test_any_single_missing_file_is_named_or_leaves_the_rest_whole(complete, tmp
     shutil.rmtree(path) if path.is_dir() else path.unlink()
     folders = reread(tmp_path / "root")
     write_report([folders], FLEET, None, tmp_path / "out")
-    text = words(tmp_path / "out" / "m.html")
+    text = every_word(tmp_path / "out" / "m.html")
     rest = "Time ACTIVE" if "state" in lost else "3 days with records"
     assert rest in text
     assert f"made from {path.name}" not in text
@@ -143,7 +143,7 @@ def test_a_broken_file_is_named_with_the_reason(complete, tmp_path, broken):
     (tmp_path / "root" / broken).write_bytes(b"\x00not what it says")
     folders = reread(tmp_path / "root")
     write_report([folders], FLEET, None, tmp_path / "out")
-    text = words(tmp_path / "out" / "m.html")
+    text = every_word(tmp_path / "out" / "m.html")
     assert re.search(
         rf"{re.escape(Path(broken).name)} was left out: (not|is no) (JSON|Parquet)", text
     )
@@ -169,7 +169,7 @@ def test_documents_of_another_shape_never_stop_the_report(complete, tmp_path, co
             (tmp_path / "root" / name).write_text(content)
     folders = reread(tmp_path / "root")
     write_report([folders], FLEET, None, tmp_path / "out")
-    assert "What the machine did" in words(tmp_path / "out" / "m.html")
+    assert "What the machine did" in every_word(tmp_path / "out" / "m.html")
 
 
 HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)>"
@@ -185,7 +185,7 @@ def test_text_from_records_stays_text(tmp_path):
     for page in (tmp_path / "out").glob("*.html"):
         tags = [t for t, _ in outline(page).tags]
         assert "script" not in tags and "img" not in tags
-        assert "alert(1)" in words(page)
+        assert "alert(1)" in every_word(page)
 
 
 def test_a_name_that_is_no_file_name_is_refused(tmp_path):
@@ -219,8 +219,8 @@ def test_a_figure_stays_small(report):
 
 
 def test_reasons_that_differ_in_what_they_quote_are_one(report):
-    assert "‘…’ is no time" in words(report / "mill01.html")
-    assert "2024-03-05T24:61' is" not in words(report / "mill01.html")
+    assert "‘…’ is no time" in every_word(report / "mill01.html")
+    assert "2024-03-05T24:61' is" not in every_word(report / "mill01.html")
 
 
 def test_what_stands_in_no_manifest_entry_is_not_known_not_zero(tmp_path):
@@ -229,7 +229,7 @@ def test_what_stands_in_no_manifest_entry_is_not_known_not_zero(tmp_path):
     path = folders.signals / "manifest.json"
     path.write_text('{"files": {"a.txt": {"reason": "it is a picture", "rows": 0}}}')
     write_report([folders], FLEET, None, tmp_path / "out")
-    text = words(tmp_path / "out" / "m.html")
+    text = every_word(tmp_path / "out" / "m.html")
     assert "1 file could not be read at all: a.txt" in text
     assert "a.txt – not known not known not known" in text
 
@@ -279,7 +279,7 @@ def test_the_champion_is_shown_and_is_no_news_while_it_is_the_latest(tmp_path):
     folders = machine(tmp_path, "m")
     sha256 = champion(folders, "passed")
     write_report([folders], FLEET, None, tmp_path / "out")
-    text = words(tmp_path / "out" / "m.html")
+    text = every_word(tmp_path / "out" / "m.html")
     assert f"spindle temperature {sha256} passed the same" in text
     assert "champion that serves has another model" not in text
 
@@ -289,6 +289,6 @@ def test_a_champion_that_is_older_or_failed_stands_in_the_head(tmp_path):
     champion(folders, "failed")
     machine(tmp_path, "m", days=5)  # a new fit
     write_report([folders], FLEET, None, tmp_path / "out")
-    head = words(tmp_path / "out" / "m.html").split("What the machine did")[0]
+    head = every_word(tmp_path / "out" / "m.html").split("What the machine did")[0]
     assert "The champion that serves has another model of spindle temperature" in head
     assert "Of the champion that serves, the model of spindle temperature failed" in head

@@ -169,8 +169,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
     shown, verdict = facts.shown, facts.shown.verdict
     if shown.model is None and verdict is None:
         return None
-    hour, mend = _hour_words(facts), _mend(facts.faults)
-    first = f"{mend}. " if mend else ""
+    hour = _hour_words(facts)
     if verdict is None or verdict.status in ("not decided", "not judged"):
         why = "; ".join(verdict.reasons) if verdict is not None and verdict.reasons else (
             "no recording was kept out of its fit"
@@ -179,7 +178,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
             status="unknown",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of the spindle’s growth has "
             f"not been judged: {why.rstrip('.')}.",
-            todo=f"{first}Record further speed profiles that the model is not fitted on.",
+            todo="Record further speed profiles that the model is not fitted on.",
         )
     warm = _warm_words(facts)
     if verdict.status == "failed":
@@ -191,7 +190,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
             status="failed",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of that growth failed on "
             f"{judged_on(facts)}: {_failure(facts)}. {advice}",
-            todo=f"{first}{advice}",
+            todo="Load no correction from this model.",
         )
     command = f"kerf compensation --machine {shown.machine} --out FILE"
     loads = f"load the correction ({command}), which leaves up to {um(_largest(facts))}"
@@ -201,10 +200,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
         f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
         f"{_limit_words(facts)}. {_sentence(advice)}",
-        todo=f"{mend}{'.' if _kept(facts) else '; until then the model does without.'}"
-        if mend
-        else _sentence(advice),
-        reserved=bool(mend),
+        todo=_sentence(advice),
     )
 
 
