@@ -1,7 +1,6 @@
 """Actions that a machine's records and models ask for, as rows of one table on the lead's page."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import get_args
 
 from pipeline.charts.numbers import counted, day_list, duration, joined, moment, number
@@ -12,23 +11,18 @@ from pipeline.report.page_names import PROGRAMS, RECORDS, evidence_page, link
 from pipeline.report.part_programs import PartProgram, gain_words, loadable, refused
 from pipeline.report.records import rule_words
 from pipeline.report.scorecard import counting_figure
+from pipeline.report.states import NOW, ActionRow
 from pipeline.report.submodel_pages import ModelledPart
 
 USE = "before its figures are used"
-NOW, STOP, REPORT, OPEN = "now", "next stop", "next report", "no deadline"
+STOP, REPORT, OPEN = "next stop", "next report", "no deadline"
 ORDER: tuple[str, ...] = get_args(Role)
 """Readers of the table, those at the machine first."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """An action with the page that shows why; ``href`` is empty where none does."""
-
-    action: Action
-    href: str = ""
-
-
-def machine_actions(facts: MachineFacts, grave: list[tuple[str, str]], trusted: bool) -> list[Row]:
+def machine_actions(
+    facts: MachineFacts, grave: list[tuple[str, str]], trusted: bool
+) -> list[ActionRow]:
     """Everything that is to be done about a machine, what is urgent first.
 
     Parameters
@@ -47,13 +41,13 @@ def machine_actions(facts: MachineFacts, grave: list[tuple[str, str]], trusted: 
     return sorted(rows, key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
 
 
-def _alarms(facts: MachineFacts) -> Iterator[Row]:
+def _alarms(facts: MachineFacts) -> Iterator[ActionRow]:
     """Alarms that were active at the end of the records."""
     for same in facts.alarms.kinds:
         last = same[-1]
         if any(one.ended == "open" for one in same):
             text = f"{last.code} {last.message}".strip() or last.item
-            yield Row(
+            yield ActionRow(
                 action=Action(
                     what=f"Clear the {last.level}", where=last.where or last.item,
                     why=f"{text}: still active at the end of the records, since "
@@ -64,10 +58,10 @@ def _alarms(facts: MachineFacts) -> Iterator[Row]:
             )  # fmt: skip
 
 
-def _sensors(facts: MachineFacts) -> Iterator[Row]:
+def _sensors(facts: MachineFacts) -> Iterator[ActionRow]:
     """Data items whose values cleaning had to remove so often that the sensor is in doubt."""
     for item, rule, count, a_day in facts.doubtful_items:
-        yield Row(
+        yield ActionRow(
             action=Action(
                 what="Check sensor, wiring and adapter", where=item,
                 why=f"{number(count)} values were removed ({rule_words(rule)}), "
@@ -78,21 +72,21 @@ def _sensors(facts: MachineFacts) -> Iterator[Row]:
         )  # fmt: skip
 
 
-def _of_submodels(facts: MachineFacts) -> Iterator[Row]:
+def _of_submodels(facts: MachineFacts) -> Iterator[ActionRow]:
     """What the sub-models ask for, and those that may not be used as they are."""
     machine = facts.folders.name
     for one in facts.models:
         keys = {section.key for section in one.page.sections}
         for action in one.page.actions:
             at = action.evidence if action.evidence in keys else ""
-            yield Row(action=action, href=link(machine, one.name, at))
+            yield ActionRow(action=action, href=link(machine, one.name, at))
         verdict = one.page.verdict
         if verdict is not None and verdict.status != "passed":
             action = Action(
                 what=verdict.todo, where=f"Twin: {one.title}", why=_why(one), until=USE,
                 who="ML engineer",
             )  # fmt: skip
-            yield Row(action=action, href=link(machine, one.name))
+            yield ActionRow(action=action, href=link(machine, one.name))
 
 
 def _why(one: ModelledPart) -> str:
@@ -103,7 +97,7 @@ def _why(one: ModelledPart) -> str:
     return f"{figure.what[:1].upper()}{figure.what[1:]}: {figure.value}, limit {figure.limit}."
 
 
-def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[Row]:
+def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[ActionRow]:
     """What is wrong with the records themselves."""
     records = link(facts.folders.name, RECORDS, "records")
     for why, what in grave:
@@ -120,16 +114,16 @@ def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[Row]
         yield _data("Check the logger", "Machine’s log", f"No record on {days}.", STOP, records)
 
 
-def _data(what: str, where: str, why: str, until: str, href: str) -> Row:
+def _data(what: str, where: str, why: str, until: str, href: str) -> ActionRow:
     action = Action(what=what, where=where, why=why, until=until, who="data engineer")
-    return Row(action=action, href=href)
+    return ActionRow(action=action, href=href)
 
 
-def _models(facts: MachineFacts) -> Iterator[Row]:
+def _models(facts: MachineFacts) -> Iterator[ActionRow]:
     """A champion that is not the latest; nothing that was judged at all."""
     name = facts.folders.name
     if facts.serving is not None and facts.serving.older:
-        yield Row(
+        yield ActionRow(
             action=Action(
                 what="Promote the latest models, or leave those that serve", where="Twin: champion",
                 why=f"What serves has another model of {facts.titles(facts.serving.older)}.",
@@ -151,17 +145,17 @@ def _models(facts: MachineFacts) -> Iterator[Row]:
                     link(name, RECORDS, "missing"))  # fmt: skip
 
 
-def _programs(facts: MachineFacts, trusted: bool) -> Iterator[Row]:
+def _programs(facts: MachineFacts, trusted: bool) -> Iterator[ActionRow]:
     """Optimised programs that gain something, and those that must not be loaded."""
     href = link(facts.folders.name, PROGRAMS, "part-programs")
     for one, why in refused(facts.parts):
-        yield Row(
+        yield ActionRow(
             action=Action(what=f"Do not load {shown(one.program)}", where=f"Program {one.label}",
                           why=f"{why[:1].upper()}{why[1:]}.", until=NOW, who="process engineer"),
             href=href,
         )  # fmt: skip
     for one in loadable(facts.parts) if trusted else []:
-        yield Row(
+        yield ActionRow(
             action=Action(what=f"Review {shown(one.program)} before it is cut",
                           where=f"Program {one.label}", why=_gain(one), until=OPEN,
                           who="process engineer"),

@@ -17,8 +17,8 @@ from pipeline.report.part_section import part_programs_section
 from pipeline.report.programs.section import programs_section
 from pipeline.report.records import records_section
 from pipeline.report.scorecard import VERDICTS
+from pipeline.report.states import StateLine
 from pipeline.report.submodel_pages import ModelledPart
-from pipeline.report.verdict import StateLine
 from pipeline.report.work_section import work_section
 from pipeline.schema.model import SourceFile
 

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.charts.numbers import counted, moment
-from pipeline.report.actions import NOW
-from pipeline.report.actions import Row as ActionRow
 from pipeline.report.facts import MachineFacts
 from pipeline.report.folders import MachineFolders
-from pipeline.report.verdict import MachineVerdict
+from pipeline.report.states import NOW, ActionRow, MachineVerdict
 
 GROUPS: tuple[tuple[str, str], ...] = (
     ("now", "To be seen to now"),

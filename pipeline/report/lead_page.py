@@ -12,8 +12,8 @@ from pipeline.report.folders import MachineFolders
 from pipeline.report.last_records import last_records_table
 from pipeline.report.page_names import RECORDS, evidence_page
 from pipeline.report.scorecard import Line, scorecard
+from pipeline.report.states import MachineVerdict
 from pipeline.report.time_use import time_use_table
-from pipeline.report.verdict import MachineVerdict
 
 MOST_ACTIONS = 12
 """Actions that stand on the page at once; the others open on demand."""

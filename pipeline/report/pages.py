@@ -16,7 +16,8 @@ from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.lead_page import lead_page
 from pipeline.report.page_names import evidence_page
 from pipeline.report.standalone_page import renderer
-from pipeline.report.verdict import MachineVerdict, Status, machine_verdict
+from pipeline.report.states import MachineVerdict, Status
+from pipeline.report.verdict import machine_verdict
 from pipeline.schema.files import together
 from pipeline.schema.store import write_json, write_text
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, number, signed
 from pipeline.charts.sources import SourceRegistry
 from pipeline.report.folders import MachineFolders
-from pipeline.report.optimised_verdict import AIMS
+from pipeline.report.objectives import AIMS
 from pipeline.schema.part import OptimisedPart, Side, TrialCuts, TrialPart
 
 WORTH = 1.0  # percent less: below it nobody changes a program that runs

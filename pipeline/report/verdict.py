@@ -4,16 +4,13 @@ The twin is what its judge says of its sub-models.  The machine's own condition 
 no model here assesses it, so it is "not assessed yet", whatever the twin passes.
 """
 
-from dataclasses import dataclass, field
-from typing import Literal
-
 from pipeline.charts.numbers import counted, day_list, duration, moment, percent
 from pipeline.charts.sections import PartVerdict
-from pipeline.report.actions import Row, machine_actions
+from pipeline.report.actions import machine_actions
 from pipeline.report.facts import MachineFacts
 from pipeline.report.records import WHOLE, Gap
+from pipeline.report.states import ActionRow, MachineVerdict, StateLine, Status
 
-Status = Literal["failed", "attention", "passed", "unknown"]
 WORDS = {"failed": "failed", "attention": "not decided", "unknown": "not judged"}
 """Status of a sub-model in the line of the twin."""
 REJECTED_SHARE = 0.01  # of the records: above it a reader or the recording needs a look
@@ -26,35 +23,6 @@ WORKED_S = 3600.0  # a day with less work than this says nothing about its stops
 
 BESIDE = frozenset({"synthesis"})
 """Sub-models that no other figure of a machine rests on: they do not decide about the twin."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class StateLine:
-    """State of one thing: its status, a few words, and sentences that say why."""
-
-    status: Status
-    word: str
-    sentences: list[str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineVerdict:
-    """Head of a page: the machine's condition, its twin, actions, then notes in order of weight."""
-
-    condition: StateLine
-    twin: StateLine
-    actions: list[Row]
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def status(self) -> Status:
-        """Status of the twin."""
-        return self.twin.status
-
-    @property
-    def word(self) -> str:
-        """Both lines in one, for tables and titles."""
-        return f"condition {self.condition.word}; twin: {self.twin.word}"
 
 
 def machine_verdict(facts: MachineFacts) -> MachineVerdict:
@@ -71,7 +39,7 @@ def machine_verdict(facts: MachineFacts) -> MachineVerdict:
     )
 
 
-def _condition(facts: MachineFacts, actions: list[Row]) -> StateLine:
+def _condition(facts: MachineFacts, actions: list[ActionRow]) -> StateLine:
     """The machine itself: what its records show, as nothing assesses its wear or its faults."""
     faults = sum(one.level == "fault" for one in facts.alarms.alarms)
     still = sum(one.ended == "open" for one in facts.alarms.alarms)
@@ -109,7 +77,7 @@ def _twin(facts: MachineFacts, grave: list[str]) -> StateLine:
     return StateLine(
         status=_twin_status([v for _, v in counting], grave),
         word=f"{everything} sub-models passed" if len(counting) > 1 else
-        f"its sub-model {WORDS.get(counting[0][1].status, 'passed')}",
+        f"{counting[0][0].title} {WORDS.get(counting[0][1].status, 'passed')}",
         sentences=[*grave, *([f"{'; '.join(words)[:1].upper()}{'; '.join(words)[1:]}."]
                              if words else []), *beside],
     )  # fmt: skip

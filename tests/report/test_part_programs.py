@@ -75,8 +75,10 @@ def test_the_head_says_which_program_to_load(tmp_path: Path) -> None:
     better = optimised(name="BORE")
     better["gain"]["cost_percent"] = -40.2
     found = every_word(page(tmp_path, {"SLOT": optimised(), "BORE": better}))
-    assert "Nothing to repair: the model may serve. Load" in found
-    assert "parts/m/BORE.nc: 40 % cheaper inside its limits, and 1 more program below." in found
+    bore, slot = (found.index(f"Review {name}") for name in ("parts/m/BORE.nc", "parts/m/SLOT.nc"))
+    assert bore < slot
+    assert "before it is cut Program BORE Predicted 40 % less cost, inside its limits" in found
+    assert "process engineer" in found[bore:slot]
 
 
 @pytest.mark.parametrize("gain", [-0.99, 0.0, 5.0, None])
@@ -84,16 +86,15 @@ def test_a_gain_below_a_percent_changes_no_program(tmp_path: Path, gain: float |
     document = optimised()
     document["gain"]["cost_percent"] = gain
     text = every_word(page(tmp_path, {"SLOT": document}))
-    assert "What to do now Nothing to repair: the model may serve. " in text
-    assert "Load parts" not in text and "SLOT.nc: " not in text
+    assert "Review" not in text
 
 
 def test_a_program_that_is_not_proved_must_not_be_loaded(tmp_path: Path) -> None:
     document = optimised()
     document["proof"] |= {"same": False, "first": "SLOT.nc:14: X10. became X1."}
     text = every_word(page(tmp_path, {"SLOT": document}))
-    assert "SLOT.nc: it is not proved to make the same moves." in text
-    assert "inside its limits" not in text
+    assert "Do not load parts/m/SLOT.nc Program SLOT It is not proved to make the same" in text
+    assert "Review" not in text
     assert "First difference: SLOT.nc:14: X10. became X1." in text
 
 
@@ -105,14 +106,14 @@ def test_trial_cuts_beyond_the_limit_speak_against_a_program(
     text = every_word(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, above)}))
     refused = f"on the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
     assert (refused in text) is not loads
-    assert ("36 % cheaper inside its limits" in text) is loads
+    assert ("36 % less cost, inside its limits" in text) is loads
 
 
 def test_a_program_that_passes_a_limit_is_not_to_be_loaded(tmp_path: Path) -> None:
     document = optimised()
     document["after"]["beyond"] = 2
     text = every_word(page(tmp_path, {"SLOT": document}))
-    assert "2 blocks pass a limit." in text and "cheaper inside its limits" not in text
+    assert "2 blocks pass a limit." in text and "less cost, inside its limits" not in text
 
 
 @pytest.mark.parametrize("passed", [True, False])
@@ -126,12 +127,12 @@ def test_loads_that_rest_on_forces_that_failed_are_doubted(tmp_path: Path, passe
     write_report([folders], FLEET, None, tmp_path / "out")
     text = every_word(tmp_path / "out" / "m.html")
     assert ("Do not load it yet: the forces of this machine’s cut" in text) is not passed
-    assert ("cheaper inside its limits" in text) is passed
+    assert ("less cost, inside its limits" in text) is passed
 
 
 def test_a_failed_machine_is_not_told_to_load_a_program(tmp_path: Path) -> None:
     text = every_word(page(tmp_path, {"SLOT": optimised()}, passed=False))
-    assert "Failed" in text and "inside its limits" not in text.partition("On this page")[0]
+    assert "spindle temperature failed" in text and "Review" not in text
 
 
 def test_a_document_of_another_shape_is_named_and_does_not_break_the_page(tmp_path: Path) -> None:
