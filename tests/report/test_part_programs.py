@@ -104,7 +104,7 @@ def test_trial_cuts_beyond_the_limit_speak_against_a_program(
 ) -> None:
     """At 1 % of 20 cuts one may pass by chance (18 % of such trials), two hardly (2 %)."""
     text = every_word(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, above)}))
-    refused = f"on the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
+    refused = f"On the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
     assert (refused in text) is not loads
     assert ("36 % less cost, inside its limits" in text) is loads
 
