@@ -13,7 +13,7 @@ MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", 
 
 UNITS = {
     "CELSIUS": "°C", "PERCENT": "%", "REVOLUTION/MINUTE": "rev/min", "MILLIMETER": "mm",
-    "MILLIMETER/SECOND": "mm/s", "DEGREE": "°", "DEGREE/SECOND": "°/s", "SECOND": "s",
+    "MILLIMETER/SECOND": "mm/s", "DEGREE": "°", "DEGREE/SECOND": "°/s", "SECOND": "s", "um": "µm",
 }  # fmt: skip
 """How MTConnect's unit names are written for people."""
 

@@ -112,21 +112,23 @@ class PartVerdict:
     reserved: bool = False
 
 
-def combined(parts: list[PartVerdict]) -> tuple[PartVerdict, list[PartVerdict]]:
-    """The verdict of the whole from its ``parts`` in order of weight, and the parts as ranked.
+Role = Literal["maintenance", "tool room", "process engineer", "ML engineer", "data engineer"]
+"""Who an action is for."""
 
-    The first part that could be judged leads; when it passed and another failed or is reserved,
-    the whole passes with reservations, and the sentence and what is to do are the other's. What
-    makes the reservation follows the first part.
+
+@dataclass(frozen=True, kw_only=True)
+class Action:
+    """One thing to do: ``what``, ``where``, ``why``, ``until`` when, and who does it.
+
+    ``evidence`` is the key of the section that shows why; empty where no section does.
     """
-    first, *others = sorted(parts, key=lambda p: p.status == "unknown")
-    others.sort(key=lambda p: 0 if p.status == "failed" else 1 if p.reserved else 2)
-    ranked = [first, *others]
-    if first.status == "passed" and others and (others[0].status == "failed" or others[0].reserved):
-        other = others[0]
-        lead = PartVerdict(status="attention", sentence=other.sentence, todo=other.todo)
-        return lead, ranked
-    return first, ranked
+
+    what: str
+    where: str
+    why: str
+    until: str
+    who: Role
+    evidence: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,11 +158,13 @@ class SubModelPage:
     verdict : PartVerdict or None
         For the head of the page, in the words of the shop floor; None where nothing was judged.
     key_figures : list of (str, str, str)
-        Name, value, aside.
+        Name, value, aside; the first is the one that counts.
     doubts : list of str
         What a model that passed is no good at; they make a reservation of its pass.
     notes : list of str
         What else is unusual, the most important first.
+    actions : list of Action
+        What these records ask of people, besides what ``verdict`` says of the model.
     sections : list of Section
         In the order in which they are read.
     truth : list of Table
@@ -176,6 +180,7 @@ class SubModelPage:
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    actions: list[Action] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
     truth: list[Table] = field(default_factory=list)
     compared: dict[str, Compared] = field(default_factory=dict)

@@ -14,6 +14,8 @@ from pipeline.report.folders import MachineFolders
 from pipeline.report.records import CLEANED, NS, RAW, nanoseconds
 
 TITLE = "Alarms"
+MOST_KINDS = 5
+"""Kinds of alarm on the lead's page; all of them are on that of the records."""
 OPEN = np.iinfo(np.int64).min
 ENDS = {
     "cleared": "",
@@ -161,6 +163,17 @@ def alarms_section(found: Alarms) -> Section | None:
         tabulated("Each alarm, the newest first", newest, EACH, made, most=MOST_ROWS, folded=True),
     )
     return Section(key="alarms", title=TITLE, text=[_words(found.alarms)], blocks=blocks)
+
+
+def lead_alarms(found: Alarms) -> Section | None:
+    """The same for the lead's page, shorter; nothing where records hold no conditions."""
+    whole = alarms_section(found)
+    if whole is None or not found.alarms:
+        return whole
+    made = sources(found.shelf, found.folders.clean / "alarms.parquet")
+    kinds = tabulated("Alarms by kind, those still active first", found.kinds, KINDS, made,
+                      most=MOST_KINDS)  # fmt: skip
+    return Section(key="alarms", title=TITLE, text=whole.text, blocks=present(kinds))
 
 
 def _words(alarms: list[Alarm]) -> str:

@@ -246,6 +246,14 @@ def _names(files: list[str]) -> str:
     return ", ".join(files[:5]) + more
 
 
+def since_words(before: MachineFigures | None) -> str:
+    """The earlier report by the newest record that it knew: a report holds no date of its own."""
+    last = None if before is None else before.figures.get("last_record")
+    if last is None or last.value is None:
+        return "the last report"
+    return f"the report whose newest record is of {last.words}"
+
+
 TITLE = "What changed since the last report"
 COLUMNS: tuple[Column[Change], ...] = (
     Column("Figure", lambda change: change.what),

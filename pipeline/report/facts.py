@@ -18,6 +18,11 @@ from pipeline.report.submodel_pages import ModelledPart, Serving, modelled_parts
 from pipeline.report.work import Work, work
 from pipeline.schema.golden import Days, GoldenSets
 
+REMOVED_A_DAY = 50
+"""Wrong values of one item on a working day above which its sensor or wiring is in doubt."""
+SILENT_S = 86_400.0
+"""Time by which a log that still writes may end before other records [s]: a day off."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrueCounts:
@@ -90,6 +95,25 @@ class MachineFacts:
     def verdict_of(self, name: str) -> PartVerdict | None:
         """Verdict on a sub-model in words; None where there is none."""
         return next((one.page.verdict for one in self.models if one.name == name), None)
+
+    @property
+    def doubtful_items(self) -> list[tuple[str, str, int, int]]:
+        """Data item, rule of cleaning, values removed, and those of a working day, where many."""
+        days = max(1, len(self.work.worked_days))
+        return [
+            (item, rule, count, round(count / days))
+            for rule, item, count in self.records.changes or []
+            if count > REMOVED_A_DAY * days
+        ]
+
+    @property
+    def silence(self) -> float | None:
+        """By how much [s] the machine's log ends before other records; None where it does not."""
+        end, last = self.work.last, self.records.last
+        if end is None or last is None:
+            return None
+        behind = last.timestamp() - end
+        return behind if behind > SILENT_S else None
 
     def titles(self, names: Iterable[str]) -> str:
         """Titles of sub-models, joined."""

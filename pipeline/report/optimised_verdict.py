@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
 from pipeline.report.cut.tables import sentence, share, spans_of
+from pipeline.report.objectives import AIMS
 from pipeline.report.optimised_tables import change, increases, limit_name
 from pipeline.report.standalone_page import doubts
 from pipeline.schema.part import OptimisedPart
@@ -12,13 +13,6 @@ LEAST = 0.05  # percent: what is less is no gain
 MOST_SAID = 3  # warnings in the verdict, and stretches of lines of each
 IN_WORDS = {"lead": "lead-ins and lead-outs", "ramping": "ramps", "plunging": "plunges"}
 """Operations whose own name is no word of a sentence."""
-AIMS = {
-    "time": ("least time", "time_percent", "faster"),
-    "cost": ("least cost", "cost_percent", "cheaper"),
-    "energy": ("least energy", "energy_percent", "less energy"),
-    "wear": ("least wear of tools", "tool_life_percent", "less wear"),
-}
-"""Each objective in words, its gain, and the word for less."""
 
 
 def aim(part: OptimisedPart) -> str:

@@ -4,38 +4,25 @@ Every page is one file that needs nothing else: styles and figures stand in it, 
 and a content security policy forbids it to load anything.  Text from records is escaped.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.charts.numbers import NOT_KNOWN, counted, moment, number, percent
 from pipeline.report import changes
+from pipeline.report.evidence import evidence_pages
 from pipeline.report.facts import MachineFacts, machine_facts
+from pipeline.report.fleet_page import fleet_page, fleet_row
 from pipeline.report.folders import FleetInfo, MachineFolders
-from pipeline.report.machine_page import machine_page
+from pipeline.report.lead_page import lead_page
+from pipeline.report.page_names import evidence_page
 from pipeline.report.standalone_page import renderer
-from pipeline.report.verdict import MachineVerdict, Status, machine_verdict
+from pipeline.report.states import MachineVerdict, Status
+from pipeline.report.verdict import machine_verdict
 from pipeline.schema.files import together
 from pipeline.schema.store import write_json, write_text
 
-STATUS_WORDS: Mapping[Status, str] = {
-    "failed": "failed",
-    "attention": "passed with reservations",
-    "passed": "passed",
-    "unknown": "without a verdict",
-}
-"""Status of machines in the headline of the fleet."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One machine in the fleet's table, in words."""
-
-    folders: MachineFolders
-    verdict: MachineVerdict
-    days: str
-    rejected: str
-    last: str
+STATUSES: tuple[Status, ...] = ("failed", "attention", "passed", "unknown")
+"""Status of twins, in the metrics."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +60,16 @@ def write_report(
     previous: Path | None,
     out: Path,
     metrics: Path | None = None,
-) -> None:
-    """Write ``out/index.html``, ``out/<machine>.html`` and ``out/report.json``.
+) -> list[Path]:
+    """Write the pages of a fleet and ``out/report.json``.
+
+    Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
+    ``<machine>_<sub-model>.html``, ``<machine>_programs.html`` and ``<machine>_records.html``.
 
     Parameters
     ----------
     machines : list of MachineFolders
-        The fleet, in the order shown; files that are absent are reported, not raised.
+        The fleet; files that are absent are reported, not raised.
     fleet : FleetInfo
         State of the project.
     previous : Path or None
@@ -90,10 +80,15 @@ def write_report(
     metrics : Path or None
         File of the report's metrics.
 
+    Returns
+    -------
+    list of Path
+        Every page.
+
     Raises
     ------
     ValueError
-        When two machines have the same name.
+        When two machines have the same name, or two pages would.
     """
     names = [m.name for m in machines]
     double = sorted({n for n in names if names.count(n) > 1})
@@ -103,19 +98,41 @@ def write_report(
     judged = {name: machine_verdict(f) for name, f in facts.items()}
     figures = {name: changes.key_figures(f, judged[name].word) for name, f in facts.items()}
     earlier = changes.earlier_report(previous, figures)
+    pages: dict[str, str] = {}
     render = renderer()
     for name in names:
-        differences, reason = _compared(earlier, facts[name], figures[name])
-        page = machine_page(facts[name], changes.changes_section(differences, reason))
-        text = render("machine.html.j2", page=page, verdict=judged[name], fleet=fleet)
-        write_text(text, out / f"{name}.html")
-    rows = [_row(facts[name], judged[name]) for name in names]
-    headline = _headline(rows)
-    index = render("index.html.j2", rows=rows, fleet=fleet, headline=headline)
-    write_text(index, out / "index.html")
+        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, render)
+        twice = sorted(set(made) & set(pages))
+        if twice:
+            raise ValueError(
+                f"machine {name} and another would both write {twice[0]}; rename one of them"
+            )
+        pages |= made
+    index = fleet_page([fleet_row(facts[name], judged[name]) for name in names])
+    pages["index.html"] = render("index.html.j2", index=index, fleet=fleet)
+    for page, text in pages.items():
+        write_text(text, out / page)
     changes.write_key_figures(out / "report.json", figures, earlier)
     if metrics is not None:
         write_json(_metrics(facts, judged), metrics)
+    return [out / page for page in pages]
+
+
+def _machine_pages(
+    facts: MachineFacts, verdict: MachineVerdict, earlier: changes.Earlier,
+    now: changes.MachineFigures, fleet: FleetInfo, render: Callable[..., str],
+) -> dict[str, str]:  # fmt: skip
+    """HTML of the pages of one machine by file."""
+    name = facts.folders.name
+    differences, reason = _compared(earlier, facts, now)
+    since = changes.since_words((earlier.machines or {}).get(name))
+    evidence = evidence_pages(facts, changes.changes_section(differences, reason), verdict.notes)
+    page = lead_page(facts, verdict, evidence, differences, reason, since)
+    found = {f"{name}.html": render("machine.html.j2", page=page, fleet=fleet)}
+    for one in evidence:
+        text = render("evidence.html.j2", page=one, lead=page, fleet=fleet)
+        found[evidence_page(name, one.subject)] = text
+    return found
 
 
 def _compared(
@@ -131,29 +148,11 @@ def _compared(
     return found, "" if found else "Nothing: all key figures and raw files are as they were."
 
 
-def _row(facts: MachineFacts, judged: MachineVerdict) -> Row:
-    records, work = facts.records, facts.work
-    return Row(
-        folders=facts.folders,
-        verdict=judged,
-        days=number(len(work.worked_days)) if work.days else NOT_KNOWN,
-        rejected=percent(records.rejected, records.records),
-        last=moment(records.last),
-    )
-
-
-def _headline(rows: list[Row]) -> str:
-    """The fleet in one sentence."""
-    counts = {s: sum(r.verdict.status == s for r in rows) for s in STATUS_WORDS}
-    parts = [f"{counts[s]} {words}" for s, words in STATUS_WORDS.items() if counts[s]]
-    return f"{counted(len(rows), 'machine')}: {', '.join(parts)}." if rows else "No machine."
-
-
 def _metrics(
     facts: Mapping[str, MachineFacts], judged: Mapping[str, MachineVerdict]
 ) -> ReportMetrics:
     return ReportMetrics(
-        status={s: sum(v.status == s for v in judged.values()) for s in STATUS_WORDS},
+        status={s: sum(v.status == s for v in judged.values()) for s in STATUSES},
         machines={
             name: MachineMetrics(
                 status=judged[name].status,

@@ -5,9 +5,9 @@ from math import comb
 from pathlib import Path
 
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, number, signed
-from pipeline.charts.sources import SourceRegistry, shown
+from pipeline.charts.sources import SourceRegistry
 from pipeline.report.folders import MachineFolders
-from pipeline.report.optimised_verdict import AIMS
+from pipeline.report.objectives import AIMS
 from pipeline.schema.part import OptimisedPart, Side, TrialCuts, TrialPart
 
 WORTH = 1.0  # percent less: below it nobody changes a program that runs
@@ -121,16 +121,10 @@ def part_programs(folders: MachineFolders, shelf: SourceRegistry) -> PartProgram
     return PartPrograms(programs=programs, trial=folders.trial if trial is not None else None)
 
 
-def loading_words(found: PartPrograms) -> str:
-    """Which optimised programs are worth loading, the greatest gain first; empty without any."""
-    worth = sorted(
-        (one for one in found.programs if is_worth_loading(one)), key=lambda one: -(one.gain or 0.0)
-    )
-    if not worth:
-        return ""
-    first, *rest = worth
-    more = f", and {counted(len(rest), 'more program')} below" if rest else ""
-    return f"Load {shown(first.program)}: {gain_words(first)} inside its limits{more}."
+def loadable(found: PartPrograms) -> list[PartProgram]:
+    """Optimised programs that are worth a look, the greatest gain first."""
+    worth = [one for one in found.programs if is_worth_loading(one)]
+    return sorted(worth, key=lambda one: -(one.gain or 0.0))
 
 
 def is_worth_loading(one: PartProgram) -> bool:
@@ -140,27 +134,26 @@ def is_worth_loading(one: PartProgram) -> bool:
 
 
 def gain_words(one: PartProgram) -> str:
-    """``18 % faster``."""
+    """``18 % less time``."""
     _, _, less = AIMS.get(one.part.objective, AIMS["time"])
     gain = one.gain or 0.0
     said = number(gain, 2) if gain < 9.95 else f"{gain:.0f}"
     return f"{said}{TOGETHER}% {less}"
 
 
-def warning_words(found: PartPrograms) -> list[str]:
-    """Programs that must not be loaded, and why."""
+def refused(found: PartPrograms) -> list[tuple[PartProgram, str]]:
+    """Programs that must not be loaded, each with the reason."""
     said = []
     for one in found.programs:
         cuts = one.cuts()
         if not one.proved:
-            said.append(
-                f"Do not load {shown(one.program)}: it is not proved to make the same moves."
-            )
+            said.append((one, "it is not proved to make the same moves"))
         elif one.overloaded and cuts is not None:
-            said.append(
-                f"Do not load {shown(one.program)}: on the simulated shop floor {cuts[0]} of "
-                f"{cuts[1]} cuts passed the limit of {number(one.limit)}{NARROW}N."
+            why = (
+                f"on the simulated shop floor {cuts[0]} of {cuts[1]} cuts passed the limit of "
+                f"{number(one.limit)}{NARROW}N"
             )
+            said.append((one, why))
     return said
 
 

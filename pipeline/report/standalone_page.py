@@ -2,16 +2,23 @@
 
 from base64 import b64encode
 from collections.abc import Callable, Sequence
+from csv import writer
 from dataclasses import dataclass, field
 from hashlib import sha256
+from io import StringIO
 from pathlib import Path
+from urllib.parse import quote
 
 from markupsafe import Markup
 
-from pipeline.charts.sections import Section
+from pipeline.charts.sections import Figures, Section
 from pipeline.charts.sources import Source, shown
+from pipeline.charts.tables import Table
 from pipeline.schema.files import written
 from pipeline.schema.verdict import UsedModel
+
+SAFE = " ,;:/()[]=+*!@$'|"
+"""Characters that a data address may hold as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +82,28 @@ def renderer() -> Callable[..., str]:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["csv"] = csv_link
+    environment.filters["section_sources"] = section_sources
     return lambda name, **variables: environment.get_template(name).render(**variables)
+
+
+def csv_link(table: Table) -> str:
+    """Address that holds a table as CSV, so that it can be saved without a script."""
+    text = StringIO()
+    rows = writer(text, lineterminator="\n")
+    rows.writerow([head.label for head in table.heads])
+    rows.writerows([[cell.text for cell in row] for row in table.rows])
+    return f"data:text/csv;charset=utf-8,{quote(text.getvalue(), safe=SAFE)}"
+
+
+def section_sources(section: Section) -> list[Source]:
+    """Every file that a section's tables and figures stand on, each once."""
+    found: dict[str, Source] = {}
+    for block in section.blocks:
+        parts = block.figures if isinstance(block, Figures) else [block]
+        for part in parts:
+            found |= {one.path: one for one in getattr(part, "sources", [])}
+    return list(found.values())
 
 
 def rendered(page: StandalonePage, template: str) -> str:

@@ -135,9 +135,7 @@ def _verdict(shown: Shown[Any], title: str, needs: str) -> PartVerdict | None:
     if v.status == "failed":
         todo = f"Do not use this model; to mend it, record {needs}."
         return PartVerdict(status="failed", sentence=sentence, todo=todo)
-    return PartVerdict(
-        status="passed", sentence=sentence, todo="Nothing to repair: the model may serve."
-    )
+    return PartVerdict(status="passed", sentence=sentence, todo="The model may serve.")
 
 
 def _worst_words(verdict: Verdict) -> str:

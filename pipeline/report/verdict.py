@@ -1,99 +1,101 @@
-"""Verdict on a machine: one word, one to three sentences, what to do now, and notes."""
+"""State of a machine and of its twin: two lines, what to do, and what else is to be known.
 
-from dataclasses import dataclass
-from typing import Literal
+The twin is what its judge says of its sub-models.  The machine's own condition is another thing:
+no model here assesses it, so it is "not assessed yet", whatever the twin passes.
+"""
 
-from pipeline.charts.numbers import counted, day_list, duration, moment, number, percent
-from pipeline.charts.sections import PartVerdict, combined
+from pipeline.charts.numbers import counted, day_list, duration, moment, percent
+from pipeline.charts.sections import PartVerdict
+from pipeline.report.actions import machine_actions
 from pipeline.report.facts import MachineFacts
-from pipeline.report.part_programs import loading_words, warning_words
-from pipeline.report.records import WHOLE, Gap, rule_words
+from pipeline.report.records import WHOLE, Gap
+from pipeline.report.states import ActionRow, MachineVerdict, StateLine, Status
 
-Status = Literal["failed", "attention", "passed", "unknown"]
-WORDS = {
-    "failed": "Failed",
-    "attention": "Passed, with reservations",
-    "passed": "Passed",
-    "unknown": "No verdict",
-}
-"""Verdict in words, by status."""
+WORDS = {"failed": "failed", "attention": "not decided", "unknown": "not judged"}
+"""Status of a sub-model in the line of the twin."""
 REJECTED_SHARE = 0.01  # of the records: above it a reader or the recording needs a look
 DAY_NS = 86_400 * 10**9
 NIGHT_S = 4 * 3600.0  # a shorter loss over midnight is not a night switched off
 LONG_LOSS_S = 600.0  # a loss of the whole record; shorter ones are in the tables
-REMOVED_A_DAY = 50  # wrong values of one item on a working day: its sensor or wiring needs a look
 STOPPED_SHARE = 0.25  # of a day's working time in feed hold or interrupted
 WORKED_S = 3600.0  # a day with less work than this says nothing about its stops
 
 
 BESIDE = frozenset({"synthesis"})
-"""Sub-models that no other figure of a machine rests on: they are told, and reserve nothing."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineVerdict:
-    """``status``, ``sentences``, then ``notes`` in order of weight.
-
-    ``todo`` is what to do now, a sentence; ``because`` the sentence that gives its reason.
-    """
-
-    status: Status
-    sentences: list[str]
-    todo: str
-    because: str
-    notes: list[str]
-
-    @property
-    def word(self) -> str:
-        """The status in words."""
-        return WORDS[self.status]
+"""Sub-models that no other figure of a machine rests on: they do not decide about the twin."""
 
 
 def machine_verdict(facts: MachineFacts) -> MachineVerdict:
     """The head of one machine's page, made from its facts alone."""
-    grave, doubts = _grave(facts), [words for page in facts.pages for words in page.doubts]
-    told = [(one.name, one.page.verdict) for one in facts.models if one.page.verdict is not None]
-    parts = [verdict for name, verdict in told if name not in BESIDE]
-    beside = [verdict for name, verdict in told if name in BESIDE]
-    if not parts:
-        parts, beside = beside, []
-    # what could be judged leads; grave faults stand before all but the first sentence
-    judged, ranked = combined(parts or [_without_verdict(facts)])
-    status, todo, because = judged.status, judged.todo, judged.sentence
-    said = [part.sentence for part in ranked]
-    if status == "passed" and (reserved := grave or doubts):
-        status, because = "attention", reserved[0]
-    sentences = [*said[:1], *grave, *said[1:]]
-    if grave and status != "failed" and (repair := _repair(facts)):
-        todo, because = repair, grave[0]
-    if status == "passed" and (loading := loading_words(facts.parts)):
-        todo = f"{todo} {loading}"
+    grave = _grave(facts)
+    repaired = [(sentence, repair) for sentence, repair in grave if repair]
+    twin = _twin(facts, [sentence for sentence, _ in grave])
+    actions = machine_actions(facts, repaired, trusted=twin.status == "passed")
     return MachineVerdict(
-        status=status, sentences=sentences[:2], todo=todo, because=because,
-        notes=[
-            *sentences[2:], *(one.sentence for one in beside), *warning_words(facts.parts),
-            *doubts, *_notes(facts),
-        ],
+        condition=_condition(facts, actions),
+        twin=twin,
+        actions=actions,
+        notes=[*(words for page in facts.pages for words in page.doubts), *_notes(facts)],
+    )
+
+
+def _condition(facts: MachineFacts, actions: list[ActionRow]) -> StateLine:
+    """The machine itself: what its records show, as nothing assesses its wear or its faults."""
+    faults = sum(one.level == "fault" for one in facts.alarms.alarms)
+    still = sum(one.ended == "open" for one in facts.alarms.alarms)
+    checks = sum(row.action.who == "maintenance" for row in actions)
+    said = ["No monitoring of its condition runs yet, so nothing is said of wear or damage."]
+    if facts.alarms.watched or facts.alarms.alarms:
+        said.append(f"Its control reported {counted(faults, 'fault')}, {still or 'none'} of them "
+                    "or of its warnings still active.")  # fmt: skip
+    if checks:
+        said.append(f"{counted(checks, 'check')} for maintenance below.")
+    if facts.silence is not None:
+        said.append(f"Its log is silent: it ends {duration(facts.silence)} before other records.")
+    return StateLine(status="unknown", word="not assessed yet", sentences=said)
+
+
+def _twin(facts: MachineFacts, grave: list[str]) -> StateLine:
+    """How many sub-models may be trusted, and those that may not."""
+    judged = [(one, one.page.verdict) for one in facts.models if one.page.verdict is not None]
+    counting = [(one, v) for one, v in judged if one.name not in BESIDE] or judged
+    if not counting:
+        return StateLine(
+            status="unknown", word="not judged yet", sentences=[*grave, _unread(facts)]
+        )
+    words = []
+    for status, word in WORDS.items():
+        titles = [one.title for one, v in counting if v.status == status]
+        if titles:
+            words.append(f"{len(titles)} {word} ({', '.join(titles)})")
+    passed = sum(v.status == "passed" for _, v in counting)
+    beside = [
+        f"{one.title[:1].upper()}{one.title[1:]} {WORDS[v.status]}; nothing else rests on it."
+        for one, v in judged if v.status != "passed" and (one, v) not in counting
+    ]  # fmt: skip
+    everything = f"all {passed}" if passed == len(counting) else f"{passed} of {len(counting)}"
+    return StateLine(
+        status=_twin_status([v for _, v in counting], grave),
+        word=f"{everything} sub-models passed" if len(counting) > 1 else
+        f"{counting[0][0].title} {WORDS.get(counting[0][1].status, 'passed')}",
+        sentences=[*grave, *([f"{'; '.join(words)[:1].upper()}{'; '.join(words)[1:]}."]
+                             if words else []), *beside],
     )  # fmt: skip
 
 
-def _without_verdict(facts: MachineFacts) -> PartVerdict:
-    """The reason why nothing of a machine was judged, and what to do about it."""
-    missing, todo = facts.folders.missing, ""
-    if missing:
-        todo = f"For {missing[0][0]}, record {missing[0][1]}."
+def _twin_status(parts: list[PartVerdict], grave: list[str]) -> Status:
+    found = {part.status for part in parts}
+    if found == {"failed"}:
+        return "failed"
+    if found == {"unknown"} and not any(part.reserved for part in parts):
+        return "unknown"
+    return "passed" if found == {"passed"} and not grave else "attention"
+
+
+def _unread(facts: MachineFacts) -> str:
     if facts.records.files is None:
-        sentence = "Nothing has been read of this machine yet."
-        todo = todo or "Put its records under data/raw and run dvc repro."
-    else:
-        sentence = "No model of this machine has been judged: there is no verdict.json."
-        if facts.known:
-            todo = "Run dvc repro to its end, so that the model is judged before it serves."
-    todo = todo or (
-        "Record spindle temperature, speed and load for two working weeks: one to learn from, "
-        "one to judge on."
-    )
-    return PartVerdict(status="unknown", sentence=sentence, todo=todo)
+        return "Nothing has been read of this machine yet."
+    return "No model of this machine has been judged: there is no verdict.json."
 
 
 def _leaks(facts: MachineFacts) -> dict[str, list[str]]:
@@ -102,47 +104,40 @@ def _leaks(facts: MachineFacts) -> dict[str, list[str]]:
     return {title: files for title, files in leaks.items() if files}
 
 
-def _grave(facts: MachineFacts) -> list[str]:
-    """Faults that make the verdict itself doubtful, or a whole file worthless."""
+def _grave(facts: MachineFacts) -> list[tuple[str, str]]:
+    """Faults that make the verdict itself doubtful, or a whole file worthless, with the remedy."""
     said = []
     for title, files in _leaks(facts).items():
         more = f" and {len(files) - 3} more" if len(files) > 3 else ""
-        said.append(
+        said.append((
             f"The judgement is worthless: the model of the {title} was also fitted on "
-            f"{', '.join(files[:3])}{more}."
-        )
+            f"{', '.join(files[:3])}{more}.",
+            "Take the golden records out of the training records and run dvc repro",
+        ))  # fmt: skip
     unreadable = facts.records.unreadable
     if unreadable:
         count = counted(many := len(unreadable), "file")
         more = f" and {many - 3} more" if many > 3 else ""
-        said.append(f"{count} could not be read at all: {', '.join(unreadable[:3])}{more}.")
+        said.append((
+            f"{count} could not be read at all: {', '.join(unreadable[:3])}{more}.",
+            f"Replace or remove {unreadable[0]} under data/raw, then dvc repro",
+        ))  # fmt: skip
+    fault = "Run dvc repro from nothing; if this stays, it is a fault of the pipeline: report it"
     if facts.records.unbalanced:
         names = ", ".join(facts.records.unbalanced[:3])
-        said.append(f"Records were lost without a reason in {names}.")
+        said.append((f"Records were lost without a reason in {names}.", fault))
     if facts.shelf.broken:
         names = "; ".join(f"{k} ({v})" for k, v in sorted(facts.shelf.broken.items())[:3])
-        said.append(f"Results that cannot be read: {names}.")
+        said.append((f"Results that cannot be read: {names}.", fault))
     if _rejected_much(facts):
         share = percent(facts.records.rejected, facts.records.records)
         reasons = facts.records.reasons
         why = f", most often because: {reasons[0].reason}" if reasons else ""
-        said.append(f"{share} of the records were rejected{why}.")
+        said.append((
+            f"{share} of the records were rejected{why}.",
+            "Repair the recording, or say in conf/machine how to read it",
+        ))  # fmt: skip
     return said
-
-
-def _repair(facts: MachineFacts) -> str:
-    """What to do about the gravest of :func:`_grave`."""
-    if _leaks(facts):
-        return "Take the golden records out of the training records and run dvc repro."
-    if facts.records.unreadable:
-        return f"Replace or remove {facts.records.unreadable[0]} under data/raw, then dvc repro."
-    if facts.records.unbalanced or facts.shelf.broken:
-        return (
-            "Run dvc repro from nothing; if this stays, it is a fault of the pipeline: report it."
-        )
-    if _rejected_much(facts):
-        return "Look at the rejected records below: repair the recording, or say how to read them."
-    return ""
 
 
 def _rejected_much(facts: MachineFacts) -> bool:
@@ -153,8 +148,6 @@ def _notes(facts: MachineFacts) -> list[str]:
     """What else is unusual, most important first."""
     said = [words for page in facts.pages for words in page.notes]
     said += _serving(facts)
-    if facts.work.surprising_days:
-        said.append(f"No record on {day_list(facts.work.surprising_days)}.")
     lost = [g for g in facts.records.losses if _in_working_time(g)]
     if lost:
         said.append(
@@ -162,7 +155,6 @@ def _notes(facts: MachineFacts) -> list[str]:
             f"{moment(lost[0].start)} ({lost[0].cause})"
             + (f", and {counted(len(lost) - 1, 'more time')}." if lost[1:] else ".")
         )
-    said += _sensors(facts)
     stopped = _stopped_days(facts)
     if stopped:
         said.append(
@@ -173,13 +165,10 @@ def _notes(facts: MachineFacts) -> list[str]:
 
 
 def _serving(facts: MachineFacts) -> list[str]:
-    """Where the champion is not the latest, and what of it failed or was not judged."""
+    """What of the champion failed or was not judged."""
     if facts.serving is None:
         return []
     said = []
-    if facts.serving.older:
-        titles = facts.titles(facts.serving.older)
-        said.append(f"The champion that serves has another model of {titles} than this page.")
     for status, words in (
         ("failed", "failed its judgement"), ("not decided", "could not be decided"),
         ("not judged", "was not judged"),
@@ -195,17 +184,6 @@ def _in_working_time(gap: Gap) -> bool:
     if gap.data_item != WHOLE or gap.seconds < LONG_LOSS_S:
         return False
     return gap.start // DAY_NS == gap.end // DAY_NS or gap.seconds < NIGHT_S
-
-
-def _sensors(facts: MachineFacts) -> list[str]:
-    """Data items whose values cleaning had to remove so often that the sensor is in doubt."""
-    days = max(1, len(facts.work.worked_days))
-    return [
-        f"{number(count)} values of {item} were removed ({rule_words(rule)}), "
-        f"{number(round(count / days))} on a working day: check sensor, wiring and adapter."
-        for rule, item, count in facts.records.changes or []
-        if count > REMOVED_A_DAY * days
-    ][:2]
 
 
 def _stopped_days(facts: MachineFacts) -> list[str]:

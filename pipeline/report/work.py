@@ -111,6 +111,16 @@ class Work:
         return sum(day.active for day in self.days)
 
     @property
+    def last(self) -> float | None:
+        """End of the last step with a known execution state [s] since 1970; None without one."""
+        for day in reversed(self.days):
+            ends = [end for state, _, end in day.runs if state != NO_RECORD]
+            if ends:
+                midnight = float(np.datetime64(day.day, "s").astype(np.int64))
+                return midnight + BIN * max(ends)
+        return None
+
+    @property
     def periods(self) -> list[tuple[str, str]]:
         """First and last day of each period of records, periods a week or more apart."""
         return periods_of([d.day for d in self.worked_days])

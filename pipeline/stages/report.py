@@ -67,11 +67,9 @@ def report(
         notes=(BUDGETS[budget],) if BUDGETS.get(budget) else (),
         versions={name: version(name) for name in LIBRARIES},
     )
-    write_report(machines, info, reports, reports, metrics)
-    current = {"index", *(machine.name for machine in machines)}
-    for page in reports.glob("*.html"):
-        if page.stem not in current:
-            page.unlink()
+    written = write_report(machines, info, reports, reports, metrics)
+    for page in set(reports.glob("*.html")) - set(written):
+        page.unlink()
 
 
 def _identity(manifest: Path) -> dict[str, str]:

@@ -39,11 +39,25 @@ def outline(page: Path) -> Outline:
     return parsed
 
 
+def evidence(page: Path) -> list[Path]:
+    """Pages of evidence beside a machine's page."""
+    return sorted(page.parent.glob(f"{page.stem}_*.html"))
+
+
 def words(page: Path) -> str:
+    """Text of a page."""
     return re.sub(r"\s+", " ", " ".join(outline(page).text))
 
 
+def every_word(page: Path) -> str:
+    """Text of a machine's page and of its pages of evidence, that first."""
+    return " ".join(words(one) for one in [page, *evidence(page)])
+
+
 def section(page: Path, key: str) -> str:
-    """HTML of one section of a page; empty when the page has none of that key."""
-    found = re.search(rf'<section id="{key}".*?</section>', page.read_text(), flags=re.S)
-    return found.group() if found else ""
+    """HTML of one section, on a page or on those of its evidence; empty when none has it."""
+    for one in [page, *evidence(page)]:
+        found = re.search(rf'<section id="{key}".*?</section>', one.read_text(), flags=re.S)
+        if found:
+            return found.group()
+    return ""

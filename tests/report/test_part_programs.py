@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from optimise_documents import optimised
-from page_reader import section, words
+from page_reader import every_word, section
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.folders import MachineFolders
@@ -51,7 +51,7 @@ def page(tmp_path: Path, documents: dict[str, dict], trial: dict | None = None, 
 
 
 def test_predicted_stands_beside_cut(tmp_path: Path) -> None:
-    text = words(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, 1)}))
+    text = every_word(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, 1)}))
     assert "Time, s 29.48 29.90 24.51 24.60" in text
     assert "Peak load, N 71.2 73.0 57.9 56.4" in text
     assert "Above the limit of 60.0 N – 20 of 20 0.71 % 1 of 20" in text
@@ -63,7 +63,7 @@ def test_predicted_stands_beside_cut(tmp_path: Path) -> None:
 
 def test_each_program_is_told_with_gain_price_and_proof(tmp_path: Path) -> None:
     found = page(tmp_path, {"SLOT": optimised(), "BORE": optimised(name="BORE")})
-    text = words(found)
+    text = every_word(found)
     assert "SLOT least cost 29.48 24.51 −16.9 % 120.1 76.40 −36.4 % 71.2 57.9 60.0 proved" in text
     assert "in 0.71 % of parts (0.30 % to 1.4 %), 1 % is allowed; being that sure costs" in text
     assert "3 moves stayed as programmed: threads keep their feed" in text
@@ -74,26 +74,27 @@ def test_each_program_is_told_with_gain_price_and_proof(tmp_path: Path) -> None:
 def test_the_head_says_which_program_to_load(tmp_path: Path) -> None:
     better = optimised(name="BORE")
     better["gain"]["cost_percent"] = -40.2
-    found = words(page(tmp_path, {"SLOT": optimised(), "BORE": better}))
-    assert "Nothing to repair: the model may serve. Load" in found
-    assert "parts/m/BORE.nc: 40 % cheaper inside its limits, and 1 more program below." in found
+    found = every_word(page(tmp_path, {"SLOT": optimised(), "BORE": better}))
+    bore, slot = (found.index(f"Review {name}") for name in ("parts/m/BORE.nc", "parts/m/SLOT.nc"))
+    assert bore < slot
+    assert "before it is cut Program BORE Predicted 40 % less cost, inside its limits" in found
+    assert "process engineer" in found[bore:slot]
 
 
 @pytest.mark.parametrize("gain", [-0.99, 0.0, 5.0, None])
 def test_a_gain_below_a_percent_changes_no_program(tmp_path: Path, gain: float | None) -> None:
     document = optimised()
     document["gain"]["cost_percent"] = gain
-    text = words(page(tmp_path, {"SLOT": document}))
-    assert "What to do now Nothing to repair: the model may serve. " in text
-    assert "Load parts" not in text and "SLOT.nc: " not in text
+    text = every_word(page(tmp_path, {"SLOT": document}))
+    assert "Review" not in text
 
 
 def test_a_program_that_is_not_proved_must_not_be_loaded(tmp_path: Path) -> None:
     document = optimised()
     document["proof"] |= {"same": False, "first": "SLOT.nc:14: X10. became X1."}
-    text = words(page(tmp_path, {"SLOT": document}))
-    assert "SLOT.nc: it is not proved to make the same moves." in text
-    assert "inside its limits" not in text
+    text = every_word(page(tmp_path, {"SLOT": document}))
+    assert "Do not load parts/m/SLOT.nc Program SLOT It is not proved to make the same" in text
+    assert "Review" not in text
     assert "First difference: SLOT.nc:14: X10. became X1." in text
 
 
@@ -102,17 +103,17 @@ def test_trial_cuts_beyond_the_limit_speak_against_a_program(
     tmp_path: Path, above: int, loads: bool
 ) -> None:
     """At 1 % of 20 cuts one may pass by chance (18 % of such trials), two hardly (2 %)."""
-    text = words(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, above)}))
-    refused = f"on the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
+    text = every_word(page(tmp_path, {"SLOT": optimised()}, {"SLOT": cuts(20, above)}))
+    refused = f"On the simulated shop floor {above} of 20 cuts passed the limit of 60.0 N"
     assert (refused in text) is not loads
-    assert ("36 % cheaper inside its limits" in text) is loads
+    assert ("36 % less cost, inside its limits" in text) is loads
 
 
 def test_a_program_that_passes_a_limit_is_not_to_be_loaded(tmp_path: Path) -> None:
     document = optimised()
     document["after"]["beyond"] = 2
-    text = words(page(tmp_path, {"SLOT": document}))
-    assert "2 blocks pass a limit." in text and "cheaper inside its limits" not in text
+    text = every_word(page(tmp_path, {"SLOT": document}))
+    assert "2 blocks pass a limit." in text and "less cost, inside its limits" not in text
 
 
 @pytest.mark.parametrize("passed", [True, False])
@@ -124,19 +125,19 @@ def test_loads_that_rest_on_forces_that_failed_are_doubted(tmp_path: Path, passe
     folders = replace(folders, submodels=("spindle", "cutting"))
     folders = with_parts(tmp_path, folders, {"SLOT": optimised()})
     write_report([folders], FLEET, None, tmp_path / "out")
-    text = words(tmp_path / "out" / "m.html")
+    text = every_word(tmp_path / "out" / "m.html")
     assert ("Do not load it yet: the forces of this machine’s cut" in text) is not passed
-    assert ("cheaper inside its limits" in text) is passed
+    assert ("less cost, inside its limits" in text) is passed
 
 
 def test_a_failed_machine_is_not_told_to_load_a_program(tmp_path: Path) -> None:
-    text = words(page(tmp_path, {"SLOT": optimised()}, passed=False))
-    assert "Failed" in text and "inside its limits" not in text.partition("On this page")[0]
+    text = every_word(page(tmp_path, {"SLOT": optimised()}, passed=False))
+    assert "spindle temperature failed" in text and "Review" not in text
 
 
 def test_a_document_of_another_shape_is_named_and_does_not_break_the_page(tmp_path: Path) -> None:
     documents = {"A": {}, "B": optimised() | {"proof": None}, "SLOT": optimised()}
-    text = words(page(tmp_path, documents, {"SLOT": {"seeds": "many"}}))
+    text = every_word(page(tmp_path, documents, {"SLOT": {"seeds": "many"}}))
     assert "SLOT least cost 29.48" in text and "SLOT: predicted" not in text
     for name in ("A.json", "B.json", "trials/m.json"):
         assert name in text
@@ -144,7 +145,7 @@ def test_a_document_of_another_shape_is_named_and_does_not_break_the_page(tmp_pa
 
 def test_a_machine_without_programs_has_no_section_and_no_key_figure(tmp_path: Path) -> None:
     write_report([empty_machine(tmp_path, "m")], FLEET, None, tmp_path / "out")
-    said = (tmp_path / "out/report.json").read_text() + words(tmp_path / "out/m.html")
+    said = (tmp_path / "out/report.json").read_text() + every_word(tmp_path / "out/m.html")
     assert "parts_before_s" not in said and "Part programs" not in said
 
 
@@ -155,4 +156,4 @@ def test_the_next_report_says_what_changed(tmp_path: Path) -> None:
     document["after"]["time_s"] = 22.51
     (tmp_path / "parts/m/SLOT.json").write_text(json.dumps(document))
     write_report([folders], FLEET, tmp_path / "one", tmp_path / "two")
-    assert "Their time optimised 24.5 s 22.5 s −2.00 s" in words(tmp_path / "two/m.html")
+    assert "Their time optimised 24.5 s 22.5 s −2.00 s" in every_word(tmp_path / "two/m.html")

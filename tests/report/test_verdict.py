@@ -1,42 +1,69 @@
-"""Head of a machine's page: which sub-model decides, and which is only told."""
+"""Head of a machine's page: its condition and its twin are two lines, and what is to be done."""
 
 from types import SimpleNamespace
 
 import pytest
 
-from pipeline.charts.sections import PartVerdict, SubModelPage
+from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.report import verdict
+from pipeline.report.alarms import Alarms
+from pipeline.report.states import ActionRow
 
 
 def facts(**parts: PartVerdict) -> SimpleNamespace:
     models = [
-        SimpleNamespace(name=name, page=SubModelPage(verdict=one)) for name, one in parts.items()
+        SimpleNamespace(name=name, title=name, page=SubModelPage(verdict=one))
+        for name, one in parts.items()
     ]
-    return SimpleNamespace(models=models, pages=[one.page for one in models], parts=())
+    return SimpleNamespace(
+        models=models, pages=[one.page for one in models], silence=None,
+        alarms=Alarms(folders=None, shelf=None, alarms=[]),
+    )  # fmt: skip
+
+
+def asked(*who: str) -> list[ActionRow]:
+    return [
+        ActionRow(action=Action(what="Look", where="T1", why="It is due.", until="now", who=one))
+        for one in who
+    ]
 
 
 @pytest.fixture(autouse=True)
 def nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_grave", "_notes", "warning_words"):
+    for name in ("_grave", "_notes"):
         monkeypatch.setattr(verdict, name, lambda given: [])
-    monkeypatch.setattr(verdict, "loading_words", lambda given: "")
+    monkeypatch.setattr(verdict, "machine_actions", lambda *given, **named: [])
 
 
-PASSED = PartVerdict(status="passed", sentence="The spindle passed.", todo="Nothing to repair.")
+PASSED = PartVerdict(status="passed", sentence="The spindle passed.", todo="It may serve.")
 FAILED = PartVerdict(status="failed", sentence="The other failed.", todo="Record more.")
 
 
-def test_generated_signals_that_failed_are_told_and_reserve_nothing() -> None:
+def test_a_twin_that_passed_says_nothing_of_the_machine() -> None:
+    found = verdict.machine_verdict(facts(spindle=PASSED, cutting=PASSED))
+    assert (found.condition.status, found.condition.word) == ("unknown", "not assessed yet")
+    assert (found.twin.status, found.twin.word) == ("passed", "all 2 sub-models passed")
+
+
+def test_generated_signals_that_failed_decide_nothing_and_are_said() -> None:
     found = verdict.machine_verdict(facts(spindle=PASSED, synthesis=FAILED))
-    assert (found.status, found.todo) == ("passed", "Nothing to repair.")
-    assert "The other failed." in found.notes
+    assert (found.twin.status, found.twin.word) == ("passed", "spindle passed")
+    assert found.twin.sentences == ["Synthesis failed; nothing else rests on it."]
 
 
-def test_any_other_sub_model_that_failed_is_a_reservation() -> None:
+def test_a_sub_model_that_failed_is_counted_and_named() -> None:
     found = verdict.machine_verdict(facts(spindle=PASSED, cutting=FAILED))
-    assert (found.status, found.todo) == ("attention", "Record more.")
+    assert (found.twin.status, found.twin.word) == ("attention", "1 of 2 sub-models passed")
+    assert found.twin.sentences == ["1 failed (cutting)."]
 
 
 def test_generated_signals_alone_decide_for_themselves() -> None:
     found = verdict.machine_verdict(facts(synthesis=FAILED))
-    assert (found.status, found.todo) == ("failed", "Record more.")
+    assert (found.twin.status, found.twin.word) == ("failed", "synthesis failed")
+
+
+def test_checks_of_maintenance_stand_in_the_line_of_the_machine(monkeypatch) -> None:
+    rows = asked("maintenance", "maintenance", "ML engineer")
+    monkeypatch.setattr(verdict, "machine_actions", lambda *given, **named: rows)
+    found = verdict.machine_verdict(facts(spindle=PASSED))
+    assert "2 checks for maintenance below." in found.condition.sentences

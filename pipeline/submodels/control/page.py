@@ -217,9 +217,7 @@ def _verdict(
             sentence=f"{sentence} The judgement itself does not hold: {seen.verdict.reasons[0]}.",
             todo="Mend that, run dvc repro, and plan with these times only then.",
         )
-    return sections.PartVerdict(
-        status="passed", sentence=sentence, todo="Nothing to repair: plan with these times."
-    )
+    return sections.PartVerdict(status="passed", sentence=sentence, todo="Plan with these times.")
 
 
 def _control_section(seen: Seen) -> sections.Section | None:

@@ -35,7 +35,7 @@ def cutting_verdict(facts: CuttingFacts) -> PartVerdict | None:
         status="passed",
         sentence=f"Cutting forces are predicted within their limits: on "
         f"{recordings_words(facts)} {errors_words(facts, facts.telling)}.",
-        todo="Nothing to repair: plan cuts with these forces, with this tool and material.",
+        todo="Plan cuts with these forces, with this tool and material.",
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number
 from pipeline.charts.sections import (
+    Action,
     Compared,
     Figure,
     Figures,
@@ -45,6 +46,7 @@ def page(shown: Seen) -> SubModelPage:
     return SubModelPage(
         verdict=_verdict(facts),
         key_figures=_key_figures(facts),
+        actions=_actions(facts),
         notes=_notes(facts),
         sections=[
             _expected(facts),
@@ -120,6 +122,26 @@ def _mend(faults: Sequence[SensorFault]) -> str:
     return f"{said[:1].upper()}{said[1:]}"
 
 
+def _actions(facts: GrowthFacts) -> list[Action]:
+    """Sensors to be mended, and how to keep the growth out of finishing cuts."""
+    until = "next stop" if _kept(facts) else "next stop; until then the model does without"
+    found = [
+        Action(
+            what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
+            where=one.sensor, why=_sentence(sensor_words(one)), until=until, who="maintenance",
+            evidence="growth-errors",
+        )
+        for one in facts.faults if one.lasts
+    ]  # fmt: skip
+    verdict, warm = facts.shown.verdict, _warm_words(facts)
+    if warm and verdict is not None and verdict.status in ("passed", "failed"):
+        why = f"{_hour_words(facts)}."
+        found.append(Action(what=warm[:1].upper() + warm[1:], where="Spindle", why=why,
+                            until="before finishing cuts", who="process engineer",
+                            evidence="growth"))  # fmt: skip
+    return found
+
+
 def _kept(facts: GrowthFacts) -> bool:
     """Whether the model reads faulty sensors as they are."""
     model = facts.shown.model
@@ -147,8 +169,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
     shown, verdict = facts.shown, facts.shown.verdict
     if shown.model is None and verdict is None:
         return None
-    hour, mend = _hour_words(facts), _mend(facts.faults)
-    first = f"{mend}. " if mend else ""
+    hour = _hour_words(facts)
     if verdict is None or verdict.status in ("not decided", "not judged"):
         why = "; ".join(verdict.reasons) if verdict is not None and verdict.reasons else (
             "no recording was kept out of its fit"
@@ -157,7 +178,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
             status="unknown",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of the spindle’s growth has "
             f"not been judged: {why.rstrip('.')}.",
-            todo=f"{first}Record further speed profiles that the model is not fitted on.",
+            todo="Record further speed profiles that the model is not fitted on.",
         )
     warm = _warm_words(facts)
     if verdict.status == "failed":
@@ -169,7 +190,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
             status="failed",
             sentence=f"{hour}{'; but the' if hour else 'The'} model of that growth failed on "
             f"{judged_on(facts)}: {_failure(facts)}. {advice}",
-            todo=f"{first}{advice}",
+            todo="Load no correction from this model.",
         )
     command = f"kerf compensation --machine {shown.machine} --out FILE"
     loads = f"load the correction ({command}), which leaves up to {um(_largest(facts))}"
@@ -179,10 +200,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
         f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
         f"{_limit_words(facts)}. {_sentence(advice)}",
-        todo=f"{mend}{'.' if _kept(facts) else '; until then the model does without.'}"
-        if mend
-        else _sentence(advice),
-        reserved=bool(mend),
+        todo=_sentence(advice),
     )
 
 
@@ -209,14 +227,14 @@ def _largest(facts: GrowthFacts) -> float | None:
 
 def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
     found = []
+    if facts.total is not None:
+        found.append(("Largest error of growth", um(_largest(facts)),
+                      f"recordings held out{_limit_words(facts)}"))  # fmt: skip
     if (hour := facts.first_hour) is not None:
         aside = f"90 %: {fixed(hour.low, 0)} to {whole_um(hour.high)}"
         if hour.speed is not None:
             aside += f", at up to {_speed_words(hour.speed)}"
         found.append(("Growth in the first hour", whole_um(hour.growth), aside))
-    if facts.total is not None:
-        found.append(("Largest error of growth", um(_largest(facts)),
-                      f"recordings held out{_limit_words(facts)}"))  # fmt: skip
     if facts.faults:
         lasting = ", ".join(one.sensor for one in facts.faults)
         found.append(("Faulty temperature sensors", str(len(facts.faults)), lasting))

@@ -169,7 +169,7 @@ def _verdict(seen: Seen) -> PartVerdict | None:
         sentence=f"The spindle’s thermal model passed {_set_words(v)} ({_week(v)}): over one hour "
         f"its temperature is wrong by {_kelvin(total)} on average "
         f"(limit {fixed(_limits(v).get('mae'), 1)} K), and by {_kelvin(free)} when it runs free.",
-        todo="Nothing to repair: the model may serve.",
+        todo="The model may serve.",
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, counted, number
-from pipeline.charts.sections import Heading, Section, present
+from pipeline.charts.sections import Action, Heading, Section, present
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Shown
@@ -117,6 +117,21 @@ def due_key_figures(shown: Shown[WearModel]) -> list[tuple[str, str, str]]:
 def due_notes(shown: Shown[WearModel]) -> list[str]:
     """Tools that are to be changed now or soon, for the head of the page."""
     return [f"Tool {one.name}: {one.todo}" for one in due_tools(shown) if one.status != "passed"]
+
+
+def due_actions(shown: Shown[WearModel]) -> list[Action]:
+    """Tools to be changed now or soon, the one that is due first at the head."""
+    return [
+        Action(
+            what="Change the tool" if one.status == "failed" else "Have a new tool ready",
+            where=f"Tool {one.name}",
+            why=f"It lasts another {_span(one.left)} in the cut (90 % interval).",
+            until="now" if one.status == "failed" else f"within {_minutes(one.left[0])} of cutting",
+            who="tool room",
+            evidence="tools-due",
+        )
+        for one in due_tools(shown) if one.status != "passed"
+    ]  # fmt: skip
 
 
 def due_truth(shown: Shown[WearModel]) -> list[Table]:

@@ -24,7 +24,13 @@ from pipeline.schema.predictions import BASELINE
 from pipeline.schema.verdict import OutsideConditions, Score
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.wear import figures
-from pipeline.submodels.wear.due_page import due_key_figures, due_notes, due_section, due_truth
+from pipeline.submodels.wear.due_page import (
+    due_actions,
+    due_key_figures,
+    due_notes,
+    due_section,
+    due_truth,
+)
 from pipeline.submodels.wear.fit import balanced_accuracy
 from pipeline.submodels.wear.model import GUESS, MEAN, NAMES, MethodScore, WearModel
 
@@ -47,7 +53,8 @@ def page(shown: Seen) -> SubModelPage:
     total = facts.total
     return SubModelPage(
         verdict=_verdict(facts),
-        key_figures=[*due_key_figures(shown), *_key_figures(facts)],
+        key_figures=[*_key_figures(facts), *due_key_figures(shown)],
+        actions=due_actions(shown),
         sections=[s for s in (due_section(shown), _section(facts)) if s is not None],
         truth=due_truth(shown),
         notes=due_notes(shown),

@@ -86,8 +86,11 @@ def test_a_model_that_did_not_pass_offers_no_correction(built, status, page_stat
 def test_a_faulty_sensor_is_named_with_since_when_cost_and_what_to_do(built) -> None:
     found = page(with_status(built, "passed"))
     assert found.verdict is not None
-    assert found.verdict.todo.startswith("Reconnect or replace temperature_2; ")
-    assert found.verdict.reserved  # so that it leads, whatever else passed
+    sensor = next(one for one in found.actions if one.where == "temperature_2")
+    assert sensor.what == "Reconnect or replace the sensor" and sensor.who == "maintenance"
+    assert "Temperature_2 is dead since p10" in sensor.why
+    assert sensor.until == "next stop; until then the model does without"
+    assert sensor.evidence in {section.key for section in found.sections}
     note = found.notes[0].replace("\u00a0", " ").replace("\u202f", "")
     assert re.search(r"temperature_2 is dead since p10, minute 4\d", note)
     costs = re.search(r"off by up to (\d+) µm; .* off by up to ([\d.]+) µm", note)

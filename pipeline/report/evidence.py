@@ -1,4 +1,4 @@
-"""Page of one machine: its head, key figures and sections, before it becomes HTML."""
+"""Pages of evidence of one machine, before they become HTML: sub-models, programs, records."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,16 +11,17 @@ from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources
 from pipeline.report.alarms import alarms_section
 from pipeline.report.corrected import corrected_section
 from pipeline.report.facts import MachineFacts, Truth
-from pipeline.report.folders import MachineFolders
+from pipeline.report.page_names import PROGRAMS, RECORDS
 from pipeline.report.part_programs import part_key_figures
 from pipeline.report.part_section import part_programs_section
 from pipeline.report.programs.section import programs_section
 from pipeline.report.records import records_section
+from pipeline.report.scorecard import VERDICTS
+from pipeline.report.states import StateLine
+from pipeline.report.submodel_pages import ModelledPart
 from pipeline.report.work_section import work_section
 from pipeline.schema.model import SourceFile
 
-PREDICTS_PROGRAMS = "control"
-"""Sub-model after whose sections part programs stand: their times are its predictions."""
 LOADS_PARTS = "cutting"
 """Sub-model whose forces the predicted loads of optimised programs rest on."""
 STATUS = {
@@ -29,60 +30,99 @@ STATUS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
-    """Body of one machine's page: key figures (name, value, aside) and sections."""
+class EvidencePage:
+    """Body of a page on one subject of a machine: a sub-model, its programs, its records.
 
-    folders: MachineFolders
-    key_figures: list[tuple[str, str, str]]
+    Parameters
+    ----------
+    subject : str
+        Of :func:`~pipeline.report.page_names.evidence_page`.
+    title : str
+        For people.
+    state : StateLine or None
+        What was judged; None where nothing is.
+    key_figures : list of (str, str, str)
+        Name, value, aside.
+    notes : list of str
+        What else is to be known.
+    sections : list of Section
+        In the order in which they are read.
+    """
+
+    subject: str
+    title: str
+    state: StateLine | None = None
+    key_figures: list[tuple[str, str, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
 
 
-def machine_page(facts: MachineFacts, changes: Section) -> Page:
-    """The page of one machine below its verdict, in the order in which its reader needs it."""
-    works = [work_section(facts.work, facts.day_uses), alarms_section(facts.alarms)]
-    logged = bool(facts.work.worked_days) or not facts.known
-    sections = [
-        *(works if logged else []),
-        *_submodel_sections(facts),
-        *([] if logged else works),
-        records_section(facts.records),
-        _missing_section(facts),
-        changes,
-        *([_truth_section(facts)] if facts.folders.origin == "simulated" else []),
-        _provenance_section(facts),
+def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:
+    """A page for each sub-model, one for programs where there are any, one for the records."""
+    return [
+        *(_submodel_page(one) for one in facts.models),
+        *_programs_page(facts),
+        _records_page(facts, changed, notes),
     ]
-    return Page(
-        folders=facts.folders,
-        key_figures=_key_figures(facts),
-        sections=[s for s in sections if s is not None],
-    )
 
 
-def _submodel_sections(facts: MachineFacts) -> list[Section | None]:
-    """Sections of the sub-models in the fleet's order, with the programs after their control."""
-    programs = [
+def _submodel_page(one: ModelledPart) -> EvidencePage:
+    page, verdict = one.page, one.page.verdict
+    truth = [Section(key="truth", title="Known truth", blocks=list(page.truth))]
+    state = None
+    if verdict is not None:
+        state = StateLine(
+            status=verdict.status, word=VERDICTS[verdict.status][1],
+            sentences=[verdict.sentence, verdict.todo],
+        )  # fmt: skip
+    return EvidencePage(
+        subject=one.name, title=f"{one.title[:1].upper()}{one.title[1:]}", state=state,
+        key_figures=page.key_figures, notes=[*page.doubts, *page.notes],
+        sections=[*page.sections, *(truth if page.truth else [])],
+    )  # fmt: skip
+
+
+def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
+    sections = [
         programs_section(facts.programs, facts.shelf),
         part_programs_section(facts.parts, facts.shelf, facts.verdict_of(LOADS_PARTS)),
         corrected_section(facts.folders.corrected, facts.shelf),
     ]
-    sections: list[Section | None] = []
-    for one in facts.models:
-        sections += one.page.sections
-        if one.name == PREDICTS_PROGRAMS:
-            sections += programs
-    return sections if PREDICTS_PROGRAMS in facts.folders.submodels else [*sections, *programs]
+    present_ones = [section for section in sections if section is not None]
+    if not present_ones:
+        return []
+    return [
+        EvidencePage(
+            subject=PROGRAMS, title="Part programs", key_figures=part_key_figures(facts.parts),
+            sections=present_ones,
+        )
+    ]  # fmt: skip
+
+
+def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> EvidencePage:
+    sections = [
+        work_section(facts.work, facts.day_uses),
+        alarms_section(facts.alarms),
+        records_section(facts.records),
+        _missing_section(facts),
+        changed,
+        *([_truth_section(facts)] if facts.folders.origin == "simulated" else []),
+        _provenance_section(facts),
+    ]
+    return EvidencePage(
+        subject=RECORDS, title="Records", key_figures=_key_figures(facts), notes=notes,
+        sections=[s for s in sections if s is not None],
+    )  # fmt: skip
 
 
 def _key_figures(facts: MachineFacts) -> list[tuple[str, str, str]]:
     r, work = facts.records, facts.work
     return [
-        *(figure for page in facts.pages for figure in page.key_figures),
-        *part_key_figures(facts.parts),
         ("Time ACTIVE", f"{hours(work.active)} h" if work.days else NOT_KNOWN,
          f"on {counted(len(work.worked_days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records),
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
-        ("Last record", moment(r.last), ""),
+        ("Last record", moment(r.last), "of all sources"),
     ]  # fmt: skip
 
 
@@ -109,7 +149,6 @@ def _truth_section(facts: MachineFacts) -> Section:
     )
     blocks = present(
         _records_truth_table(facts, facts.truth),
-        *(table for page in facts.pages for table in page.truth),
         tabulated(
             "Parameters of the simulated machine", _flat(facts.truth.parameters), SIMULATED,
             sources(facts.shelf, facts.truth.path), most=MOST_ROWS, folded=True,

@@ -1,0 +1,137 @@
+"""What the twin may be trusted for: one row for each sub-model, from its verdict alone."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pipeline.charts.numbers import TOGETHER, day_words, number, percent, powers, unit_words
+from pipeline.report.page_names import evidence_page
+from pipeline.report.submodel_pages import ModelledPart
+from pipeline.schema.verdict import Figures, Score, Verdict
+
+ERRORS = {"mae": "mean error", "rmse": "RMS error", "max": "largest error", "bias": "mean offset"}
+"""Errors of a score in words; others by their own name."""
+VERDICTS = {
+    "passed": ("passed", "passed"), "failed": ("failed", "failed"),
+    "attention": ("attention", "not decided"), "unknown": ("unknown", "not judged"),
+}  # fmt: skip
+JUDGED_ON = {"golden": "golden records", "held_out": "records held out of its fit"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    """The one figure of a sub-model that counts, in words; empty where it is not known.
+
+    Parameters
+    ----------
+    what, value : str
+        Of the figure.
+    limit, baseline : str
+        What it is held against.
+    interval : str
+        Share of samples that the 90 % prediction interval holds.
+    passed_limit : bool
+        Whether the value is beyond its limit.
+    """
+
+    what: str
+    value: str
+    limit: str = ""
+    baseline: str = ""
+    interval: str = ""
+    passed_limit: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One row of the scorecard."""
+
+    title: str
+    status: str
+    word: str
+    judged_on: str
+    figure: Counts
+    href: str
+
+
+def scorecard(machine: str, models: Sequence[ModelledPart]) -> list[Line]:
+    """Rows of the sub-models of a machine, in the order of the fleet."""
+    return [_line(machine, one) for one in models]
+
+
+def _line(machine: str, one: ModelledPart) -> Line:
+    verdict = one.page.verdict
+    status, word = VERDICTS[verdict.status if verdict is not None else "unknown"]
+    return Line(
+        title=f"{one.title[:1].upper()}{one.title[1:]}", status=status, word=word,
+        judged_on="" if one.judged is None else JUDGED_ON.get(one.judged.judged_role or "", ""),
+        figure=counting_figure(one), href=evidence_page(machine, one.name),
+    )  # fmt: skip
+
+
+def counting_figure(one: ModelledPart) -> Counts:
+    """The error that takes the largest share of a limit; without limits the first key figure."""
+    verdict = one.judged
+    if verdict is not None and (found := list(_shares(verdict))):
+        _, score, name, value, limit = max(found, key=lambda row: row[0])
+        unit = "%" if name.endswith("percent") else powers(unit_words(score.unit))
+        words = ERRORS.get(name) or f"{name.removesuffix('_percent').replace('_', ' ')} error"
+        where = "over all" if score.group == "all" else _place(score.group)
+        return Counts(
+            what=f"{score.quantity.replace('_', ' ')}, {words}, {where}",
+            value=f"{number(value)}{TOGETHER}{unit}", limit=f"{limit:g}{TOGETHER}{unit}",
+            baseline=_baseline(score, name, unit), interval=_interval(verdict, score.quantity),
+            passed_limit=value > limit,
+        )  # fmt: skip
+    interval = "" if verdict is None else _interval(verdict, "")
+    if not one.page.key_figures or verdict is None:
+        return Counts(what="", value="not known", interval=interval)
+    what, value, aside = one.page.key_figures[0]
+    return Counts(what=what, value=value, baseline=aside, interval=interval)
+
+
+def _place(group: str) -> str:
+    """A group of records: a day, or a recording by the name of its file."""
+    day = day_words(group)
+    return (
+        f"on {day}"
+        if day != group
+        else f"in {group.rpartition('/')[2].rpartition('.')[0] or group}"
+    )
+
+
+def _shares(verdict: Verdict) -> Iterator[tuple[float, Score, str, float, float]]:
+    """Each limited error of the judged records with its share of the limit."""
+    for score in verdict.scores:
+        if score.role == verdict.judged_role:
+            for name, limit in score.limits.items():
+                value: float | None = getattr(score, name)
+                if limit > 0 and value is not None:
+                    yield abs(value) / limit, score, name, abs(value), limit
+
+
+def _baseline(score: Score, name: str, unit: str) -> str:
+    """The best baseline by the same error."""
+    errors: list[tuple[float, str]] = [
+        (abs(value), other) for other, figures in score.baselines.items()
+        if (value := _error(figures, name)) is not None
+    ]  # fmt: skip
+    if not errors:
+        return ""
+    value, other = min(errors)
+    return f"{number(value)}{TOGETHER}{unit} by {other.replace('_', ' ')}"
+
+
+def _error(figures: Figures, name: str) -> float | None:
+    value: float | None = getattr(figures, name)
+    return value
+
+
+def _interval(verdict: Verdict, quantity: str) -> str:
+    """Least share of samples inside the 90 % interval over all judged groups."""
+    shares = [
+        score.coverage_90
+        for score in verdict.scores
+        if score.role == verdict.judged_role and score.group == "all"
+        and score.coverage_90 is not None and score.quantity.startswith(quantity)
+    ]  # fmt: skip
+    return percent(min(shares), 1.0) if shares else ""
