@@ -85,8 +85,8 @@ def counting_figure(one: ModelledPart) -> Counts:
     interval = "" if verdict is None else _interval(verdict, "")
     if not one.page.key_figures or verdict is None:
         return Counts(what="", value="not known", interval=interval)
-    what, value, aside = one.page.key_figures[0]
-    return Counts(what=what, value=value, baseline=aside, interval=interval)
+    what, shown, aside = one.page.key_figures[0]
+    return Counts(what=what, value=shown, baseline=aside, interval=interval)
 
 
 def _place(group: str) -> str:

@@ -273,7 +273,9 @@ def predicted_day(
     facts = {
         "compared in windows": Fact(value=round(seconds), unit="s"),
         "windows": Fact(value=int(np.ceil(seconds / limits.window_s)), unit="1"),
-        "compared running free": Fact(value=round(int(free_run["scored"].sum()) * step), unit="s"),
+        "compared in free simulation": Fact(
+            value=round(int(free_run["scored"].sum()) * step), unit="s"
+        ),
     }
     return Prediction(frame=pd.concat([windows, free_run, *apart], ignore_index=True), facts=facts)
 
