@@ -32,6 +32,7 @@ from pipeline.submodels.drive.shaft_signals import (
     MASS,
     PLAY,
     VISCOUS,
+    WIDTH,
     C,
     Signals,
     flanks,
@@ -74,6 +75,8 @@ class Rounds:
         Normal equations (B, 7, 7), (B, 7) of stretches of time, and of ways of motion.
     left : float
         Root mean square of what it leaves over [m].
+    noise : float
+        Sum of squares of its derivative, if it is white before the filter [m^2/s^2].
     out : tuple of int
         Columns that are left out.
     """
@@ -83,6 +86,7 @@ class Rounds:
     sure: tuple[Bools, ...]
     blocks: list[tuple[Floats, Floats]]
     left: float
+    noise: float
     out: tuple[int, ...]
 
 
@@ -181,16 +185,17 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
         if PLAY in out:
             sure = tuple(one.good for one in shown)
         blocks = _blocks(shown, sides, sure)
-        for grams, products in blocks:
-            grams[:, out, :] = grams[:, :, out] = products[:, out] = 0.0
         grams, products = blocks[0]
-        shared = _solution(grams.sum(axis=0), products.sum(axis=0))
-        shared[[*out]] = 0.0
-    left = np.concatenate(
-        [left_over(*one) for one in zip(shown, sides, sure, strict=True)]
+        shared = _solution(grams.sum(axis=0), products.sum(axis=0), out)
+    left = [left_over(*one) for one in zip(shown, sides, sure, strict=True)]
+    count = max(sum(part.size for part in left), 1)
+    enough = count > 10 * len(shared) and blocks[0][0].any()
+    return Rounds(
+        shared=shared, sides=sides, sure=sure, blocks=blocks, out=out,
+        left=float(np.sqrt(sum(float(part @ part) for part in left) / count)) if enough else np.inf,
+        noise=sum(float(part @ part) / (2 * (WIDTH * one.period) ** 2)
+                  for one, part in zip(shown, left, strict=True)),
     )  # fmt: skip
-    left_rms = float(np.sqrt((left**2).mean())) if left.size else 0.0
-    return Rounds(shared=shared, sides=sides, sure=sure, blocks=blocks, left=left_rms, out=out)
 
 
 def _blocks(
@@ -225,8 +230,10 @@ def _ways(speed: Floats) -> list[Ints]:
     return [rows for rows in found if len(rows)]
 
 
-def _solution(gram: Floats, product: Floats) -> Floats:
-    """Least squares of normal equations, each column scaled to length one."""
+def _solution(gram: Floats, product: Floats, out: tuple[int, ...]) -> Floats:
+    """Least squares of normal equations, each column scaled to length one; 0 for those left out."""
+    gram, product = gram.copy(), product.copy()
+    gram[out, :] = gram[:, out] = product[[*out]] = 0.0
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
     found: Floats = np.linalg.lstsq(gram / np.outer(scale, scale), product / scale, rcond=1e-12)[0]
@@ -238,16 +245,33 @@ def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
 
     Jackknife over stretches of time and over ways of motion: the wider of both.
     """
-    halves = [np.inf]
+    # friction that was left out for its sign is as uncertain as any
+    halves, out = [np.inf], tuple(set(found.out) - {COULOMB})
     for grams, products in found.blocks:
         whole, sums, count = grams.sum(axis=0), products.sum(axis=0), len(grams)
         if count < 2:
             continue
-        left = derived(np.array([_solution(whole - g, sums - p)
+        left = derived(np.array([_solution(whole - g, sums - p, out)
                                  for g, p in zip(grams, products, strict=True)]))  # fmt: skip
         spread = float(np.sqrt((count - 1) / count * ((left - left.mean()) ** 2).sum()))
         halves.append(float(student.ppf(0.975, count - 1)) * spread)
     return max(halves[1:], default=np.inf)
+
+
+def _dilution(found: Rounds, column: int) -> float:
+    """Share by which noise may lessen a factor [1], were all that is left over noise of its column.
+
+    Regression dilution (Fuller, Measurement error models, 1987): noise of the column over what the
+    other columns do not explain of it.
+    """
+    gram, count = found.blocks[0][0].sum(axis=0), sum(int(ok.sum()) for ok in found.sure)
+    others = [k for k in range(7) if k not in (*found.out, column)]
+    cross = gram[column, others]
+    own = gram[column, column] - float(
+        cross @ np.linalg.lstsq(gram[np.ix_(others, others)], cross, rcond=1e-12)[0]
+    )
+    noise = found.noise if column == DAMPING else count * (found.left / found.shared[C]) ** 2
+    return float(noise / own) if own > noise else np.inf
 
 
 def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]:
@@ -266,7 +290,9 @@ def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]
     for name, (derived, of, remedy) in quantities.items():
         with np.errstate(divide="ignore", invalid="ignore"):
             value = float(derived(shared))
-            reach = float(np.hypot(_half(found, derived), SENSOR * value))
+            noisy = (C, DAMPING) if name == "shaft_damping" else (C,)
+            diluted = [_dilution(found, column) * value for column in noisy]
+            reach = float(np.linalg.norm([_half(found, derived), SENSOR * value, *diluted]))
         why = ""
         if stiff:
             why = "not determined: both ends move together within what the records can tell"

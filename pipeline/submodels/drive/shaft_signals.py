@@ -27,6 +27,8 @@ FLAT = 0.15
 ORDERS = np.arange(2, 201)
 """Waves a turn that are looked for [1]: cogging has as many as the least common multiple of a
 motor's slots and poles."""
+BINS = 4096
+"""Parts of a turn in which what is left over is added up [1]."""
 CHANCE = 0.01
 """Chance that noise alone makes a wave [1]."""
 MOST_WAVES = 12
@@ -51,6 +53,8 @@ class Signals:
         Of the motor [m/s].
     good : ndarray of bool, shape (T,)
         Recorded samples, away from the ends.
+    period : float
+        Of the samples [s].
     turn : ndarray, shape (T,), or None
         Angle of the motor [rad]; None where the lead is not known.
     """
@@ -60,6 +64,7 @@ class Signals:
     nuisance: Floats
     speed: Floats
     good: Bools
+    period: float
     turn: Floats | None = None
 
 
@@ -104,7 +109,7 @@ def signals_of(one: Recording, axis: str, force_constant: float, lead: float | N
     return Signals(
         twist=filtered(twist - twist.mean()), columns=columns,
         nuisance=np.stack([np.ones(x.size), x, time, *waves], axis=1), speed=speed, good=good,
-        turn=turn,
+        turn=turn, period=period,
     )  # fmt: skip
 
 
@@ -169,12 +174,10 @@ def _power(one: Signals, left: Floats, ok: Bools) -> Floats:
     """Power of what is left over at each of the orders [m^2]; shape (N,)."""
     if one.turn is None or not len(left):
         return np.zeros(len(ORDERS))
-    step, now = np.exp(1j * one.turn[ok]), np.exp(1j * one.turn[ok])
-    sums = []
-    for _ in ORDERS:
-        now = now * step
-        sums.append(abs(left @ now) ** 2 / len(left))
-    return np.array(sums)
+    # one turn in bins, whose transform has the orders
+    place = (one.turn[ok] / (2 * np.pi) * BINS).astype(np.int64) % BINS
+    turn = np.bincount(place, weights=left, minlength=BINS)
+    return np.asarray(np.abs(np.fft.rfft(turn)[ORDERS]) ** 2 / len(left))
 
 
 def _with_wave(one: Signals, order: int) -> Signals:
