@@ -162,8 +162,8 @@ def _fitted(shown: Sequence[Signals]) -> tuple[Rounds, list[Signals]]:
     tried = [_rounds(shown, start, out) for start in _starts(shown) for out in ((COULOMB,), ())]
     best = min((one for one in tried if one.shared[COULOMB] >= 0), key=lambda one: one.left)
     waved = with_waves(shown, best.sides, best.sure)
-    again = [_rounds(waved, best.shared, out) for out in ((COULOMB,), ())]
-    best = min((one for one in again if one.shared[COULOMB] >= 0), key=lambda one: one.left)
+    free = _rounds(waved, best.shared, ())
+    best = free if free.shared[COULOMB] >= 0 else _rounds(waved, best.shared, (COULOMB,))
     return best, waved
 
 
@@ -237,7 +237,9 @@ def _solution(gram: Floats, product: Floats, out: tuple[int, ...]) -> Floats:
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
     found: Floats = np.linalg.lstsq(gram / np.outer(scale, scale), product / scale, rcond=1e-12)[0]
-    return found / scale
+    found = found / scale
+    found[[*out]] = 0.0
+    return found
 
 
 def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
