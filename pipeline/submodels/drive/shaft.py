@@ -12,8 +12,10 @@ harder than its friction hangs on the other one.  It follows from the fit and is
 samples near its change, and near standstill, are left out.  e is what encoders and screw err by: of
 each recording a constant, a straight line over position and one over time, and waves once a turn
 where the lead is known.  A lag of the command is fitted with it.  All signals pass the same
-Gaussian filter, whose derivatives are theirs.  Intervals are of the jackknife over stretches of
-time, and forces are no more certain than the sensor of the current.
+Gaussian filter, whose derivatives are theirs.  Intervals are of two jackknives, over
+stretches of time and over ways of motion, whichever is wider, and of what noise in a column and the
+equation's misfit can do: of a wrong equation they are wide.  Forces are no more certain than the
+sensor of the current.  Where no play shows, no flank is sought and all samples count.
 """
 
 from collections.abc import Callable, Sequence
@@ -145,7 +147,7 @@ def identify_shaft(
     used = np.concatenate(found.sides)[np.concatenate(found.sure)]
     play = len(used) > 0 and min((used > 0).mean(), (used < 0).mean()) >= FLANKS
     backlash = _backlash(found, why="" if play else NO_FLANKS)
-    if backlash.interval_95 is None or backlash.interval_95[0] <= 0:
+    if not play or not found.shared[PLAY] > _half(found, lambda f: f[..., PLAY]):
         # no play that shows: the flank does not matter, and all samples count
         found = _rounds(shown, found.shared, (*found.out, PLAY))
     twist = np.concatenate([one.twist[ok] for one, ok in zip(shown, found.sure, strict=True)])
@@ -260,20 +262,38 @@ def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
     return max(halves[1:], default=np.inf)
 
 
+def _own(found: Rounds, column: int) -> float:
+    """Sum of squares of what the other columns do not explain of a column."""
+    gram = found.blocks[0][0].sum(axis=0)
+    others = [k for k in range(7) if k not in (*found.out, column)]
+    cross, inside = gram[column, others], gram[np.ix_(others, others)]
+    scale = np.sqrt(np.where(np.diag(inside) > 0, np.diag(inside), 1.0))
+    scaled = np.linalg.lstsq(inside / np.outer(scale, scale), cross / scale, rcond=1e-12)[0]
+    return max(float(gram[column, column] - (cross / scale) @ scaled), 0.0)
+
+
 def _dilution(found: Rounds, column: int) -> float:
     """Share by which noise may lessen a factor [1], were all that is left over noise of its column.
 
     Regression dilution (Fuller, Measurement error models, 1987): noise of the column over what the
     other columns do not explain of it.
     """
-    gram, count = found.blocks[0][0].sum(axis=0), sum(int(ok.sum()) for ok in found.sure)
-    others = [k for k in range(7) if k not in (*found.out, column)]
-    cross = gram[column, others]
-    own = gram[column, column] - float(
-        cross @ np.linalg.lstsq(gram[np.ix_(others, others)], cross, rcond=1e-12)[0]
-    )
+    own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
     noise = found.noise if column == DAMPING else count * (found.left / found.shared[C]) ** 2
     return float(noise / own) if own > noise else np.inf
+
+
+def _misfit(found: Rounds, column: int) -> float:
+    """Half width of a factor's 95 % interval, were what is left over the equation's error.
+
+    Such an error goes with the way of motion and does not average over samples: there are as many
+    independent ones as ways of motion.
+    """
+    own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
+    ways = len(found.blocks[1][0])
+    if own <= 0 or ways < 2:
+        return np.inf
+    return float(student.ppf(0.975, ways - 1) * found.left * np.sqrt(count / own / ways))
 
 
 def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]:
@@ -294,7 +314,10 @@ def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]
             value = float(derived(shared))
             noisy = (C, DAMPING) if name == "shaft_damping" else (C,)
             diluted = [_dilution(found, column) * value for column in noisy]
-            reach = float(np.linalg.norm([_half(found, derived), SENSOR * value, *diluted]))
+            missed = [_misfit(found, k) / shared[k] * value for k in noisy]
+            reach = float(
+                np.linalg.norm([_half(found, derived), SENSOR * value, *diluted, *missed])
+            )
         why = ""
         if stiff:
             why = "not determined: both ends move together within what the records can tell"
@@ -307,7 +330,7 @@ def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]
 
 
 def _backlash(found: Rounds, why: str) -> Parameter:
-    reach = _half(found, lambda f: f[..., PLAY])
+    reach = float(np.hypot(_half(found, lambda f: f[..., PLAY]), _misfit(found, PLAY)))
     if not why and not np.isfinite(reach):
         why = "not determined: too few stretches for an interval"
     return _parameter(found.shared[PLAY], reach, "m", why, REVERSALS, least=0.0)
