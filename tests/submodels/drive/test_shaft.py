@@ -62,7 +62,11 @@ def test_shaft_is_recovered_from_both_ends(stiffness: float, carriage: float) ->
     found = fit.parameters
     assert found["shaft_stiffness"].value == pytest.approx(1e6 * stiffness, rel=0.03)
     assert found["motor_mass"].value == pytest.approx(axis.motor_mass, rel=0.03)
-    assert found["shaft_damping"].value == pytest.approx(1e3 * axis.damping, rel=0.35)
+    damping = found["shaft_damping"]
+    if damping.interval_95 is None:
+        assert "95 % interval" in damping.method
+    else:
+        assert damping.interval_95[0] <= 1e3 * axis.damping <= damping.interval_95[1]
 
 
 PLAYED = (
