@@ -12,35 +12,44 @@ harder than its friction hangs on the other one.  It follows from the fit and is
 samples near its change, and near standstill, are left out.  e is what encoders and screw err by: of
 each recording a constant, a straight line over position and one over time, and waves once a turn
 where the lead is known.  A lag of the command is fitted with it.  All signals pass the same
-Gaussian filter, whose derivatives are theirs.  Intervals are of the jackknife over stretches of
-time, and forces are no more certain than the sensor of the current.
+Gaussian filter, whose derivatives are theirs.  Intervals are of two jackknives, over
+stretches of time and over ways of motion, whichever is wider, and of what noise in a column and the
+equation's misfit can do: of a wrong equation they are wide.  Forces are no more certain than the
+sensor of the current.  Where no play shows, no flank is sought and all samples count.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.stats import t as student
 
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.mechanics.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
+from pipeline.submodels.drive.shaft_signals import (
+    COULOMB,
+    DAMPING,
+    MASS,
+    PLAY,
+    VISCOUS,
+    WIDTH,
+    C,
+    Signals,
+    flanks,
+    left_over,
+    signals_of,
+    table,
+    with_waves,
+)  # fmt: skip
 
-WIDTH = 1.5
-"""Standard deviation of the filter [samples]."""
 ROUNDS = 6
 """Rounds of the fit, which finds the flanks in contact."""
 STRETCHES = 8
 """Stretches of each recording that are left out in turn."""
-SLOW = 0.01
-"""Share of the highest speed below which an axis may stand [1]."""
-FLAT = 0.15
-"""Share of the shaft's force, as root mean square, near which the flank may change [1]."""
-LEFT = 0.05
-"""Greatest share of the twist that a fit may leave over [1]: beyond it the intervals, which take
-the equation for granted, are not to be believed."""
+WAYS = 3
+"""Speeds of each direction, whose samples are left out in turn."""
 FLANKS = 0.05
 """Least share of samples on each flank that shows the play [1]."""
 HOW = "twist between motor and carriage against the motor's force"
@@ -51,9 +60,36 @@ REVERSALS = (
 SWEPT = "record a frequency response: both positions and the current under a swept sine"
 SHARES = (0.0, 0.25, 0.5, 0.75, 0.9)
 """Shares of the motor in all that moves, from which the fit starts [1]."""
-Rounds = tuple[Floats, tuple[Floats, ...], tuple[Bools, ...], Floats, Floats, float]
-C, MASS, VISCOUS, COULOMB, DAMPING, LAG, PLAY = range(7)
-"""Columns of the fit that recordings share."""
+NO_FLANKS = "not determined: the shaft's force hardly changes its flank"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rounds:
+    """A fit, and what it was made of.
+
+    Parameters
+    ----------
+    shared : ndarray, shape (7,)
+        Factors of the columns that recordings share.
+    sides, sure : tuple of ndarray
+        Flank of each recording's samples, and where it is sure.
+    blocks : list of tuple of ndarray
+        Normal equations (B, 7, 7), (B, 7) of stretches of time, and of ways of motion.
+    left : float
+        Root mean square of what it leaves over [m].
+    noise : float
+        Sum of squares of its derivative, if it is white before the filter [m^2/s^2].
+    out : tuple of int
+        Columns that are left out.
+    """
+
+    shared: Floats
+    sides: tuple[Floats, ...]
+    sure: tuple[Bools, ...]
+    blocks: list[tuple[Floats, Floats]]
+    left: float
+    noise: float
+    out: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,89 +115,6 @@ class ShaftFit:
     samples: int
     twist_um: float
     left_um: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Signals:
-    """Filtered signals of one recording, T samples.
-
-    Parameters
-    ----------
-    twist : ndarray, shape (T,)
-        Motor's position less the carriage's [m].
-    columns : ndarray, shape (T, 7)
-        Of the fit, in SI; that of the flank is empty.
-    nuisance : ndarray, shape (T, N)
-        Columns of what encoders and screw err by.
-    speed : ndarray, shape (T,)
-        Of the motor [m/s].
-    good : ndarray of bool, shape (T,)
-        Recorded samples, away from the ends.
-    """
-
-    twist: Floats
-    columns: Floats
-    nuisance: Floats
-    speed: Floats
-    good: Bools
-
-
-def signals_of(one: Recording, axis: str, force_constant: float, lead: float | None) -> Signals:
-    """Filtered signals of both ends of ``axis`` in a recording.
-
-    Parameters
-    ----------
-    one : Recording
-        That shows both ends.
-    axis : str
-        Its letter.
-    force_constant : float
-        k [N/A].
-    lead : float or None
-        Of the screw [m].
-    """
-    raw, period = one.shafts[axis], one.period
-
-    def filtered(values: Floats, order: int = 0) -> Floats:
-        made: Floats = gaussian_filter1d(values, WIDTH, order=order, mode="nearest")
-        return made / period**order
-
-    place = raw["motor"] - raw["motor"].mean()
-    twist = raw["motor"] - raw["load"]
-    force = force_constant * raw["command"]
-    speed = filtered(place, 1)
-    x, time = filtered(place), np.linspace(-1, 1, place.size)
-    columns = np.zeros((place.size, 7))
-    columns[:, C], columns[:, MASS] = filtered(force), -filtered(place, 2)
-    columns[:, VISCOUS], columns[:, COULOMB] = -speed, -np.sign(speed)
-    columns[:, DAMPING], columns[:, LAG] = -filtered(twist, 1), -filtered(force, 1)
-    waves = [] if lead is None else [f(2 * np.pi * raw["motor"] / lead) for f in (np.sin, np.cos)]
-    good = one.air & (np.abs(speed) > SLOW * np.abs(speed).max())
-    edge = int(np.ceil(4 * WIDTH))
-    good[:edge] = good[-edge:] = False
-    return Signals(
-        twist=filtered(twist - twist.mean()), columns=columns,
-        nuisance=np.stack([np.ones(x.size), x, time, *waves], axis=1), speed=speed, good=good,
-    )  # fmt: skip
-
-
-def shaft_force(one: Signals, shared: Floats) -> Floats:
-    """Force of the shaft [N] by the motor's equation, shape (T,), for a C above 0."""
-    inside = [C, MASS, VISCOUS, COULOMB]
-    return np.asarray(one.columns[:, inside] @ shared[inside] / shared[C])
-
-
-def flanks(one: Signals, shared: Floats) -> tuple[Floats, Bools]:
-    """Flank in contact, -1 or 1, and where it is sure; both of shape (T,)."""
-    if shared[C] <= 0:  # no twist that tells it: nothing hangs on the flank
-        return np.sign(one.columns[:, C]), one.good
-    force = shaft_force(one, shared)
-    level = float(np.sqrt(np.mean(force[one.good] ** 2))) if one.good.any() else 0.0
-    side, size = np.sign(force), 2 * int(np.ceil(4 * WIDTH)) + 1
-    # what the filter mixes must hang on one flank
-    pulled = minimum_filter1d(side * np.maximum(np.abs(force) - FLAT * level, 0), size)
-    pushed = minimum_filter1d(-side * np.maximum(np.abs(force) - FLAT * level, 0), size)
-    return side, one.good & ((pulled > 0) | (pushed > 0))
 
 
 def identify_shaft(
@@ -190,32 +143,30 @@ def identify_shaft(
     shown = [one for one in shown if one.good.sum() > 10 * (7 + one.nuisance.shape[1])]
     if not shown:
         return None
-    # bearings that push are none: their friction stays out where it comes out below 0
-    found = [_rounds(shown, start, out) for start in _starts(shown) for out in ((COULOMB,), ())]
-    physical = [one for one in found if one[0][COULOMB] >= 0]
-    shared, sides, sure, grams, products, _ = min(physical, key=lambda one: one[-1])
-    count = len(grams)
-    whole, sums = grams.sum(axis=0), products.sum(axis=0)
-    left = np.array([_solution(whole - g, sums - p)
-                     for g, p in zip(grams, products, strict=True)])  # fmt: skip
-    wide = float(student.ppf(0.975, count - 1)) if count > 1 else np.inf
-    used = np.concatenate(sides)[np.concatenate(sure)]
+    found, shown = _fitted(shown)
+    used = np.concatenate(found.sides)[np.concatenate(found.sure)]
     play = len(used) > 0 and min((used > 0).mean(), (used < 0).mean()) >= FLANKS
-    twist = np.concatenate([one.twist[s] for one, s in zip(shown, sure, strict=True)])
-    errors = sum(_squares(one, side, ok) for one, side, ok in zip(shown, sides, sure, strict=True))
-    over, many = float(np.sqrt(errors / max(len(twist), 1))), float(twist.std())
-    said = _parameters(shared, left, wide, force_unit, widest, play=bool(play))
-    stiff = not said["shaft_stiffness"].determined
-    if over > LEFT * many and not stiff:
-        why = (
-            f"not determined: the fit leaves {1e6 * over:.2g} of {1e6 * many:.2g} um of twist, "
-            f"more than {100 * LEFT:g} %"
-        )
-        said = {name: replace(p, value=None, interval_95=None, determined=False, method=why,
-                              remedy=REVERSALS) for name, p in said.items()}  # fmt: skip
+    backlash = _backlash(found, why="" if play else NO_FLANKS)
+    if not play or not found.shared[PLAY] > _half(found, lambda f: f[..., PLAY]):
+        # no play that shows: the flank does not matter, and all samples count
+        found = _rounds(shown, found.shared, (*found.out, PLAY))
+    twist = np.concatenate([one.twist[ok] for one, ok in zip(shown, found.sure, strict=True)])
     return ShaftFit(
-        shared=shared, parameters=said, samples=len(twist), twist_um=1e6 * many, left_um=1e6 * over
+        shared=found.shared, parameters=_parameters(found, force_unit, widest) | {
+            "backlash": backlash},
+        samples=len(twist), twist_um=1e6 * float(twist.std()), left_um=1e6 * found.left,
     )  # fmt: skip
+
+
+def _fitted(shown: Sequence[Signals]) -> tuple[Rounds, list[Signals]]:
+    """Best of the fits from all first guesses, with the waves that stand out of what it leaves."""
+    # bearings that push are none: their friction stays out where it comes out below 0
+    tried = [_rounds(shown, start, out) for start in _starts(shown) for out in ((COULOMB,), ())]
+    best = min((one for one in tried if one.shared[COULOMB] >= 0), key=lambda one: one.left)
+    waved = with_waves(shown, best.sides, best.sure)
+    free = _rounds(waved, best.shared, ())
+    best = free if free.shared[COULOMB] >= 0 else _rounds(waved, best.shared, (COULOMB,))
+    return best, waved
 
 
 def _starts(shown: Sequence[Signals]) -> list[Floats]:
@@ -233,85 +184,140 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
     """
     for _ in range(ROUNDS):
         sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
-        grams, products = _blocks(shown, sides, sure)
-        grams[:, out, :] = grams[:, :, out] = products[:, out] = 0.0
-        shared = _solution(grams.sum(axis=0), products.sum(axis=0))
-        shared[[*out]] = 0.0
-    errors = sum(_squares(one, side, ok) for one, side, ok in zip(shown, sides, sure, strict=True))
-    count = sum(int(ok.sum()) for ok in sure)
-    return shared, sides, sure, grams, products, errors / max(count, 1)
-
-
-def _squares(one: Signals, side: Floats, ok: Bools) -> float:
-    """Sum of squares that a recording's own fit leaves over [m^2]."""
-    table = _table(one, side)[ok]
-    if not len(table):
-        return 0.0
-    found = np.linalg.lstsq(table, one.twist[ok], rcond=None)[0]
-    return float(((one.twist[ok] - table @ found) ** 2).sum())
-
-
-def _table(one: Signals, side: Floats) -> Floats:
-    columns = one.columns.copy()
-    columns[:, PLAY] = side / 2
-    return np.concatenate([columns, one.nuisance], axis=1)
+        if PLAY in out:
+            sure = tuple(one.good for one in shown)
+        blocks = _blocks(shown, sides, sure)
+        grams, products = blocks[0]
+        shared = _solution(grams.sum(axis=0), products.sum(axis=0), out)
+    left = [left_over(*one) for one in zip(shown, sides, sure, strict=True)]
+    count = max(sum(part.size for part in left), 1)
+    enough = count > 10 * len(shared) and blocks[0][0].any()
+    return Rounds(
+        shared=shared, sides=sides, sure=sure, blocks=blocks, out=out,
+        left=float(np.sqrt(sum(float(part @ part) for part in left) / count)) if enough else np.inf,
+        noise=sum(float(part @ part) / (2 * (WIDTH * one.period) ** 2)
+                  for one, part in zip(shown, left, strict=True)),
+    )  # fmt: skip
 
 
 def _blocks(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
-) -> tuple[Floats, Floats]:
-    """Normal equations (B, 7, 7), (B, 7) of stretches, each recording's own errors taken out."""
-    grams, products = [], []
+) -> list[tuple[Floats, Floats]]:
+    """Normal equations (B, 7, 7), (B, 7) of stretches of time, and the same of ways of motion.
+
+    Each recording's own errors are taken out.
+    """
+    found: list[list[tuple[Floats, Floats]]] = [[], []]
     for one, side, ok in zip(shown, sides, sure, strict=True):
         rows = np.flatnonzero(ok)
-        table = np.concatenate([_table(one, side), one.twist[:, np.newaxis]], axis=1)[rows]
-        if len(rows) < 2 * table.shape[1]:
+        columns = np.concatenate([table(one, side), one.twist[:, np.newaxis]], axis=1)[rows]
+        if len(rows) < 2 * columns.shape[1]:
             continue
-        own, _ = np.linalg.qr(table[:, 7:-1])
-        kept = table[:, [*range(7), -1]]
+        own, _ = np.linalg.qr(columns[:, 7:-1])
+        kept = columns[:, [*range(7), -1]]
         kept = kept - own @ (own.T @ kept)
-        for part in np.array_split(kept, STRETCHES):
-            grams.append(part[:, :7].T @ part[:, :7])
-            products.append(part[:, :7].T @ part[:, 7])
-    if not grams:
-        return np.zeros((1, 7, 7)), np.zeros((1, 7))
-    return np.array(grams), np.array(products)
+        stretches = np.array_split(np.arange(len(rows)), STRETCHES)
+        for parts, into in zip((stretches, _ways(one.speed[rows])), found, strict=True):
+            into += [(kept[p, :7].T @ kept[p, :7], kept[p, :7].T @ kept[p, 7]) for p in parts]
+    if not found[0]:
+        return [(np.zeros((1, 7, 7)), np.zeros((1, 7)))] * 2
+    return [(np.array([g for g, _ in one]), np.array([p for _, p in one])) for one in found]
 
 
-def _solution(gram: Floats, product: Floats) -> Floats:
-    """Least squares of normal equations, each column scaled to length one."""
+def _ways(speed: Floats) -> list[Ints]:
+    """Samples of each way of motion: both directions, each slow, medium and quick."""
+    found: list[Ints] = []
+    for rows in (np.flatnonzero(speed > 0), np.flatnonzero(speed < 0)):
+        found += np.array_split(rows[np.argsort(np.abs(speed[rows]))], WAYS)
+    return [rows for rows in found if len(rows)]
+
+
+def _solution(gram: Floats, product: Floats, out: tuple[int, ...]) -> Floats:
+    """Least squares of normal equations, each column scaled to length one; 0 for those left out."""
+    gram, product = gram.copy(), product.copy()
+    gram[out, :] = gram[:, out] = product[[*out]] = 0.0
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
     found: Floats = np.linalg.lstsq(gram / np.outer(scale, scale), product / scale, rcond=1e-12)[0]
-    return found / scale
+    found = found / scale
+    found[[*out]] = 0.0
+    return found
 
 
-def _parameters(
-    shared: Floats, left: Floats, wide: float, unit: str, widest: float, *, play: bool
-) -> dict[str, Parameter]:
-    """Parameters with jackknife intervals; of a stiff shaft the least stiffness that it has."""
-    count = len(left)
+def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
+    """Half width of the 95 % interval of a quantity of the factors (..., 7).
 
-    def half(values: Floats) -> float:
-        return wide * float(np.sqrt((count - 1) / count * ((values - values.mean()) ** 2).sum()))
+    Jackknife over stretches of time and over ways of motion: the wider of both.
+    """
+    # friction that was left out for its sign is as uncertain as any
+    halves, out = [np.inf], tuple(set(found.out) - {COULOMB})
+    for grams, products in found.blocks:
+        whole, sums, count = grams.sum(axis=0), products.sum(axis=0), len(grams)
+        if count < 2:
+            continue
+        left = derived(np.array([_solution(whole - g, sums - p, out)
+                                 for g, p in zip(grams, products, strict=True)]))  # fmt: skip
+        spread = float(np.sqrt((count - 1) / count * ((left - left.mean()) ** 2).sum()))
+        halves.append(float(student.ppf(0.975, count - 1)) * spread)
+    return max(halves[1:], default=np.inf)
 
-    with np.errstate(divide="ignore", invalid="ignore"):
-        derived = {
-            "shaft_stiffness": (1 / shared[C], 1 / left[:, C], f"{unit}/m", REVERSALS),
-            "shaft_damping": (
-                shared[DAMPING] / shared[C], left[:, DAMPING] / left[:, C], f"{unit} s/m", SWEPT,
-            ),
-            "motor_mass": (
-                shared[MASS] / shared[C], left[:, MASS] / left[:, C],
-                "kg" if unit == "N" else f"{unit} s^2/m", SWEPT,
-            ),
-        }  # fmt: skip
-    compliance = half(left[:, C])
+
+def _own(found: Rounds, column: int) -> float:
+    """Sum of squares of what the other columns do not explain of a column."""
+    gram = found.blocks[0][0].sum(axis=0)
+    others = [k for k in range(7) if k not in (*found.out, column)]
+    cross, inside = gram[column, others], gram[np.ix_(others, others)]
+    scale = np.sqrt(np.where(np.diag(inside) > 0, np.diag(inside), 1.0))
+    scaled = np.linalg.lstsq(inside / np.outer(scale, scale), cross / scale, rcond=1e-12)[0]
+    return max(float(gram[column, column] - (cross / scale) @ scaled), 0.0)
+
+
+def _dilution(found: Rounds, column: int) -> float:
+    """Share by which noise may lessen a factor [1], were all that is left over noise of its column.
+
+    Regression dilution (Fuller, Measurement error models, 1987): noise of the column over what the
+    other columns do not explain of it.
+    """
+    own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
+    noise = found.noise if column == DAMPING else count * (found.left / found.shared[C]) ** 2
+    return float(noise / own) if own > noise else np.inf
+
+
+def _misfit(found: Rounds, column: int) -> float:
+    """Half width of a factor's 95 % interval, were what is left over the equation's error.
+
+    Such an error goes with the way of motion and does not average over samples: there are as many
+    independent ones as ways of motion.
+    """
+    own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
+    ways = len(found.blocks[1][0])
+    if own <= 0 or ways < 2:
+        return np.inf
+    return float(student.ppf(0.975, ways - 1) * found.left * np.sqrt(count / own / ways))
+
+
+def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]:
+    """Parameters but the play; of a stiff shaft the least stiffness that it has."""
+    shared = found.shared
+    mass = "kg" if unit == "N" else f"{unit} s^2/m"
+    quantities: dict[str, tuple[Callable[[Floats], Floats], str, str]] = {
+        "shaft_stiffness": (lambda f: 1 / f[..., C], f"{unit}/m", REVERSALS),
+        "shaft_damping": (lambda f: f[..., DAMPING] / f[..., C], f"{unit} s/m", SWEPT),
+        "motor_mass": (lambda f: f[..., MASS] / f[..., C], mass, SWEPT),
+    }
+    compliance = _half(found, lambda f: f[..., C])
     stiff = not shared[C] > compliance / (2 * widest)
     least = shared[C] + compliance
-    found = {}
-    for name, (value, parts, of, remedy) in derived.items():
-        reach = float(np.hypot(half(parts), SENSOR * value))
+    said = {}
+    for name, (derived, of, remedy) in quantities.items():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = float(derived(shared))
+            noisy = (C, DAMPING) if name == "shaft_damping" else (C,)
+            diluted = [_dilution(found, column) * value for column in noisy]
+            missed = [_misfit(found, k) / shared[k] * value for k in noisy]
+            reach = float(
+                np.linalg.norm([_half(found, derived), SENSOR * value, *diluted, *missed])
+            )
         why = ""
         if stiff:
             why = "not determined: both ends move together within what the records can tell"
@@ -319,13 +325,15 @@ def _parameters(
                 why = f"not determined, at least {1 / least:.3g} {of}"
         elif not np.isfinite(reach) or reach > widest * abs(value) or value <= 0:
             why = f"not determined: 95 % interval {value:.3g} ± {reach:.2g} {of}"
-        found[name] = _parameter(value, reach, of, why, remedy)
-    reach = half(left[:, PLAY])
-    why = "" if play else "not determined: the shaft's force hardly changes its flank"
+        said[name] = _parameter(value, reach, of, why, remedy)
+    return said
+
+
+def _backlash(found: Rounds, why: str) -> Parameter:
+    reach = float(np.hypot(_half(found, lambda f: f[..., PLAY]), _misfit(found, PLAY)))
     if not why and not np.isfinite(reach):
         why = "not determined: too few stretches for an interval"
-    found["backlash"] = _parameter(shared[PLAY], reach, "m", why, REVERSALS, least=0.0)
-    return found
+    return _parameter(found.shared[PLAY], reach, "m", why, REVERSALS, least=0.0)
 
 
 def _parameter(

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.schema.drive import RIGID, TWIST, DriveModel
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.drive.shaft import DAMPING, PLAY, flanks, signals_of
+from pipeline.submodels.drive.shaft_signals import DAMPING, PLAY, flanks, signals_of
 from pipeline.twin.drive import IdentifiedDrive
 
 

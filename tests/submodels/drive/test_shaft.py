@@ -16,7 +16,9 @@ from pipeline.shop.parameters import AxisLimits
 from pipeline.submodels.drive.page_speed_loops import loops_figure
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
+from pipeline.submodels.drive.shaft_signals import MASS, signals_of
 from pipeline.submodels.drive.speed_loops import verdict_words
+from tests.submodels.drive.play_rig import PlayAxis, rig_recordings
 
 QUICK = [Move(length=(-1) ** k * 30.0, speed=400.0, pause=0.02) for k in range(10)]
 SWEPT = [Move(length=sign * 80.0, speed=25.0) for sign in (1, -1)]
@@ -60,7 +62,63 @@ def test_shaft_is_recovered_from_both_ends(stiffness: float, carriage: float) ->
     found = fit.parameters
     assert found["shaft_stiffness"].value == pytest.approx(1e6 * stiffness, rel=0.03)
     assert found["motor_mass"].value == pytest.approx(axis.motor_mass, rel=0.03)
-    assert found["shaft_damping"].value == pytest.approx(1e3 * axis.damping, rel=0.35)
+    damping = found["shaft_damping"]
+    if damping.interval_95 is None:
+        assert "95 % interval" in damping.method
+    else:
+        assert damping.interval_95[0] <= 1e3 * axis.damping <= damping.interval_95[1]
+
+
+PLAYED = (
+    PlayAxis(),
+    PlayAxis(stiffness=80e6, play=8e-6, motor_mass=900.0),
+    PlayAxis(stiffness=200e6, play=1.5e-6, motor_mass=300.0),
+)
+"""Axes of a simulation that shares nothing with the shop floor's."""
+
+
+def played(axis: PlayAxis, seed: int) -> ShaftFit:
+    fit = identify_shaft(
+        rig_recordings(axis, seed), "X", force_constant=axis.force_constant, force_unit="N",
+        lead=axis.lead, widest=0.5,
+    )  # fmt: skip
+    assert fit is not None
+    return fit
+
+
+@pytest.mark.parametrize("axis", PLAYED)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_play_is_recovered_with_the_stiffness(axis: PlayAxis, seed: int) -> None:
+    found = played(axis, seed).parameters
+    assert found["backlash"].value == pytest.approx(axis.play, rel=0.04)
+    assert found["shaft_stiffness"].value == pytest.approx(axis.stiffness, rel=0.04)
+    assert found["motor_mass"].value == pytest.approx(axis.motor_mass, rel=0.05)
+    assert found["backlash"].interval_95 is not None
+    assert found["backlash"].interval_95[0] > 0.5 * axis.play
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("axis", PLAYED)
+def test_intervals_of_play_hold_over_seeds(axis: PlayAxis) -> None:
+    """Of each quantity that is determined, in 19 of 20 seeds."""
+    true = {"shaft_stiffness": axis.stiffness, "backlash": axis.play,
+            "motor_mass": axis.motor_mass, "shaft_damping": axis.damping}  # fmt: skip
+    fits = [played(axis, seed).parameters for seed in range(20)]
+    for name, value in true.items():
+        ends = [one[name].interval_95 for one in fits if one[name].determined]
+        held = [low <= value <= high for low, high in filter(None, ends)]
+        assert len(held) == 20 or name == "shaft_damping"
+        assert not held or np.mean(held) >= 0.95
+
+
+def test_force_of_a_place_is_none() -> None:
+    """An axis that goes at a constant speed far from its zero has no acceleration."""
+    place = 0.2 + 0.05 * np.arange(400) * 1e-3
+    ends = {"motor": place, "load": place, "command": np.ones(400)}
+    still = Recording(name="shaft/a.csv", trained=True, period=1e-3, air=np.ones(400, bool),
+                      shafts={"X": ends})  # fmt: skip
+    one = signals_of(still, "X", 1.0, None)
+    assert np.abs(one.columns[one.good, MASS]).max() < 1e-6
 
 
 def test_axis_without_play_has_an_interval_with_0() -> None:

@@ -1,0 +1,187 @@
+"""Both ends of a drive, filtered alike: twist, the shaft's force, the flank in contact.
+
+Columns are those of the equation in :mod:`pipeline.submodels.drive.shaft`.  Waves over the motor's
+turn stand for what repeats in each turn: the eccentricity of an encoder and the screw's pitch once,
+the motor's cogging, a force that the current does not show, at orders that Fisher's test finds in
+what the fit leaves over (R. A. Fisher, Tests of significance in harmonic analysis, 1929).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.submodels.drive.records import Recording
+
+WIDTH = 1.5
+"""Standard deviation of the filter [samples]."""
+REACH = 8.0
+"""Where the filter ends [standard deviations].  Cut at 4, as is usual, its second derivative has a
+sum, which makes of a place of 30 mm at 1 kHz an acceleration of 4 m/s^2."""
+SLOW = 0.01
+"""Share of the highest speed below which an axis may stand [1]."""
+FLAT = 0.15
+"""Share of the shaft's force, as root mean square, near which the flank may change [1]."""
+ORDERS = np.arange(2, 201)
+"""Waves a turn that are looked for [1]: cogging has as many as the least common multiple of a
+motor's slots and poles."""
+BINS = 4096
+"""Parts of a turn in which what is left over is added up [1]."""
+CHANCE = 0.01
+"""Chance that noise alone makes a wave [1]."""
+MOST_WAVES = 12
+"""Most orders that are taken [1]."""
+C, MASS, VISCOUS, COULOMB, DAMPING, LAG, PLAY = range(7)
+"""Columns of the fit that recordings share."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signals:
+    """Filtered signals of one recording, T samples.
+
+    Parameters
+    ----------
+    twist : ndarray, shape (T,)
+        Motor's position less the carriage's [m].
+    columns : ndarray, shape (T, 7)
+        Of the fit, in SI; that of the flank is empty.
+    nuisance : ndarray, shape (T, N)
+        Columns of what encoders and screw err by.
+    speed : ndarray, shape (T,)
+        Of the motor [m/s].
+    good : ndarray of bool, shape (T,)
+        Recorded samples, away from the ends.
+    period : float
+        Of the samples [s].
+    turn : ndarray, shape (T,), or None
+        Angle of the motor [rad]; None where the lead is not known.
+    """
+
+    twist: Floats
+    columns: Floats
+    nuisance: Floats
+    speed: Floats
+    good: Bools
+    period: float
+    turn: Floats | None = None
+
+
+def _filtered(values: Floats, order: int = 0) -> Floats:
+    made: Floats = gaussian_filter1d(values, WIDTH, order=order, mode="nearest", truncate=REACH)
+    return made
+
+
+def signals_of(one: Recording, axis: str, force_constant: float, lead: float | None) -> Signals:
+    """Filtered signals of both ends of ``axis`` in a recording.
+
+    Parameters
+    ----------
+    one : Recording
+        That shows both ends.
+    axis : str
+        Its letter.
+    force_constant : float
+        k [N/A].
+    lead : float or None
+        Of the screw [m].
+    """
+    raw, period = one.shafts[axis], one.period
+
+    def filtered(values: Floats, order: int = 0) -> Floats:
+        return _filtered(values, order) / period**order
+
+    place = raw["motor"] - raw["motor"].mean()
+    twist = raw["motor"] - raw["load"]
+    force = force_constant * raw["command"]
+    speed = filtered(place, 1)
+    x, time = filtered(place), np.linspace(-1, 1, place.size)
+    columns = np.zeros((place.size, 7))
+    columns[:, C], columns[:, MASS] = filtered(force), -filtered(place, 2)
+    columns[:, VISCOUS], columns[:, COULOMB] = -speed, -np.sign(speed)
+    columns[:, DAMPING], columns[:, LAG] = -filtered(twist, 1), -filtered(force, 1)
+    turn = None if lead is None else 2 * np.pi * raw["motor"] / lead
+    waves = [] if turn is None else [_filtered(f(turn)) for f in (np.sin, np.cos)]
+    good = one.air & (np.abs(speed) > SLOW * np.abs(speed).max())
+    edge = int(np.ceil(REACH * WIDTH))
+    good[:edge] = good[-edge:] = False
+    return Signals(
+        twist=filtered(twist - twist.mean()), columns=columns,
+        nuisance=np.stack([np.ones(x.size), x, time, *waves], axis=1), speed=speed, good=good,
+        turn=turn, period=period,
+    )  # fmt: skip
+
+
+def shaft_force(one: Signals, shared: Floats) -> Floats:
+    """Force of the shaft [N] by the motor's equation, shape (T,), for a C above 0."""
+    inside = [C, MASS, VISCOUS, COULOMB]
+    return np.asarray(one.columns[:, inside] @ shared[inside] / shared[C])
+
+
+def flanks(one: Signals, shared: Floats) -> tuple[Floats, Bools]:
+    """Flank in contact, -1 or 1, and where it is sure; both of shape (T,)."""
+    if shared[C] <= 0:  # no twist that tells it: nothing hangs on the flank
+        return np.sign(one.columns[:, C]), one.good
+    force = shaft_force(one, shared)
+    level = float(np.sqrt(np.mean(force[one.good] ** 2))) if one.good.any() else 0.0
+    side, size = np.sign(force), 2 * int(np.ceil(4 * WIDTH)) + 1
+    # what the filter mixes must hang on one flank
+    pulled = minimum_filter1d(side * np.maximum(np.abs(force) - FLAT * level, 0), size)
+    pushed = minimum_filter1d(-side * np.maximum(np.abs(force) - FLAT * level, 0), size)
+    return side, one.good & ((pulled > 0) | (pushed > 0))
+
+
+def table(one: Signals, side: Floats) -> Floats:
+    """Columns of the fit with the play on a flank, then those of its own errors; (T, 7 + N)."""
+    columns = one.columns.copy()
+    columns[:, PLAY] = side / 2
+    return np.concatenate([columns, one.nuisance], axis=1)
+
+
+def left_over(one: Signals, side: Floats, ok: Bools) -> Floats:
+    """Twist [m] that a recording's own fit leaves over, shape of ``ok`` set."""
+    columns = table(one, side)[ok]
+    if not len(columns):
+        return np.zeros(0)
+    found = np.linalg.lstsq(columns, one.twist[ok], rcond=None)[0]
+    return np.asarray(one.twist[ok] - columns @ found)
+
+
+def with_waves(
+    shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
+) -> list[Signals]:
+    """Recordings with waves over the turn, at the orders that stand out of what is left over.
+
+    The strongest order first, until Fisher's test finds none.
+    """
+    found: list[Signals] = list(shown)
+    if any(one.turn is None for one in shown):
+        return found
+    for _ in range(MOST_WAVES):
+        power = np.zeros(len(ORDERS))
+        for one, side, ok in zip(found, sides, sure, strict=True):
+            power += _power(one, left_over(one, side, ok), ok)
+        # Fisher's level for noise that has the median's power (exponentially distributed)
+        level = np.median(power) / np.log(2) * -np.log1p(-((1 - CHANCE) ** (1 / len(ORDERS))))
+        if not power.max() > level:
+            break
+        found = [_with_wave(one, int(ORDERS[int(power.argmax())])) for one in found]
+    return found
+
+
+def _power(one: Signals, left: Floats, ok: Bools) -> Floats:
+    """Power of what is left over at each of the orders [m^2]; shape (N,)."""
+    if one.turn is None or not len(left):
+        return np.zeros(len(ORDERS))
+    # one turn in bins, whose transform has the orders
+    place = (one.turn[ok] / (2 * np.pi) * BINS).astype(np.int64) % BINS
+    turn = np.bincount(place, weights=left, minlength=BINS)
+    return np.asarray(np.abs(np.fft.rfft(turn)[ORDERS]) ** 2 / len(left))
+
+
+def _with_wave(one: Signals, order: int) -> Signals:
+    if one.turn is None:
+        return one
+    waves = np.stack([_filtered(f(order * one.turn)) for f in (np.sin, np.cos)], axis=1)
+    return replace(one, nuisance=np.concatenate([one.nuisance, waves], axis=1))
