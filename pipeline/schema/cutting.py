@@ -153,6 +153,9 @@ class ForceSpread:
         Errors of peak, mean and waveform on recordings left out, over what was expected [1].
     freedom : int
         Degrees of freedom of these.
+    averaged : bool
+        Whether forces are predicted by the mean of the laws, as it errs less than the straight line
+        of the waveform on training recordings left out; the intervals hold the laws in both cases.
     """
 
     laws: tuple[ChipLaw, ...]
@@ -167,6 +170,7 @@ class ForceSpread:
     mean_scale: float = 1.0
     shape_scale: float = 1.0
     freedom: int = 4
+    averaged: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,7 +45,12 @@ from pipeline.submodels.cutting.selection import (
 )
 from pipeline.submodels.cutting.settings import DIRECTIONS, CuttingFitSettings, CuttingSetup
 from pipeline.submodels.cutting.spindle_load.identify import SpindleLoadResult
-from pipeline.submodels.cutting.spread import calibrated, left_out_errors, spread_of
+from pipeline.submodels.cutting.spread import (
+    calibrated,
+    left_out_errors,
+    relative_square,
+    spread_of,
+)
 from pipeline.submodels.cutting.waveform import CutHarmonics
 
 
@@ -143,7 +148,10 @@ def identify_cutting_force(
         fit = other if settings.method == "genetic" else fit
     mean_values, means = mean_regression(cuts, settings.widest, fit)
     uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
-    folds = [_fold_model(fold, selection.with_residual) for fold in selection.folds]
+    folds, averaged = _by_champion(
+        [_fold_model(fold, selection.with_residual) for fold in selection.folds],
+        [[cuts[k] for k in fold.left_out] for fold in selection.folds],
+    )
     errors = [
         left_out_errors(model, cuts[k])
         for model, fold in zip(folds, selection.folds, strict=True) for k in fold.left_out
@@ -151,8 +159,30 @@ def identify_cutting_force(
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
         mean_force=means, mean_values=mean_values, methods=methods, folds=folds,
-        spread=calibrated(spread_of(fit, uncertainty), errors), reason=_upside_down(fit),
+        spread=replace(calibrated(spread_of(fit, uncertainty), errors), averaged=averaged),
+        reason=_upside_down(fit),
     )  # fmt: skip
+
+
+def _by_champion(
+    folds: list[CutModel], left_out: Sequence[Sequence[CutHarmonics]]
+) -> tuple[list[CutModel], bool]:
+    """Models of folds by the straight line or by the mean of the laws, and which of them errs less.
+
+    The straight line serves where no recording was left out.
+    """
+    means = [
+        replace(one, spread=None if one.spread is None else replace(one.spread, averaged=True))
+        for one in folds
+    ]
+    line, mean = (
+        sum(
+            relative_square(model, cut)
+            for model, cuts in zip(models, left_out, strict=True) for cut in cuts
+        )
+        for models in (folds, means)
+    )  # fmt: skip
+    return (means, True) if mean < line else (folds, False)
 
 
 def _fold_model(fold: Fold, with_residual: bool) -> CutModel:

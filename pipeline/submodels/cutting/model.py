@@ -176,8 +176,7 @@ class CutModel:
     residuals : sequence of WaveformResidual
         Residuals under trained conditions; none where they were not kept.
     spread : ForceSpread, optional
-        Laws of the chip that its forces are averaged over, and what their intervals are made of;
-        the straight line alone without.
+        Laws of the chip that the records allow, and what intervals are made of; none without.
     """
 
     tool: Tool
@@ -195,7 +194,12 @@ class CutModel:
         return len(self.values) > 6
 
     def local(self, conditions: CutConditions) -> Floats:
-        """Straight line of the averaged laws over the chips of a cut [N/m^2], [N/m]; (6,)."""
+        """Straight line over the chips of a cut that predicts its forces [N/m^2], [N/m]; (6,).
+
+        That of the waveform, or the mean of the laws where these err less on recordings left out.
+        """
+        if self.spread is None or not self.spread.averaged:
+            return self.values[:6]
         return np.asarray(self.local_draws(conditions).mean(axis=0))
 
     def local_draws(self, conditions: CutConditions) -> Floats:

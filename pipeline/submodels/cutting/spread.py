@@ -1,11 +1,12 @@
 """90 % intervals of predicted forces: law of the chip, waveform, recording, recordings left out.
 
-Forces are predicted by the mean of the laws that the records allow
-(:mod:`pipeline.submodels.cutting.law_draws`).  The spread of the laws, which grows outside of the
-feeds that were learnt, the model error of the harmonics, and what differs from recording to
-recording (depth and gain, wear of the edge, zero) add up to an expected error.  It grows outside of
-the speeds and depths too.  The errors on recordings left out, over those expected, scale it: their
-mean square is shrunk towards 1 by ``PRIOR`` degrees of freedom, and the quantile is Student's.
+Forces are predicted by the straight line of the waveform, or by the mean of the laws that the
+records allow (:mod:`pipeline.submodels.cutting.law_draws`), whichever errs less on training
+recordings left out.  The spread of the laws about it, which grows outside of the feeds that were
+learnt, the model error of the harmonics, and what differs from recording to recording (depth and
+gain, wear of the edge, zero) add up to an expected error.  It grows outside of the speeds and
+depths too.  The errors on recordings left out, over those expected, scale it: their mean square is
+shrunk towards 1 by ``PRIOR`` degrees of freedom, and the quantile is Student's.
 """
 
 from collections.abc import Sequence
@@ -101,6 +102,12 @@ def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, ...]]) -> Forc
     )
 
 
+def relative_square(model: CutModel, cut: CutHarmonics) -> float:
+    """Square of the error of a recording's waveform over that of its force [1]."""
+    left = float((np.abs(cut.lines - model.beside(cut)) ** 2).sum())
+    return left / max(float((np.abs(cut.lines) ** 2).sum()), 1e-300)
+
+
 def left_out_errors(model: CutModel, cut: CutHarmonics) -> tuple[float, float, float]:
     """Errors of peak, mean and waveform of a recording that the model has not seen.
 
@@ -173,8 +180,7 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
     force = wave(model.predicted(conditions, harmonics), angles)
     table = model.coefficient_columns(conditions, harmonics)
     shape = wave(table.reshape(len(table), -1), angles).reshape(ANGLES, 3, COEFFICIENTS)
-    local = model.local_draws(conditions)
-    mean = local.mean(axis=0)
+    local, mean = model.local_draws(conditions), model.local(conditions)
     land = spread.wear * max(abs(float(mean[4])), abs(float(mean[3])))
     worn = shape[..., 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
     beyond = outside_share(spread, conditions.speed, conditions.a_p)
