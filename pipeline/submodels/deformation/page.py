@@ -128,9 +128,9 @@ def _actions(facts: GrowthFacts) -> list[Action]:
     found = [
         Action(
             what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
-            where=one.sensor, why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}.{without}", until="next stop",
-            who="maintenance",
-            evidence="growth-errors",
+            where=one.sensor,
+            why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}.{without}",
+            until="next stop", who="maintenance", evidence="growth-errors",
         )
         for one in facts.faults if one.lasts
     ]  # fmt: skip
