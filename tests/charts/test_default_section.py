@@ -50,7 +50,7 @@ def test_both_are_drawn_with_their_error_and_unit() -> None:
     found = cases_figures(VERDICT, predictions(), MADE, axis="s")
     assert isinstance(found, Figures) and len(found.figures) == 2
     typical, worst = (one.caption for one in found.figures)
-    assert typical == "Typical case, day 2: growth, RMSE 2.00 um, over s."
+    assert typical == "Typical case, day 2: growth, RMSE 2.00 µm, over s."
     assert worst == "Worst case, day 3: growth, RMSE 3.00 um, over s."
     for one in found.figures:
         drawn = str(one.svg)
