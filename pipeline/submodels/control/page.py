@@ -267,7 +267,8 @@ def _found_from(model: ControlModelFile) -> str:
         words += f", condition of the fit {number(fit.condition, 2)}"
     pair = default_section.strongest_correlation(fit.correlation)
     if pair is not None:
-        words += f". Told apart worst are {pair[0]} and {pair[1]} (correlation {fixed(pair[2], 2)})"
+        words += f". The most correlated are {pair[0]} and {pair[1]} ("
+        words += f"correlation {fixed(pair[2], 2)})"
     return words + "."
 
 
