@@ -14,7 +14,7 @@ from pipeline.report.scorecard import counting_figure
 from pipeline.report.states import NOW, ActionRow
 from pipeline.report.submodel_pages import ModelledPart
 
-USE = "before its figures are used"
+USE = "before it is used"
 STOP, REPORT, OPEN = "next stop", "next report", "no deadline"
 ORDER: tuple[str, ...] = get_args(Role)
 """Readers of the table, those at the machine first."""
@@ -90,10 +90,11 @@ def _of_submodels(facts: MachineFacts) -> Iterator[ActionRow]:
 
 
 def _why(one: ModelledPart) -> str:
-    """The figure that counts against its limit, where it is beyond it; else the whole sentence."""
+    """The figure that counts against its limit, where it is beyond it; else the first sentence."""
     figure, verdict = counting_figure(one), one.page.verdict
     if verdict is None or verdict.status != "failed" or not figure.passed_limit:
-        return "" if verdict is None else verdict.sentence
+        first, _, rest = ("" if verdict is None else verdict.sentence).partition(". ")
+        return f"{first}." if rest else first
     return f"{figure.what[:1].upper()}{figure.what[1:]}: {figure.value}, limit {figure.limit}."
 
 

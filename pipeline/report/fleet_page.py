@@ -8,15 +8,15 @@ from pipeline.report.facts import MachineFacts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.states import NOW, ActionRow, MachineVerdict
 
-GROUPS: tuple[tuple[str, str], ...] = (
-    ("now", "To be seen to now"),
-    ("maintenance", "To be checked by maintenance"),
-    ("twin", "Twin not to be relied on as a whole"),
-    ("other", "Something to do for others"),
-    ("nothing", "Nothing to do"),
-    ("unknown", "Not read, or not judged yet"),
+GROUPS: tuple[tuple[str, str, str], ...] = (
+    ("now", "To be seen to now", "to be seen to now"),
+    ("maintenance", "To be checked by maintenance", "to be checked by maintenance"),
+    ("twin", "Twin not to be relied on as a whole", "with a twin that did not pass as a whole"),
+    ("other", "Something to do for others", "with something to do for others"),
+    ("nothing", "Nothing to do", "with nothing to do"),
+    ("unknown", "Not read, or not judged yet", "not read or not judged yet"),
 )
-"""Key and title of each group, in the order of the page."""
+"""Key, title and words in a sentence of each group, in the order of the page."""
 AT_MACHINE = ("maintenance", "tool room")
 
 
@@ -79,10 +79,11 @@ def fleet_page(rows: Sequence[FleetRow]) -> FleetPage:
     ordered = sorted(rows, key=lambda row: (-len(row.verdict.actions), row.folders.name))
     found = [
         FleetGroup(key=key, title=title, rows=[row for row in ordered if row.group == key])
-        for key, title in GROUPS
+        for key, title, _ in GROUPS
     ]
     groups = [group for group in found if group.rows]
-    parts = [f"{len(group.rows)} {group.title[:1].lower()}{group.title[1:]}" for group in groups]
+    words = {key: said for key, _, said in GROUPS}
+    parts = [f"{len(group.rows)} {words[group.key]}" for group in groups]
     owners: dict[str, list[str]] = {}
     for row in sorted(rows, key=lambda row: row.folders.name):
         if row.folders.credit:

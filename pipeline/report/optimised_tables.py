@@ -326,7 +326,7 @@ UNCERTAIN: tuple[Column[UncertainQuantity], ...] = (
 def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Uncertain quantities with their spread and source."""
     uncertain = () if part.certainty is None else part.certainty.uncertain
-    return tabulated("What is uncertain, and by how much", uncertain, UNCERTAIN, sources)
+    return tabulated("Uncertain quantities", uncertain, UNCERTAIN, sources)
 
 
 def plain_words(words: str) -> Cell:

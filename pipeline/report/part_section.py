@@ -18,7 +18,7 @@ from pipeline.schema.part import OptimisedPart
 WHAT = (
     "F and S of each block were chosen again, inside the limits of the part; every other byte of "
     "the program is as it was. Times are those of the control that was identified; loads rest on "
-    "the coefficients in the tables of what is uncertain."
+    "the coefficients in the tables of uncertain quantities."
 )
 MORE = "kerf optimise draws F, S, time and cost block by block on a page of its own."
 

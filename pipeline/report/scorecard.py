@@ -72,15 +72,15 @@ def counting_figure(one: ModelledPart) -> Counts:
     """The error that takes the largest share of a limit; without limits the first key figure."""
     verdict = one.judged
     if verdict is not None and (found := list(_shares(verdict))):
-        _, score, name, value, limit = max(found, key=lambda row: row[0])
+        _, score, name, error, limit = max(found, key=lambda row: row[0])
         unit = "%" if name.endswith("percent") else powers(unit_words(score.unit))
         words = ERRORS.get(name) or f"{name.removesuffix('_percent').replace('_', ' ')} error"
         where = "over all" if score.group == "all" else _place(score.group)
         return Counts(
             what=f"{score.quantity.replace('_', ' ')}, {words}, {where}",
-            value=f"{number(value)}{TOGETHER}{unit}", limit=f"{limit:g}{TOGETHER}{unit}",
+            value=f"{number(error)}{TOGETHER}{unit}", limit=f"{limit:g}{TOGETHER}{unit}",
             baseline=_baseline(score, name, unit), interval=_interval(verdict, score.quantity),
-            passed_limit=value > limit,
+            passed_limit=error > limit,
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, "")
     if not one.page.key_figures or verdict is None:

@@ -39,7 +39,7 @@ def time_use_table(done: Work) -> Table | None:
     first, last = days[0].day, days[-1].day
     return tabulated(
         f"Use of the time on {counted(len(days), 'day')}, "
-        f"{day_words(first)} to {day_words(last, year=True)}",
+        f"{day_words(first, year=first[:4] != last[:4])} to {day_words(last, year=True)}",
         uses(days), USES, sources(done.shelf, *done.state_files),
     )  # fmt: skip
 

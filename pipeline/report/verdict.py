@@ -21,6 +21,7 @@ STOPPED_SHARE = 0.25  # of a day's working time in feed hold or interrupted
 WORKED_S = 3600.0  # a day with less work than this says nothing about its stops
 
 
+KEPT = "On records that it did not learn from it keeps the limits in the table below."
 BESIDE = frozenset({"synthesis"})
 """Sub-models that no other figure of a machine rests on: they do not decide about the twin."""
 
@@ -78,9 +79,14 @@ def _twin(facts: MachineFacts, grave: list[str]) -> StateLine:
         status=_twin_status([v for _, v in counting], grave),
         word=f"{everything} sub-models passed" if len(counting) > 1 else
         f"{counting[0][0].title} {WORDS.get(counting[0][1].status, 'passed')}",
-        sentences=[*grave, *([f"{'; '.join(words)[:1].upper()}{'; '.join(words)[1:]}."]
-                             if words else []), *beside],
+        sentences=[*grave, *_failed_words(words), *beside] or [KEPT],
     )  # fmt: skip
+
+
+def _failed_words(words: list[str]) -> list[str]:
+    """Those that did not pass, as one sentence; none where all passed."""
+    said = "; ".join(words)
+    return [f"{said[:1].upper()}{said[1:]}."] if words else []
 
 
 def _twin_status(parts: list[PartVerdict], grave: list[str]) -> Status:

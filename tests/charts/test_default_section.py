@@ -50,8 +50,8 @@ def test_both_are_drawn_with_their_error_and_unit() -> None:
     found = cases_figures(VERDICT, predictions(), MADE, axis="s")
     assert isinstance(found, Figures) and len(found.figures) == 2
     typical, worst = (one.caption for one in found.figures)
-    assert typical == "Typical case, day 2: growth, RMSE 2.00 um, over s."
-    assert worst == "Worst case, day 3: growth, RMSE 3.00 um, over s."
+    assert typical == "Typical case, day 2: growth, RMSE 2.00 µm, over s."
+    assert worst == "Worst case, day 3: growth, RMSE 3.00 µm, over s."
     for one in found.figures:
         drawn = str(one.svg)
         assert drawn.count("<path") >= 2 and "3000" in drawn and "nan" not in drawn.lower()

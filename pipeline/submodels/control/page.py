@@ -265,8 +265,8 @@ def _found_from(model: ControlModelFile) -> str:
         words += f", condition of the fit {number(fit.condition, 2)}"
     pair = default_section.strongest_correlation(fit.correlation)
     if pair is not None:
-        least = f"{pair[0]} and {pair[1]} least (correlation {fixed(pair[2], 2)})"
-        words += f". The records separate {least}"
+        words += f". The most correlated are {pair[0]} and {pair[1]} ("
+        words += f"correlation {fixed(pair[2], 2)})"
     return words + "."
 
 

@@ -229,7 +229,7 @@ def _fit_words(model: CuttingModel) -> str:
     pair = strongest_correlation(_shown_correlation(model))
     if pair is not None:
         close = ", so that little more than their sum is known" if abs(pair[2]) > CLOSE else ""
-        words.append(f"the records separate {pair[0]} and {pair[1]} least (correlation "
+        words.append(f"the most correlated are {pair[0]} and {pair[1]} (correlation "
                      f"{fixed(pair[2], 2)}{close})")  # fmt: skip
     text = "; ".join(words)
     return f"{text[0].upper()}{text[1:]}." if text else ""

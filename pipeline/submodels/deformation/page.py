@@ -124,12 +124,13 @@ def _mend(faults: Sequence[SensorFault]) -> str:
 
 def _actions(facts: GrowthFacts) -> list[Action]:
     """Sensors to be mended, and how to keep the growth out of finishing cuts."""
-    until = "next stop" if _kept(facts) else "next stop; until then the model does without"
+    without = "" if _kept(facts) else " The model does without it."
     found = [
         Action(
             what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
-            where=one.sensor, why=_sentence(sensor_words(one)), until=until, who="maintenance",
-            evidence="growth-errors",
+            where=one.sensor,
+            why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}.{without}",
+            until="next stop", who="maintenance", evidence="growth-errors",
         )
         for one in facts.faults if one.lasts
     ]  # fmt: skip

@@ -145,7 +145,7 @@ def _worst_pair(correlation: Correlation) -> str:
     pair = strongest_correlation(correlation)
     if pair is None:
         return ""
-    return f"the records separate {pair[0]} and {pair[1]} least (correlation {fixed(pair[2], 2)})"
+    return f"the most correlated are {pair[0]} and {pair[1]} (correlation {fixed(pair[2], 2)})"
 
 
 def _loops_words(one: DriveAxis) -> str:

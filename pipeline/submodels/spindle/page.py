@@ -75,7 +75,7 @@ def page(seen: Seen) -> SubModelPage:
     limit = _limits(verdict).get("mae")
     heat = [
         ("Error over one hour", _kelvin(total), f"limit {_limit_words(limit)}"),
-        ("Error in free simulation", _kelvin(free), "judged days, each from its first value"),
+        ("Error over whole days", _kelvin(free), "judged days, each from its first value"),
     ]
     width = width_words(seen.model)
     if width is not None:
@@ -88,7 +88,7 @@ def page(seen: Seen) -> SubModelPage:
         sections=[_model_section(seen), _judged_section(seen)],
         compared={
             "window_mae_K": _compared("Error over one hour (MAE)", total),
-            "free_mae_K": _compared("Error in free simulation (MAE)", free),
+            "free_mae_K": _compared("Error over whole days (MAE)", free),
         },
     )
 
@@ -168,8 +168,7 @@ def _verdict(seen: Seen) -> PartVerdict | None:
         status="passed",
         sentence=f"The spindle’s thermal model passed {_set_words(v)} ({_week(v)}): over one hour "
         f"its temperature is wrong by {_kelvin(total)} on average "
-        f"(limit {fixed(_limits(v).get('mae'), 1)} K), and by {_kelvin(free)} in free simulation "
-        "over a day.",
+        f"(limit {fixed(_limits(v).get('mae'), 1)} K), and over whole days by {_kelvin(free)}.",
         todo="The model may serve.",
     )
 
@@ -193,7 +192,7 @@ def _failure(v: Verdict) -> str:
 def _doubts(verdict: Verdict | None) -> list[str]:
     """Days on which a model that passed is no better than a plain guess."""
     said = []
-    for regime, words in ((WINDOWS, "in one-hour windows"), (FREE_RUN, "in free simulation")):
+    for regime, words in ((WINDOWS, "in one-hour windows"), (FREE_RUN, "over the whole day")):
         beaten = [s.group for s in _of_days(verdict, regime) if _beaten(s)]
         if beaten:
             said.append(
@@ -371,9 +370,7 @@ def _judged_section(seen: Seen) -> Section:
     blocks = present(
         _figures(seen),
         _errors_table(v, made, WINDOWS, "in windows, each started from its first value", step_s),
-        _errors_table(
-            v, made, FREE_RUN, "in free simulation, each day from its first value", step_s
-        ),
+        _errors_table(v, made, FREE_RUN, "over whole days, each from its first value", step_s),
         parts_table(v, made, step_s),
         default_section.outside_table(v, made),
         default_section.left_out_table(v, made),
@@ -385,7 +382,7 @@ def _rules(v: Verdict) -> str:
     limits = _limits(v)
     return (
         "At the start of each window the model is given the measured temperature, then only speed, "
-        "load and states. In free simulation it is given once a day. It passes with MAE "
+        "load and states. Over whole days it is given once, at the first. It passes with MAE "
         f"below {fixed(limits.get('mae'), 1)} K and RMSE below {fixed(limits.get('rmse'), 1)} K. "
         "Persistence is the guess that the temperature stays as it was given, the day’s mean is "
         "the best constant in hindsight."
@@ -452,7 +449,7 @@ def _figures(seen: Seen) -> Figures | None:
     return Figures(figures=drawn, legend=[
         ("l-measured", "measured", "line"),
         ("l-window", "model, given the temperature once an hour", "line"),
-        ("l-free", "model in free simulation", "dash"),
+        ("l-free", "model over the whole day", "dash"),
         ("l-limit", f"limit of the mean error, ±{fixed(limit, 1)} K", "dots"),
         ("s-held", "held in position", "box"),
         ("s-none", "not known", "hatch"),
@@ -520,7 +517,7 @@ def _day_words(seen: Seen, day: figures.Curves) -> tuple[str, str, str]:
     text = (
         f"{name}.{span} MAE {fixed(one.mae, 2)} K over one hour (persistence "
         f"{fixed(one.baselines.get('persistence', Errors()).mae, 2)} K), "
-        f"{_kelvin(free)} in free simulation."
+        f"{_kelvin(free)} over whole days."
     )
     status = {"passed": "passed", "failed": "failed"}.get(one.status, "unknown")
     return text, status, {"unknown": "not known"}.get(status, status)

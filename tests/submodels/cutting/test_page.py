@@ -88,7 +88,7 @@ def test_the_fit_says_what_it_leaves_and_what_it_tells_apart_worst(text):
     assert (
         "Found from 2 recordings of a flat cutter (25 mm, 2 teeth) in aluminium 6061. What the "
         "fit leaves over is 8.3 % of the RMS force over 19 800 samples of 198 revolutions; the "
-        "condition is 212; the records separate K_te and K_tc least (correlation −0.87)." in text
+        "condition is 212; the most correlated are K_te and K_tc (correlation −0.87)." in text
     )
     assert "In these records the tool’s axis was 11.4 µm off the spindle’s." in text
 

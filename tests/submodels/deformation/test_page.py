@@ -88,8 +88,8 @@ def test_a_faulty_sensor_is_named_with_since_when_cost_and_what_to_do(built) -> 
     assert found.verdict is not None
     sensor = next(one for one in found.actions if one.where == "temperature_2")
     assert sensor.what == "Reconnect or replace the sensor" and sensor.who == "maintenance"
-    assert "Temperature_2 is dead since p10" in sensor.why
-    assert sensor.until == "next stop; until then the model does without"
+    assert sensor.why.startswith("It is dead since p10")
+    assert sensor.until == "next stop" and "The model does without it." in sensor.why
     assert sensor.evidence in {section.key for section in found.sections}
     note = found.notes[0].replace("\u00a0", " ").replace("\u202f", "")
     assert re.search(r"temperature_2 is dead since p10, minute 4\d", note)

@@ -99,8 +99,7 @@ def test_forces_of_an_unknown_drive_stay_in_its_command():
 def test_the_strongest_correlation_of_the_fit_is_named(text):
     assert (
         "What the fit leaves over is 2.6 % of the force over 23 410 samples; the condition is 42; "
-        "the records separate viscous_positive and coulomb_positive least (correlation −0.83)."
-        in text
+        "the most correlated are viscous_positive and coulomb_positive (correlation −0.83)." in text
     )
 
 
@@ -109,9 +108,8 @@ def test_an_axis_says_how_its_loops_were_identified_or_why_not():
                           values=((1, 0.97), (0.97, 1)))  # fmt: skip
     loops = replace(FACTS, relative_error_percent=0.882, correlation=correlation)
     assert (
-        "Its loops’ gains leave 0.88 % of the command unexplained; the records separate "
-        "integral_scale and velocity_scale least (correlation 0.97)."
-        in said(model=axes(servo_fit=loops))
+        "Its loops’ gains leave 0.88 % of the command unexplained; the most correlated are "
+        "integral_scale and velocity_scale (correlation 0.97)." in said(model=axes(servo_fit=loops))
     )
     found = said(model=axes(servo_reason="X has no reference"))
     assert "Its loops could not be found: X has no reference." in found
