@@ -273,7 +273,7 @@ def predicted_day(
     facts = {
         "compared in windows": Fact(value=round(seconds), unit="s"),
         "windows": Fact(value=int(np.ceil(seconds / limits.window_s)), unit="1"),
-        "compared in free simulation": Fact(
+        "compared over whole days": Fact(
             value=round(int(free_run["scored"].sum()) * step), unit="s"
         ),
     }
