@@ -84,7 +84,7 @@ def _submodel_page(one: ModelledPart) -> EvidencePage:
 
 def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
     sections = [
-        programs_section(facts.programs, facts.shelf),
+        programs_section(facts.programs, facts.shelf, _assumed(facts)),
         part_programs_section(facts.parts, facts.shelf, facts.verdict_of(LOADS_PARTS)),
         corrected_section(facts.folders.corrected, facts.shelf),
     ]
@@ -97,6 +97,15 @@ def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
             sections=present_ones,
         )
     ]  # fmt: skip
+
+
+def _assumed(facts: MachineFacts) -> set[str]:
+    """Parameters of the control that its records determine for no axis."""
+    model = next((one.model for one in facts.models if one.name == "control"), None)
+    groups = {} if model is None else model.parameters
+    found = [(name.partition(" ")[0], p) for group in groups.values() for name, p in group.items()]
+    known = {name for name, p in found if p.determined}
+    return {name for name, _ in found} - known
 
 
 def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> EvidencePage:

@@ -132,7 +132,9 @@ def bars_figure(days: list[Day]) -> Markup:
         for state in states:
             width = 100 * day.seconds.get(state, 0.0) / DAY
             if width > 0:
-                parts.append(svg.bar(x, width, row * ROW + 3, ROW - 6, state_class(state)))
+                said = f"{day_words(day.day)}: {state} {hours(day.seconds[state])} h"
+                bar = svg.bar(x, width, row * ROW + 3, ROW - 6, state_class(state))
+                parts.append(svg.tag("g", svg.group([svg.tag("title", said), bar])))
             x += width
     active = hours(sum(day.active for day in days))
     label = f"Hours in each execution state on {len(days)} days; ACTIVE {active} h in all"

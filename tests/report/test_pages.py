@@ -1,7 +1,10 @@
+import csv
 import json
 import re
 import shutil
+from html import unescape
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -260,6 +263,38 @@ def test_text_has_aa_contrast_in_both_themes(report):
             for ground in ("paper", "wash"):
                 ratio = contrast(colours[name], colours[ground])
                 assert ratio >= 4.5, f"{name} on {ground}: {ratio:.2f}"
+
+
+def test_states_stand_out_from_the_page_in_both_themes(report):
+    """WCAG 2.2, 1.4.11: 3:1 for graphics that carry meaning."""
+    light, dark = re.findall(r":root \{(.*?)\}", (report / "index.html").read_text(), flags=re.S)
+    for theme in (light, dark):
+        colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", theme))
+        for name in ("active", "ready", "hold", "interrupted", "stopped", "other", "held", "lost",
+                     "f0", "f1", "f2", "f3"):  # fmt: skip
+            ratio = contrast(colours[name], colours["paper"])
+            assert ratio >= 3, f"{name}: {ratio:.2f}"
+
+
+def test_a_table_is_saved_as_csv_without_a_script(report):
+    text = (report / "mill01.html").read_text()
+    links = re.findall(r'<a href="data:text/csv;charset=utf-8,([^"]*)" download="([^"]+)"', text)
+    saved = {name: list(csv.reader(unquote(unescape(data)).splitlines())) for data, name in links}
+    rows = saved["mill01-time-t1.csv"]
+    assert rows[0] == ["Time", "total, h", "share", "counted as"]
+    assert rows[2][0] == "ACTIVE (utilisation)" and len(rows[2]) == 4
+
+
+def test_links_to_figures_and_tables_lead_somewhere(report):
+    for page in report.glob("*.html"):
+        tags = outline(page).tags
+        ids = [a["id"] for _, a in tags if "id" in a]
+        assert len(ids) == len(set(ids))
+        for href in (a["href"] for t, a in tags if t == "a" and not a["href"].startswith("data:")):
+            file, _, anchor = href.partition("#")
+            there = report / file if file else page
+            assert there.is_file(), href
+            assert not anchor or f'id="{anchor}"' in there.read_text(), href
 
 
 def test_metrics_count_machines_and_submodels_with_the_same_keys_for_each(tmp_path):

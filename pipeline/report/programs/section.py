@@ -1,5 +1,6 @@
 """Section on part programs: predicted time of each, where it is spent, and its cause."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +46,12 @@ REMEDIES = {
     "jerk": "the limit of jerk slows it down: smoother paths would help",
 }
 """What slows a program down most, and what its maker can do about it."""
+RESTS_ON = {
+    "acceleration": "cutting_acceleration", "corner": "corner_jump", "arc": "arc_acceleration",
+    "curve": "arc_acceleration", "tolerance": "tolerance", "exact stop": "settle_time",
+    "jerk": "jerk",
+}  # fmt: skip
+"""Parameter of the control that decides how much a bound costs."""
 FREE = ("feed", "rapid", "spindle", "nothing")
 """What bounds a block as its programmer asked for."""
 MADE_FROM = "the part program and the model of the control"
@@ -100,8 +107,13 @@ def _program(path: Path, shelf: SourceRegistry) -> Program | None:
     return Program(summary=summary, moves=moves, files=(path, table_path))
 
 
-def programs_section(programs: list[Program], shelf: SourceRegistry) -> Section | None:
-    """Programs in a table, then each with its path, its feed over time, and its time by cause."""
+def programs_section(
+    programs: list[Program], shelf: SourceRegistry, assumed: Collection[str] = ()
+) -> Section | None:
+    """Programs in a table, then each with its path, its feed over time, and its time by cause.
+
+    ``assumed`` names the parameters of the control that its records do not determine.
+    """
     if not programs:
         return None
     refused = [p for p in programs if p.refused]
@@ -118,7 +130,7 @@ def programs_section(programs: list[Program], shelf: SourceRegistry) -> Section 
         text.append(f"{counted(len(refused), 'program')} could not be read:")
     blocks: list[Block] = [_overview_table(programs, shelf)]
     for place, program in enumerate(drawn):
-        blocks += _blocks(shelf, program, classes, folded=place >= MOST_OPEN)
+        blocks += _blocks(shelf, program, classes, assumed, folded=place >= MOST_OPEN)
     return Section(
         key="programs",
         title="Programs: where their time goes",
@@ -129,9 +141,10 @@ def programs_section(programs: list[Program], shelf: SourceRegistry) -> Section 
 
 
 def _blocks(
-    shelf: SourceRegistry, program: Program, classes: FeedClasses, *, folded: bool
-) -> list[Block]:
-    heading = Heading(heading=program.name, text=_summary(program))
+    shelf: SourceRegistry, program: Program, classes: FeedClasses, assumed: Collection[str], *,
+    folded: bool,
+) -> list[Block]:  # fmt: skip
+    heading = Heading(heading=program.name, text=_summary(program, assumed))
     parts = (
         _map(shelf, program, classes),
         _bars(shelf, program, times.limit_bars(program.summary), "what bounds its speed"),
@@ -151,7 +164,7 @@ def _blocks(
     return [heading, shown]
 
 
-def _summary(program: Program) -> str:
+def _summary(program: Program, assumed: Collection[str]) -> str:
     seconds, cutting = program.seconds, program.summary.cutting_time_s
     words = [f"Predicted {duration(seconds)}"]
     if program.summary.total_time_90_s is not None:
@@ -164,12 +177,12 @@ def _summary(program: Program) -> str:
         words[0] += f", over a path of {number(path / 1000)}{NARROW}m"
     if program.moves is not None:
         words += _loss(program.moves)
-    words.append(_binding(program))
+    words.append(_binding(program, assumed))
     return " ".join(f"{w[0].upper()}{w[1:]}." for w in words if w)
 
 
 def _loss(moves: ProgramMoves) -> list[str]:
-    """How much of the cutting reaches the programmed feed, and what falling short costs."""
+    """What it costs that cutting moves are not at the programmed feed throughout."""
     known = moves.cutting & np.isfinite(moves.programmed) & np.isfinite(moves.reached)
     spent = float(moves.time[known].sum())
     if spent <= 0:
@@ -177,11 +190,13 @@ def _loss(moves: ProgramMoves) -> list[str]:
     at_feed = known & (moves.reached >= AT_FEED * moves.programmed)
     share = percent(float(moves.time[at_feed].sum()), spent)
     share = "nearly all" if share.startswith(">") else share
-    words = [f"{share} of the cutting time is spent in blocks that reach the programmed feed"]
     lost = lost_seconds(moves)
-    if lost is not None and lost >= 0.005 * spent:
-        words.append(f"falling short of it costs {duration(lost)} ({percent(lost, spent)})")
-    return words
+    if lost is None or lost < 0.005 * spent:
+        return [f"{share} of the cutting time is spent in blocks that reach the programmed feed"]
+    return [
+        f"speeding up and slowing down costs {duration(lost)} of the cutting time "
+        f"({percent(lost, spent)}) over a path at the programmed feed throughout"
+    ]
 
 
 def lost_seconds(moves: ProgramMoves) -> float | None:
@@ -197,7 +212,7 @@ def lost_seconds(moves: ProgramMoves) -> float | None:
     return float(max(0.0, (moves.time[known] - ideal).sum()))
 
 
-def _binding(program: Program) -> str:
+def _binding(program: Program, assumed: Collection[str]) -> str:
     """What costs most beside the programmed feed and rapids, and what that means."""
     costs = times.limit_seconds(program.summary)
     least = WORTH_SAYING * sum(costs.values())
@@ -206,7 +221,11 @@ def _binding(program: Program) -> str:
         return ""
     worst = max(sorted(bound), key=lambda k: bound[k])
     share = percent(bound[worst], sum(costs.values()))
-    return f"for {share} of its time {REMEDIES[worst]}"
+    rests = (
+        "; the limit behind this is assumed, as the records do not determine it"
+        if RESTS_ON.get(worst) in assumed else ""
+    )  # fmt: skip
+    return f"for {share} of its time {REMEDIES[worst]}{rests}"
 
 
 def _legend(moves: ProgramMoves, classes: FeedClasses) -> list[tuple[str, str, str]]:
