@@ -66,7 +66,10 @@ SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]
 
 @pytest.mark.parametrize(
     "tests",
-    [pytest.param(SLOTS, id="slots"), pytest.param(QUARTERS, id="quarters", marks=pytest.mark.proof)],
+    [
+        pytest.param(SLOTS, id="slots"),
+        pytest.param(QUARTERS, id="quarters", marks=pytest.mark.proof),
+    ],
 )
 @pytest.mark.parametrize(
     ("change", "said"),
