@@ -47,20 +47,28 @@ class Setting:
     allowed: Range | None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Meaning:
+    """What a docstring says of a field: its words, and the units that they name for it."""
+
+    words: str = ""
+    units: tuple[str, ...] = ()
+
+
 def settings(cls: type) -> list[Setting]:
     """Every key of a section, in the order of the dataclass."""
     hints, said = get_type_hints(cls, include_extras=True), meanings(cls)
-    shared = _units_in(summary(cls))
+    shared = units_in(summary(cls))
     found = []
     for one in fields(cls):
-        hint, meaning = hints[one.name], said.get(one.name, "")
+        hint, meaning = hints[one.name], said.get(one.name, Meaning())
         allowed = declared_range(hint)
         default = one.default
         if one.default_factory is not MISSING:
             default = one.default_factory()
         found.append(
             Setting(
-                name=one.name, hint=hint, default=default, meaning=meaning,
+                name=one.name, hint=hint, default=default, meaning=meaning.words,
                 unit=(allowed.unit if allowed else "") or _unit(one.name, meaning, shared),
                 allowed=allowed,
             )
@@ -76,9 +84,9 @@ def summary(cls: type) -> str:
     return _one_line(text)
 
 
-def meanings(cls: type) -> dict[str, str]:
+def meanings(cls: type) -> dict[str, Meaning]:
     """Field -> what the docstring's ``Parameters`` say of it; fields that share a line share it."""
-    found: dict[str, str] = {}
+    found: dict[str, Meaning] = {}
     for base in reversed(cls.__mro__[:-1]):
         head = re.search(r"^Parameters\n-+\n", getdoc(base) or "", re.MULTILINE)
         if not is_dataclass(base) or head is None:
@@ -86,10 +94,19 @@ def meanings(cls: type) -> dict[str, str]:
         text = re.split(r"\n\n[^\n]+\n-{3,}\n", (getdoc(base) or "")[head.end() :])[0]
         for entry in re.split(r"\n(?=\S)", text):
             names, _, described = entry.partition("\n")
-            names = names.partition(" : ")[0]
-            for name in names.split(","):
-                found[name.strip()] = _one_line(described)
+            every = [one.strip() for one in names.partition(" : ")[0].split(",")]
+            words = _one_line(described)
+            for place, name in enumerate(every):
+                found[name] = Meaning(words=words, units=_units_of(words, place, len(every)))
     return found
+
+
+def _units_of(words: str, place: int, count: int) -> tuple[str, ...]:
+    """Units of one of the names that share a line: its own of as many, else the one of them all."""
+    every = units_in(words)
+    if count > 1 and len(every) == count:
+        return (every[place],)
+    return tuple(every) if count == 1 or len(every) == 1 else ()
 
 
 def declared_range(hint: Any) -> Range | None:
@@ -137,18 +154,17 @@ def names_of(classes: list[type]) -> dict[type, str]:
     }
 
 
-def _unit(name: str, meaning: str, shared: list[str]) -> str:
+def _unit(name: str, meaning: Meaning, shared: list[str]) -> str:
     """Unit of a key without a range that says it."""
-    own = _units_in(meaning)
-    if own:
-        return own[0]
-    if not meaning and len(shared) == 1:
+    if meaning.units:
+        return meaning.units[0]
+    if not meaning.words and len(shared) == 1:
         return shared[0]
     ending = name.rpartition("_")[2]
     return ending.replace("percent", "%") if ending in ENDINGS and "_" in name else ""
 
 
-def _units_in(text: str) -> list[str]:
+def units_in(text: str) -> list[str]:
     """Units in brackets; neither an index nor an interval of numbers."""
     return [
         one for one in re.findall(r"\[([^\[\]]+)\]", text) if one == "1" or not one[0].isdigit()
@@ -156,4 +172,6 @@ def _units_in(text: str) -> list[str]:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(re.sub(r":\w+:(?=`)", "", text.replace("``", "`")).split())
+    """Text of reStructuredText in one line; a role names the last part of its target."""
+    text = re.sub(r":\w+:`~?(?:\w+\.)*(\w+)`", r"`\1`", text.replace("``", "`"))
+    return " ".join(text.split())

@@ -17,6 +17,7 @@ from pipeline.app.settings_fields import (
     names_of,
     settings,
     summary,
+    units_in,
 )
 from pipeline.parameters import read_yaml
 from pipeline.schema.ranges import Range
@@ -33,8 +34,8 @@ the code, as are the schemas by which an editor completes and checks the files:
 kerf machine schema --page settings.md
 ```
 
-A key without a default has to be given; where a file of `conf/` gives one value for all machines, it
-stands in the place of the default. A key that is not listed is refused. Values may be taken from
+A key without a default has to be given; where a file of `conf/` gives one value for all machines,
+it stands in the place of the default. A key that is not listed is refused. Values may be taken from
 elsewhere with `${…}`; a file may begin from others with `defaults:`. The simulated shop floor's own
 parameters (`conf/shop/`) are not listed: they describe no machine of yours.
 """
@@ -89,8 +90,11 @@ def _table(cls: type, names: Mapping[type, str], given: Given) -> str:
 
 
 def _without_unit(one: Setting) -> str:
-    """The meaning without the unit, which has a column of its own."""
-    return re.sub(r" ?\[" + re.escape(one.unit) + r"\]", "", one.meaning).lstrip(";, ")
+    """The meaning without its one unit, which has a column of its own."""
+    if units_in(one.meaning) != [one.unit]:
+        return one.meaning
+    rest = re.sub(r" ?\[" + re.escape(one.unit) + r"\]", "", one.meaning).lstrip(";,. ")
+    return rest[:1].upper() + rest[1:]
 
 
 def given_for_all(conf: Path) -> Given:
@@ -166,7 +170,9 @@ def _yaml(value: Any) -> str:
 
 
 def _words(allowed: Range | None) -> str:
-    return "" if allowed is None else re.sub(r"^must (be|lie) ", "", allowed.words)
+    """The range in words; that a number is finite needs none."""
+    words = "" if allowed is None else allowed.words
+    return re.sub(r"^must (be|lie) (finite and |finite$|a number$)?", "", words)
 
 
 def _signal(one: Column) -> str:
