@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from typer.testing import CliRunner
 
 from pipeline.app.json_schema import machine_sections, schema_files
 from pipeline.app.new_machine import write_machine
+from pipeline.app.own_machine import app
 from pipeline.app.settings_fields import classes_below, settings
 from pipeline.app.settings_page import page
 from pipeline.schema.structure import structured
@@ -158,6 +160,18 @@ def test_settings_on_one_line_have_each_its_unit() -> None:
     axis = next(cls for cls in classes if cls.__name__ == "AxisPrior")
     units = {one.name: one.unit for one in settings(axis)}
     assert (units["torque_constant"], units["lead"]) == ("N m/A", "mm/rev")
+
+
+def test_the_command_writes_schemas_and_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    place = tmp_path / "reference.md"
+    words = ["machine", "schema", "--out", str(tmp_path / "schema"), "--page", str(place)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert {path.name for path in (tmp_path / "schema").iterdir()} == set(FILES)
+    assert place.read_text() == page(ROOT / "conf")
 
 
 def test_a_proposed_machine_names_a_schema_that_is_there_and_fits(
