@@ -19,6 +19,7 @@ from pipeline.app.settings_fields import (
     NOTHING,
     Setting,
     classes_below,
+    members,
     names_of,
     settings,
     summary,
@@ -162,7 +163,7 @@ class _Maker:
         if is_dataclass(hint) and isinstance(hint, type):
             return {"$ref": f"#/$defs/{self.names[hint]}"}
         if origin in (Union, UnionType):
-            return self._either(inner, allowed)
+            return self._either(members(hint), allowed)
         if origin is Literal:
             return {"anyOf": [{"enum": [*inner]}, {"type": "string", "pattern": INTERPOLATED}]}
         if origin in (tuple, list):
@@ -222,7 +223,7 @@ def _bounds(allowed: Range | None) -> Schema:
         "minimum": allowed.least, "maximum": allowed.most,
         "exclusiveMinimum": allowed.above, "exclusiveMaximum": allowed.below,
     }  # fmt: skip
-    return {name: value for name, value in found.items() if abs(value) < inf}
+    return {name: float(value) for name, value in found.items() if abs(value) < inf}
 
 
 def is_finite(value: Any) -> bool:

@@ -119,6 +119,14 @@ def declared_range(hint: Any) -> Range | None:
     return next((found for one in inner if (found := declared_range(one)) is not None), None)
 
 
+def members(union: Any) -> tuple[Any, ...]:
+    """Types that a union is one of, None last.
+
+    Python keeps one object for equal types, so that its order depends on who was imported first.
+    """
+    return tuple(sorted(get_args(union), key=lambda one: (one is type(None), repr(one))))
+
+
 def classes_in(hint: Any) -> Iterator[type]:
     """Dataclasses that a type names, without those inside of them."""
     if is_dataclass(hint) and isinstance(hint, type):

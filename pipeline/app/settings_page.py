@@ -14,6 +14,7 @@ from pipeline.app.settings_fields import (
     Setting,
     classes_below,
     classes_in,
+    members,
     names_of,
     settings,
     summary,
@@ -126,7 +127,7 @@ def _kind(hint: Any, names: Mapping[type, str]) -> str:
     if origin is Annotated:
         return _kind(inner[0], names)
     if origin in (Union, UnionType):
-        return " or ".join(_kind(one, names) for one in inner)
+        return " or ".join(_kind(one, names) for one in members(hint))
     if origin is Literal:
         return ", ".join(f"`{one}`" if one != "" else "nothing" for one in inner)
     if origin in (tuple, list):
