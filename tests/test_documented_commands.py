@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
+import pipeline.app.own_machine  # noqa: F401, its commands
 from pipeline.app.commands import app
 from tests.small_project import new_project
 from tests.test_cli import kerf

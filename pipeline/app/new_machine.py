@@ -15,11 +15,14 @@ from pipeline.signals.cleaning.settings import CleanMachine
 def write_machine(name: str, devices: Path, logs: Sequence[Path], device: str | None) -> list[str]:
     """Propose ``conf/machine/<name>.yaml`` and a fleet of it; what was found, in lines.
 
+    The schemas by which an editor checks them are written into ``conf/schema/``.
+
     Raises
     ------
     ValueError
         When one of these files is there already, or an input cannot be read.
     """
+    from pipeline.app.json_schema import PLACE, first_line, write_schemas
     from pipeline.submodels.contract import submodel, submodels
 
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
@@ -32,10 +35,14 @@ def write_machine(name: str, devices: Path, logs: Sequence[Path], device: str | 
         raise ValueError(f"{CONF / 'machine'} does not exist: run kerf in the project's folder")
     found = propose(name, devices, list(_files(logs, devices)), device, DATA / "raw" / name)
     every = [submodel(one) for one in submodels()]
-    texts = [machine_text(found), fleet_text(found, [one.name for one in every])]
+    texts = [
+        first_line("machine") + machine_text(found),
+        first_line("fleet") + fleet_text(found, [one.name for one in every]),
+    ]
     for path, text in zip(targets, texts, strict=True):
         with replacing(path) as part:
             part.write_text(text)
+    write_schemas(CONF / PLACE.name)
     return [
         *said(found, [(one.name, one.title, one.needs) for one in every]),
         f"wrote {targets[0]} and {targets[1]}: read them, correct them, then",

@@ -36,6 +36,27 @@ def new(
         typer.echo(line)
 
 
+@machine_app.command()
+def schema(
+    out: Annotated[Path, typer.Option(help="Folder of the schemas.")] = Path("conf/schema"),
+    page: Annotated[
+        Path | None, typer.Option(help="Also write every setting and signal, in Markdown.")
+    ] = None,
+) -> None:
+    """Write JSON Schema of the files in conf/, by which editors complete and check them."""
+    from pipeline.app.json_schema import write_schemas
+    from pipeline.app.settings_page import page as settings_page
+    from pipeline.schema.store import write_text
+
+    with one_sentence():
+        written = write_schemas(out)
+        if page is not None:
+            write_text(settings_page(Path("conf")), page)
+            written.append(page)
+    for path in written:
+        typer.echo(f"wrote {path}")
+
+
 @app.command()
 def records(
     machine: kerf.Machine,
