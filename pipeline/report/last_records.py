@@ -46,7 +46,7 @@ COLUMNS: tuple[Column[Origin], ...] = (
     Column("files", lambda one: number(one.files), ""),
     Column("last record", lambda one: moment(None if one.last is None else int(one.last * NS))),
     Column("state", lambda one: (
-        Cell(text=f"silent: ends {duration(one.silent)} before the newest live source", status="failed")
+        Cell(text=f"silent: ends {duration(one.silent)} before live ones", status="failed")
         if one.silent is not None else "–"
     )),
 )  # fmt: skip
