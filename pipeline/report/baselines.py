@@ -1,7 +1,7 @@
 """Baselines that the judge compares a model with, in words for the pages."""
 
 BASELINES = {
-    "persistence": "the last known value, kept",
+    "persistence": "persistence (an earlier value, kept)",
     "plain": "a plain guess",
     "mechanics": "the mechanics alone",
     "physics": "the physics alone",
@@ -9,7 +9,7 @@ BASELINES = {
     "constant_level": "one constant level",
     "speed_over_loop_gain": "speed divided by the gain of the position loop",
     "rigid_shaft": "a rigid shaft",
-    "linear": "linear regression with lags",
+    "linear": "linear regression",
     "linear_static": "linear regression, temperatures only",
     "linear_sensors": "linear regression, every sensor with lags",
     "two_nodes": "a thermal network of two nodes",
