@@ -7,6 +7,7 @@ from pipeline.charts.numbers import counted, day_list, duration, joined, moment,
 from pipeline.charts.sections import Action, Role
 from pipeline.charts.sources import shown
 from pipeline.report.facts import MachineFacts
+from pipeline.report.logged import already
 from pipeline.report.page_names import PROGRAMS, RECORDS, evidence_page, link
 from pipeline.report.part_programs import PartProgram, gain_words, loadable, refused
 from pipeline.report.records import rule_words
@@ -38,7 +39,22 @@ def machine_actions(
         *_alarms(facts), *_sensors(facts), *_of_submodels(facts), *_records(facts, grave),
         *_models(facts), *_programs(facts, trusted),
     ]  # fmt: skip
-    return sorted(rows, key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
+    rows.sort(key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
+    return [*_absent(facts), *rows]
+
+
+def _absent(facts: MachineFacts) -> Iterator[ActionRow]:
+    """Data items that the machine's file names and no record has."""
+    for item, like in facts.absent.items():
+        hint = f"called like it: {joined(like)}" if like else "nothing is called like it"
+        yield ActionRow(
+            action=Action(
+                what="Correct the data item in the machine’s file", where=item,
+                why=f"The mapped item does not exist in any record; {hint}.",
+                until=NOW, who="process engineer",
+            ),
+            href=link(facts.folders.name, RECORDS, "records"),
+        )  # fmt: skip
 
 
 def _alarms(facts: MachineFacts) -> Iterator[ActionRow]:
@@ -107,7 +123,7 @@ def _records(facts: MachineFacts, grave: list[tuple[str, str]]) -> Iterator[Acti
     if silent is not None:
         yield _data(
             "Find out whether the machine is off or its log is lost", "Machine’s log",
-            f"Silent: it ends {duration(silent)} before the newest other record.", REPORT,
+            f"Silent: it ends {duration(silent)} before the newest live source.", REPORT,
             "#last-records",
         )  # fmt: skip
     if facts.work.surprising_days:
@@ -141,8 +157,10 @@ def _models(facts: MachineFacts) -> Iterator[ActionRow]:
     elif facts.known:
         yield _data("Run dvc repro to its end", "Twin", "No model has been judged.", USE, "")
     for what, record in facts.folders.missing[:1]:
-        why = "There is no model of it."
-        yield _data(f"Record {record.rstrip('.')}", f"Twin: {what}", why, OPEN,
+        held = already(record, facts.logged)
+        ask = "Record what is not logged yet of" if held else "Record"
+        why = f"There is no model of it.{f' Logged: {joined(held)}.' if held else ''}"
+        yield _data(f"{ask} {record.rstrip('.')}", f"Twin: {what}", why, OPEN,
                     link(name, RECORDS, "missing"))  # fmt: skip
 
 

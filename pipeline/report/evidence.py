@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pipeline.charts.numbers import NOT_KNOWN, counted, hours, moment, number, percent
+from pipeline.charts.numbers import NOT_KNOWN, counted, hours, joined, moment, number, percent
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
 from pipeline.report.corrected import corrected_section
 from pipeline.report.facts import MachineFacts, Truth
+from pipeline.report.logged import already
 from pipeline.report.page_names import PROGRAMS, RECORDS
 from pipeline.report.part_programs import part_key_figures
 from pipeline.report.part_section import part_programs_section
@@ -141,8 +142,14 @@ def _missing_section(facts: MachineFacts) -> Section | None:
     return Section(
         key="missing",
         title="What is missing, and what to record",
-        pairs=[(what, record) for what, record in facts.folders.missing],
+        pairs=[(what, _asked(record, facts.logged)) for what, record in facts.folders.missing],
     )
+
+
+def _asked(record: str, logged: tuple[str, ...]) -> str:
+    """What to record, and what of it the log holds already."""
+    held = already(record, logged)
+    return f"{record.rstrip('.')}. Logged already: {joined(held)}." if held else record
 
 
 def _truth_section(facts: MachineFacts) -> Section:

@@ -11,6 +11,7 @@ from pipeline.charts.sections import PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.report.alarms import Alarms, machine_alarms
 from pipeline.report.folders import MachineFolders
+from pipeline.report.logged import absent_items, logged_signals
 from pipeline.report.part_programs import PartPrograms, part_programs
 from pipeline.report.programs.section import Program, simulated_programs
 from pipeline.report.records import RecordsRead, records_read
@@ -81,6 +82,8 @@ class MachineFacts:
     serving: Serving | None = None
     truth: Truth | None = None
     day_uses: Mapping[str, str] = field(default_factory=dict)
+    absent: Mapping[str, list[str]] = field(default_factory=dict)
+    logged: tuple[str, ...] = ()
 
     @property
     def pages(self) -> list[SubModelPage]:
@@ -108,8 +111,8 @@ class MachineFacts:
 
     @property
     def silence(self) -> float | None:
-        """By how much [s] the machine's log ends before other records; None where it does not."""
-        end, last = self.work.last, self.records.last
+        """By how much [s] the log ends before other live sources; None where it does not."""
+        end, last = self.work.last, self.records.last_live
         if end is None or last is None:
             return None
         behind = last.timestamp() - end
@@ -142,6 +145,8 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         serving=serving(folders, shelf, models),
         truth=truth,
         day_uses=_day_uses(models, golden),
+        absent=absent_items(folders, shelf),
+        logged=logged_signals(folders),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pipeline.charts.numbers import counted, duration, instant, moment, number
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.facts import MachineFacts
-from pipeline.report.records import NS
+from pipeline.report.records import NS, source_of
 
 LOG = "Machine’s log (execution state)"
 
@@ -24,10 +24,9 @@ def origins(facts: MachineFacts) -> list[Origin]:
     """Sources by folder and format of their files, the machine's own log at the head."""
     found: dict[str, list[float | None]] = {}
     for name, read in (facts.records.files or {}).items():
-        folder = name.rpartition("/")[0] or name
         when = instant(read.last)
         stamp = None if when is None else when.timestamp()
-        found.setdefault(f"{folder} ({read.format or 'unreadable'})", []).append(stamp)
+        found.setdefault(source_of(name, read), []).append(stamp)
     each = [
         Origin(
             name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None)
@@ -47,7 +46,7 @@ COLUMNS: tuple[Column[Origin], ...] = (
     Column("files", lambda one: number(one.files), ""),
     Column("last record", lambda one: moment(None if one.last is None else int(one.last * NS))),
     Column("state", lambda one: (
-        Cell(text=f"silent: ends {duration(one.silent)} before the newest record", status="failed")
+        Cell(text=f"silent: ends {duration(one.silent)} before live ones", status="failed")
         if one.silent is not None else "–"
     )),
 )  # fmt: skip

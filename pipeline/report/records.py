@@ -16,6 +16,9 @@ from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabul
 from pipeline.report.folders import MachineFolders
 
 NS = 1_000_000_000
+DAY_S = 86_400.0
+MOST_BETWEEN_S = 1_800.0
+"""Mean time between records [s] up to which a source reports by itself, not by hand."""
 WHOLE = "whole record"
 ANNOUNCED = "unavailable"  # cause of a gap that the machine itself announced
 QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
@@ -149,6 +152,27 @@ class RecordsRead:
         """Time of the newest record, None when no file has a clock."""
         times = [instant(f.last) for f in (self.files or {}).values()]
         return max((t for t in times if t is not None), default=None)
+
+    @property
+    def last_live(self) -> datetime | None:
+        """Time of the newest record of the sources that report over time; None without one."""
+        spans: dict[str, list[tuple[datetime, datetime, int]]] = {}
+        for name, read in (self.files or {}).items():
+            first, last = instant(read.first), instant(read.last)
+            if first is not None and last is not None:
+                spans.setdefault(source_of(name, read), []).append((first, last, read.kept or 0))
+        return max((max(s[1] for s in one) for one in spans.values() if _live(one)), default=None)
+
+
+def source_of(name: str, read: FileRead) -> str:
+    """The source that a file belongs to: its folder, and its format."""
+    return f"{name.rpartition('/')[0] or name} ({read.format or 'unreadable'})"
+
+
+def _live(files: list[tuple[datetime, datetime, int]]) -> bool:
+    """Whether files of (first, last, records) report over time, not once or now and then."""
+    span = (max(f[1] for f in files) - min(f[0] for f in files)).total_seconds()
+    return span > DAY_S and span <= MOST_BETWEEN_S * sum(f[2] for f in files)
 
 
 def records_read(folders: MachineFolders, shelf: SourceRegistry) -> RecordsRead:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from pipeline.charts.numbers import TOGETHER, day_words, number, percent, powers, unit_words
+from pipeline.report.baselines import baseline_words
 from pipeline.report.page_names import evidence_page
 from pipeline.report.submodel_pages import ModelledPart
 from pipeline.schema.verdict import Figures, Score, Verdict
@@ -118,7 +119,7 @@ def _baseline(score: Score, name: str, unit: str) -> str:
     if not errors:
         return ""
     value, other = min(errors)
-    return f"{number(value)}{TOGETHER}{unit} by {other.replace('_', ' ')}"
+    return f"{number(value)}{TOGETHER}{unit} by {baseline_words(other)}"
 
 
 def _error(figures: Figures, name: str) -> float | None:

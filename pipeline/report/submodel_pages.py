@@ -14,6 +14,7 @@ from pipeline.charts.numbers import TOGETHER, number, powers, unit_words
 from pipeline.charts.sections import PartVerdict, Section, SubModelPage, absent
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import sources
+from pipeline.report.baselines import baseline_words
 from pipeline.report.folders import MachineFolders
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import GoldenSets
@@ -167,7 +168,7 @@ def _baseline_words(score: Score, name: str, unit: str) -> str:
     if not errors:
         return ""
     value, other = min(errors)
-    return f"; {other.replace('_', ' ')} {number(value)}{TOGETHER}{unit}"
+    return f"; {baseline_words(other)} {number(value)}{TOGETHER}{unit}"
 
 
 def _error(figures: Figures, name: str) -> float | None:

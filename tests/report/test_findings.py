@@ -18,7 +18,9 @@ from report_folders import (
     write_table,
 )
 
+from pipeline.report.baselines import baseline_words
 from pipeline.report.pages import write_report
+from pipeline.report.records import FileRead, RecordsRead
 from pipeline.report.work import Day, Work
 from pipeline.schema.store import write_json
 
@@ -159,3 +161,42 @@ def test_a_sunday_that_ran_for_minutes_once_makes_no_sunday_usual() -> None:
     found = Work(folders=None, shelf=None, days=[short, *days], cycles=None, state_files=[])
     assert "2026-01-11" in found.missing_days
     assert found.surprising_days == ["2026-01-14"]
+
+
+def test_a_data_item_that_no_record_has_stands_first_with_the_names_like_it(tmp_path):
+    folders = machine(tmp_path, "m", days=3)
+    write_json({"absent": ["Ssped"], "near": {"Ssped": ["Sspeed"]}}, folders.clean / "summary.json")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = every_word(tmp_path / "out" / "m.html")
+    assert "does not exist in any record; called like it: Sspeed." in text
+
+
+def test_what_is_missing_says_which_signals_are_logged(tmp_path):
+    wanted = (("a model of the spindle", "speed, load and temperature of the spindle"),)
+    folders = machine(tmp_path, "m", days=3, missing=wanted)
+    write_report([folders], FLEET, None, tmp_path / "out")
+    assert "Logged already: spindle " in every_word(tmp_path / "out" / "m.html")
+
+
+def test_a_table_written_once_is_no_live_source():
+    def of(last: str, kept: int) -> FileRead:
+        return FileRead(format="csv", first="2024-03-01T00:00:00Z", last=last, kept=kept)
+
+    files = {
+        "agent/a.txt": of("2024-03-05T00:00:00Z", 90_000),
+        "dynamometer/a.csv": FileRead(
+            first="2024-03-20T00:00:00Z", last="2024-03-20T00:10:00Z", kept=99_000
+        ),
+        "wear/lives.csv": of("2024-03-22T00:00:00Z", 30),
+    }
+    read = RecordsRead(
+        folders=None, shelf=None, files=files, reasons=None, changes=None, gap_causes=None,
+        longest_gaps=[], losses=[],
+    )  # fmt: skip
+    assert read.last.day == 22
+    assert read.last_live.day == 5
+
+
+def test_baselines_are_said_in_words():
+    assert baseline_words("speed_over_loop_gain").startswith("speed divided by")
+    assert baseline_words("not_listed") == "not listed"
