@@ -7,9 +7,9 @@ A coefficient of a tool is
 with z standard normal, z_source common to all tools whose coefficients come from one source.
 
 - Identified coefficients have the spread of the laws of the chip that the records allow, each law
-  by its straight line over the chips of the cut, so that they spread further beyond the feeds that
-  were learnt; and a share for speeds and depths that were not.  A model without such laws has the
-  intervals and correlations of its fit.  A coefficient that the records did not determine has the
+  by its straight line over the feeds that were learnt and those of the cut, so that they spread
+  further beyond; and a share for speeds and depths that were not.  A model without such laws has
+  the intervals and correlations of its fit.  A coefficient that the records did not determine has the
   value that the fit took, and zero is among its spread.
 - The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.
 - Others' measurements and catalogues err in the material and the edge above all, which moves all
@@ -245,18 +245,22 @@ def law_root(
 ) -> Floats | None:
     """Root of the covariance of coefficients about ``mean`` by the laws of the chip; (6, 6).
 
-    None where the model holds no laws.
+    Each law counts by its straight line over the learnt feeds and those of the cut together, since
+    a feed that is chosen anew lies anywhere among them.  None where the model holds no laws.
     """
     spread = None if model is None or model.prediction is None else model.prediction.spread
     if spread is None:
         return None
     used = used or CutRange(feeds_m=spread.feeds_m, speeds=spread.speeds, depths_m=spread.depths_m)
-    square = np.zeros((6, 6))
-    for f_z in np.linspace(*used.feeds_m, FEEDS).tolist():
-        slot = CutConditions(speed=used.speeds[0], f_z=f_z, a_p=used.depths_m[0], phi_st=0.0,
-                             phi_ex=float(np.pi), flutes=flutes)  # fmt: skip
-        off = fitted_coefficients(model) - spread.line + laws_lines(spread.laws, [slot]) - mean
-        square += off.T @ off / len(off) / FEEDS
+    low = min(used.feeds_m[0], spread.feeds_m[0])
+    high = max(used.feeds_m[1], spread.feeds_m[1])
+    slots = [
+        CutConditions(speed=used.speeds[0], f_z=f_z, a_p=used.depths_m[0], phi_st=0.0,
+                      phi_ex=float(np.pi), flutes=flutes)
+        for f_z in np.linspace(low, high, FEEDS).tolist()
+    ]  # fmt: skip
+    off = fitted_coefficients(model) - spread.line + laws_lines(spread.laws, slots) - mean
+    square = off.T @ off / len(off)
     deepest = used.depths_m[1]  # chips of shallower cuts are as thick, and the tool ends in some
     share = max(outside_share(spread, speed, deepest) for speed in used.speeds)
     square += share**2 * np.outer(mean, mean)
