@@ -9,8 +9,8 @@ with z standard normal, z_source common to all tools whose coefficients come fro
 - Identified coefficients have the spread of the laws of the chip that the records allow, each law
   by its straight line over the feeds that were learnt and those of the cut, so that they spread
   further beyond; and a share for speeds and depths that were not.  A model without such laws has
-  the intervals and correlations of its fit.  A coefficient that the records did not determine has the
-  value that the fit took, and zero is among its spread.
+  the intervals and correlations of its fit.  A coefficient that the records did not determine has
+  the value that the fit took, and zero is among its spread.
 - The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.
 - Others' measurements and catalogues err in the material and the edge above all, which moves all
   coefficients together: of the variance 4 / 5 is common, 1 / 5 each coefficient's own.
