@@ -80,10 +80,10 @@ def counting_figure(one: ModelledPart) -> Counts:
         return Counts(
             what=f"{score.quantity.replace('_', ' ')}, {words}, {where}",
             value=f"{number(error)}{TOGETHER}{unit}", limit=f"{limit:g}{TOGETHER}{unit}",
-            baseline=_baseline(score, name, unit), interval=_interval(verdict, score.quantity),
+            baseline=_baseline(score, name, unit), interval=_interval(verdict, score),
             passed_limit=error > limit,
         )  # fmt: skip
-    interval = "" if verdict is None else _interval(verdict, "")
+    interval = "" if verdict is None else _interval(verdict)
     if not one.page.key_figures or verdict is None:
         return Counts(what="", value="not known", interval=interval)
     what, shown, aside = one.page.key_figures[0]
@@ -127,12 +127,16 @@ def _error(figures: Figures, name: str) -> float | None:
     return value
 
 
-def _interval(verdict: Verdict, quantity: str) -> str:
-    """Least share of samples inside the 90 % interval over all judged groups."""
+def _interval(verdict: Verdict, shown: Score | None = None) -> str:
+    """Share of samples inside the 90 % interval over all judged groups of what a score is of.
+
+    The least of all quantities without one.
+    """
     shares = [
         score.coverage_90
         for score in verdict.scores
         if score.role == verdict.judged_role and score.group == "all"
-        and score.coverage_90 is not None and score.quantity.startswith(quantity)
+        and score.coverage_90 is not None
+        and (shown is None or (score.quantity, score.regime) == (shown.quantity, shown.regime))
     ]  # fmt: skip
     return percent(min(shares), 1.0) if shares else ""
