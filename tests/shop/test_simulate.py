@@ -54,11 +54,11 @@ def test_a_week_with_all_records_has_the_bytes_of_its_parts(machine: str, tmp_pa
 def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> None:
     """Once more, without the servo tool, which none of the other records knows of."""
     whole = digests(week.folder)
-    others = {n: h for n, h in whole.items() if not n.startswith(("servo/", "motor/"))}
-    assert digests(plain_week.folder) == others and len(whole) == len(others) + 13
-    assert plain_week.truth["drives"] == {}
+    others = {n: h for n, h in whole.items() if not n.startswith(("servo/", "motor/", "shaft/"))}
+    assert digests(plain_week.folder) == others and len(whole) == len(others) + 22
+    assert plain_week.truth["drives"] == {} and plain_week.truth["shafts"] == []
     different = {k for k in week.truth if plain_week.truth[k] != week.truth[k]}
-    assert different == {"drives", "parameters"}
+    assert different == {"drives", "shafts", "parameters"}
 
 
 @one_machine
