@@ -19,6 +19,7 @@ import yaml
 from pipeline.app.cache import content_key, keep, kept
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
+from pipeline.schema.days import UTC, day_of_text
 from pipeline.schema.files import NotWrittenError, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
@@ -280,7 +281,8 @@ def freeze_set(
     machine : str
         Whose.
     first, last : str, optional
-        Days of logs that count, ``YYYY-MM-DD``, both included; every file that reaches into them.
+        Days of the plant that count in logs, ``YYYY-MM-DD``, both included; every file that
+        reaches into them.
     files : sequence of str
         Patterns of further files, which have no clock.
     sealed : bool
@@ -292,7 +294,8 @@ def freeze_set(
         When a day is no date, nothing is named, the records were not ingested, a pattern fits no
         file, or a file is in the other set already.
     """
-    machine_parameters(machine)  # refuses one that is not known
+    mapping = machine_parameters(machine)["machine"][machine].get("mapping") or {}
+    zone = str(mapping.get("time_zone", UTC))
     days = _days(first, last)
     manifest = DATA / "signals" / machine / "manifest.json"
     if not manifest.exists():
@@ -300,12 +303,13 @@ def freeze_set(
     known = _document(manifest)["files"]
     names = set() if days is None else {
         name for name, entry in known.items()
-        if entry.get("last") and str(entry["last"])[:10] in days
+        if entry.get("last") and day_of_text(str(entry["last"]), zone) in days
     }  # fmt: skip
     if days is not None and not names:
+        there = _days_there(known, zone)
         raise ValueError(
             f"{machine} has no record from {days.first} to {days.last}: put its files into "
-            f"data/raw/{machine} and run `dvc repro`, or name other days; {_days_there(known)}"
+            f"data/raw/{machine} and run `dvc repro`, or name other days; {there}"
         )
     for pattern in files:
         fitting = {name for name in known if fnmatchcase(name, pattern)}
@@ -326,15 +330,18 @@ def freeze_set(
         )
     from pipeline.submodels.cases import sources
 
-    frozen = FrozenSet(files=sources(known, sorted(names)), days=days)
+    frozen = FrozenSet(files=sources(known, sorted(names)), days=days, time_zone=zone)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
     return frozen
 
 
-def _days_there(known: dict[str, Any]) -> str:
+def _days_there(known: dict[str, Any], zone: str) -> str:
     """The first and last day of each file with a clock, as one span, in words."""
-    ends = [str(e[k])[:10] for e in known.values() for k in ("first", "last") if e.get("last")]
+    ends = [
+        day_of_text(str(e[k]), zone)
+        for e in known.values() for k in ("first", "last") if e.get("last")
+    ]  # fmt: skip
     return f"records reach from {min(ends)} to {max(ends)}" if ends else "no record has a clock"
 
 

@@ -9,7 +9,6 @@ names a machine which another list lacks) is left to the composition.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
-from importlib import import_module
 from math import inf, isfinite
 from pathlib import Path
 from types import NoneType, UnionType
@@ -32,6 +31,7 @@ from pipeline.schema.store import write_text
 from pipeline.schema.structure import unstructured
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.columns import COLUMNS
+from pipeline.stages.sections import section_types
 from pipeline.submodels.contract import submodels
 
 Schema = dict[str, Any]
@@ -78,12 +78,6 @@ def write_schemas(folder: Path = PLACE) -> list[Path]:
 def first_line(kind: str) -> str:
     """Comment by which an editor checks a file of ``conf/<kind>/``."""
     return f"# yaml-language-server: $schema=../{PLACE.name}/{kind}.json\n"
-
-
-def section_types() -> dict[str, Any]:
-    """Type of every section, in the table that the stage compose checks them by."""
-    types: dict[str, Any] = import_module("pipeline.stages.sections").section_types()
-    return types
 
 
 def machine_sections() -> dict[str, Any]:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from shutil import copy2
 
-import numpy as np
-
 from pipeline.app.machine_signals import Choice, Found, find_signals
 from pipeline.app.records import ItemSeries, item_series
+from pipeline.schema.days import UTC, check_zone, days_of
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, UnreadableFile, format_of
 from pipeline.signals.ingest import OBSERVING, ingest
@@ -40,6 +39,8 @@ class Proposal:
         What the logs said.
     found : Found
         Which item is which signal.
+    time_zone : str
+        Of the plant's days.
     """
 
     name: str
@@ -49,17 +50,14 @@ class Proposal:
     groups: tuple[tuple[str, str], ...]
     series: dict[str, ItemSeries]
     found: Found
+    time_zone: str = UTC
 
     @property
     def days(self) -> list[str]:
-        """UTC days on which the modelled spindle's temperature, else anything, was reported."""
+        """Days of the plant on which the spindle's temperature, else anything, was reported."""
         item = self.found.signals.get("spindle_temperature", "")
         some = [self.series[item]] if item in self.series else list(self.series.values())
-        days = {
-            str(d)
-            for one in some
-            for d in np.unique((one.time[one.known] // (86400 * 10**9)).astype("datetime64[D]"))
-        }
+        days = {d for one in some for d in days_of(one.time[one.known], self.time_zone)}
         return sorted(days)
 
     @property
@@ -81,7 +79,12 @@ class Proposal:
 
 
 def propose(
-    name: str, devices: Path, logs: Sequence[Path], device: str | None, raw: Path
+    name: str,
+    devices: Path,
+    logs: Sequence[Path],
+    device: str | None,
+    raw: Path,
+    time_zone: str = UTC,
 ) -> Proposal:
     """What the machine's file may say, from its Devices document and its logs.
 
@@ -90,8 +93,9 @@ def propose(
     Raises
     ------
     ValueError
-        When a file cannot be read, or several devices could be meant.
+        When a file cannot be read, several devices could be meant, or no such zone is known.
     """
+    check_zone(time_zone)
     for path in (devices, *logs):
         if not path.is_file():
             raise ValueError(f"{path} is no file: name the Devices document and each log")
@@ -110,7 +114,7 @@ def propose(
     items = [(every.item_name(i), i) for i in every.items]
     return Proposal(
         name=name, model=every, devices=place, device=device, groups=groups, series=series,
-        found=find_signals(items, series),
+        found=find_signals(items, series), time_zone=time_zone,
     )  # fmt: skip
 
 
@@ -194,6 +198,7 @@ def machine_text(p: Proposal) -> str:
     ]  # fmt: skip
     for choice in p.found.choices.values():
         lines += _signal(choice)
+    lines.append(f"  time_zone: {p.time_zone}   # days go from midnight to midnight of this clock")
     if p.found.position_control:
         inside = ", ".join(f"{k}: {_quoted(v)}" for k, v in p.found.position_control.items())
         lines.append(f"  position_control: {{{inside}}}   # the spindle stands while C moves")

@@ -8,11 +8,14 @@ from pipeline.app.fleet import CONF, DATA, machine_parameters
 from pipeline.app.machine import fleet_text, machine_text, next_steps, propose, said
 from pipeline.app.records import ItemRecord, described_units, machine_records
 from pipeline.parameters import structure
+from pipeline.schema.days import UTC
 from pipeline.schema.files import replacing
 from pipeline.signals.cleaning.settings import CleanMachine
 
 
-def write_machine(name: str, devices: Path, logs: Sequence[Path], device: str | None) -> list[str]:
+def write_machine(
+    name: str, devices: Path, logs: Sequence[Path], device: str | None, time_zone: str = UTC
+) -> list[str]:
     """Propose ``conf/machine/<name>.yaml`` and a fleet of it; what was found, in lines.
 
     The schemas by which an editor checks them are written into ``conf/schema/``.
@@ -33,7 +36,9 @@ def write_machine(name: str, devices: Path, logs: Sequence[Path], device: str | 
             raise ValueError(f"{path} is there already: name another machine, or remove it")
     if not (CONF / "machine").is_dir():
         raise ValueError(f"{CONF / 'machine'} does not exist: run kerf in the project's folder")
-    found = propose(name, devices, list(_files(logs, devices)), device, DATA / "raw" / name)
+    found = propose(
+        name, devices, list(_files(logs, devices)), device, DATA / "raw" / name, time_zone
+    )
     every = [submodel(one) for one in submodels()]
     texts = [
         first_line("machine") + machine_text(found),

@@ -26,12 +26,15 @@ def new(
         list[Path] | None, typer.Option(help="A log, or a folder of them; may be repeated.")
     ] = None,
     device: Annotated[str | None, typer.Option(help="Which device of that document.")] = None,
+    time_zone: Annotated[
+        str, typer.Option(help="Of the plant's days, as America/New_York; records stay in UTC.")
+    ] = "UTC",
 ) -> None:
     """Propose conf/machine/NAME.yaml and conf/fleet/NAME.yaml, and say why each signal is what."""
     from pipeline.app.new_machine import write_machine
 
     with one_sentence():
-        lines = write_machine(name, devices, logs or (), device)
+        lines = write_machine(name, devices, logs or (), device, time_zone)
     for line in lines:
         typer.echo(line)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
+from pipeline.app.lines import aligned
 from pipeline.schema.arrays import Floats, Ints
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -236,10 +237,7 @@ def document(rows: Sequence[ItemRecord]) -> list[dict[str, Any]]:
 def lines(rows: Sequence[ItemRecord]) -> Iterator[str]:
     """The rows as a table of words, with what is wrong with them below."""
     head = ("item", "signal", "samples", "every", "range", "unit", "unavail.", "first", "last", "")
-    cells = [head, *map(_cells, rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    for line in cells:
-        yield "  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip()
+    yield from aligned([head, *map(_cells, rows)], words=len(head))
     absent = [row for row in rows if row.signal and not row.samples]
     for row in absent:
         yield f"no record has a value of {row.item}, which the machine's file names as {row.signal}"

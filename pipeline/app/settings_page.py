@@ -8,7 +8,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pipeline.app.json_schema import FOR_ALL, machine_sections, section_types
+from pipeline.app.json_schema import FOR_ALL, machine_sections
 from pipeline.app.settings_fields import (
     NOTHING,
     Setting,
@@ -24,6 +24,7 @@ from pipeline.parameters import read_yaml
 from pipeline.schema.ranges import Range
 from pipeline.schema.structure import unstructured
 from pipeline.signals.columns import COLUMNS, Column
+from pipeline.stages.sections import section_types
 
 HEAD = """# Settings and signals
 

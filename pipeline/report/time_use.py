@@ -48,7 +48,7 @@ def uses(days: Sequence[Day]) -> list[Use]:
     """Recorded time, its execution states, and what the segments of programs say of it."""
     known, active = sum(d.known for d in days), sum(d.active for d in days)
     found = [
-        Use(name="Recorded", seconds=known, whole=86_400.0 * len(days),
+        Use(name="Recorded", seconds=known, whole=sum(sum(d.seconds.values()) for d in days),
             formula="seconds with a known execution state, of 24 h a day"),
         Use(name="ACTIVE (utilisation)", seconds=active, whole=known, formula="ACTIVE ÷ recorded"),
         Use(name="Feed hold, interrupted", seconds=sum(d.stopped for d in days), whole=known,

@@ -10,11 +10,11 @@ from pipeline.report.actions import machine_actions
 from pipeline.report.facts import MachineFacts
 from pipeline.report.records import WHOLE, Gap
 from pipeline.report.states import ActionRow, MachineVerdict, StateLine, Status
+from pipeline.schema.days import day_of
 
 WORDS = {"failed": "failed", "attention": "not decided", "unknown": "not judged"}
 """Status of a sub-model in the line of the twin."""
 REJECTED_SHARE = 0.01  # of the records: above it a reader or the recording needs a look
-DAY_NS = 86_400 * 10**9
 NIGHT_S = 4 * 3600.0  # a shorter loss over midnight is not a night switched off
 LONG_LOSS_S = 600.0  # a loss of the whole record; shorter ones are in the tables
 STOPPED_SHARE = 0.25  # of a day's working time in feed hold or interrupted
@@ -154,7 +154,7 @@ def _notes(facts: MachineFacts) -> list[str]:
     """What else is unusual, most important first."""
     said = [words for page in facts.pages for words in page.notes]
     said += _serving(facts)
-    lost = [g for g in facts.records.losses if _in_working_time(g)]
+    lost = [g for g in facts.records.losses if _in_working_time(g, facts.work.time_zone)]
     if lost:
         said.append(
             f"The machine was not heard for {duration(lost[0].seconds)} from "
@@ -185,11 +185,11 @@ def _serving(facts: MachineFacts) -> list[str]:
     return said
 
 
-def _in_working_time(gap: Gap) -> bool:
+def _in_working_time(gap: Gap, zone: str) -> bool:
     """Whether a loss of the whole record is more than a night or a weekend switched off."""
     if gap.data_item != WHOLE or gap.seconds < LONG_LOSS_S:
         return False
-    return gap.start // DAY_NS == gap.end // DAY_NS or gap.seconds < NIGHT_S
+    return day_of(gap.start, zone) == day_of(gap.end, zone) or gap.seconds < NIGHT_S
 
 
 def _stopped_days(facts: MachineFacts) -> list[str]:

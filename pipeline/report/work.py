@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from pipeline.charts.sources import SourceRegistry
 from pipeline.report.folders import MachineFolders
 from pipeline.report.records import CLEANED, NS, nanoseconds
+from pipeline.schema.days import UTC, clock, day_end, day_of, day_start, instant, zone_of
 
 DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve
@@ -31,9 +32,10 @@ class Day:
     Parameters
     ----------
     day : str
-        ISO date, UTC.
+        ISO date of the plant.
     seconds : dict of str to float
-        Time in each execution state [s], ``no record`` included; adds up to 24 h.
+        Time in each execution state [s], ``no record`` included; adds up to the
+        day, 23 to 25 h.
     running, position_control, speed_known : float or None
         Time that the spindle runs, is held by its position loop, has a known speed [s].
     runs : list of (state, first bin, last bin + 1)
@@ -99,6 +101,7 @@ class Work:
     days: list[Day]
     cycles: list[Cycle] | None
     state_files: list[Path]
+    time_zone: str = UTC
 
     @property
     def worked_days(self) -> list[Day]:
@@ -116,8 +119,7 @@ class Work:
         for day in reversed(self.days):
             ends = [end for state, _, end in day.runs if state != NO_RECORD]
             if ends:
-                midnight = float(np.datetime64(day.day, "s").astype(np.int64))
-                return midnight + BIN * max(ends)
+                return instant(day.day, BIN * max(ends), self.time_zone) / NS
         return None
 
     @property
@@ -188,7 +190,8 @@ def work(folders: MachineFolders, shelf: SourceRegistry, prefix: str = "") -> Wo
     ``prefix`` says which spindle is meant, as in the canonical names (``second_``).
     """
     files, days = sorted((folders.clean / "state").glob("*.parquet")), []
-    kinds = _kinds_by_day(folders, shelf)
+    zone = zone_of(folders.clean)
+    kinds = _kinds_by_day(folders, shelf, zone)
     cycles = _cycles(folders, shelf)
     used = [np.zeros(2) for _ in cycles or []]  # seconds running, seconds known
     for path in files:
@@ -198,7 +201,9 @@ def work(folders: MachineFolders, shelf: SourceRegistry, prefix: str = "") -> Wo
     if cycles is not None:
         shares = [float(runs / known) if known > 0 else None for runs, known in used]
         cycles = [replace(one, running=of) for one, of in zip(cycles, shares, strict=True)]
-    return Work(folders=folders, shelf=shelf, days=days, cycles=cycles, state_files=files)
+    return Work(
+        folders=folders, shelf=shelf, days=days, cycles=cycles, state_files=files, time_zone=zone
+    )
 
 
 def _day(
@@ -210,7 +215,8 @@ def _day(
     if table is None or "time" not in table.column_names:
         return None
     times = nanoseconds(table.column("time")) // NS
-    place = (times % DAY) // BIN
+    zone = table.column("time").type.tz
+    place = (clock(times * NS, zone) // NS % DAY) // BIN
     execution = _words(table, "execution")
     speed = _numbers(table, columns[2])
     held = _numbers(table, columns[3])
@@ -219,7 +225,7 @@ def _day(
     known = bool(np.isfinite(speed).any())
     return Day(
         day=path.stem,
-        seconds=_seconds(execution),
+        seconds=_seconds(execution, day_end(path.stem, zone) - day_start(path.stem, zone)),
         running=float(runs.sum()) if known else None,
         position_control=float((held > 0.5).sum()) if np.isfinite(held).any() else None,
         speed_known=float(np.isfinite(speed).sum()) if known else None,
@@ -243,10 +249,10 @@ def _numbers(table: pa.Table, name: str) -> np.ndarray:
     return pc.fill_null(table.column(name).cast(pa.float64()), np.nan).to_numpy()
 
 
-def _seconds(execution: np.ndarray) -> dict[str, float]:
+def _seconds(execution: np.ndarray, whole: int) -> dict[str, float]:
     words, counts = np.unique(execution, return_counts=True)
     seconds = {str(w): float(n) for w, n in zip(words, counts, strict=True) if w != NO_RECORD}
-    seconds[NO_RECORD] = max(0.0, DAY - sum(seconds.values()))
+    seconds[NO_RECORD] = max(0.0, whole / NS - sum(seconds.values()))
     return seconds
 
 
@@ -281,7 +287,9 @@ def _use_of_cycles(
         total += sums[:, b] - sums[:, a]
 
 
-def _kinds_by_day(folders: MachineFolders, shelf: SourceRegistry) -> dict[str, dict[str, float]]:
+def _kinds_by_day(
+    folders: MachineFolders, shelf: SourceRegistry, zone: str
+) -> dict[str, dict[str, float]]:
     """Seconds of each kind of segment on each day; a segment over midnight counts to both."""
     path = folders.clean / "segments.parquet"
     table = shelf.table(path, ("start", "end", "kind"), STATES)
@@ -292,8 +300,8 @@ def _kinds_by_day(folders: MachineFolders, shelf: SourceRegistry) -> dict[str, d
     starts, ends = (nanoseconds(table.column(c)) / NS for c in ("start", "end"))
     for kind, start, end in zip(kinds, starts, ends, strict=True):
         while start < end and start > 0:
-            midnight = (start // DAY + 1) * DAY
-            day = str(np.datetime64(int(start), "s").astype("datetime64[D]"))
+            day = day_of(int(start) * NS, zone)
+            midnight = day_end(day, zone) / NS
             of_day = found.setdefault(day, {})
             of_day[str(kind)] = of_day.get(str(kind), 0.0) + min(end, midnight) - start
             start = midnight

@@ -105,7 +105,8 @@ def _figures(done: Work) -> Figures:
             Figure(svg=bars_figure(days), sources=made,
                    caption=f"How long: hours in each execution state, each bar 24 h{which}."),
             Figure(svg=strips_figure(days), sources=made,
-                   caption=f"When: execution state over the day, UTC, in steps of 5 min{which}."),
+                   caption=f"When: execution state over the day, {done.time_zone}, "
+                   f"in steps of 5 min{which}."),
         ],
     )  # fmt: skip
 
@@ -130,7 +131,7 @@ def bars_figure(days: list[Day]) -> Markup:
         parts.append(_day_label(row, day.day, years))
         x = 0.0
         for state in states:
-            width = 100 * day.seconds.get(state, 0.0) / DAY
+            width = 100 * day.seconds.get(state, 0.0) / max(DAY, sum(day.seconds.values()))
             if width > 0:
                 said = f"{day_words(day.day)}: {state} {hours(day.seconds[state])} h"
                 bar = svg.bar(x, width, row * ROW + 3, ROW - 6, state_class(state))
@@ -142,7 +143,7 @@ def bars_figure(days: list[Day]) -> Markup:
 
 
 def strips_figure(days: list[Day]) -> Markup:
-    """When the machine was in which state: one strip a day, midnight to midnight UTC."""
+    """When the machine was in which state: one strip a day, midnight to midnight."""
     years = _years(days)
     parts = _hour_grid(len(days), [f"{h:02d}:00" for h in range(0, 25, 6)])
     for row, day in enumerate(days):

@@ -10,6 +10,7 @@ __all__ = [
     "arrays",
     "bundle",
     "cutting",
+    "days",
     "drive",
     "files",
     "golden",

@@ -16,7 +16,7 @@ from pipeline.schema.store import read_json, write_json
 
 @dataclass(frozen=True, kw_only=True)
 class Days:
-    """First and last UTC day, ``YYYY-MM-DD``, both included."""
+    """First and last day of the plant, ``YYYY-MM-DD``, both included."""
 
     first: str
     last: str
@@ -47,10 +47,13 @@ class FrozenSet:
         Path below ``data/raw/<machine>`` and SHA-256 of the bytes.
     days : Days or None
         None where no file has a clock.
+    time_zone : str
+        Of the plant, whose days they are.
     """
 
     files: tuple[SourceFile, ...]
     days: Days | None = None
+    time_zone: str = "UTC"
 
     @property
     def sha256(self) -> str:

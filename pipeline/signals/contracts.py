@@ -123,6 +123,9 @@ def _of(accepts: str, *, nullable: bool = False, checks: Any = None) -> "pa.Colu
             lambda s: isinstance(s.dtype, pd.DatetimeTZDtype) and str(s.dtype.tz) == "UTC",
             error="times with zone UTC",
         ),
+        "plant": pa.Check(
+            lambda s: isinstance(s.dtype, pd.DatetimeTZDtype), error="times with the plant's zone"
+        ),
         "word": pa.Check(_is_words, error="words"),
         "number": pa.Check(
             lambda s: pd.api.types.is_numeric_dtype(s) and not pd.api.types.is_bool_dtype(s),
@@ -172,7 +175,7 @@ def _wide(table_name: str, present: list[str]) -> "dict[str, pa.Column]":
     """Columns of a wide table: known signals within their range, other channels as numbers."""
     columns = {}
     if table_name == "state" or "time" in present:
-        columns["time"] = _of("time")
+        columns["time"] = _of("plant" if table_name == "state" else "time")
     else:
         columns["t"] = _of("number")
     for name in present:

@@ -15,7 +15,7 @@ class StateSegment:
     Parameters
     ----------
     day : str
-        UTC day, ``YYYY-MM-DD``.
+        Day of the plant, ``YYYY-MM-DD``.
     frame : DataFrame
         One row a step, index the UTC time of the step's beginning.
     step : float
@@ -37,7 +37,7 @@ def state_days(clean: Path, start: str | None = None, end: str | None = None) ->
 
 
 def read_state(clean: Path, day: str) -> pd.DataFrame:
-    """The state table of one day, indexed by UTC time.
+    """The state table of one day, indexed by time in the zone of the plant.
 
     Raises
     ------

@@ -4,4 +4,4 @@ Positional parameters are paths in the order of the command, keyword-only ones s
 params.yaml. ``python -m pipeline.stages NAME@MACHINE PATH...`` runs one.
 """
 
-__all__ = ["compose", "correct_programs", "optimise", "report"]
+__all__ = ["compose", "correct_programs", "optimise", "report", "sections"]

@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from pipeline.schema.days import day_of_text
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
 from pipeline.schema.verdict import Fact, Role
@@ -25,7 +26,7 @@ class Roles:
     training : tuple of str
         Patterns of raw files below the machine's folder.
     training_days : Days or None
-        UTC days of files that have a clock.
+        Days of the plant, for files that have a clock.
     """
 
     training: tuple[str, ...] = ()
@@ -153,12 +154,15 @@ def sources(files: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> tup
     return tuple(SourceFile(file=name, sha256=str(files[name]["sha256"])) for name in names)
 
 
-def files_of_day(files: Mapping[str, Mapping[str, Any]], day: str) -> list[str]:
-    """Raw files whose last record is of a UTC day.
+def files_of_day(files: Mapping[str, Mapping[str, Any]], day: str, zone: str) -> list[str]:
+    """Raw files whose last record is of a day of the plant, which has a time zone.
 
     A log restates at its start what was known before, so that its first time says little.
     """
-    return [name for name, entry in sorted(files.items()) if str(entry["last"] or "")[:10] == day]
+    return [
+        name for name, entry in sorted(files.items())
+        if entry["last"] and day_of_text(str(entry["last"]), zone) == day
+    ]  # fmt: skip
 
 
 def conditions_of(cases: Iterable[Case]) -> dict[str, Condition]:

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.days import day_of_text
 from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, Model
 from pipeline.schema.predictions import BASELINE
@@ -546,7 +547,9 @@ def changes(
         found += [
             f"{name} reaches into the days of the {what} set and was not frozen with it"
             for name, entry in sorted(files.items())
-            if name not in known and entry.get("last") and str(entry["last"])[:10] in frozen.days
+            if name not in known
+            and entry.get("last")
+            and day_of_text(str(entry["last"]), frozen.time_zone) in frozen.days
         ]
     return found
 

@@ -23,7 +23,7 @@ def test_a_good_state_table_passes_and_comes_back():
         (state(spindle_load=["a", "b", "c"]), "'spindle_load' is .* where numbers belong"),
         (state(execution=[1, 2, 3]), "'execution' is int64 where words belong"),
         (state(time=TIME[::-1]), "'time', row 1: 2024-03-04.* does not follow"),
-        (state(time=TIME.tz_localize(None)), "'time' is .* where times with zone UTC belong"),
+        (state(time=TIME.tz_localize(None)), "'time' is .* where times with the plant's zone"),
         (state(speed=1.0), "'speed' is not of this table"),
         (state().drop(columns="time"), "'time' is missing"),
     ],

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.days import day_end, day_of, day_start
 from pipeline.signals.cleaning import tables
 from pipeline.signals.cleaning.activity import (
     CONTROLLER,
@@ -23,13 +24,10 @@ from pipeline.signals.cleaning.alarms import AT, LEVELS, Said, alarms
 from pipeline.signals.cleaning.day import Carry, Day, clean_day
 from pipeline.signals.cleaning.gaps import N_BINS, Gap, ReportingInterval, reporting_interval
 from pipeline.signals.cleaning.recorded import (
-    DAY,
     LOGGER,
     WHOLE,
     Index,
     conversions,
-    day_of,
-    day_start,
     files_of,
     index,
     is_trace,
@@ -110,6 +108,7 @@ class _Build:
         self, signals: Path, out: Path, machine: CleanMachine, settings: CleanSettings
     ) -> None:
         self.signals, self.out, self.machine, self.settings = signals, out, machine, settings
+        self.zone = machine.time_zone
         self.converted = conversions(signals, machine)
         out.mkdir(parents=True, exist_ok=True)
         self.before = tables.read_summary(out)
@@ -136,14 +135,18 @@ class _Build:
             carry = done[day]["carry"]
         tables.drop_days(self.out, keep=[d for d in days if done[d]["seconds"]])
         kept = [d for d in days if d not in fresh]
-        tables.write_audit(self.out, [a for d in fresh.values() for a in d.audit], kept)
+        tables.write_audit(self.out, [a for d in fresh.values() for a in d.audit], kept, self.zone)
         ended = [gap for d in fresh.values() for gap in d.gaps]
-        gaps = tables.write_gaps(self.out, [*ended, *self._open_gaps(carry)], kept)
+        gaps = tables.write_gaps(self.out, [*ended, *self._open_gaps(carry)], kept, self.zone)
         return self._whole(days, done, list(fresh), gaps)
 
+    def _span(self, day: str) -> tuple[int, int]:
+        """First moment of a day and of the next one [ns]."""
+        return day_start(day, self.zone), day_end(day, self.zone)
+
     def _files(self, day: str) -> list[Index]:
-        start = day_start(day)
-        end = start + DAY + round(self.settings.lookahead_s * NS)
+        start, midnight = self._span(day)
+        end = midnight + round(self.settings.lookahead_s * NS)
         return [i for i in self.indices if i.days and i.live_start < end and i.last >= start]
 
     def _key(self, day: str, carry: Carry) -> str:
@@ -152,8 +155,8 @@ class _Build:
         return _digest([self.rules, day, files, carry, reporting, _has_agent(self.indices)])
 
     def _day(self, day: str, carry: Carry) -> Day:
-        start = day_start(day)
-        end = start + DAY + round(self.settings.lookahead_s * NS)
+        start, midnight = self._span(day)
+        end = midnight + round(self.settings.lookahead_s * NS)
         parts = []
         for one in self._files(day):
             rows = rows_of(self.signals / one.file, self.machine, self.settings)
@@ -165,7 +168,7 @@ class _Build:
             chosen = (rows["data_item"] == item).to_numpy()
             rows.loc[chosen, "number"] = rows.loc[chosen, "number"] * factor + offset
         done = clean_day(
-            rows, start, start + DAY, carry, self.reporting, machine=self.machine,
+            rows, start, midnight, carry, self.reporting, machine=self.machine,
             settings=self.settings,
         )  # fmt: skip
         tables.write_state(self.out, day, done.state, self.machine)
@@ -174,14 +177,14 @@ class _Build:
     def _note(self, day: str, key: str, done: Day) -> Summary:
         removed = pd.Series([a.rule for a in done.audit], dtype=object).value_counts()
         series = {n: done.series[i] for n, i in self.machine.signals.items() if n in CONTROLLER}
-        start = day_start(day)
-        found = intervals(series, start + DAY)
-        inside = tables.clipped(found, start, start + DAY)
+        start, midnight = self._span(day)
+        found = intervals(series, midnight)
+        inside = tables.clipped(found, start, midnight)
         return {
             "key": key, "carry": done.carry, "seconds": len(done.state) * self.settings.period_s,
             "removed": {str(k): int(v) for k, v in sorted(removed.items())}, **done.counts,
             "execution_s": seconds_in_states(inside) if done.state.size else {},
-            "controller": tables.changes(series, start, start + DAY),
+            "controller": tables.changes(series, start, midnight),
         }  # fmt: skip
 
     def _open_gaps(self, carry: Carry) -> list[Gap]:
@@ -214,7 +217,7 @@ class _Build:
 
     def _alarms(self, days: list[str]) -> pd.DataFrame:
         said = [Said(*row) for one in self.indices for row in one.conditions]
-        wanted = {day_of(one.time) for one in said if one.level in LEVELS}
+        wanted = {day_of(one.time, self.zone) for one in said if one.level in LEVELS}
         state = tables.read_state(
             self.out, [d for d in days if d in wanted], [n for n in self.machine.names if n in AT]
         )

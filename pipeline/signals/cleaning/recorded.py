@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Ints
+from pipeline.schema.days import days_of
 from pipeline.signals.cleaning.alarms import Said, conditions
 from pipeline.signals.cleaning.gaps import counted_intervals
 from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
@@ -22,7 +23,6 @@ from pipeline.signals.columns import COLUMNS
 from pipeline.signals.store import sha256_of
 from pipeline.signals.units import conversion
 
-DAY = 86400 * NS
 WHOLE = "*"
 """Stands for the machine as a whole among the data items of an index."""
 LOGGER = "*trace"
@@ -74,16 +74,6 @@ def is_trace(name: str) -> bool:
     return name.startswith("traces/")
 
 
-def day_of(time: int) -> str:
-    """The day [UTC] of a time [ns]."""
-    return str(np.datetime64(time // DAY, "D"))
-
-
-def day_start(day: str) -> int:
-    """The first moment [ns] of a day."""
-    return int(np.datetime64(day, "D").astype(np.int64)) * DAY
-
-
 def index(path: Path, signals: Path, machine: CleanMachine, settings: CleanSettings) -> Index:
     """Read one file through and note what later reading needs."""
     name, digest = path.relative_to(signals).as_posix(), sha256_of(path)
@@ -99,7 +89,7 @@ def index(path: Path, signals: Path, machine: CleanMachine, settings: CleanSetti
     for item, part in wanted.groupby("data_item", observed=True):
         times = np.unique(part["time"].to_numpy()[part["spoken"].to_numpy()])
         counts[str(item)] = _sparse(counted_intervals(times, settings.off_after_s))
-    days = sorted({day_of(int(t)) for t in np.unique(time // DAY) * DAY})
+    days = days_of(time, machine.time_zone)
     return Index(
         file=name, sha256=digest, live_start=int(time.min()), last=int(time.max()), late=late,
         restated=int(rows["restated"].sum()), days=days, intervals=counts,

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from pipeline.schema.days import UTC, check_zone
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.signals.columns import COLUMNS, column
 
@@ -62,19 +63,25 @@ class CleanMachine:
         For machines whose spindle also works as a C axis.
     warm_up_programs : tuple of str
         Programs that only warm the machine up.
+    time_zone : str
+        Of the plant's clock, as ``America/New_York``: days, and with them golden sets, go from
+        midnight to midnight of it.
 
     Raises
     ------
     ValueError
-        When a signal is not in the table of signals, or two signals name one data item.
+        When a signal is not in the table of signals, two signals name one data item, or no such
+        time zone is known.
     """
 
     signals: Mapping[str, str] = field(default_factory=dict)
     position_control: PositionControl | None = None
     warm_up_programs: tuple[str, ...] = ()
+    time_zone: str = UTC
 
     def __post_init__(self) -> None:
         """Check the names against the table of signals."""
+        check_zone(self.time_zone)
         seen: dict[str, str] = {}
         for name, item in self.signals.items():
             column(name)

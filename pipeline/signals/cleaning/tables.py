@@ -13,14 +13,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.schema import store
+from pipeline.schema.days import day_of
 from pipeline.signals import columns
 from pipeline.signals.cleaning.activity import Intervals
 from pipeline.signals.cleaning.gaps import Gap
 from pipeline.signals.cleaning.glitches import Audit
-from pipeline.signals.cleaning.recorded import Index, day_of
+from pipeline.signals.cleaning.recorded import Index
 from pipeline.signals.cleaning.series import Series
 from pipeline.signals.cleaning.settings import CleanMachine
-from pipeline.signals.columns import ALARMS, AUDIT, CYCLES, GAPS, SEGMENTS, TIME
+from pipeline.signals.columns import ALARMS, AUDIT, CYCLES, GAPS, SEGMENTS
 
 _WHOLE = {
     "audit": AUDIT, "gaps": GAPS, "cycles": CYCLES, "segments": SEGMENTS, "alarms": ALARMS,
@@ -60,8 +61,9 @@ def write_state(out: Path, day: str, state: pd.DataFrame, machine: CleanMachine)
         path.unlink(missing_ok=True)
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    fields = [pa.field("time", TIME, nullable=False), *(columns.field(n) for n in machine.names)]
-    arrays = [pa.array(state["time"].to_numpy()).cast(TIME)]
+    shown = pa.timestamp("ns", tz=machine.time_zone)  # the same instants, of UTC, on disk
+    fields = [pa.field("time", shown, nullable=False), *(columns.field(n) for n in machine.names)]
+    arrays = [pa.array(state["time"].to_numpy()).cast(shown)]
     for one in fields[1:]:
         value = state[one.name].astype(object) if one.type == pa.string() else state[one.name]
         arrays.append(pa.array(value.to_numpy(), one.type, from_pandas=True))
@@ -89,32 +91,43 @@ def drop_days(out: Path, keep: list[str]) -> None:
             path.unlink()
 
 
-def _kept(path: Path, by: str, days: list[str]) -> pa.Table | None:
+def _kept(path: Path, by: str, days: list[str], zone: str) -> pa.Table | None:
     """Rows of a table that belong to days which stay as they are."""
     if not days or not path.is_file():
         return None
     table = pq.read_table(path)
-    row_day = [None if t is None else day_of(t) for t in table[by].cast(pa.int64()).to_pylist()]
+    row_day = [
+        None if t is None else day_of(t, zone) for t in table[by].cast(pa.int64()).to_pylist()
+    ]
     return table.filter(pa.array([d in set(days) for d in row_day], pa.bool_()))
 
 
-def write_audit(out: Path, audit: list[Audit], kept_days: list[str]) -> pa.Table:
+def write_audit(out: Path, audit: list[Audit], kept_days: list[str], zone: str) -> pa.Table:
     """Write ``audit.parquet``: rows of the days that stay, and those made now."""
-    return _rewrite(out, "audit", audit, kept_days, by="time", then=["time", "data_item", "rule"])
+    return _rewrite(
+        out, "audit", audit, kept_days, zone, by="time", then=["time", "data_item", "rule"]
+    )
 
 
-def write_gaps(out: Path, gaps: list[Gap], kept_days: list[str]) -> pa.Table:
+def write_gaps(out: Path, gaps: list[Gap], kept_days: list[str], zone: str) -> pa.Table:
     """Write ``gaps.parquet``; a gap belongs to the day it ends in."""
     return _rewrite(
-        out, "gaps", gaps, kept_days, by="end", then=["start", "end", "data_item", "cause"]
+        out, "gaps", gaps, kept_days, zone, by="end", then=["start", "end", "data_item", "cause"]
     )
 
 
 def _rewrite(
-    out: Path, name: str, rows: Sequence[Audit | Gap], kept: list[str], *, by: str, then: list[str]
-) -> pa.Table:
+    out: Path,
+    name: str,
+    rows: Sequence[Audit | Gap],
+    kept: list[str],
+    zone: str,
+    *,
+    by: str,
+    then: list[str],
+) -> pa.Table:  # fmt: skip
     path, made = out / f"{name}.parquet", pa.Table.from_pylist(list(map(vars, rows)), _WHOLE[name])
-    stays = _kept(path, by, kept)
+    stays = _kept(path, by, kept, zone)
     table = made if stays is None else pa.concat_tables([stays.cast(made.schema), made])
     table = table.sort_by([(column, "ascending") for column in then])
     write_table(path, table)

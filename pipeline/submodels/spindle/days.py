@@ -79,7 +79,7 @@ class Run:
     Parameters
     ----------
     index : DatetimeIndex
-        UTC time of each step.
+        Time of each step, in the plant's zone.
     measured, predicted, physics, persistence : ndarray
         Temperatures [degC]: measured, of the whole model, of the network alone, as it was given.
     regime : ndarray of str
@@ -95,7 +95,7 @@ class Run:
 
     @property
     def seconds(self) -> Floats:
-        """Time since midnight UTC [s]."""
+        """Time since midnight of the plant [s]."""
         return np.asarray((self.index - self.index[0].normalize()).total_seconds(), dtype=float)
 
 
@@ -281,7 +281,7 @@ def predicted_day(
 
 
 def _rows(run: Run, regime: str, tried: Run | None) -> pd.DataFrame:
-    """Rows of a day: ``t`` in seconds since midnight UTC."""
+    """Rows of a day: ``t`` in seconds since midnight of the plant."""
     known = [run.measured, run.predicted, *([run.persistence] if regime == WINDOWS else [])]
     found = pd.DataFrame(
         {

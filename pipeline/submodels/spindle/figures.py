@@ -103,7 +103,7 @@ def _hours(curves: list[Curves]) -> tuple[int, int]:
     if len(seen) == 0:
         return 0, 24
     first, last = int(seen.min() // 10800) * 3, int(seen.max() // 10800 + 1) * 3
-    return first, min(24, last)
+    return first, min(24 if seen.max() < DAY else 25, last)
 
 
 def _models(curves: Curves) -> list[str]:

@@ -30,6 +30,7 @@ from pipeline.charts.sections import (
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Head, Table, cells, names, numbers, sources
+from pipeline.schema.days import day_start
 from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
@@ -489,8 +490,9 @@ def _spinning(seen: Seen, day: str) -> figures.Spinning | None:
     table = seen.shelf.table(_state(seen, day), columns, made, all_of=False)
     if table is None or "time" not in table.column_names:
         return None
-    times = table.column("time").cast(pa.timestamp("ns", tz="UTC")).cast(pa.int64()).to_numpy()
-    place = (times // 1_000_000_000 % figures.DAY) // figures.BIN
+    column = table.column("time")
+    times = column.cast(pa.timestamp("ns", tz="UTC")).cast(pa.int64()).to_numpy()
+    place = (times - day_start(day, column.type.tz)) // 1_000_000_000 // figures.BIN
 
     def values(name: str) -> np.ndarray:
         if name not in table.column_names:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.charts.sections import SubModelPage
+from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
@@ -133,9 +134,10 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         clean, files = records.clean, records.files
         if clean is None:
             raise ValueError("the spindle's days stand in the clean records: name them in reads")
-        cases = []
+        zone, cases = zone_of(clean), []
+        _check_zone_of_sets(sets, zone)
         for day in state_days(clean):
-            raw = files_of_day(files, day)
+            raw = files_of_day(files, day, zone)
             role = role_of(raw, settings.roles, sets, day)
             load = _loader(clean, day)
             conditions = {} if role == "sealed" else _conditions(load(), settings.spindle)
@@ -272,6 +274,19 @@ def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str
         f"{start}: each has a value, never all of them for so long; record a working day, or name "
         f"other days of {days[0]} to {days[-1]} in roles.training_days"
     )
+
+
+def _check_zone_of_sets(sets: GoldenSets | None, zone: str) -> None:
+    """Raise ValueError where days were frozen by another clock than the records are cut by."""
+    if sets is None:
+        return
+    for frozen in (sets.golden, sets.sealed):
+        if frozen is not None and frozen.days is not None and frozen.time_zone != zone:
+            raise ValueError(
+                f"the frozen days {frozen.days.first} to {frozen.days.last} of {sets.machine} are "
+                f"those of {frozen.time_zone}, its records are cut by {zone}: freeze them again "
+                f"with `kerf golden {sets.machine}`"
+            )
 
 
 def _loader(clean: Path, day: str) -> Callable[[], pd.DataFrame]:
