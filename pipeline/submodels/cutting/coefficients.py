@@ -41,6 +41,10 @@ RUNOUT = 0.1
 """Least size of a runout in the test of its interval, over the feed per tooth [1]."""
 UNLIKE = 0.1
 """Standard deviation of the edge forces of teeth, over their mean [1]: wear and grinding differ."""
+ROUNDED = (
+    "if the edges are not sharp, up to half their radius of it (6 um of a honed edge) may be theirs"
+)
+"""What no interval of a runout holds: an edge force that grows with the chip looks like it."""
 NORMAL = 1.96
 """Half of a 95 % interval over the standard deviation [1]."""
 WAVEFORM = "weighted least squares on the harmonics of the revolution"
@@ -181,8 +185,9 @@ def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estima
             "teeth look the same"
         )
         remedy = "record partial immersions, or several feeds"
-    elif flutes == 2:
-        remark = "of two teeth: half the difference of their radii, the part along them"
+    else:
+        of_two = "of two teeth: half the difference of their radii, the part along them; "
+        remark = (of_two if flutes == 2 else "") + ROUNDED
     runout = Estimate(
         name="runout", unit="um", value=size / UM, half_width=half / UM, determined=determined,
         method=WAVEFORM, reason=reason, remedy=remedy, remark=remark, lowest=0.0,

@@ -4,6 +4,9 @@ Given the law's exponents and growth the mean forces y are linear in C and E, y 
 
     cov e = (s sd)^2 + (g y)^2 by recording + crosstalk + wear of the edge by recording.
 
+A line by the harmonics of the waveform counts as six means more: gain and crosstalk move it as far
+as the fit passes them on.
+
 The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ
 from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so
 that the force on its land (radial, tangential by its friction) differs by a share w, one half of
@@ -26,6 +29,7 @@ recorded, widened to a ratio of ``SPAN`` (:func:`named_range`).
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -33,7 +37,7 @@ from scipy.linalg import block_diag
 from pipeline.cutting.force.chip_law import design, edge_lines, feeds, local_lines
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
+from pipeline.submodels.cutting.waveform import PRIOR, Complexes, CutHarmonics
 
 EXPONENTS = (0.0, 0.1, 0.2, 0.3)
 """Exponents m of the size effect beside an edge force [1]: those of Kienzle's law alone, which hold
@@ -137,10 +141,28 @@ class FittedLine:
         [N/m^2], [N/m].
     covariance : ndarray, shape (6, 6)
         Of them.
+    gain : ndarray, shape (6, R)
+        Their change by the gain of each recording.
+    crosstalk : ndarray, shape (6, 6)
+        Their change by the share of each of ``PAIRS``.
     """
 
     values: Floats
     covariance: Floats
+    gain: Floats
+    crosstalk: Floats
+
+
+PAIRS = tuple((to, of) for to, of in product(range(3), repeat=2) if to != of)
+"""A channel, and another one that it shows a share of."""
+Forces = TypeVar("Forces", Floats, Complexes)
+
+
+def mixed(forces: Forces, to: int, of: int) -> Forces:
+    """What channel ``to`` shows of ``of``, for forces of shape (..., 3)."""
+    shown = np.zeros_like(forces)
+    shown[..., to] = forces[..., of]
+    return shown
 
 
 def law_draws(
@@ -229,21 +251,19 @@ def _covariances(
     for k in range(count):
         part = slice(3 * k, 3 * k + 3)
         forces[part, k], worn[part, k] = means[part], rows[part]
-    if line is not None:
-        worn[3 * count :] = edge_lines(each, land)
     force = means.reshape(count, 3)
-    crosstalk = np.zeros((3 * count, 3 * count))
-    for one, other in ((i, j) for i, j in product(range(3), repeat=2) if i != j):
-        mixed = np.zeros((count, 3))
-        mixed[:, one] = force[:, other]
-        crosstalk += np.outer(mixed, mixed)
-    stated, none = np.concatenate([one.variance[0] for one in cuts]), np.zeros((more, more))
+    crosstalk = np.stack([mixed(force, *pair).ravel() for pair in PAIRS], axis=1)
+    shape = none = np.zeros((more, more))
+    if line is not None:
+        forces[3 * count :], worn[3 * count :] = line.gain, edge_lines(each, land)
+        crosstalk = np.concatenate([crosstalk, line.crosstalk])
+        shape = line.covariance
+    stated = np.concatenate([one.variance[0] for one in cuts])
     return _Covariances(
         stated=block_diag(np.diag(stated), none), gain=forces @ forces.T,
         wear=worn @ _alike(each) @ worn.T,
-        shape=block_diag(np.zeros((3 * count, 3 * count)), none if line is None else
-                         line.covariance),
-        crosstalk=block_diag(CROSSTALK**2 * crosstalk, none),
+        shape=block_diag(np.zeros((3 * count, 3 * count)), shape),
+        crosstalk=CROSSTALK**2 * crosstalk @ crosstalk.T,
     )  # fmt: skip
 
 

@@ -22,9 +22,10 @@ from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import ForceSpread, TermsTried
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
-from pipeline.submodels.cutting.law_draws import FittedLine
+from pipeline.submodels.cutting.law_draws import PAIRS, FittedLine, mixed
 from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
+    Complexes,
     CutHarmonics,
     Terms,
     rotated,
@@ -305,13 +306,25 @@ def _without_means(
     scaled = (slopes / length)[rows]
     normal = scaled.T @ scaled + np.diag((loose * length) ** -2.0)
     inverse = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
-    step = inverse @ (scaled.T @ fit.solved.residuals[rows]) / length
     wide = factor / length
-    start = len(fit.x)
-    part = slice(start, start + len(COEFFICIENTS))
+    part = slice(len(fit.x), len(fit.x) + len(COEFFICIENTS))
+    step = ((inverse @ scaled.T) / length[:, None])[part]
+
+    def answer(change: Sequence[Complexes]) -> Floats:
+        """Change of the six coefficients by one of the harmonics."""
+        shown = fit.problem.rows(change, fit.problem.weights())
+        return np.asarray(step[:, : len(shown) - 3 * len(change)] @ shown[rows[: len(shown)]])
+
+    shown = [cut.lines for cut in fit.problem.cuts]
+    gain = [
+        answer([lines if k == other else 0 * lines for other, lines in enumerate(shown)])
+        for k in range(len(shown))
+    ]
     return FittedLine(
-        values=fit.values[:6] + step[part],
+        values=fit.values[:6] + step @ fit.solved.residuals[rows],
         covariance=(inverse * np.outer(wide, wide))[part, part],
+        gain=np.stack(gain, axis=1),
+        crosstalk=np.stack([answer([mixed(one, *p) for one in shown]) for p in PAIRS], axis=1),
     )
 
 
