@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, source_of

@@ -20,6 +20,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 import pipeline.app.kerf as kerf_options
+import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
 from pipeline.app.compensation import FORMATS
 from pipeline.app.fleet import machine_parameters

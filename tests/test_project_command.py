@@ -61,6 +61,8 @@ def test_a_project_of_an_installed_kerf_is_composed_and_built(
     assert made.returncode == 0, made.stderr
     assert made.stdout == "made shop: `cd shop` and `dvc repro`\n"
     project = tmp_path / "shop"
+    before = run(installed, kerf, "-C", "shop", "status", cwd=tmp_path)
+    assert before.returncode == 0 and "mill01" in before.stdout, before.stderr
     built = run(installed, python, "-m", "dvc", "repro", "-q", "compose", cwd=project)
     assert built.returncode == 0, built.stderr
     params = yaml.safe_load((project / "params.yaml").read_text())

@@ -1,10 +1,9 @@
-"""The cut of a program by hand: from options to loads, stability and cost, and to printed lines."""
+"""The cut of a program by hand: from options to loads, stability and cost."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
 
@@ -26,15 +25,7 @@ from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.limits import CutLimit, limit_options
 from pipeline.schema.part import Objective
-from pipeline.schema.program_cut import (
-    CutCost,
-    CutTotals,
-    CutWarning,
-    ForceInterval,
-    NotKnown,
-    ProgramCut,
-    ToolEdge,
-)
+from pipeline.schema.program_cut import ForceInterval, NotKnown, ProgramCut
 from pipeline.stages.optimise import machine_wear
 from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
@@ -427,133 +418,3 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
         )  # fmt: skip
     modes = section(sections, "dynamics", TipModes)
     return None if modes is None else TipDynamics.of_modes(modes)
-
-
-def cut_lines(cut: ProgramCut) -> Iterator[str]:
-    """What ``kerf simulate`` says of a cut: tools, cost, warnings, what is not known."""
-    total = cut.summary
-    yield (
-        f"cut of {cut.stock.text} mm ({cut.stock.work_offset}) in {cut.material.name}: "
-        f"{_number(total.volume_cm3)} cm3 removed, {_percent(total.air_share)} of the time at "
-        "feed in air"
-    )
-    for row in cut.basis:
-        if row.what.startswith(("forces of", "dynamics of")):
-            yield f"  {row.what}: {row.value} ({row.source})"
-    yield from edge_lines(cut.edges)
-    yield from _table(cut)
-    yield from force_lines(cut.forces)
-    if total.cost is not None:
-        parts = ", ".join(f"{name} {_number(value)}" for name, value in vars(total.cost).items())
-        yield f"  cost of the part, {cut.currency}: {parts}"
-    for axis in cut.axes:
-        width = axis.half_width_um
-        within = f" ± {_number(width)} um" if isfinite(width) else ""
-        yield (
-            f"  axis {axis.axis} in the cut: behind by up to {_number(axis.following_um)} um"
-            f"{within} in line {axis.following_line} (in air {_number(axis.following_air_um)}), "
-            f"draws up to {_number(axis.command)} {axis.command_unit} in line "
-            f"{axis.command_line} (in air {_number(axis.command_air)})"
-        )
-    yield from warning_lines(cut.warnings)
-    for moves in cut.left_out:
-        many = _many(moves.rows, "move")
-        yield f"  left out: {moves.reason}, {many}, the first in {moves.first}"
-    for one in cut.not_known:
-        yield f"  not known: {one.what}, {one.why}"
-
-
-def edge_lines(edges: Sequence[ToolEdge]) -> Iterator[str]:
-    """Which wear each tool counts with, and its force sharp and worn."""
-    for one in edges:
-        caution = f" ({one.caution})" if one.caution and one.wear_um else ""
-        yield f"  wear of T{one.tool}: {one.edge}{caution}"
-        if (of := one.forces) is not None:
-            what = "worn" if one.wear_um else f"at {_number(of.wear_um)} um"
-            ends = f"{_number(of.peak_load_low_N)} to {_number(of.peak_load_high_N)}"
-            yield (
-                f"    load sharp {_number(of.peak_load_sharp_N)} N, {what} "
-                f"{_number(of.peak_load_N)} N ({ends}, 95 %); power "
-                f"{_number(of.power_sharp_kW)} and {_number(of.power_kW)} kW"
-            )
-
-
-def force_lines(forces: Sequence[ForceInterval]) -> Iterator[str]:
-    """Peak and mean force of each tool with its 90 % interval, and what was not learnt."""
-    for one in forces:
-        yield (
-            f"  force of T{one.tool}: peak {_number(one.peak_load_N)} N "
-            f"({_number(one.peak_load_low_N)} to {_number(one.peak_load_high_N)}, 90 %), mean "
-            f"{_number(one.mean_load_N)} N ({_number(one.mean_load_low_N)} to "
-            f"{_number(one.mean_load_high_N)})"
-        )
-        if one.outside:
-            yield f"    outside of what was learnt: {'; '.join(one.outside)}"
-
-
-def warning_lines(warnings: Sequence[CutWarning]) -> Iterator[str]:
-    """One line a warning, with the lines of the program; what is grave is in capitals."""
-    for one in warnings:
-        lines = ", ".join(map(str, one.lines[:MOST_LINES]))
-        more = ", ..." if len(one.lines) > MOST_LINES else ""
-        blocks = "" if one.blocks is None else f", {_many(one.blocks, 'block')}"
-        where = f"{blocks}, line {lines}{more}" if lines else ""
-        yield f"  {'WARNING' if one.grave else 'warning'}: {one.what}{where}. {one.do}"
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
-
-
-MOST_LINES = 6
-"""Lines of the program that a warning names, at most."""
-COLUMNS: tuple[tuple[str, str, str, float], ...] = (
-    ("f_z", "mm", "feed_per_tooth_mm", 1),
-    ("a_p", "mm", "axial_depth_mm", 1),
-    ("a_e", "mm", "radial_depth_mm", 1),
-    ("load", "N", "peak_load_N", 1),
-    ("axial", "N", "axial_force_N", 1),
-    ("torque", "N m", "torque_Nm", 1),
-    ("power", "kW", "power_kW", 1),
-    ("drive", "%", "drive_share", 100),
-    ("deflection", "um", "deflection_um", 1),
-    ("stability", "%", "stability_margin", 100),
-    ("rate", "cm3/min", "removal_rate_cm3_min", 1),
-    ("air", "%", "air_share", 100),
-    ("life", "%", "tool_life_share", 100),
-    ("energy", "kWh", "energy_kWh", 1),
-    ("cost", "", "cost", 1),
-)
-"""Head, unit, key and factor of what is said of each tool."""
-
-
-def _table(cut: ProgramCut) -> Iterator[str]:
-    heads = ["tool", *(head for head, *_ in COLUMNS)]
-    units = ["", *(unit for _, unit, *_ in COLUMNS[:-1]), cut.currency or ""]
-    rows = [
-        [name, *(_number(_value(row, key), factor) for *_, key, factor in COLUMNS)]
-        for name, row in (
-            *((f"T{row.tool}", row) for row in cut.by_tool),
-            ("part", cut.summary),
-        )
-    ]
-    table = [heads, units, *rows]
-    widths = [max(len(line[i]) for line in table) for i in range(len(heads))]
-    for line in table:
-        yield "  " + "  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True))
-
-
-def _value(row: CutTotals, key: str) -> float | None:
-    value: float | CutCost | None = getattr(row, key)
-    return value.sum if isinstance(value, CutCost) else value
-
-
-def _number(value: float | None, factor: float = 1) -> str:
-    if value is None:
-        return "-"
-    shown = value * factor
-    return f"{shown:.0f}" if abs(shown) >= 1000 else f"{shown:.3g}"
-
-
-def _percent(value: float | None) -> str:
-    return "an unknown share" if value is None else f"{100 * value:.0f} %"

@@ -1,13 +1,13 @@
 """Lines that ``kerf optimise`` prints of an optimised part program."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from pipeline.app.cut import edge_lines, warning_lines
+from pipeline.app.cut_lines import edge_lines, warning_lines
+from pipeline.app.lines import NONE, aligned, many, rounded
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 from pipeline.twin.cut_axes import half_widths
 
-NONE = "-"
 TOTALS = (
     ("time", "s", "time_s", 1, "time_percent"),
     ("cost", None, "cost", 1, "cost_percent"),
@@ -41,7 +41,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     yield from _binding(part)
     yield from _changes(part)
     for held in part.held:
-        yield f"  held: {held.reason}, {_many(held.rows, 'move')}, the first in {held.first}"
+        yield f"  held: {held.reason}, {many(held.rows, 'move')}, the first in {held.first}"
     yield from warning_lines([one for one in part.setup.warnings if one not in part.warnings])
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
@@ -51,10 +51,10 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
     rows = [["", "", "before", "after", "change"]]
     for name, unit, key, factor, change in TOTALS:
         printed = part.currency if unit is None else unit
-        values = [_number(getattr(side, key), factor, 4) for side in (part.before, part.after)]
+        values = [rounded(getattr(side, key), factor, 4) for side in (part.before, part.after)]
         percent = _change(getattr(part.gain, change)) if change else NONE
         rows.append([name, printed or "", *values, percent])
-    yield from _table(rows, words=2)
+    yield from (f"  {line}" for line in aligned(rows, words=2))
 
 
 def _tools(part: OptimisedPart) -> Iterator[str]:
@@ -66,14 +66,14 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
     for use in part.tools:
         rows.append([
             f"T{use.tool}", " ".join(filter(None, (use.name, use.operation))),
-            _number(use.before.feed_per_tooth_mm), _number(use.after.feed_per_tooth_mm),
+            rounded(use.before.feed_per_tooth_mm), rounded(use.after.feed_per_tooth_mm),
             _range(use.feed_per_tooth_range_mm),
-            _number(use.before.cutting_speed_m_min), _number(use.after.cutting_speed_m_min),
+            rounded(use.before.cutting_speed_m_min), rounded(use.after.cutting_speed_m_min),
             _range(use.cutting_speed_range_m_min),
             f"kept: {use.kept}" if use.kept else use.binds or "nothing",
         ])  # fmt: skip
     if part.tools:
-        yield from _table(rows, words=2)
+        yield from (f"  {line}" for line in aligned(rows, words=2))
     yield from _not_raised(part)
 
 
@@ -97,16 +97,16 @@ def _certainty(part: OptimisedPart) -> Iterator[str]:
         return
     low, high = (_percent(end) for end in of.interval_95)
     yield (
-        f"  certainty: P(load > {_number(part.limits.load_N)} N) = {_percent(of.exceedance)} "
-        f"({low} to {high}), at most {_percent(of.epsilon)} asked, {_many(of.draws, 'draw')}"
+        f"  certainty: P(load > {rounded(part.limits.load_N)} N) = {_percent(of.exceedance)} "
+        f"({low} to {high}), at most {_percent(of.epsilon)} asked, {many(of.draws, 'draw')}"
     )
     price = of.price
     if price is not None:
         cost = "" if price.cost is None else (
-            f", {_number(price.cost)} {part.currency} ({_change(price.cost_percent)})"
+            f", {rounded(price.cost)} {part.currency} ({_change(price.cost_percent)})"
         )  # fmt: skip
         yield (
-            f"  its price: {_number(price.time_s)} s ({_change(price.time_percent)}){cost} "
+            f"  its price: {rounded(price.time_s)} s ({_change(price.time_percent)}){cost} "
             "against the optimum that takes every value as known"
         )
 
@@ -122,25 +122,25 @@ def _methods(part: OptimisedPart) -> Iterator[str]:
             one.method,
             one.limits,
             "inside" if one.feasible else "beyond",
-            _number(one.time_s, 1, 4),
-            _number(one.cost, 1, 4),
-            _number(one.energy_kWh),
-            _number(one.tool_life_share, 100),
+            rounded(one.time_s, 1, 4),
+            rounded(one.cost, 1, 4),
+            rounded(one.energy_kWh),
+            rounded(one.tool_life_share, 100),
             str(one.evaluations),
         ]
         for one in part.methods
     ]
-    yield from _table(rows, words=3)
+    yield from (f"  {line}" for line in aligned(rows, words=3))
     knee = next((k for k, one in enumerate(part.front, 1) if one.knee), None)
     if knee is not None:
         better = sum(one.no_worse for one in part.front)
         of = f"of the {better} no worse" if better else "of all, none being no worse"
-        yield f"  front: {_many(len(part.front), 'program')}; knee: number {knee}, {of} than before"
+        yield f"  front: {many(len(part.front), 'program')}; knee: number {knee}, {of} than before"
 
 
 def _binding(part: OptimisedPart) -> Iterator[str]:
     for one in part.binding:
-        held = f"{_many(one.blocks, 'block')}, {_number(one.time_s)} s"
+        held = f"{many(one.blocks, 'block')}, {rounded(one.time_s)} s"
         if one.kept:
             yield f"  {one.limit}: {one.kept}, {held}"
         else:
@@ -153,11 +153,11 @@ def _changes(part: OptimisedPart) -> Iterator[str]:
         ("F changed", words.F_changed), ("F added", words.F_added),
         ("S changed", words.S_changed), ("S added", words.S_added),
     )  # fmt: skip
-    parts = ", ".join(f"{many} {what}" for what, many in counts if many)
+    parts = ", ".join(f"{count} {what}" for what, count in counts if count)
     yield f"  words: {parts or 'none changed'}"
     if proof.same:
         yield (
-            f"  proof: {_many(proof.moves, 'move')} the same to the last bit, sha256 {proof.sha256}"
+            f"  proof: {many(proof.moves, 'move')} the same to the last bit, sha256 {proof.sha256}"
         )
     else:
         yield f"  proof: NOT the same, first difference {proof.first}"
@@ -165,34 +165,10 @@ def _changes(part: OptimisedPart) -> Iterator[str]:
     if verified.peak_load_N is not None:
         where = "" if verified.peak_line is None else f" in line {verified.peak_line}"
         yield (
-            f"  whole twin: peak load {_number(verified.peak_load_N)} N{where}, "
-            f"{_many(verified.full_evaluations, 'evaluation')}, "
-            f"{_many(verified.tightened, 'round')} of tightening"
+            f"  whole twin: peak load {rounded(verified.peak_load_N)} N{where}, "
+            f"{many(verified.full_evaluations, 'evaluation')}, "
+            f"{many(verified.tightened, 'round')} of tightening"
         )
-
-
-def _table(rows: Sequence[Sequence[str]], *, words: int) -> Iterator[str]:
-    """Lines whose columns stand under each other; the first ``words`` columns are left aligned."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        cells = [
-            word.ljust(width) if i < words else word.rjust(width)
-            for i, (word, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        yield f"  {'  '.join(cells)}".rstrip()
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
-
-
-def _number(value: float | None, factor: float = 1, digits: int = 3) -> str:
-    if value is None:
-        return NONE
-    if isinstance(value, int):
-        return str(int(value * factor))
-    shown = value * factor
-    return f"{shown:.0f}" if abs(shown) >= 10**digits else f"{shown:.{digits}g}"
 
 
 def _change(value: float | None) -> str:

@@ -1,5 +1,6 @@
 """Where a command writes and speaks: files, ``-`` for standard output, and its log."""
 
+import json
 import logging
 import shutil
 import sys
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import typer
 
@@ -73,6 +75,11 @@ def outputs() -> Iterator[Outputs]:
             with found.taken.open("rb") as file:
                 shutil.copyfileobj(file, sys.stdout.buffer)
             sys.stdout.buffer.flush()
+
+
+def say_json(document: Any) -> None:
+    """Say a document as JSON on standard output."""
+    typer.echo(json.dumps(document, indent=1, ensure_ascii=False))
 
 
 class _Standard(logging.Handler):

@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
 from pipeline.schema.store import write_text
+from pipeline.stages.compose import compose
 
 CODE = "kerf-version"
 """File of the version and hash of the code: a dependency of every stage in place of the code."""
@@ -39,6 +40,7 @@ def new_project(folder: Path) -> str:
         write_text(simulated, folder / "conf/fleet/active.yaml")
         write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
         _set_up_dvc(folder)
+        compose(folder / "conf", folder / "params.yaml")  # which `kerf status` reads
     write_text(_of_project((source / "dvc.yaml").read_text(encoding="utf-8")), folder / "dvc.yaml")
     write_text(f"{version('kerf-twin')} {_code_hash()}\n", folder / CODE)
     return "brought up" if known else "made"

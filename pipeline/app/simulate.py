@@ -145,6 +145,6 @@ def simulate_lines(
 
         yield from correction_lines(document["correction"])
     if "cut" in document:
-        from pipeline.app.cut import cut_lines
+        from pipeline.app.cut_lines import cut_lines
 
         yield from cut_lines(document["cut"])

@@ -6,7 +6,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from pipeline.app.commands import app
+from pipeline.app.program_commands import app
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.proof.prove import prove, with_proof_comment
 

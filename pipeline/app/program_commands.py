@@ -1,0 +1,267 @@
+"""The commands of kerf on part programs, thin: their options are fields of settings.
+
+Each imports its work when it runs, so that `kerf --help` starts at once.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import pipeline.app.kerf as kerf
+from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
+from pipeline.app.output import Outputs, outputs, say_json, step
+from pipeline.schema.limits import limit_options
+
+
+@contextmanager
+def _working() -> Iterator[Outputs]:
+    """Where a command with compiled loops writes; bad input is a sentence, compilation is said."""
+    from pipeline.app.compiling import announced
+
+    with one_sentence(), outputs() as to, announced():
+        yield to
+
+
+@app.command()
+def interpret(
+    program: kerf.Program,
+    out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
+    machine: kerf.Setup = None,
+    dialect: kerf.Dialect = None,
+) -> None:
+    """Follow PROGRAM block by block and write its moves."""
+    from pipeline.app.fleet import check_outputs
+    from pipeline.app.moves_table import write_moves
+    from pipeline.app.programs import machine_setup, passed_over, read_moves
+
+    with _working() as to:
+        file = to.file(out, ".csv") or out
+        check_outputs(program, file)
+        setup = machine_setup(machine, dialect)
+        notes = list(passed_over(program, setup))
+        with share_bar("interpreting") as share, step(f"followed {program}") as found:
+            moves = read_moves(program, setup, share)
+            found.add(f"{len(moves)} moves")
+        with step(f"wrote {to.names(file)}"):
+            length = write_moves(moves, file)
+        for note in notes:
+            to.say(note)
+        to.say(f"{len(moves)} moves, {length:.3f} mm, wrote {to.names(file)}")
+
+
+@app.command()
+def simulate(
+    program: kerf.Program,
+    machine: kerf.Whose,
+    unit: kerf.Unit = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
+    stock: kerf.Stock = None,
+    tool_table: kerf.ToolTable = None,
+    material: kerf.Material = None,
+    limit_load: kerf.Load = None,
+    resolution: kerf.Resolution = None,
+    work_offset: kerf.WorkOffset = None,
+    frf: kerf.Responses = None,
+    wear: kerf.Wear = None,
+    page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
+    compensate: Annotated[
+        Path | None, typer.Option(help="CSV of commands with which the axes err least.")
+    ] = None,
+    compensated: kerf.Compensated = False,
+    model: kerf.Model = "champion",
+) -> None:
+    """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
+
+    With a blank, tools and its material also what the cut takes: load, power, stability, cost.
+    """
+    from pipeline.app.simulate import SimulateRequest, simulate_and_write, simulate_lines
+
+    with _working() as to:
+        request = SimulateRequest(
+            program=program, machine=machine, unit=unit, model=model, compensated=compensated,
+            out=to.file(out, ".parquet"), json=to.file(json), page=to.file(page),
+            compensate=to.file(compensate, ".csv"),
+            cut={
+                "stock": stock, "tool_table": tool_table, "material": material,
+                "limits": {"load_N": limit_load}, "resolution": resolution,
+                "work_offset": work_offset, "frf": frf or (), "page": page, "wear": wear or (),
+            },
+        )  # fmt: skip
+        for line in simulate_lines(*simulate_and_write(request, to.taken), request):
+            to.say(line)
+
+
+@app.command()
+def check(
+    before: Annotated[Path, typer.Argument(help="A part program.")],
+    after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
+    machine: kerf.Setup = None,
+    dialect: kerf.Dialect = None,
+    splits: Annotated[
+        bool, typer.Option(help="Let AFTER have more points on the path of straight cuts.")
+    ] = False,
+    tool_table: kerf.ToolTable = None,
+    material: kerf.Material = None,
+    json: kerf.Json = False,
+) -> None:
+    """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
+
+    It warns of F and S that changed very much and, with a machine, that are beyond its own.
+
+    With a tool table it warns where a changed F or S leaves the range of the tool.
+
+    With a material too it takes the catalogue's range where the table has none.
+    """
+    from pipeline.app.check import check_lines, check_programs, range_lines
+    from pipeline.app.check_machine import machine_lines
+
+    with _working():
+        if material is not None and tool_table is None:
+            raise ValueError(
+                "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
+                "file"
+            )
+        with step(f"compared {before} and {after}") as found:
+            proof = check_programs(before, after, machine, dialect, splits=splits)
+            found.add(f"{proof.moves} moves, {len(proof.differences)} F and S words")
+        warnings: list[str] = []
+        if proof.same:
+            warnings += machine_lines(before, after, machine, dialect)
+        if proof.same and tool_table is not None:
+            warnings += range_lines(before, after, machine, dialect, tool_table, material)
+    if json:
+        say_json(asdict(proof) | {"warnings": warnings})
+    else:
+        for line in (*check_lines(proof, before, after), *warnings):
+            typer.echo(line)
+    if not proof.same:
+        raise typer.Exit(1)
+
+
+def _limit(words: str) -> Any:
+    return typer.Option(help=words, rich_help_panel="Limits")
+
+
+def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with an option for each field of ``CutLimit`` in place of its ``limits``.
+
+    The command gets a mapping of the fields' names to what was given, None where nothing was.
+    """
+    options, fields = [], {}
+    for name, kind, words in limit_options():
+        given = words.option.removeprefix("--").replace("-", "_")
+        default = typer.Option(
+            None, words.option, help=words.help, rich_help_panel="Limits",
+            metavar={float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
+        )  # fmt: skip
+        fields[given] = name
+        options.append(
+            Parameter(given, Parameter.KEYWORD_ONLY, default=default, annotation=kind | None)
+        )
+
+    @wraps(command)
+    def optimised(**given: Any) -> None:
+        limits = {name: given.pop(option) for option, name in fields.items()}
+        command(**given, limits=limits)
+
+    own = [one.replace(kind=Parameter.KEYWORD_ONLY)
+           for one in signature(command).parameters.values()]  # fmt: skip
+    place = [one.name for one in own].index("limits")
+    every = [*own[:place], *options, *own[place + 1 :]]
+    optimised.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    optimised.__annotations__ = {one.name: one.annotation for one in every}
+    del optimised.__wrapped__
+    return optimised
+
+
+@app.command()
+@_with_limits
+def optimise(
+    *,
+    program: kerf.Program,
+    machine: kerf.Whose,
+    objective: kerf.Objective = "time",
+    out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of what was found.")] = None,
+    page: Annotated[Path | None, typer.Option(help="HTML page of what was found.")] = None,
+    unit: kerf.Unit = None,
+    stock: kerf.Stock = None,
+    tool_table: kerf.ToolTable = None,
+    material: kerf.Material = None,
+    resolution: kerf.Resolution = None,
+    work_offset: kerf.WorkOffset = None,
+    frf: kerf.Responses = None,
+    wear: kerf.Wear = None,
+    model: kerf.Model = "champion",
+    limits: dict[str, Any],
+    epsilon: Annotated[
+        float | None, _limit("P(load > limit) at most; 0.01 by default, 0.5 takes nominal values.")
+    ] = None,
+    split: Annotated[
+        bool, typer.Option("--split", help="Split long blocks where the cut changes.")
+    ] = False,
+    speeds: kerf.Speeds = None,
+    seed: Annotated[int | None, typer.Option(help="Of all chance.")] = None,
+    proof_comment: Annotated[
+        bool,
+        typer.Option("--proof-comment", help="The proof's hash in a comment at the program's end."),
+    ] = False,
+    compensated: kerf.Compensated = False,
+) -> None:
+    """Make PROGRAM faster or cheaper inside its limits; only F and S words change.
+
+    Ctrl-C ends the search and writes the best so far.
+    """
+    from pipeline.app.fleet import check_outputs
+    from pipeline.app.optimise import (
+        PartFiles,
+        PartRequest,
+        SearchOptions,
+        interruptible,
+        optimise_part,
+        part_options,
+        write_optimised,
+    )
+    from pipeline.app.optimise_lines import optimise_lines
+
+    with _working() as to:
+        files = PartFiles.of(to.file(out, program.suffix), to.file(json), to.file(page))
+        request = PartRequest(
+            program=program, machine=machine, unit=unit, objective=objective,
+            cut=part_options(
+                stock=stock, tool_table=tool_table, material=material, limits=limits,
+                resolution=resolution, work_offset=work_offset, frf=frf, wear=wear,
+            ),
+            model=model,
+            search=SearchOptions(
+                epsilon=epsilon, seed=seed, split=split, speeds=speeds,
+                proof_comment=proof_comment, compensated=compensated,
+            ),
+        )  # fmt: skip
+        check_outputs(program, *files.named, inputs=request.cut.files)
+        try:
+            with interruptible(_ending) as ending:  # the best so far is written whole too
+                with stages_bar() as shown, step(f"optimised {program}"):
+                    result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
+                written = write_optimised(result, part, files)
+        except KeyboardInterrupt as error:
+            typer.echo("kerf: interrupted, nothing is written", err=True)
+            raise typer.Exit(130) from error
+        for line in optimise_lines(part):
+            to.say(line)
+        to.say(f"wrote {to.names(*written)}")
+    if part.interrupted:
+        raise typer.Exit(130)
+
+
+def _ending() -> None:
+    typer.echo("kerf: ending with the best so far; Ctrl-C again to give up", err=True)
