@@ -1,16 +1,14 @@
 """What the twin may be trusted for: one row for each sub-model, from its verdict alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.charts.numbers import TOGETHER, day_words, number, percent, powers, unit_words
-from pipeline.report.baselines import baseline_words
+from pipeline.charts.numbers import day_words, percent
 from pipeline.report.page_names import evidence_page
 from pipeline.report.submodel_pages import ModelledPart
-from pipeline.schema.verdict import Figures, Score, Verdict
+from pipeline.report.worst_error import worst_error
+from pipeline.schema.verdict import Score, Verdict
 
-ERRORS = {"mae": "mean error", "rmse": "RMS error", "max": "largest error", "bias": "mean offset"}
-"""Errors of a score in words; others by their own name."""
 VERDICTS = {
     "passed": ("passed", "passed"), "failed": ("failed", "failed"),
     "attention": ("attention", "not decided"), "unknown": ("unknown", "not judged"),
@@ -72,16 +70,14 @@ def _line(machine: str, one: ModelledPart) -> Line:
 def counting_figure(one: ModelledPart) -> Counts:
     """The error that takes the largest share of a limit; without limits the first key figure."""
     verdict = one.judged
-    if verdict is not None and (found := list(_shares(verdict))):
-        _, score, name, error, limit = max(found, key=lambda row: row[0])
-        unit = "%" if name.endswith("percent") else powers(unit_words(score.unit))
-        words = ERRORS.get(name) or f"{name.removesuffix('_percent').replace('_', ' ')} error"
+    if verdict is not None and (worst := worst_error(verdict)) is not None:
+        score = worst.score
         where = "over all" if score.group == "all" else _place(score.group)
         return Counts(
-            what=f"{score.quantity.replace('_', ' ')}, {words}, {where}",
-            value=f"{number(error)}{TOGETHER}{unit}", limit=f"{limit:g}{TOGETHER}{unit}",
-            baseline=_baseline(score, name, unit), interval=_interval(verdict, score),
-            passed_limit=error > limit,
+            what=f"{score.quantity.replace('_', ' ')}, {worst.words}, {where}",
+            value=worst.shown, limit=worst.limit_shown,
+            baseline=f"{worst.baseline[1]} by {worst.baseline[0]}" if worst.baseline else "",
+            interval=_interval(verdict, score), passed_limit=worst.value > worst.limit,
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict)
     if not one.page.key_figures or verdict is None:
@@ -98,33 +94,6 @@ def _place(group: str) -> str:
         if day != group
         else f"in {group.rpartition('/')[2].rpartition('.')[0] or group}"
     )
-
-
-def _shares(verdict: Verdict) -> Iterator[tuple[float, Score, str, float, float]]:
-    """Each limited error of the judged records with its share of the limit."""
-    for score in verdict.scores:
-        if score.role == verdict.judged_role:
-            for name, limit in score.limits.items():
-                value: float | None = getattr(score, name)
-                if limit > 0 and value is not None:
-                    yield abs(value) / limit, score, name, abs(value), limit
-
-
-def _baseline(score: Score, name: str, unit: str) -> str:
-    """The best baseline by the same error."""
-    errors: list[tuple[float, str]] = [
-        (abs(value), other) for other, figures in score.baselines.items()
-        if (value := _error(figures, name)) is not None
-    ]  # fmt: skip
-    if not errors:
-        return ""
-    value, other = min(errors)
-    return f"{number(value)}{TOGETHER}{unit} by {baseline_words(other)}"
-
-
-def _error(figures: Figures, name: str) -> float | None:
-    value: float | None = getattr(figures, name)
-    return value
 
 
 def _interval(verdict: Verdict, shown: Score | None = None) -> str:

@@ -10,21 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.charts.default_section import default_blocks
-from pipeline.charts.numbers import TOGETHER, number, powers, unit_words
 from pipeline.charts.sections import PartVerdict, Section, SubModelPage, absent
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import sources
-from pipeline.report.baselines import baseline_words
 from pipeline.report.folders import MachineFolders
+from pipeline.report.worst_error import worst_error
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Model
-from pipeline.schema.verdict import Figures, Score, Verdict
+from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown, submodel
 
 TRAINING = "the raw files that it names"
 JUDGED = "the model and records that it was not fitted on"
-WORDS = {"mae": "mean error", "rmse": "RMS error", "max": "largest error"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,39 +139,16 @@ def _verdict(shown: Shown[Any], title: str, needs: str) -> PartVerdict | None:
 
 def _worst_words(verdict: Verdict) -> str:
     """The score that takes the largest share of a limit, beside that limit and a baseline."""
-    shares = [
-        (abs(value) / limit, score, name, value, limit)
-        for score in verdict.scores if score.role == verdict.judged_role
-        for name, limit in score.limits.items()
-        if limit > 0 and (value := getattr(score, name)) is not None
-    ]  # fmt: skip
-    if not shares:
+    worst = worst_error(verdict)
+    if worst is None:
         return ""
-    _, score, name, value, limit = max(shares, key=lambda row: row[0])
-    unit = "%" if name.endswith("percent") else powers(unit_words(score.unit))
-    words = WORDS.get(name, name.removesuffix("_percent").replace("_", " ") + " error")
+    score = worst.score
     where = "over all" if score.group == "all" else f"worst in {score.group}"
+    baseline = f"; {worst.baseline[0]} {worst.baseline[1]}" if worst.baseline else ""
     return (
-        f": {score.quantity}, {words} {number(abs(value))}{TOGETHER}{unit} {where} "
-        f"(limit {limit:g}{TOGETHER}{unit}{_baseline_words(score, name, unit)})"
+        f": {score.quantity}, {worst.words} {worst.shown} {where} (limit {worst.limit_shown}"
+        f"{baseline})"
     )
-
-
-def _baseline_words(score: Score, name: str, unit: str) -> str:
-    """The best baseline by the same error."""
-    errors: list[tuple[float, str]] = [
-        (abs(value), other) for other, figures in score.baselines.items()
-        if (value := _error(figures, name)) is not None
-    ]  # fmt: skip
-    if not errors:
-        return ""
-    value, other = min(errors)
-    return f"; {baseline_words(other)} {number(value)}{TOGETHER}{unit}"
-
-
-def _error(figures: Figures, name: str) -> float | None:
-    value: float | None = getattr(figures, name)
-    return value
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,17 +56,25 @@ def fitted(stiffness: float, carriage: float, seed: int) -> tuple[Axis, ShaftFit
     return axis, fit
 
 
-@pytest.mark.parametrize(("stiffness", "carriage"), [(180.0, 520.0), (90.0, 800.0)])
-def test_shaft_is_recovered_from_both_ends(stiffness: float, carriage: float) -> None:
+@pytest.mark.parametrize(
+    ("stiffness", "carriage", "damping_known"), [(180.0, 520.0, True), (90.0, 800.0, False)]
+)
+def test_shaft_is_recovered_from_both_ends(
+    stiffness: float, carriage: float, damping_known: bool
+) -> None:
     axis, fit = fitted(stiffness, carriage, 1)
     found = fit.parameters
     assert found["shaft_stiffness"].value == pytest.approx(1e6 * stiffness, rel=0.03)
     assert found["motor_mass"].value == pytest.approx(axis.motor_mass, rel=0.03)
     damping = found["shaft_damping"]
-    if damping.interval_95 is None:
-        assert "95 % interval" in damping.method
-    else:
+    assert damping.determined is damping_known
+    if damping_known:
+        assert damping.interval_95 is not None
         assert damping.interval_95[0] <= 1e3 * axis.damping <= damping.interval_95[1]
+    else:
+        assert damping.value is None
+        assert "95 % interval" in damping.method
+        assert "frequency response" in damping.remedy
 
 
 PLAYED = (
