@@ -7,6 +7,7 @@ the operator that the log does not tell are outliers (soft L1).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,9 +223,19 @@ def identify_control(
     free = free_parameters(start, units)
     measured = np.concatenate([one.measured for one in observed])
 
+    own = {unit: np.array([not one.units or unit in one.units for one in free]) for unit in units}
+
+    @lru_cache(maxsize=4 * len(units))  # a step in a parameter of one unit leaves the others' times
+    def durations(unit: str, values: tuple[float, ...]) -> list[Floats]:
+        control = control_of(start, free, np.array(values), unit)
+        return [planned(one, control) for one in observed if one.unit == unit]
+
     def residuals(values: Floats) -> Floats:
-        controls = {unit: control_of(start, free, values, unit) for unit in units}
-        return measured - np.concatenate([planned(o, controls[o.unit]) for o in observed])
+        each = {
+            unit: iter(durations(unit, tuple(np.where(own[unit], values, 0.0).tolist())))
+            for unit in units
+        }
+        return measured - np.concatenate([next(each[one.unit]) for one in observed])
 
     rates = _rates(observed, free, units)
     begin = np.array([one.start for one in free])

@@ -41,7 +41,8 @@ def project(tmp_path_factory) -> Path:
         (folder / "params.yaml").write_text(yaml.safe_dump(values))
         run(f"ingest@{MACHINE}", "raw", "signals")
         run(f"identify_control@{MACHINE}", "signals", "raw", "control")
-        run(f"judge_control@{MACHINE}", "signals", "raw", "control", "golden", "metrics.json")
+        run(f"judge_control@{MACHINE}", "signals", "raw", "control", "golden", "metrics.json",
+            "plots")  # fmt: skip
     return folder
 
 
