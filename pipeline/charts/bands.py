@@ -12,6 +12,8 @@ UNITS = 2000
 """Units across a band's viewport [1]."""
 STRETCHES = 420
 """Stretches of the x axis, each drawn by its lowest and highest value [1]."""
+BESIDE = 1.5
+"""Stretches beyond a band that are as near to each other [%] share one arrow."""
 MOST = 1e12
 """Greatest magnitude, in any unit of the shop, that is a reading [1]."""
 
@@ -56,6 +58,30 @@ class Band:
             y = self.pixel(mark)
             kind = "grid zero" if mark == 0 and self.low < 0 else "grid"
             parts += [svg.across(y, kind), svg.text(0, y + 4, tick_words(mark), "tick end", dx=-6)]
+        return parts
+
+    def beyond(self, x: Floats, values: Floats, unit: str) -> list[Markup]:
+        """An arrow at the edge over each stretch of values that the band does not reach.
+
+        Parameters
+        ----------
+        x : ndarray, shape (T,)
+            Places along the figure, ascending [%].
+        values : ndarray, shape (T,)
+            Values there; the greatest of a stretch is said on hover.
+        unit : str
+            Of the values, in words.
+        """
+        parts = []
+        for sign, edge, arrow in ((1, self.high, "▲"), (-1, self.low, "▼")):
+            out = np.flatnonzero(sign * (values - edge) > 0)
+            for some in np.split(out, np.flatnonzero(np.diff(x[out]) > BESIDE) + 1):
+                if not len(some):
+                    continue
+                most = some[np.argmax(sign * values[some])]
+                y = self.top + 8 if sign > 0 else self.bottom - 1
+                words = svg.tag("title", f"{tick_words(float(f'{values[most]:.3g}'))} {unit}")
+                parts.append(svg.text(float(x[most]), y, Markup(arrow) + words, "tick mid beyond"))
         return parts
 
     def content(self, parts: list[Markup]) -> Markup:

@@ -60,7 +60,7 @@ def map_plot(parts: list[Markup], *, wide: float, most: float, label: str) -> Ma
     )
 
 
-def text(x: float, y: float, words: str, kind: str = "", dx: float = 0) -> Markup:
+def text(x: float, y: float, words: str | Markup, kind: str = "", dx: float = 0) -> Markup:
     """Words at ``x`` percent and ``y`` pixels; ``kind`` holds their CSS classes."""
     return tag("text", words, x=f"{_short(float(x))}%", y=float(y), dx=dx or None, class_=kind)
 

@@ -1,5 +1,6 @@
 """Figures of judged days: measured against predicted temperature, with speed and position hold."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band
-from pipeline.charts.numbers import number
+from pipeline.charts.numbers import number, percent
 
 DAY = 86_400  # s
 BIN = 300  # s of one step of the curve of speed
@@ -124,6 +125,8 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
     temperature = Band(top=TOP, height=TEMPERATURE, low=low, high=high)
     error = Band(top=error_top, height=ERROR, low=-axes.error, high=axes.error)
     limits = [-axes.limit, axes.limit] if axes.limit else []
+    errors = {name: _error(curves, name) for name in _models(curves)}
+    across = 100 * (curves.seconds / 60 - 60 * axes.hours[0]) / axes.minutes
     parts = [
         *_clock(axes, bottom),
         svg.text(0, TOP - 6, "Temperature, °C", "head"),
@@ -132,16 +135,27 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
             _line(curves.seconds, curves.values[name], axes, temperature, kind)
             for name, kind in KINDS.items() if name in curves.values
         ]),
-        svg.text(0, error_top - 6, "Model less measured, K", "head"),
+        svg.text(0, error_top - 6, _error_head(errors, axes.error), "head"),
         *error.levels(),
         *(svg.across(error.pixel(limit), "grid limit") for limit in limits),
         error.content([
-            _line(curves.seconds, _error(curves, name), axes, error, KINDS[name])
-            for name in _models(curves)
+            _line(curves.seconds, values, axes, error, KINDS[name])
+            for name, values in errors.items()
         ]),
+        *(arrow for values in errors.values() for arrow in error.beyond(across, values, "K")),
         *_speed(day, axes, speed_top),
     ]  # fmt: skip
     return svg.figure(parts, height=bottom + 22, label=label, kind="golden")
+
+
+def _error_head(errors: Mapping[str, np.ndarray], reach: float) -> str:
+    """Head of the errors' band; where some are beyond it, how many and the largest."""
+    every = np.abs(_known([*errors.values()]))
+    beyond = int((every > reach).sum())
+    words = "Model less measured, K"
+    if not beyond:
+        return words
+    return f"{words}; ▲▼ {percent(beyond, len(every))} beyond, up to {number(float(every.max()))}"
 
 
 def _clock(axes: Frame, bottom: float) -> list[Markup]:
