@@ -30,7 +30,7 @@ def test_an_error_beyond_the_axis_is_marked_and_counted_in_the_head() -> None:
     curves = Curves(day="2026-01-05", seconds=np.linspace(0, 86_000.0, 1000),
                     values={"measured": measured, "model_window": modelled})  # fmt: skip
     drawn = str(golden_figure(curves, None, axes, "a day"))
-    assert re.search(r"Model less measured, K; ▲▼ 0\.50?\S% beyond, up to 7.5", drawn)
+    assert re.search(r"Model less measured, K; ▲▼ 0\.50?\s% beyond, up to 7.5", drawn)
     assert drawn.count("▲<title>") == 1
     curves.values["model_window"] = measured + 0.5
     assert "▲" not in str(golden_figure(curves, None, axes, "a day"))

@@ -1,5 +1,6 @@
 """Tables of a judgement: errors of each recording and component, and the simulated truth."""
 
+from dataclasses import replace
 from math import ceil
 from typing import Any
 
@@ -271,8 +272,8 @@ def _component_row(run: CutRun, name: str, one: Component) -> list[Cell]:
 
 # ---- truth of a simulated machine
 
-Known = tuple[str, float, Parameter, bool | None]
-"""Name, true value, what was found, whether its interval holds the truth."""
+Known = tuple[str, float, Parameter, bool | None, float]
+"""Name, true value, what was found, whether its interval holds the truth, period of an angle."""
 
 
 def truth_table(facts: CuttingFacts) -> Table | None:
@@ -281,7 +282,7 @@ def truth_table(facts: CuttingFacts) -> Table | None:
     every = [*_true_parameters(facts, truth), *_true_powers(facts, truth)]
     if not every:
         return None
-    known = [inside for *_, inside in every if inside is not None]
+    known = [inside for *_, inside, _ in every if inside is not None]
     return Table(
         caption="The cut: what was simulated against what was found; "
         f"{sum(known)} of {number(len(known))} intervals hold the truth",
@@ -307,10 +308,11 @@ def _true_parameters(facts: CuttingFacts, truth: Any) -> list[Known]:
         parameters["specific_force"] = facts.model.spindle_parameters["specific_force"]
         values["specific_force"] = stated(truth, "spindle", "specific_force")
     return [
-        (name, true, p, holds(p, true, periods.get(name, 0.0)))
+        (name, true, p, holds(p, true, period), period)
         for name, value in values.items()
         if (true := real(value.get("value") if isinstance(value, dict) else value)) is not None
         if (p := parameters.get(name)) is not None
+        for period in (periods.get(name, 0.0),)
     ]
 
 
@@ -332,11 +334,14 @@ def _true_powers(facts: CuttingFacts, truth: Any) -> list[Known]:
             interval_95=(near.power_W - half, near.power_W + half),
         )  # fmt: skip
         true = efficiency * power
-        every.append((f"no-load power at {number(round(speed))}", true, p, holds(p, true)))
+        every.append((f"no-load power at {number(round(speed))}", true, p, holds(p, true), 0.0))
     return every
 
 
-def _truth_row(name: str, true: float, p: Parameter, inside: bool | None) -> list[Cell]:
+def _truth_row(
+    name: str, true: float, p: Parameter, inside: bool | None, period: float
+) -> list[Cell]:
+    """A row of the table; an angle counts to whole pitches of the teeth, and the row says so."""
     off = off_percent(p, true)
     digits = resolved(*(p.interval_95 or (None, None))) if p.determined else 3
     return cells(
@@ -346,8 +351,9 @@ def _truth_row(name: str, true: float, p: Parameter, inside: bool | None) -> lis
         "–" if off is None else signed(off, 2),
         interval_words(p),
         unit_of(p) or "–",
-        VERDICTS[inside],
-    )
+        replace(VERDICTS[inside], text=f"{VERDICTS[inside].text}, to whole pitches of {period:g}°")
+        if period and inside is not None else VERDICTS[inside],
+    )  # fmt: skip
 
 
 def holds(p: Parameter, true: float, period: float = 0.0) -> bool | None:

@@ -363,7 +363,7 @@ def fit_network(
         shown = 0.0 if value < 1e-3 * width else value  # a value at its bound is 0, not 1e-20
         intervals[weakest] = (shown - width, shown + width)
         left_out[weakest] = (
-            f"its 95 % interval {shown:.2g} ± {width:.2g} {SOURCES[weakest]} holds 0"
+            f"its 95 % interval {shown:.2g} ± {width:.2g} {SOURCES[weakest]} includes 0"
         )
         sources.remove(weakest)
 

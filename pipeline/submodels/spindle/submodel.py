@@ -317,7 +317,7 @@ def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
         unit = SOURCES.get(name, units.get(name, "1/s"))
         known = is_determined(fit, name) and not (name in SOURCES and low <= 0 <= high)
         why = (
-            f"its 95 % interval {low:.2g} to {high:.2g} {unit} holds 0 over the networks that the "
+            f"its 95 % interval {low:.2g} to {high:.2g} {unit} includes 0 over the networks that the "
             f"records bear as well ({', '.join(fit.in_doubt)})"
             if name in SOURCES
             else "at a bound or with a 95 % interval wider than the model bears, "
@@ -344,7 +344,10 @@ def _undetermined(
 
     def remedy(name: str) -> str:
         if name in fit.unfollowed:
-            return "nothing: the records show heat that comes with it, and no network follows it"
+            return (
+                "no further recording helps: heat that comes with it is in the records, and none "
+                "of the networks reproduces it"
+            )
         if name == "position_hold" and held_s >= HELD_S:
             return (
                 f"record the spindle held on another day: {held_s / 60:.0f} minutes on {days} of "

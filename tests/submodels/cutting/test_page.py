@@ -428,7 +428,7 @@ def test_the_truth_stands_beside_what_was_found():
     assert "what was simulated against what was found; 7 of 9 intervals hold the truth" in said
     assert "K_tc 1 800 1 820 +1.11 1 747 to 1 893 N/mm² holds the truth" in said
     assert "K_te 25.0 21.0 −16.00 18.5 to 23.5 N/mm misses the truth" in said
-    assert "runout_angle 577 37.0 – 29.6 to 44.4 ° holds the truth" in said
+    assert "runout_angle 577 37.0 – 29.6 to 44.4 ° holds the truth, to whole pitches of" in said
     assert "helix 30.0 not determined – – ° –" in said
     assert "specific_force 1 950 2 010 +3.08 1 869 to 2 151 N/mm² holds the truth" in said
     # at the tool 0.9 of what the motor takes: 603 W, and 1710 W against 1564 +- 42 W
