@@ -111,7 +111,7 @@ def test_a_source_that_heats_nothing_gets_no_number(seeds: int, most: int) -> No
         assert set(fit.parameters.heating) >= set(ONE.heating)
         wrong += set(fit.parameters.heating) != set(ONE.heating)
         for name, why in fit.left_out.items():
-            assert "holds 0" in why
+            assert "includes 0" in why
             assert SOURCES[name] in why
     assert wrong <= most
 
