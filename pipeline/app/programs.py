@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
-from pipeline.gcode.interpret import interpret
+from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import Setup
@@ -156,6 +156,20 @@ def _setup(sections: dict[str, Any]) -> Setup:
     if "setup" not in sections:
         return Setup()
     return structure({"setup": sections["setup"]}, "setup", Setup)
+
+
+def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterator[Moves]:
+    """The moves of :func:`read_moves` in parts of at least ``rows``.
+
+    Raises
+    ------
+    ValueError
+        As :func:`read_moves`.
+    """
+    program = program_at(path)
+    lines = max(len(program), 1)
+    beside = setup_beside(setup, path)
+    return interpret_in_parts(program, beside, lambda done: share(min(done / lines, 1.0)), rows)
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:

@@ -142,6 +142,14 @@ def test_statement_says_where_its_words_stand():
         ("G0 B90 C0\nTRAORI\nAROT Y90\nG1 X1 B80 C0 F1", "X1", 4, "not square"),
         ("G0 B0 C0\nTRAORI\nG1 X1 C0 F1", "X1", 4, "3+2"),
         ("G0 B0 C0\nTRAORI\nTRANS X5\nG1 Y1 F1", "Y1", 4, "TRANS under TRAORI"),
+        ("G1 X1 RND=2", "RND=", 7, "rounds the corner"),
+        ("G1 X1 CHF=2", "CHF=", 7, "chamfers the corner"),
+        ("G1 X1 ANG=45", "ANG=", 7, "by its angle"),
+        ("G2 AR=90 I5 J0", "AR=", 4, "by its angle"),
+        ("G0 AP=30 RP=10", "AP=", 4, "polar coordinates"),
+        ("OFFN=2", "OFFN=", 1, "not followed"),
+        ("G1 X1 FB=50", "FB=", 7, "feed of the block"),
+        ("S1=500 M1=3", "S1=", 1, "another spindle"),
         ("G0 Z5\nMCALL CYCLE81(9.,0,1,-2)\nX1", "X1", 1, "retraction plane"),
     ],
 )
@@ -343,3 +351,20 @@ def test_a_structure_without_its_end_is_refused():
         ends_of("IF R1==0\nG1 X1")
     with pytest.raises(GcodeError, match="blocks were executed"):
         ends_of("LOOP\nG1 X1\nENDLOOP", block_limit=500)
+
+
+def test_words_need_no_blanks_between_them():
+    assert ends_of("N10G0X10Y-2.5\nN20G1X=R1+3Z.5F100") == [[10, -2.5, 0], [3, -2.5, 0.5]]
+
+
+def test_turn_adds_full_circles_to_a_helix():
+    program = parse_program(b"G0 X10\nG2 X0 Y10 Z-5 I-10 J0 TURN=2 F100\nM30\n", "test.mpf")
+    moves = interpret(program, Setup(dialect="siemens"))
+    turned = np.degrees(moves.angle[moves.kind == Kind.ARC])
+    np.testing.assert_allclose(turned, [-270 - 720], rtol=1e-12)
+
+
+def test_spos_stops_the_spindle_where_it_says():
+    program = parse_program(b"S100 M3\nSPOS=90\nLIMS=3000\nG0 X1\nM30\n", "test.mpf")
+    moves = interpret(program, Setup(dialect="siemens"))
+    assert moves.direction.tolist() == [1, 0, 0, 0]

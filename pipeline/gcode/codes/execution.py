@@ -81,6 +81,9 @@ def carry_out(block: Block, run: Run) -> None:
     actions = block.actions
     if len(actions) > 1:
         actions.sort(key=itemgetter(0))
+    if 19 in block.m_codes:
+        for letter in "RPQ":  # where the spindle is oriented: no motion of an axis
+            block.take(letter)
     moved = False
     for step, kind, code, item in actions:
         if step > MOTION_STEP and not moved:

@@ -20,13 +20,14 @@ BEFORE_BRACKETS = frozenset({"AND", "OR", "NOT", "MOD", "IF", "WHILE", "UNTIL", 
 """Words that are no functions, though a bracket may follow them."""
 PRODUCTS = {"*": "*", "/": "/", "MOD": "REM"}
 FUNCTIONS = frozenset({"SIN", "COS", "TAN", "ASIN", "ACOS", "SQRT", "ABS", "LN", "EXP"})
+# a name begins with two letters, so that G0X10 is two words
 _TOKEN = re.compile(
     r"""(?P<blank>[ \t\v\f\x00\x7f\r\n]+)
     |(?P<comment>;.*)
     |(?P<string>"[^"]*")
-    |(?P<set>(?P<target>[A-Z_$][A-Z0-9_]*)[ \t]*=(?!=))
+    |(?P<set>(?P<target>[A-Z]\d*|[A-Z_$][A-Z_$][A-Z0-9_]*)[ \t]*=(?!=))
     |(?P<call>(?P<function>[A-Z_$][A-Z0-9_]*)[ \t]*\()
-    |(?P<address>(?P<letter>[A-Z])[ \t]*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))(?![A-Z0-9_.]))
+    |(?P<address>(?P<letter>[A-Z])[ \t]*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))(?![0-9_.]))
     |(?P<name>[A-Z_$][A-Z0-9_]*)
     |(?P<number>\d+\.?\d*|\.\d+)
     |(?P<sign><=|>=|<>|==|[-+*/(),<>])""",
