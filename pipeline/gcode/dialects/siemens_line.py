@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.gcode.dialects.siemens_flow import JUMPS, WORDS, control_of
+from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
 from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
 from pipeline.gcode.statements import (
     Assignment,
@@ -188,7 +188,10 @@ class LineReader:
         if first is not None and first.kind == "address" and first.head == "N":
             self.number = self.stream.take().value
         head = self.stream.next
-        if head is not None and head.kind == "name" and head.head in WORDS:
+        if head is not None and head.kind == "label":
+            self.stream.at += 1
+            head = self.stream.next
+        if head is not None and head.kind == "name" and head.head in WORDS | JUMPS:
             self.stream.at += 1
             self.control = control_of(head, self.stream)
             return
@@ -321,9 +324,9 @@ class LineReader:
         if token.head in WITHOUT_MOTION:
             return
         action = _NAMED.get(token.head)
-        if action is None and token.head in JUMPS:
+        if action is None and token.head in COMPUTED:
             raise self.stream.error(
-                token, f"{token.head} is not followed: write IF … ENDIF, WHILE or FOR"
+                token, f"{token.head} is not followed: write IF … GOTOF, WHILE or FOR"
             )
         if action is None:
             raise self.stream.error(
