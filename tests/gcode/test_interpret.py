@@ -346,6 +346,14 @@ def test_parts_of_a_program_are_its_moves(rows):
     assert parts[-1].cutter_radii == whole.cutter_radii
 
 
+@pytest.mark.parametrize("code", ["G92", "G50"])
+def test_s_beside_g92_or_g50_limits_the_speed_and_sets_none(code):
+    moves = follow(f"G96 S100 M3\n{code} S3000\nG1 X1 F1")
+    assert kinds(moves) == ["SPINDLE", "FEED"]
+    assert moves.speed.tolist() == [100, 100]
+    assert points(follow("G0 X5\nG92 X0 S3000\nG0 X1")) == [[5, 0, 0], [6, 0, 0]]
+
+
 def test_m19_takes_its_angle_and_moves_nothing():
     moves = follow("F100 G2 X2 I1\nM19 R90")
     assert kinds(moves) == ["ARC", "SPINDLE"]
