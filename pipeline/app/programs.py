@@ -40,6 +40,8 @@ VERDICT_WORDS = {
     "not judged": "was not judged",
 }  # fmt: skip
 """What a sentence about a model says of its verdict."""
+ASKED_SHARE = 0.02
+"""Share of a program's time by which units of a machine differ where it is asked which one [1]."""
 WITHOUT_TIME = {
     "tool_change": "{} tool change(s) are done",
     "spindle_acceleration": "the spindle starts or stops {} time(s)",
@@ -450,7 +452,13 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     others = document["total_time_s_on_other_units"]
     if others:
         told = ", ".join(f"{unit} {seconds:.1f} s" for unit, seconds in others.items())
-        yield f"on unit {document['unit']}, the default one; with --unit: {told}"
+        own = document["total_time_s"]
+        widest = max(abs(seconds - own) for seconds in others.values())
+        asked = widest > ASKED_SHARE * own
+        yield (
+            f"{'warning: ' * asked}on unit {document['unit']}, the default one"
+            f"{', which matters here: name yours' * asked}; with --unit: {told}"
+        )
     elif document["unit"]:
         yield f"on unit {document['unit']}"
     interval = document["total_time_90_s"]
