@@ -152,6 +152,7 @@ def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> Non
     document = json.loads((project / "d.json").read_text())
     assert document["unit"] == "hurco04"
     assert document["total_time_s_on_other_units"] == {"hurco02": told["total_time_s"]}
+    assert "warning: on unit hurco04, the default one, which matters here" in default.stdout
     assert f"with --unit: hurco02 {told['total_time_s']:.1f} s" in default.stdout
     assert f"{before.plan.total:.1f} s" in other.stdout
     assert "'hurco99'" in refused(

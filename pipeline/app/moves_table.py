@@ -1,7 +1,7 @@
 """Table of the moves that a part program commands, as `kerf interpret` writes it."""
 
 import lzma
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,22 +67,31 @@ def _column(values: NDArray[np.generic]) -> pa.Array:
     return pa.Array.from_buffers(kind, len(values), [known, pa.py_buffer(values)])
 
 
-def write_moves(moves: Moves, out: Path) -> float:
+def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float]:
     """Write moves as CSV, a row a move, packed where the end of the file's name says so (``.gz``).
+
+    Parameters
+    ----------
+    parts : iterable of Moves
+        Consecutive moves of one program; each is written before the next one is made.
+    out : Path
+        File to write.
 
     Returns
     -------
-    float
-        Length of their path [mm].
+    int, float
+        Number of moves, and length of their path [mm].
     """
-    length = 0.0
+    count, length = 0, 0.0
     with replacing(out) as part, _opened(part, PACKED.get(out.suffix)) as file:
-        for first in range(0, max(len(moves), 1), ROWS_AT_ONCE):
-            part_of = moves.part(first, first + ROWS_AT_ONCE)
-            options = csv.WriteOptions(include_header=first == 0, quoting_style="needed")
-            csv.write_csv(moves_table(part_of), file, options)
-            length += float(part_of.length.sum())
-    return length
+        for moves in parts:
+            for first in range(0, max(len(moves), 1), ROWS_AT_ONCE):
+                part_of = moves.part(first, first + ROWS_AT_ONCE)
+                options = csv.WriteOptions(include_header=count == 0, quoting_style="needed")
+                csv.write_csv(moves_table(part_of), file, options)
+                count += len(part_of)
+                length += float(part_of.length.sum())
+    return count, length
 
 
 def _opened(part: Path, packing: str | None) -> Any:

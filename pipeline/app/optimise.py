@@ -174,7 +174,7 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
     with named_as_options():
         result = optimise_worn(workshop, job, progress)
     part = optimised_part(result, machine=request.machine, origin=on.origin, control=on.source)
-    return result, part
+    return result, replace(part, machine_unit=on.unit or None)
 
 
 @together()

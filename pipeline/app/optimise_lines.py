@@ -27,6 +27,8 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
         f"{part.program} on {part.machine}{label}, control {source}: "
         f"{part.objective}, {part.stock} in {part.material}"
     )
+    if part.machine_unit is not None:
+        yield f"  on unit {part.machine_unit}; --unit names another one"
     yield from warning_lines(part.warnings)
     yield from verdict_lines(part.verdicts)
     if part.residual is not None:

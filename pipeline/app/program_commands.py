@@ -37,8 +37,8 @@ def interpret(
 ) -> None:
     """Follow PROGRAM block by block and write its moves."""
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.moves_table import write_moves
-    from pipeline.app.programs import machine_setup, passed_over, read_moves
+    from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
+    from pipeline.app.programs import machine_setup, moves_in_parts, passed_over
 
     with _working() as to:
         file = to.file(out, ".csv") or out
@@ -46,13 +46,12 @@ def interpret(
         setup = machine_setup(machine, dialect)
         notes = list(passed_over(program, setup))
         with share_bar("interpreting") as share, step(f"followed {program}") as found:
-            moves = read_moves(program, setup, share)
-            found.add(f"{len(moves)} moves")
-        with step(f"wrote {to.names(file)}"):
-            length = write_moves(moves, file)
+            parts = moves_in_parts(program, setup, share, ROWS_AT_ONCE)
+            count, length = write_moves(parts, file)
+            found.add(f"{count} moves, wrote {to.names(file)}")
         for note in notes:
             to.say(note)
-        to.say(f"{len(moves)} moves, {length:.3f} mm, wrote {to.names(file)}")
+        to.say(f"{count} moves, {length:.3f} mm, wrote {to.names(file)}")
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
-from pipeline.gcode.interpret import interpret
+from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import Setup
@@ -40,6 +40,8 @@ VERDICT_WORDS = {
     "not judged": "was not judged",
 }  # fmt: skip
 """What a sentence about a model says of its verdict."""
+ASKED_SHARE = 0.02
+"""Share of a program's time by which units of a machine differ where it is asked which one [1]."""
 WITHOUT_TIME = {
     "tool_change": "{} tool change(s) are done",
     "spindle_acceleration": "the spindle starts or stops {} time(s)",
@@ -156,6 +158,20 @@ def _setup(sections: dict[str, Any]) -> Setup:
     if "setup" not in sections:
         return Setup()
     return structure({"setup": sections["setup"]}, "setup", Setup)
+
+
+def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterator[Moves]:
+    """The moves of :func:`read_moves` in parts of at least ``rows``.
+
+    Raises
+    ------
+    ValueError
+        As :func:`read_moves`.
+    """
+    program = program_at(path)
+    lines = max(len(program), 1)
+    beside = setup_beside(setup, path)
+    return interpret_in_parts(program, beside, lambda done: share(min(done / lines, 1.0)), rows)
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
@@ -436,7 +452,13 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     others = document["total_time_s_on_other_units"]
     if others:
         told = ", ".join(f"{unit} {seconds:.1f} s" for unit, seconds in others.items())
-        yield f"on unit {document['unit']}, the default one; with --unit: {told}"
+        own = document["total_time_s"]
+        widest = max(abs(seconds - own) for seconds in others.values())
+        asked = widest > ASKED_SHARE * own
+        yield (
+            f"{'warning: ' * asked}on unit {document['unit']}, the default one"
+            f"{', which matters here: name yours' * asked}; with --unit: {told}"
+        )
     elif document["unit"]:
         yield f"on unit {document['unit']}"
     interval = document["total_time_90_s"]

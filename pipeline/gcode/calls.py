@@ -7,6 +7,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from pipeline.gcode.dialects.siemens_flow import Structure, structures
+from pipeline.gcode.dialects.siemens_flow import labels as siemens_labels
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC
@@ -85,6 +86,20 @@ class Source:
     def structures(self) -> dict[int, Structure]:
         """Branches and loops of a Sinumerik program by each of their lines."""
         return structures(self.program)
+
+    @cached_property
+    def marks(self) -> dict[str, list[int]]:
+        """Labels and block numbers of a Sinumerik program -> the lines that bear them."""
+        return siemens_labels(self.program)
+
+    def marked(self, mark: str, line: int, word: str) -> int | None:
+        """Line that ``word`` (goto, gotof or gotob) jumps to from a line."""
+        places = self.marks.get(mark, [])
+        before = [place for place in places if place <= line]
+        after = [place for place in places if place > line]
+        if word == "gotob":
+            return before[-1] if before else None
+        return after[0] if after else before[0] if before and word == "goto" else None
 
     @cached_property
     def loops(self) -> dict[int, int]:

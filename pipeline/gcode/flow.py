@@ -3,8 +3,8 @@
 from functools import partial
 
 from pipeline.gcode.calls import CallStack
+from pipeline.gcode.dialects.siemens_flow import JUMPS, Structure
 from pipeline.gcode.dialects.siemens_flow import KIND as SIEMENS
-from pipeline.gcode.dialects.siemens_flow import Structure
 from pipeline.gcode.dialects.variables import SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.statements import (
@@ -100,10 +100,14 @@ class Flow:
     def _siemens(self, control: Control, line: int, at: ErrorAt) -> None:
         """Branches and loops of the Sinumerik."""
         level = self.calls.current
+        word = control.kind.removeprefix(SIEMENS)
+        if word.upper() in JUMPS:
+            if control.condition is None or self._value(control.condition, at):
+                level.line = self._marked(str(control.label), line, word, at)
+            return
         found = level.source.structures.get(line)
         if found is None:
             raise at("it has no partner: every IF, WHILE, FOR, LOOP and REPEAT needs its end")
-        word = control.kind.removeprefix(SIEMENS)
         unless = {
             "if": (found.otherwise or found.end) + 1, "while": found.end + 1,
             "until": found.opening + 1,
@@ -121,6 +125,13 @@ class Flow:
             self._next_count(found, line, at)
         else:
             level.line = always.get(word, level.line)
+
+    def _marked(self, mark: str, line: int, word: str, at: ErrorAt) -> int:
+        target = self.calls.current.source.marked(mark, line, word)
+        if target is None:
+            where = {"gotof": "below this line", "gotob": "above this line"}.get(word, "here")
+            raise at(f"{mark} is no label or block number {where}: add it or correct the jump")
+        return target
 
     def _next_count(self, found: Structure, line: int, at: ErrorAt) -> None:
         """ENDFOR: the variable of its FOR one up, and into the loop again or behind it."""

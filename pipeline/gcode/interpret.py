@@ -1,7 +1,7 @@
 """Interpreter of part programs: a program and the control's setup to moves."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.fast_lines import run_fast_lines
 from pipeline.gcode.flow import Flow
 from pipeline.gcode.modal import CANCELLED, LINUXCNC
-from pipeline.gcode.moves import Kind, Moves
+from pipeline.gcode.moves import Kind, Moves, Rows
 from pipeline.gcode.program import Program
 from pipeline.gcode.run import Block, Run
 from pipeline.gcode.setup import Setup
@@ -56,6 +56,27 @@ def interpret(
     """
     _refuse_foreign(program)
     return Interpreter(program, setup, progress).moves()
+
+
+def interpret_in_parts(
+    program: Program, setup: Setup, progress: Callable[[int], None] | None, rows: int
+) -> Iterator[Moves]:
+    """Moves of a program in parts that follow each other, for programs of any length.
+
+    Parameters
+    ----------
+    program, setup, progress
+        As :func:`interpret` takes them.
+    rows : int
+        Rows of a part, at least; the last one may have fewer, or none.
+
+    Raises
+    ------
+    GcodeError
+        At the first word that cannot be interpreted, after the parts before it.
+    """
+    _refuse_foreign(program)
+    yield from Interpreter(program, setup, progress).parts(rows)
 
 
 _FOREIGN = {
@@ -138,10 +159,31 @@ class Interpreter:
         """Moves of the program, interpreted to its end."""
         while not self.ended:
             self._step()
+        return self._rest(list(self.setup.initial_position))
+
+    def parts(self, rows: int) -> Iterator[Moves]:
+        """The same in parts of at least ``rows`` rows."""
         run, origin = self.run, list(self.setup.initial_position)
+        while not self.ended:
+            self._step()
+            # a contour or corner that is open still changes its rows, G9 the last one
+            if run.rows.count > rows and run.contour is None and run.corner is None:
+                last = run.rows.cut(run.rows.count - 1)
+                part = self._written(run.rows.cut(0), origin)
+                run.rows.append(tuple(column[0] for column in last.arrays.values()))
+                origin = part.end[-1].tolist()
+                yield part
+        yield self._rest(origin)
+
+    def _rest(self, origin: list[float]) -> Moves:
+        """Rows that stand at the end of the program."""
         self._refuse_corner()
-        close_contour(run)
-        return run.rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+        close_contour(self.run)
+        return self._written(self.run.rows, origin)
+
+    def _written(self, rows: Rows, origin: list[float]) -> Moves:
+        run = self.run
+        return rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
 
     def _refuse_corner(self) -> None:
         """A corner that is open where no straight line follows."""

@@ -10,8 +10,6 @@ from pathlib import Path
 from zoneinfo import available_timezones
 
 import numpy as np
-import pandas as pd
-import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Ints
 
@@ -31,6 +29,8 @@ def check_zone(name: str) -> None:
 
 def zone_of(clean: Path) -> str:
     """Time zone of the plant's days, as the state tables in ``clean`` have it; UTC without any."""
+    import pyarrow.parquet as pq
+
     for path in sorted((clean / "state").glob("*.parquet"))[:1]:
         return str(pq.read_schema(path).field("time").type.tz)
     return UTC
@@ -38,11 +38,15 @@ def zone_of(clean: Path) -> str:
 
 def day_of(time: int, zone: str = UTC) -> str:
     """The plant's day of a time [ns]."""
+    import pandas as pd
+
     return str(pd.Timestamp(time, tz=UTC).tz_convert(zone).date())
 
 
 def day_of_text(time: str, zone: str = UTC) -> str:
     """The plant's day of a time of a manifest (ISO 8601, UTC)."""
+    import pandas as pd
+
     return day_of(pd.Timestamp(time).tz_convert(UTC).as_unit("ns").value, zone)
 
 
@@ -59,6 +63,8 @@ def day_start(day: str, zone: str = UTC) -> int:
 
 def instant(day: str, seconds: float, zone: str = UTC) -> int:
     """When [ns] the plant's clock shows so many seconds after midnight, first if it does twice."""
+    import pandas as pd
+
     shown = pd.Timestamp(day) + pd.Timedelta(seconds=seconds)
     there = shown.tz_localize(zone, ambiguous=True, nonexistent="shift_forward")
     return int(there.as_unit("ns").value)
@@ -71,5 +77,7 @@ def day_end(day: str, zone: str = UTC) -> int:
 
 def clock(times: Ints, zone: str = UTC) -> Ints:
     """What the plant's clock shows at some times [ns], as times of UTC [ns]."""
+    import pandas as pd
+
     shown = pd.DatetimeIndex(times, tz=UTC).tz_convert(zone).tz_localize(None)
     return np.asarray(shown.as_unit("ns").asi8, dtype=np.int64)

@@ -420,6 +420,8 @@ class OptimisedPart:
     residual : str or None
         Compensation network whose residual and interval following errors hold; stored only where
         there is one.
+    machine_unit : str or None
+        Which of several machines of a kind; stored only where there are several.
     edges : tuple of ToolEdge
         Wear of each tool that figures and limits hold for, with the force of the optimised program
         sharp and worn.
@@ -460,6 +462,7 @@ class OptimisedPart:
     setup: SetupSheet
     unit: Literal["mm", "inch"] = "mm"
     residual: str | None = None
+    machine_unit: str | None = None
     edges: tuple[ToolEdge, ...] = ()
 
     def totals(self, side: Side) -> Totals:
@@ -468,10 +471,12 @@ class OptimisedPart:
 
 
 def part_values(part: OptimisedPart) -> dict[str, Any]:
-    """A part as it is stored: limits that do not hold are left out, and a residual that is none."""
+    """A part as it is stored, without limits that do not hold and names that are none."""
     values: dict[str, Any] = unstructured(part)
     if part.residual is None:
         del values["residual"]
+    if part.machine_unit is None:
+        del values["machine_unit"]
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values

@@ -161,3 +161,22 @@ def test_q_without_a_point_that_is_deeper_than_the_hole_is_asked_about(code):
     assert heights(text.replace("Q5000", "Q12")) == heights(text.replace("Q5000", "Q12."))
     inch = "G20\n" + text.replace("Q5000", "Q50000")
     assert heights(inch, peck_increments=True) == heights(inch.replace("Q50000", "Q5."))
+
+
+@pytest.mark.parametrize("code", ["G76", "G87"])
+def test_a_shift_without_a_point_that_is_wider_than_the_hole_is_deep_is_asked_about(code):
+    z, r = (-10, 2) if code == "G76" else (2, -10)
+    text = HEAD + f"M3 S100\nG99 {code} X1 Z{z} R{r} Q200 F100\nG80"
+    assert "setup.peck_increments" in refusal(text)
+    point = text.replace("Q200", "Q0.2")
+    assert follow(text, peck_increments=True).end.tolist() == follow(point).end.tolist()
+
+
+def test_pecks_that_get_smaller_are_refused_by_name():
+    assert "I J K of a Haas" in refusal(HEAD + "G83 X1 Z-10 R2 I4 J1 K2 F100")
+
+
+def test_rigid_tapping_starts_the_spindle_itself():
+    moves = follow(HEAD + "M5\nM29 S100\nG95 G84 X1 Z-5 R2 F1.5\nG80")
+    assert moves.direction[moves.kind == Kind.THREAD].tolist() == [1, -1]
+    assert "the spindle stands" in refusal(HEAD + "M5\nG95 G81 X1 Z-5 R2 F1.5 S100")

@@ -10,7 +10,7 @@ from pipeline.gcode.dialects.statement_parser import (
     statement_from_tokens,
 )
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.interpret import interpret
+from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.modal import INTS, State
 from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
 from pipeline.gcode.program import output_lines, parse_program
@@ -322,3 +322,50 @@ def test_corners_follow_each_other_in_any_plane_and_at_any_angle():
 )
 def test_a_corner_that_cannot_be_made_is_said(text, said):
     assert said in refusal(text)
+
+
+IN_PARTS = (
+    "O1\nF100 G0 X0 Y0 Z5\nG1 X10 ,R2.\nY10\nX0\nG81 X1 Z-5 R2\nX2\nG80\nM98 P20002\nT1 M6\n"
+    "G41 D1 G1 X20\nY20\nG3 X10 Y30 I-10\nG40 G1 X0\nG54 G0 X1\nG9 G1 X3\nG52 X5\nX1\nM30\n"
+    "O2\nG91 G1 X1\nG2 X2 Y2 I2\nG90\nM99\n"
+)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 5, 1000])
+def test_parts_of_a_program_are_its_moves(rows):
+    program, setup = parse_program(IN_PARTS.encode(), "P"), Setup(tools={1: Tool(diameter=4.0)})
+    whole = interpret(program, setup)
+    parts = list(interpret_in_parts(program, setup, None, rows))
+    assert len(parts) == 1 if rows > len(whole) else len(parts) > 3
+    for name, column in whole.columns():
+        joined = np.concatenate([getattr(part, name) for part in parts])
+        np.testing.assert_array_equal(joined, column, err_msg=name)
+    starts = np.concatenate([part.start for part in parts if len(part)])
+    np.testing.assert_array_equal(starts, whole.start)
+    assert (parts[-1].frames, parts[-1].files) == (whole.frames, whole.files)
+    assert parts[-1].cutter_radii == whole.cutter_radii
+
+
+@pytest.mark.parametrize("code", ["G92", "G50"])
+def test_s_beside_g92_or_g50_limits_the_speed_and_sets_none(code):
+    moves = follow(f"G96 S100 M3\n{code} S3000\nG1 X1 F1")
+    assert kinds(moves) == ["SPINDLE", "FEED"]
+    assert moves.speed.tolist() == [100, 100]
+    assert points(follow("G0 X5\nG92 X0 S3000\nG0 X1")) == [[5, 0, 0], [6, 0, 0]]
+
+
+def test_m19_takes_its_angle_and_moves_nothing():
+    moves = follow("F100 G2 X2 I1\nM19 R90")
+    assert kinds(moves) == ["ARC", "SPINDLE"]
+
+
+@pytest.mark.parametrize("dialect", ["fanuc", "siemens"])
+def test_no_arc_comes_right_after_g40(dialect):
+    contour = "F100 G41 D1 G1 X10\nY10\nG40{}\nG2 X20 Y10 I5"
+    if dialect == "siemens":
+        contour = "T1 M6\n" + contour
+    tools = {1: Tool(diameter=4.0)}
+    for between in ("", "\nM8"):
+        said = refusal(contour.format(between), dialect=dialect, tools=tools)
+        assert "G2: no arc may come right after G40" in said
+    assert "ARC" in kinds(follow(contour.format(" G1 X10"), dialect=dialect, tools=tools))

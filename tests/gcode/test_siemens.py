@@ -130,8 +130,10 @@ def test_statement_says_where_its_words_stand():
         ("X1 H2", "H2", 4, "no address"),
         ("X1 D=2", "D=", 4, "no expression"),
         ("G91 G0 B90 C0\nTRAORI\nAROT Y90\nX1", "X1", 1, "is not known"),
-        ("GOTOF END", "GOTOF", 1, "is not followed"),
-        ("IF R1==0 GOTOF END", "GOTOF", 10, "IF … ELSE … ENDIF"),
+        ("GOTOF", "end of line", 1, "needs a label"),
+        ("IF R1==0 GOTOF 5", "5", 16, "needs a label"),
+        ("GOTOB AA X1", "X1", 10, "nothing may follow"),
+        ("CASE R1 OF 1 GOTOF AA", "CASE", 1, "is not followed"),
         ("FOR R1 TO 5", "R1", 5, "FOR needs a variable"),
         ("FOR I=1", "end of line", 1, "FOR needs TO"),
         ("WHILE R1<2 X1", "X1", 12, "own line"),
@@ -142,6 +144,14 @@ def test_statement_says_where_its_words_stand():
         ("G0 B90 C0\nTRAORI\nAROT Y90\nG1 X1 B80 C0 F1", "X1", 4, "not square"),
         ("G0 B0 C0\nTRAORI\nG1 X1 C0 F1", "X1", 4, "3+2"),
         ("G0 B0 C0\nTRAORI\nTRANS X5\nG1 Y1 F1", "Y1", 4, "TRANS under TRAORI"),
+        ("G1 X1 RND=2", "RND=", 7, "rounds the corner"),
+        ("G1 X1 CHF=2", "CHF=", 7, "chamfers the corner"),
+        ("G1 X1 ANG=45", "ANG=", 7, "by its angle"),
+        ("G2 AR=90 I5 J0", "AR=", 4, "by its angle"),
+        ("G0 AP=30 RP=10", "AP=", 4, "polar coordinates"),
+        ("OFFN=2", "OFFN=", 1, "not followed"),
+        ("G1 X1 FB=50", "FB=", 7, "feed of the block"),
+        ("S1=500 M1=3", "S1=", 1, "another spindle"),
         ("G0 Z5\nMCALL CYCLE81(9.,0,1,-2)\nX1", "X1", 1, "retraction plane"),
     ],
 )
@@ -343,3 +353,38 @@ def test_a_structure_without_its_end_is_refused():
         ends_of("IF R1==0\nG1 X1")
     with pytest.raises(GcodeError, match="blocks were executed"):
         ends_of("LOOP\nG1 X1\nENDLOOP", block_limit=500)
+
+
+def test_words_need_no_blanks_between_them():
+    assert ends_of("N10G0X10Y-2.5\nN20G1X=R1+3Z.5F100") == [[10, -2.5, 0], [3, -2.5, 0.5]]
+
+
+def test_turn_adds_full_circles_to_a_helix():
+    program = parse_program(b"G0 X10\nG2 X0 Y10 Z-5 I-10 J0 TURN=2 F100\nM30\n", "test.mpf")
+    moves = interpret(program, Setup(dialect="siemens"))
+    turned = np.degrees(moves.angle[moves.kind == Kind.ARC])
+    np.testing.assert_allclose(turned, [-270 - 720], rtol=1e-12)
+
+
+def test_spos_stops_the_spindle_where_it_says():
+    program = parse_program(b"S100 M3\nSPOS=90\nLIMS=3000\nG0 X1\nM30\n", "test.mpf")
+    moves = interpret(program, Setup(dialect="siemens"))
+    assert moves.direction.tolist() == [1, 0, 0, 0]
+
+
+def test_jumps_go_to_labels_and_block_numbers():
+    text = (
+        "LOOP1: R1=R1+1\nG1 X=R1\nIF R1<3 GOTOB LOOP1\nIF R1==3 GOTOF N50\nG1 Y9\n"
+        "N50 G1 Y1\nGOTO OUT1\nG1 Z9\n/ N60 OUT1: IF R1==3\nG1 Z1\nENDIF"
+    )
+    assert ends_of(text) == [[1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 1, 1]]
+    # GOTOB takes the nearest one above, GOTO the first below and then the first of all
+    text = "R1=R1+1\nAA: G1 X=R1\nR1=R1+1\nAA: G1 Y=R1\nR1=R1+1\nIF R1<5 GOTOB AA\nIF R1<8 GOTO AA"
+    assert ends_of(text)[:4] == [[1, 0, 0], [1, 2, 0], [1, 3, 0], [1, 4, 0]]
+    assert ends_of(text)[4:] == [[5, 4, 0], [5, 6, 0], [7, 6, 0], [7, 8, 0]]
+
+
+@pytest.mark.parametrize("text", ["GOTOF AA\nG1 X1", "AA: G1 X1\nGOTOF AA", "GOTOB AA\nAA: G1 X1"])
+def test_a_jump_that_leads_nowhere_is_said(text):
+    with pytest.raises(GcodeError, match=r"AA is no label or block number (above|below) this line"):
+        ends_of(text)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.app.optimise_lines import optimise_lines
 from pipeline.optimisation.comparison import Side, exceeded, load_trace
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
@@ -40,6 +41,13 @@ def test_what_is_stored_is_read_as_the_same_part(result: Result, document: dict)
     part = optimised_part(result, machine="mill", origin="simulated", control="identified")
     assert part_of(json.loads(text)) == part
     assert "deflection_um" not in document["limits"]  # not given
+
+
+def test_the_unit_of_a_machine_is_named_where_there_are_several(document: dict) -> None:
+    assert "machine_unit" not in document
+    part = part_of({**document, "machine_unit": "hurco04"})
+    assert part_values(part)["machine_unit"] == "hurco04"
+    assert "  on unit hurco04; --unit names another one" in list(optimise_lines(part))
 
 
 def test_totals_are_those_of_the_two_cuts(result: Result, document: dict) -> None:

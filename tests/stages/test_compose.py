@@ -145,3 +145,36 @@ def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path
     machine.write_text(known.replace("\nenergy:", "\nwear_life:"))
     with pytest.raises(ValueError, match=r"conf does not compose: .*duplicate key wear_life"):
         compose(root / "conf", root / "params.yaml")
+
+
+PUBLISHED = {
+    "drive_fit.genetic.generations": 500,  # Sim2023
+    "cutting_fit.genetic.generations": 500,
+    "residual_forest.trees": 300,  # Twin2026
+    "residual_forest.depth": 14,
+    "residual_forest.leaf": 5,
+    "tuning.method": "whale",  # Feed2025
+    "tuning.population": 8,
+    "tuning.generations": 20,
+    "tuning.units": [50, 100],
+    "tuning.l2": [1e-4, 1e-1],
+    "compensation_fit.units": 50,
+    "compensation_fit.filters": 16,
+    "compensation_fit.training.validation": 0.2,
+    "deformation_fit.every_s": 60.0,  # FFNN2015
+    "synthesis_fit.network.latent": 3500,  # DCGAN2019
+    "synthesis_fit.network.discriminator": [128, 128, 64, 64],
+    "synthesis_fit.network.dropout": 0.5,
+    "synthesis_fit.training.learning_rate": 1e-4,
+    "synthesis_fit.training.steps": 148_000,
+}
+"""Sizes of the papers, by setting."""
+
+
+def test_the_full_budget_has_the_sizes_of_the_papers(tmp_path: Path) -> None:
+    full = yaml.safe_load(composed(with_conf(tmp_path) / "conf", ("budget=full",)))
+    for path, size in PUBLISHED.items():
+        found = full
+        for key in path.split("."):
+            found = found[key]
+        assert found == size, path

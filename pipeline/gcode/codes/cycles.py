@@ -344,6 +344,11 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
     plane_r, bottom = cycle.words["R"], cycle.words["Z"]
     if HOLE_CYCLES[cycle.code] is _pecking:
         step = cycle.words.get("Q", 0.0)
+        if not step > 0 and "I" in cycle.words:
+            raise block.error(
+                block.items.get("I") or block.any_item(),
+                "pecks that get smaller (I J K of a Haas) are not followed: post them with Q",
+            )
         if not step > 0:
             raise block.error(
                 block.any_item(), f"{g_code(cycle.code)} has no depth of cut: add Q above 0"
@@ -362,17 +367,17 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
 
 
 def _peck(run: Run, block: Block, value: float) -> float:
-    """Q of a peck in the program's unit; without a decimal point it may count increments."""
+    """Q of a peck or shift in the program's unit; without a point it may count increments."""
     setup, item = run.setup, block.items["Q"]
     bare = type(item.value) is Number and "." not in item.text
     if not bare or run.state.dialect != FANUC or setup.decimal == "increment":
         return value
-    if HOLE_CYCLES[run.cycle.code] is not _pecking or setup.peck_increments is False:
+    if run.cycle.code not in (730, 760, 830, 870) or setup.peck_increments is False:
         return value
     step = value * INCREMENT[run.state.unit != 1.0]
     if setup.peck_increments:
         return step
-    depth = (run.cycle.words["R"] - run.cycle.words["Z"]) / run.state.unit
+    depth = abs(run.cycle.words["R"] - run.cycle.words["Z"]) / run.state.unit
     if value > depth:
         raise block.error(
             item,

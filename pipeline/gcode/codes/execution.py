@@ -81,6 +81,11 @@ def carry_out(block: Block, run: Run) -> None:
     actions = block.actions
     if len(actions) > 1:
         actions.sort(key=itemgetter(0))
+    if run.dialect == "fanuc" and "S" in block.words:
+        _drop_speed_limit(block)
+    if 19 in block.m_codes:
+        for letter in "RPQ":  # where the spindle is oriented: no motion of an axis
+            block.take(letter)
     moved = False
     for step, kind, code, item in actions:
         if step > MOTION_STEP and not moved:
@@ -96,6 +101,17 @@ def carry_out(block: Block, run: Run) -> None:
         move(run, block)
     if block.words:
         _refuse_rest(block, run)
+
+
+def _drop_speed_limit(block: Block) -> None:
+    """G92 S and G50 S without an axis: the greatest speed under G96, for the control to keep."""
+    limits = any(kind == "G" and code in SPEED_LIMITS for _, kind, code, _ in block.actions)
+    if limits and AXES.keys().isdisjoint(block.words):
+        block.take("S")
+        block.actions[:] = [one for one in block.actions if one[1:3] != ("G", 920)]
+
+
+SPEED_LIMITS = (500, 920)
 
 
 def _value(item: WordItem, parameters: ParameterStore, block: Block) -> float | None:

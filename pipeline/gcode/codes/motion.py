@@ -119,6 +119,10 @@ def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
         run.line_to(kind, block.line, end)
 
 
+TAPPING = (740, 840)
+"""Cycles that start the spindle of a Fanuc themselves."""
+
+
 def check_feed(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """A feed needs F, of its own block under G93, and a turning spindle under G95."""
     state, word = run.state, item or block.any_item()
@@ -126,7 +130,8 @@ def check_feed(run: Run, block: Block, code: int, item: WordItem | None) -> None
         return
     if state.feed_mode == FeedMode.INVERSE_TIME and not block.feed_given and code != 310:
         raise block.error(word, "G93 is in force and the block has no F: add one")
-    if state.feed_mode == FeedMode.PER_REVOLUTION and not (state.direction and state.speed):
+    standing = not state.direction and not (code in TAPPING and state.dialect == FANUC)
+    if state.feed_mode == FeedMode.PER_REVOLUTION and (standing or not state.speed):
         raise block.error(word, "G95 is in force and the spindle stands: start it with M3 S before")
     if state.feed <= 0:
         raise block.error(word, f"{g_code(code)} has no feed (F is {state.feed:g}): give F above 0")
@@ -140,7 +145,7 @@ def arc(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     if run.straight_next:
         raise block.error(
             item or block.any_item(),
-            "LinuxCNC takes no arc right after G40: go straight first",
+            "no arc may come right after G40: go straight first",
         )
     check_feed(run, block, code, item)
     state = run.state
@@ -150,7 +155,7 @@ def arc(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     centre = _centre_words(run, block, start)
     radius = block.take("R")
     turns = 1
-    if state.dialect == LINUXCNC and "P" in block.words:
+    if state.dialect != FANUC and "P" in block.words:
         turns = block.whole("P", block.words.pop("P"), 1, 1_000_000)
     end = programmed(run, block) if state.transformed else target(run, block)
     word = item or block.any_item()

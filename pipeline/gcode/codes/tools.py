@@ -71,7 +71,7 @@ def _linuxcnc_length(run: Run, block: Block, code: int, item: WordItem) -> list[
 def cutter_side(run: Run, block: Block, code: int, item: WordItem) -> None:
     """G40, G41, G41.1, G42 and G42.1."""
     if code == 400:
-        run.straight_next = run.contour is not None and run.state.dialect == LINUXCNC
+        run.straight_next = run.contour is not None
         close_contour(run)
         return
     state = run.state
@@ -154,9 +154,6 @@ def spindle_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
 def spindle_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     """M3, M4, M5, M13, M14 (with coolant) and M19."""
     run.state.direction = SPINDLE_DIRECTION[code]
-    if code == 19:
-        for letter in "RPQ":
-            block.take(letter)
     run.add_row(Kind.SPINDLE, block.line, code=code)
     if code in (13, 14):
         run.add_row(Kind.M_CODE, block.line, code=8)

@@ -1,6 +1,7 @@
-"""Branches and loops of the Sinumerik 840D: IF, WHILE, FOR, LOOP and REPEAT, and their ends.
+"""Branches, loops and jumps of the Sinumerik 840D: IF, WHILE, FOR, LOOP, REPEAT and GOTO.
 
-A line of flow control holds nothing else.  Jumps to labels (GOTOF, GOTOB, GOTO) are refused.
+A line of flow control holds nothing else but, at its head, a block number and a label.  Computed
+jumps (CASE, GOTOC, GOTOS) are refused.
 
 Source: Sinumerik 840D sl, Programming Manual Job Planning, "Control structures".
 """
@@ -15,10 +16,14 @@ from pipeline.gcode.statements import Assignment, Control, Expression, Number, P
 ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", "REPEAT": "UNTIL"}
 """Word that opens a structure -> word that closes it."""
 WORDS = frozenset((*ENDS, *ENDS.values(), "ELSE"))
-JUMPS = frozenset({"GOTO", "GOTOF", "GOTOB", "GOTOC", "GOTOS", "CASE"})
+JUMPS = frozenset({"GOTO", "GOTOF", "GOTOB"})
+"""To a label or block number: forwards, then from the top; forwards; backwards."""
+COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE"})
 KIND = "siemens "
 """Before the word, in small letters, that the kind of a control is called by."""
-_HEAD = re.compile(rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?([a-zA-Z]+)")
+_HEAD = re.compile(rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?(?:[a-zA-Z_]{2}\w*[ \t]*:\s*)?([a-zA-Z]+)")
+_JUMP = re.compile(rb"(?i)[^;]*\bGOTO[FB]?\b")
+_LABEL = re.compile(rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?([a-zA-Z_]{2}\w*)[ \t]*:(?!=)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +41,11 @@ def structures(program: Program) -> dict[int, Structure]:
     found: dict[int, Structure] = {}
     open_: list[tuple[str, int, int | None]] = []
     for number in program.body:
-        match = _HEAD.match(program.line(number).text)
+        text = program.line(number).text
+        match = _HEAD.match(text)
         word = match[1].decode("ascii").upper() if match else ""
+        if word == "IF" and _JUMP.match(text):
+            continue
         if word in ENDS:
             open_.append((word, number, None))
         elif word == "ELSE" and open_ and open_[-1][0] == "IF":
@@ -49,8 +57,39 @@ def structures(program: Program) -> dict[int, Structure]:
     return found
 
 
+def labels(program: Program) -> dict[str, list[int]]:
+    """Lines of each label of a program, and of each block number as N with its digits."""
+    found: dict[str, list[int]] = {}
+    for number in program.body:
+        match = _LABEL.match(program.line(number).text)
+        if match:
+            found.setdefault(match[1].decode("ascii").upper(), []).append(number)
+    for value, number in program.heads("N"):
+        found.setdefault(f"N{value:g}", []).append(number)
+    return found
+
+
+def jump_of(token: Token, stream: TokenStream, condition: Expression | None = None) -> Control:
+    """A jump; the stream is behind its word.
+
+    Raises
+    ------
+    GcodeError
+        When it does not say where to, or the line holds more.
+    """
+    target = stream.next
+    numbered = target is not None and target.kind == "address" and target.head == "N"
+    if target is None or not (target.kind == "name" or numbered):
+        raise stream.error(target, f"{token.head} needs a label or N and a number: add it")
+    stream.at += 1
+    if stream.next is not None:
+        raise stream.error(stream.next, f"nothing may follow {token.head} here: delete it")
+    label = f"N{target.value:g}" if numbered else target.head
+    return Control(KIND + token.head.lower(), label, token.column, condition=condition)
+
+
 def control_of(token: Token, stream: TokenStream) -> Control:
-    """Flow control of a line that begins with one of ``WORDS``; the stream is behind the word.
+    """Flow control of a line by one of ``WORDS`` or ``JUMPS``; the stream is behind the word.
 
     Raises
     ------
@@ -58,13 +97,16 @@ def control_of(token: Token, stream: TokenStream) -> Control:
         When the line holds anything else.
     """
     word, kind = token.head, KIND + token.head.lower()
+    if word in JUMPS:
+        return jump_of(token, stream)
     condition: Expression | None = None
     then: tuple[Assignment, ...] = ()
     if word in ("IF", "WHILE", "UNTIL"):
         condition = stream.condition()
         jump = stream.next
         if word == "IF" and jump is not None and jump.head in JUMPS:
-            raise stream.error(jump, f"{jump.head} is not followed: write IF … ELSE … ENDIF")
+            stream.at += 1
+            return jump_of(jump, stream, condition)
     elif word == "FOR":
         name = stream.next
         if name is None or name.kind != "set":

@@ -21,10 +21,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.gcode.dialects.siemens_flow import JUMPS, WORDS, control_of
+from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
 from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
 from pipeline.gcode.statements import (
     Assignment,
+    Binary,
     Control,
     Expression,
     Number,
@@ -77,6 +78,8 @@ SAME_AS: dict[float, int] = {
 """G code -> the one with the same path here; 641 to 645 differ in how they round corners."""
 
 WITHOUT_MOTION: dict[str, str] = {
+    "ADIS": "size of the corners that G641 rounds",
+    "ADISPOS": "the same of rapids",
     "BRISK": "acceleration in steps",
     "COMPCAD": "compressor on",
     "COMPCURV": "compressor on",
@@ -91,12 +94,28 @@ WITHOUT_MOTION: dict[str, str] = {
     "FFWOF": "feed-forward control off",
     "FFWON": "feed-forward control on",
     "FNORM": "feed as F says, constant in a block",
+    "G450": "around outer corners as an arc, as is done here",
     "G601": "exact stop fine",
     "G602": "exact stop coarse",
     "G603": "exact stop at the end of interpolation",
+    "LIMS": "greatest speed of the spindle under G96",
+    "NORM": "straight to the contour and away from it, as is done here",
     "SOFT": "acceleration with limited jerk",
+    "STOPRE": "blocks are read ahead up to here",
 }
 """Word -> what it sets; where the path goes does not depend on it."""
+
+WITH_MOTION: dict[str, str] = {
+    **dict.fromkeys(("RND", "RNDM"), "rounds the corner"),
+    **dict.fromkeys(("CHF", "CHR"), "chamfers the corner"),
+    **dict.fromkeys(("ANG", "ANG1", "ANG2"), "gives the line by its angle"),
+    **dict.fromkeys(("AP", "RP"), "gives the point in polar coordinates"),
+    "AR": "gives the arc by its angle",
+    "OFFN": "sets the contour off",
+    **dict.fromkeys(("DISR", "DISCL", "DISRP"), "moves onto the contour"),
+    **dict.fromkeys(("FB", "FRC", "FRCM", "FAD", "OVR"), "sets the feed of the block"),
+}
+"""Address of a block that is not followed -> what it does; no variable may have its name."""
 
 AXES = frozenset("XYZABC")
 CENTRES = frozenset("IJK")
@@ -169,7 +188,10 @@ class LineReader:
         if first is not None and first.kind == "address" and first.head == "N":
             self.number = self.stream.take().value
         head = self.stream.next
-        if head is not None and head.kind == "name" and head.head in WORDS:
+        if head is not None and head.kind == "label":
+            self.stream.at += 1
+            head = self.stream.next
+        if head is not None and head.kind == "name" and head.head in WORDS | JUMPS:
             self.stream.at += 1
             self.control = control_of(head, self.stream)
             return
@@ -263,10 +285,25 @@ class LineReader:
             self._absolute_centre(name, token)
             return
         value = stream.expression()
+        if name in WITH_MOTION:
+            raise stream.error(
+                token, f"{name} {WITH_MOTION[name]}, which is not followed: post single moves"
+            )
         if name == "CR":
             self.word("R", value, token)
+        elif name == "TURN":  # full circles beside the arc; P counts the arc too
+            self.word("P", Binary("+", value, Number(1.0)), token)
+        elif name == "SPOS":
+            self.word("M", 19.0, token)
+        elif name in WITHOUT_MOTION:
+            return
         elif name in LETTERS:
             self.word(name, value, token)
+        elif name[1:].isdigit() and name[0] != "R":
+            raise stream.error(
+                token, f"{name} is of another spindle, axis or point, which is not followed: "
+                "post it for one spindle and X Y Z A B C"
+            )  # fmt: skip
         elif len(name) > 1:
             target = Parameter(VARIABLE + name.lower())
             self.assignments.append(Assignment(target, value, token.column))
@@ -287,9 +324,9 @@ class LineReader:
         if token.head in WITHOUT_MOTION:
             return
         action = _NAMED.get(token.head)
-        if action is None and token.head in JUMPS:
+        if action is None and token.head in COMPUTED:
             raise self.stream.error(
-                token, f"{token.head} is not followed: write IF … ENDIF, WHILE or FOR"
+                token, f"{token.head} is not followed: write IF … GOTOF, WHILE or FOR"
             )
         if action is None:
             raise self.stream.error(

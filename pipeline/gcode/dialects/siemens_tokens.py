@@ -20,13 +20,15 @@ BEFORE_BRACKETS = frozenset({"AND", "OR", "NOT", "MOD", "IF", "WHILE", "UNTIL", 
 """Words that are no functions, though a bracket may follow them."""
 PRODUCTS = {"*": "*", "/": "/", "MOD": "REM"}
 FUNCTIONS = frozenset({"SIN", "COS", "TAN", "ASIN", "ACOS", "SQRT", "ABS", "LN", "EXP"})
+# a name begins with two letters, so that G0X10 is two words
 _TOKEN = re.compile(
     r"""(?P<blank>[ \t\v\f\x00\x7f\r\n]+)
     |(?P<comment>;.*)
     |(?P<string>"[^"]*")
-    |(?P<set>(?P<target>[A-Z_$][A-Z0-9_]*)[ \t]*=(?!=))
+    |(?P<label>(?P<mark>[A-Z_][A-Z_][A-Z0-9_]*)[ \t]*:(?!=))
+    |(?P<set>(?P<target>[A-Z]\d*|[A-Z_$][A-Z_$][A-Z0-9_]*)[ \t]*=(?!=))
     |(?P<call>(?P<function>[A-Z_$][A-Z0-9_]*)[ \t]*\()
-    |(?P<address>(?P<letter>[A-Z])[ \t]*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))(?![A-Z0-9_.]))
+    |(?P<address>(?P<letter>[A-Z])[ \t]*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))(?![0-9_.]))
     |(?P<name>[A-Z_$][A-Z0-9_]*)
     |(?P<number>\d+\.?\d*|\.\d+)
     |(?P<sign><=|>=|<>|==|[-+*/(),<>])""",
@@ -82,9 +84,10 @@ class TokenStream:
             if kind == "comment":
                 self.comments.append(match[0][1:])
             elif kind != "blank":
-                head = match["target"] or match["function"] or match["letter"] or match["name"]
+                heads = ("mark", "target", "function", "letter", "name")
+                head = next((match[part] for part in heads if match[part]), "")
                 value = float(match["value"] or match["number"] or 0.0)
-                text_read, head = match[0].rstrip(), (head or "").upper()
+                text_read, head = match[0].rstrip(), head.upper()
                 if kind == "call" and head in BEFORE_BRACKETS:  # no function: AND (R1 == 2)
                     self.tokens.append(Token("name", text_read[:-1].rstrip(), start + 1, head, 0.0))
                     kind, text_read, head = "sign", "(", ""
@@ -221,4 +224,4 @@ class TokenStream:
             raise self.error(self.next, "a ) is missing: add it")
 
 
-_KINDS = ("blank", "comment", "string", "set", "call", "address", "name", "number", "sign")
+_KINDS = ("blank", "comment", "string", "label", "set", "call", "address", "name", "number", "sign")
