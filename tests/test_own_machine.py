@@ -7,7 +7,13 @@ import pytest
 import yaml
 
 from pipeline.app.machine import machine_text, propose
-from pipeline.app.records import ItemSeries, item_record, lines, machine_records
+from pipeline.app.records import (
+    ItemSeries,
+    item_record,
+    lines,
+    machine_records,
+    without_holes,
+)
 from pipeline.signals.cleaning.recorded import near
 from pipeline.signals.formats import format_of, looks_like
 from pipeline.stages.compose import composed
@@ -71,9 +77,25 @@ def test_unavailable_is_a_share_of_time() -> None:
         time=np.array([0, 1, 4]) * 10**9, number=np.array([1.0, np.nan, 3.0]),
         known=np.array([True, False, True]), words=0,
     )  # fmt: skip
-    row = item_record("n1", series, (0, 4 * 10**9), signal="spindle_speed")
+    row = item_record("n1", series, (0, 4 * 10**9), lambda time: time, signal="spindle_speed")
     assert row.unavailable == pytest.approx(3 / 4)
     assert (row.samples, row.low, row.high, row.interval_s) == (2, 1.0, 3.0, 4.0)
+
+
+def test_days_without_a_log_count_neither_as_unavailable_nor_in_the_course() -> None:
+    """An hour of one year and two of the next: its end and their beginning fall together."""
+    hour, year = 3600 * 10**9, 365 * 24 * 3600 * 10**9
+    time = np.concatenate([np.arange(3), year // hour + np.arange(3)]) * hour
+    known = np.array([True, True, False, True, True, True])
+    number = np.where(known, [0.0, 0.0, 0.0, 8.0, 8.0, 8.0], np.nan)
+    series = ItemSeries(time=time, number=number, known=known, words=0)
+    shortened = without_holes({"n1": series})
+    assert np.diff(shortened(time)).tolist() == [hour, 0, 0, hour, hour]
+    span = (0, int(shortened(time)[-1]))
+    row = item_record("n1", series, span, shortened, signal="spindle_speed")
+    assert row.unavailable == 0.0
+    assert row.sparkline.replace(" ", "") == "▁▅██"
+    assert row.last == "1971-01-01T02:00:00Z"
 
 
 def test_an_item_without_records_is_said(tmp_path: Path) -> None:

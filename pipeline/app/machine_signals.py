@@ -43,7 +43,12 @@ _AXIS = {
     "Linear": {"POSITION": "position", "AXIS_FEEDRATE": "feedrate", "LOAD": "load"},
     "Rotary": {"ANGLE": "angle", "ANGULAR_VELOCITY": "angular_velocity", "LOAD": "load"},
 }
-_TIMES = {"TOTAL": "total_time", "AUTO": "auto_time", "CUT": "cut_time"}
+_TIMES = {
+    "total_time": ("TOTAL", "POWERED"),
+    "auto_time": ("AUTO", "WORKING"),
+    "cut_time": ("CUT", "LOADED"),
+}
+"""Words of the subtypes of a counter of hours: the makers' own, and those of EQUIPMENT_TIMER."""
 _NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:SUB_PROGRAM")
 
 
@@ -89,9 +94,9 @@ def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, Ite
         fits = [(n, i) for n, i in usable if i.type == "PATH_FEEDRATE_OVERRIDE"
                 and (i.sub_type == "RAPID") == wanted]  # fmt: skip
         _one_of(found, log, name, fits)
-    for word, signal in _TIMES.items():
+    for signal, words in _TIMES.items():
         fits = [(n, i) for n, i in usable if i.type in ("ACCUMULATED_TIME", "EQUIPMENT_TIMER")
-                and word in (i.sub_type or "").upper()]  # fmt: skip
+                and any(word in (i.sub_type or "").upper() for word in words)]  # fmt: skip
         _one_of(found, log, signal, fits)
     _temperatures(found, log, usable)
     taken = _spindles(found, log, usable)
