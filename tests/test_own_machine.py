@@ -65,6 +65,44 @@ def test_the_device_is_the_one_whose_items_the_log_has(
     assert values["records"][0]["device"] == "two"
 
 
+SPINDLE = """<Rotary id="{n}" name="S{n}"><DataItems>
+<DataItem id="{n}1" name="n{n}" category="SAMPLE" type="ROTARY_VELOCITY"/>
+<DataItem id="{n}2" name="p{n}" category="SAMPLE" type="LOAD"/>
+<DataItem id="{n}3" name="w{n}" category="SAMPLE" type="TEMPERATURE"/></DataItems></Rotary>"""
+TIMER = '<DataItem id="{n}" name="{n}" category="SAMPLE" type="EQUIPMENT_TIMER" subType="{n}"/>'
+
+
+def test_the_spindle_that_warms_is_modelled_and_timers_are_found(tmp_path: Path) -> None:
+    """The first spindle turns all the time and stays warm, the second one turns less and warms.
+
+    A year without a log lies between two shifts; it takes no part in the comparison.
+    """
+    devices, log = tmp_path / "Devices.xml", tmp_path / "log.txt"
+    timers = "".join(TIMER.format(n=name) for name in ("POWERED", "WORKING", "LOADED"))
+    axes = SPINDLE.format(n=1) + SPINDLE.format(n=2)
+    devices.write_text(
+        f'<Device id="d" name="d"><DataItems>{timers}</DataItems><Components><Axes id="a">'
+        f"<Components>{axes}</Components></Axes></Components></Device>"
+    )
+    rows = []
+    for minute in range(400):
+        year, at = 2025 + minute // 200, minute % 200
+        time = f"{year}-03-03T{8 + at // 60:02d}:{at % 60:02d}:00Z"
+        values = {
+            "n1": 500 + at, "p1": 5, "w1": 44 + at % 2, "n2": 900 * (at % 2), "p2": at % 7,
+            "w2": 25 + at / 20, **dict.fromkeys(("POWERED", "WORKING", "LOADED"), minute),
+        }  # fmt: skip
+        rows += [f"{time}|{item}|{value}" for item, value in values.items()]
+    log.write_text("\n".join(rows) + "\n")
+    found = propose("lathe", devices, [log], None, tmp_path / "raw")
+    signals = found.found.signals
+    assert (signals["spindle_speed"], signals["second_spindle_speed"]) == ("n2", "n1")
+    assert "its temperature moves most" in found.found.choices["spindle_speed"].why
+    assert [signals[f"{one}_time"] for one in ("total", "auto", "cut")] == [
+        "POWERED", "WORKING", "LOADED",
+    ]  # fmt: skip
+
+
 def test_without_a_log_several_devices_are_a_question(
     given: tuple[Path, Path], tmp_path: Path
 ) -> None:
