@@ -120,6 +120,21 @@ def test_ingest_takes_the_device_document_that_the_project_has(
     ]
 
 
+def test_items_of_another_machine_are_counted(project: Path, tmp_path: Path) -> None:
+    log, devices = tmp_path / "log.txt", tmp_path / "Devices.xml"
+    devices.write_text(
+        '<Device id="d" name="m"><DataItems><DataItem id="s" name="S1n" category="SAMPLE" '
+        'type="ROTARY_VELOCITY" units="REVOLUTION/MINUTE"/></DataItems></Device>'
+    )
+    rows = ["S1n|100", "Xpos|7", "Xpos|8", "Feed_Rate|3", "Ypos|UNAVAILABLE"]
+    log.write_text("".join(f"2024-03-04T10:00:0{n}Z|{row}\n" for n, row in enumerate(rows)))
+    done = kerf(project, "ingest", log, "--machine", MACHINE, "--out", tmp_path / "out")
+    assert done.stderr == (
+        "kerf: 2 items with 3 values are not in the Devices document (Xpos, Feed_Rate): is a log "
+        "of another machine among these?\n"
+    )
+
+
 def test_files_of_one_name_are_kept_apart(project: Path, tmp_path: Path) -> None:
     paths = [tmp_path / day / "log.txt" for day in ("monday", "tuesday")]
     for n, path in enumerate(paths, 1):
@@ -513,6 +528,17 @@ def test_a_week_that_cannot_be_frozen(first: str, last: str, said: str, project:
         (folder / "manifest.json").write_text('{"files": {}}')
     assert said in refused(project, "golden", MACHINE, "--first", first, "--last", last)
     assert not list((project / "data/golden").iterdir())
+
+
+def test_days_without_a_record_are_answered_with_those_that_have_some(ingested: Path) -> None:
+    said = refused(ingested, "golden", MACHINE, "--first", "2026-01-07", "--last", "2026-01-08")
+    assert f"there are records of {MONDAY}, 2026-01-12, 2026-01-19" in said
+    state = ingested / f"data/clean/{MACHINE}/state"
+    state.mkdir(parents=True)
+    for day in (MONDAY, "2026-01-06", "2026-01-08"):
+        (state / f"{day}.parquet").touch()
+    said = refused(ingested, "golden", MACHINE, "--first", "2026-01-07", "--last", "2026-01-07")
+    assert said.endswith(f"there are records of {MONDAY} to 2026-01-06, 2026-01-08\n")
 
 
 def test_the_report_is_written_where_it_is_asked_for(project: Path, tmp_path: Path) -> None:

@@ -7,7 +7,13 @@ import pytest
 import yaml
 
 from pipeline.app.machine import machine_text, propose
-from pipeline.app.records import ItemSeries, item_record, lines, machine_records
+from pipeline.app.records import (
+    ItemSeries,
+    item_record,
+    lines,
+    machine_records,
+    without_holes,
+)
 from pipeline.signals.cleaning.recorded import near
 from pipeline.signals.formats import format_of, looks_like
 from pipeline.stages.compose import composed
@@ -59,6 +65,44 @@ def test_the_device_is_the_one_whose_items_the_log_has(
     assert values["records"][0]["device"] == "two"
 
 
+SPINDLE = """<Rotary id="{n}" name="S{n}"><DataItems>
+<DataItem id="{n}1" name="n{n}" category="SAMPLE" type="ROTARY_VELOCITY"/>
+<DataItem id="{n}2" name="p{n}" category="SAMPLE" type="LOAD"/>
+<DataItem id="{n}3" name="w{n}" category="SAMPLE" type="TEMPERATURE"/></DataItems></Rotary>"""
+TIMER = '<DataItem id="{n}" name="{n}" category="SAMPLE" type="EQUIPMENT_TIMER" subType="{n}"/>'
+
+
+def test_the_spindle_that_warms_is_modelled_and_timers_are_found(tmp_path: Path) -> None:
+    """The first spindle turns all the time and stays warm, the second one turns less and warms.
+
+    A year without a log lies between two shifts; it takes no part in the comparison.
+    """
+    devices, log = tmp_path / "Devices.xml", tmp_path / "log.txt"
+    timers = "".join(TIMER.format(n=name) for name in ("POWERED", "WORKING", "LOADED"))
+    axes = SPINDLE.format(n=1) + SPINDLE.format(n=2)
+    devices.write_text(
+        f'<Device id="d" name="d"><DataItems>{timers}</DataItems><Components><Axes id="a">'
+        f"<Components>{axes}</Components></Axes></Components></Device>"
+    )
+    rows = []
+    for minute in range(400):
+        year, at = 2025 + minute // 200, minute % 200
+        time = f"{year}-03-03T{8 + at // 60:02d}:{at % 60:02d}:00Z"
+        values = {
+            "n1": 500 + at, "p1": 5, "w1": 44 + at % 2, "n2": 900 * (at % 2), "p2": at % 7,
+            "w2": 25 + at / 20, **dict.fromkeys(("POWERED", "WORKING", "LOADED"), minute),
+        }  # fmt: skip
+        rows += [f"{time}|{item}|{value}" for item, value in values.items()]
+    log.write_text("\n".join(rows) + "\n")
+    found = propose("lathe", devices, [log], None, tmp_path / "raw")
+    signals = found.found.signals
+    assert (signals["spindle_speed"], signals["second_spindle_speed"]) == ("n2", "n1")
+    assert "its temperature moves most" in found.found.choices["spindle_speed"].why
+    assert [signals[f"{one}_time"] for one in ("total", "auto", "cut")] == [
+        "POWERED", "WORKING", "LOADED",
+    ]  # fmt: skip
+
+
 def test_without_a_log_several_devices_are_a_question(
     given: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -71,9 +115,25 @@ def test_unavailable_is_a_share_of_time() -> None:
         time=np.array([0, 1, 4]) * 10**9, number=np.array([1.0, np.nan, 3.0]),
         known=np.array([True, False, True]), words=0,
     )  # fmt: skip
-    row = item_record("n1", series, (0, 4 * 10**9), signal="spindle_speed")
+    row = item_record("n1", series, (0, 4 * 10**9), lambda time: time, signal="spindle_speed")
     assert row.unavailable == pytest.approx(3 / 4)
     assert (row.samples, row.low, row.high, row.interval_s) == (2, 1.0, 3.0, 4.0)
+
+
+def test_days_without_a_log_count_neither_as_unavailable_nor_in_the_course() -> None:
+    """An hour of one year and two of the next: its end and their beginning fall together."""
+    hour, year = 3600 * 10**9, 365 * 24 * 3600 * 10**9
+    time = np.concatenate([np.arange(3), year // hour + np.arange(3)]) * hour
+    known = np.array([True, True, False, True, True, True])
+    number = np.where(known, [0.0, 0.0, 0.0, 8.0, 8.0, 8.0], np.nan)
+    series = ItemSeries(time=time, number=number, known=known, words=0)
+    shortened = without_holes({"n1": series})
+    assert np.diff(shortened(time)).tolist() == [hour, 0, 0, hour, hour]
+    span = (0, int(shortened(time)[-1]))
+    row = item_record("n1", series, span, shortened, signal="spindle_speed")
+    assert row.unavailable == 0.0
+    assert row.sparkline.replace(" ", "") == "▁▅██"
+    assert row.last == "1971-01-01T02:00:00Z"
 
 
 def test_an_item_without_records_is_said(tmp_path: Path) -> None:

@@ -40,6 +40,7 @@ def ingest(
     """Read FILES into Parquet; say how many records were read, kept and rejected."""
     from pipeline.app.compiling import announced
     from pipeline.app.fleet import ingest_files
+    from pipeline.signals.store import strangers_said
 
     with one_sentence(), announced(), step(f"read {len(files)} files") as found:
         with steps_bar("reading", len(files)) as advance:
@@ -52,6 +53,8 @@ def ingest(
     for r in results:
         for said in filter(None, (r.reason, r.note)):
             typer.echo(f"kerf: {typer.format_filename(r.path)}: {said}", err=True)
+    if strangers := strangers_said(out):
+        typer.echo(f"kerf: {strangers}", err=True)
     if any(r.reason for r in results):
         raise typer.Exit(2)
 

@@ -301,16 +301,19 @@ def freeze_set(
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
     known = _document(manifest)["files"]
-    names = set() if days is None else {
-        name for name, entry in known.items()
-        if entry.get("last") and day_of_text(str(entry["last"]), zone) in days
-    }  # fmt: skip
-    if days is not None and not names:
-        there = _days_there(known, zone)
-        raise ValueError(
-            f"{machine} has no record from {days.first} to {days.last}: put its files into "
-            f"data/raw/{machine} and run `dvc repro`, or name other days; {there}"
-        )
+    from pipeline.submodels.cases import files_of_days, sources
+
+    there = _days_there(machine, known, zone)
+    names: set[str] = set()
+    if days is not None:
+        if any(day in days for day in there):
+            names = set(files_of_days(known, days, zone))
+        if not names:
+            listed = f"there are records of {_listed(there)}" if there else "no record has a clock"
+            raise ValueError(
+                f"{machine} has no record from {days.first} to {days.last}: name other days, or "
+                f"put the files of these into data/raw/{machine} and run `dvc repro`; {listed}"
+            )
     for pattern in files:
         fitting = {name for name in known if fnmatchcase(name, pattern)}
         if not fitting:
@@ -328,21 +331,30 @@ def freeze_set(
             f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
             "file is in one of them"
         )
-    from pipeline.submodels.cases import sources
-
     frozen = FrozenSet(files=sources(known, sorted(names)), days=days, time_zone=zone)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
     return frozen
 
 
-def _days_there(known: dict[str, Any], zone: str) -> str:
-    """The first and last day of each file with a clock, as one span, in words."""
-    ends = [
-        day_of_text(str(e[k]), zone)
-        for e in known.values() for k in ("first", "last") if e.get("last")
-    ]  # fmt: skip
-    return f"records reach from {min(ends)} to {max(ends)}" if ends else "no record has a clock"
+def _days_there(machine: str, known: dict[str, Any], zone: str) -> list[str]:
+    """Days of the plant with records: of the clean tables, without any those on which files end."""
+    from pipeline.signals.windows import state_days
+
+    cleaned = state_days(DATA / "clean" / machine)
+    ends = {day_of_text(str(entry["last"]), zone) for entry in known.values() if entry.get("last")}
+    return cleaned or sorted(ends)
+
+
+def _listed(days: Sequence[str]) -> str:
+    """Days in order, those that follow each other as a span."""
+    spans: list[list[date]] = []
+    for day in map(date.fromisoformat, days):
+        if spans and (day - spans[-1][1]).days == 1:
+            spans[-1][1] = day
+        else:
+            spans.append([day, day])
+    return ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in spans)
 
 
 def learnt_and_frozen(machine: str, frozen: FrozenSet) -> str | None:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.app.records import ItemSeries, span_of
+from pipeline.app.records import ItemSeries
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.mtconnect.model import DataItem
 
 GRID = 20_000
-"""Points of time at which series are compared."""
+"""Points of time at which series are compared, as many reports of the log apart."""
 TURNS_RPM = 5.0
 """A spindle turns above this speed [rev/min]."""
 SURE = 0.95
@@ -43,7 +43,12 @@ _AXIS = {
     "Linear": {"POSITION": "position", "AXIS_FEEDRATE": "feedrate", "LOAD": "load"},
     "Rotary": {"ANGLE": "angle", "ANGULAR_VELOCITY": "angular_velocity", "LOAD": "load"},
 }
-_TIMES = {"TOTAL": "total_time", "AUTO": "auto_time", "CUT": "cut_time"}
+_TIMES = {
+    "total_time": ("TOTAL", "POWERED"),
+    "auto_time": ("AUTO", "WORKING"),
+    "cut_time": ("CUT", "LOADED"),
+}
+"""Words of the subtypes of a counter of hours: the makers' own, and those of EQUIPMENT_TIMER."""
 _NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:SUB_PROGRAM")
 
 
@@ -89,9 +94,9 @@ def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, Ite
         fits = [(n, i) for n, i in usable if i.type == "PATH_FEEDRATE_OVERRIDE"
                 and (i.sub_type == "RAPID") == wanted]  # fmt: skip
         _one_of(found, log, name, fits)
-    for word, signal in _TIMES.items():
+    for signal, words in _TIMES.items():
         fits = [(n, i) for n, i in usable if i.type in ("ACCUMULATED_TIME", "EQUIPMENT_TIMER")
-                and word in (i.sub_type or "").upper()]  # fmt: skip
+                and any(word in (i.sub_type or "").upper() for word in words)]  # fmt: skip
         _one_of(found, log, signal, fits)
     _temperatures(found, log, usable)
     taken = _spindles(found, log, usable)
@@ -192,17 +197,18 @@ def _which(place: str, log: "Log", *, clear: bool) -> str:
         return "; swap it with spindle_… to model this one"
     if not clear:
         return "; two spindles are alike: choose the one to model"
-    return "; modelled, as it turns most of those with a load and a temperature"
+    return "; modelled, as its temperature moves most of those with a load"
 
 
 def _place(item: DataItem) -> tuple[str | None, str | None]:
     return item.component, item.component_name
 
 
-def _rank(log: "Log", spindle: Mapping[str, str]) -> tuple[int, float]:
-    """How well a spindle can be modelled: quantities with values, then time that it turns."""
+def _rank(log: "Log", spindle: Mapping[str, str]) -> tuple[int, float, float]:
+    """How well a spindle can be modelled: quantities with values, its heat, time that it turns."""
     there = sum(log.values(item) if log.series else True for item in spindle.values())
-    return there, log.share_turning(spindle["speed"])
+    moves = log.spread(spindle["temperature"]) if "temperature" in spindle else 0.0
+    return there, moves, log.share_turning(spindle["speed"])
 
 
 def _belonging(
@@ -269,8 +275,10 @@ class Log:
 
     def __init__(self, series: Mapping[str, ItemSeries]) -> None:
         self.series = series
-        first, last = span_of(series)
-        self.grid: Ints = np.linspace(first, last, GRID).astype(np.int64)
+        known = [one.time[one.known] for one in series.values()]
+        said: Ints = np.unique(np.concatenate([np.zeros(1, np.int64), *known]))[1:]
+        place = np.linspace(0, len(said) - 1, GRID).astype(np.int64)
+        self.grid: Ints = said[place] if len(said) else np.zeros(GRID, np.int64)
 
     def values(self, name: str) -> bool:
         """Whether an item has numbers."""
@@ -286,8 +294,14 @@ class Log:
         return np.where(at >= 0, one.number[np.maximum(at, 0)], np.nan)
 
     def share_turning(self, name: str) -> float:
-        """Share of the time in which a spindle turns [1]."""
+        """Share of the reported time in which a spindle turns [1]."""
         return float((np.abs(self.held(name)) > TURNS_RPM).mean())
+
+    def spread(self, name: str) -> float:
+        """Distance of an item's quartiles, which glitches do not move; 0 without numbers."""
+        held = self.held(name)
+        held = held[~np.isnan(held)]
+        return float(np.subtract(*np.percentile(held, [75, 25]))) if len(held) else 0.0
 
     def together(self, speed: str, other: str) -> float:
         """Correlation of |speed| with another item [1]; NaN where one of them does not move."""

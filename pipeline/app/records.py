@@ -3,8 +3,8 @@
 Read from what `ingest` wrote: observations (long) and traces (wide).  Times are UTC.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from pipeline.schema.arrays import Floats, Ints
 BARS = "▁▂▃▄▅▆▇█"
 BINS = 24
 """Characters of a sparkline, equal parts of the time that the records span."""
+HOLE = 24 * 3600 * 10**9
+"""Without a value of any item for longer than this [ns], the machine's log was not kept."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +61,8 @@ class ItemRecord:
     words : int
         Different words among its values.
     unavailable : float
-        Share of the time from its first to its last report in which it was unavailable [1].
+        Share of the time from its first to its last report in which it was unavailable [1]; days
+        without a value of any item do not count.
     first, last : str or None
         UTC of its first and last value.
     unit : str
@@ -67,7 +70,8 @@ class ItemRecord:
     described : bool
         False where the machine has a Devices document and it does not describe the item.
     sparkline : str
-        Its mean in equal parts of the time that all records span; blank where it said nothing.
+        Its mean in equal parts of the time that all records span, without those days; blank where
+        it said nothing.
     """
 
     item: str
@@ -131,11 +135,38 @@ def _series(parts: Sequence[pd.DataFrame]) -> ItemSeries:
     )
 
 
-def item_record(item: str, series: ItemSeries, span: tuple[int, int], **about: Any) -> ItemRecord:
-    """The row of one item; ``span`` [ns] is that of all records, ``about`` its other fields."""
+def without_holes(every: Mapping[str, ItemSeries]) -> Callable[[Ints], Ints]:
+    """Times [ns] without the stretches of over a day in which no item had a value."""
+    known = [one.time[one.known] for one in every.values()]
+    said: Ints = np.unique(np.concatenate([np.empty(0, np.int64), *known]))
+    step = np.diff(said)
+    after = said[1:][step > HOLE]
+    taken = np.r_[0, np.cumsum(step[step > HOLE])]
+    ends = np.r_[after - taken[1:], np.iinfo(np.int64).max]
+
+    def shortened(time: Ints) -> Ints:
+        place = np.searchsorted(after, time, side="right")
+        return np.minimum(time - taken[place], ends[place])
+
+    return shortened
+
+
+def item_record(
+    item: str,
+    series: ItemSeries,
+    span: tuple[int, int],
+    shortened: Callable[[Ints], Ints],
+    **about: Any,
+) -> ItemRecord:
+    """The row of one item.
+
+    ``span`` [ns] is that of all records, both it and share and course without the holes that
+    ``shortened`` takes out; ``about`` are the other fields.
+    """
     said = series.time[series.known]
     number = series.number[~np.isnan(series.number)]
     steps = np.diff(np.unique(said)) / 1e9
+    close = replace(series, time=shortened(series.time))
     return ItemRecord(
         item=item,
         samples=len(said),
@@ -143,10 +174,10 @@ def item_record(item: str, series: ItemSeries, span: tuple[int, int], **about: A
         low=float(number.min()) if len(number) else None,
         high=float(number.max()) if len(number) else None,
         words=series.words,
-        unavailable=_unavailable(series),
+        unavailable=_unavailable(close),
         first=_utc(said[0]) if len(said) else None,
         last=_utc(said[-1]) if len(said) else None,
-        sparkline=_sparkline(series, span),
+        sparkline=_sparkline(close, span),
         **about,
     )
 
@@ -205,14 +236,15 @@ def machine_records(
         Data item -> unit, of the items that a Devices document describes; empty without one.
     """
     every = item_series(signals)
-    span = span_of(every)
+    shortened = without_holes(every)
+    first, last = (int(t) for t in shortened(np.array(span_of(every))))
     traced = {n for p in signals.glob("traces/*.parquet") for n in pq.read_schema(p).names}
     empty = ItemSeries(
         time=np.array([], np.int64), number=np.array([]), known=np.array([], bool), words=0
     )
     rows = [
         item_record(
-            item, every.get(item, empty), span, signal=signal_of.get(item, ""),
+            item, every.get(item, empty), (first, last), shortened, signal=signal_of.get(item, ""),
             unit=units.get(item, ""), described=not units or item in units or item in traced,
         )
         for item in {**dict.fromkeys(signal_of), **every}
@@ -252,7 +284,7 @@ def lines(rows: Sequence[ItemRecord]) -> Iterator[str]:
 
 def _cells(row: ItemRecord) -> tuple[str, ...]:
     numbers = row.low is not None and row.high is not None
-    words = f"{row.words} words" if row.words else ""
+    words = f"{row.words} word{'s' * (row.words > 1)}" if row.words else ""
     return (
         row.item, row.signal, str(row.samples),
         "" if row.interval_s is None else f"{row.interval_s:.3g} s",

@@ -5,6 +5,7 @@ Every file is written under another name and renamed when it is whole.
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,9 @@ from pipeline.signals.formats import Batch, RecordSource, Rejection, Trace, Unre
 
 GROUP = 1 << 19
 """Rows that are gathered before a row group is written."""
+
+MOST_NAMED = 5
+"""Data items that a sentence names."""
 
 _WORDS = ["data_item", "text", "kind", "key", "attributes"]
 
@@ -260,6 +264,35 @@ def write_data_items(
     else:
         target.unlink(missing_ok=True)
     return found
+
+
+def strangers_said(out: Path) -> str | None:
+    """A sentence on items with values that the Devices documents do not describe; None without.
+
+    Nothing is said of records without a Devices document.
+    """
+    described = out / "data_items.parquet"
+    if not described.exists():
+        return None
+    known = set(pq.read_table(described, columns=["data_item"])["data_item"].to_pylist())
+    values: Counter[str] = Counter()
+    for path in out.glob("observations/*.parquet"):
+        table = pq.read_table(path, columns=["data_item", "number", "text"])
+        word = pc.utf8_upper(table["text"].cast(pa.string()))
+        spoken = pc.or_kleene(table["number"].is_valid(), pc.not_equal(word, "UNAVAILABLE"))
+        items = table["data_item"].filter(pc.fill_null(spoken, False))
+        for one in pc.value_counts(items).to_pylist():
+            values[str(one["values"])] += one["counts"]
+    strange = sorted((item for item in values if item not in known), key=lambda i: -values[i])
+    if not strange:
+        return None
+    some = ", ".join(strange[:MOST_NAMED]) + (" …" if len(strange) > MOST_NAMED else "")
+    several = len(strange) > 1
+    return (
+        f"{len(strange)} item{'s' * several} with {sum(values[i] for i in strange)} values "
+        f"{'are' if several else 'is'} not in the Devices document ({some}): is a log of another "
+        "machine among these?"
+    )
 
 
 def remove_stale(out: Path, entries: dict[str, Entry]) -> None:

@@ -1,5 +1,6 @@
 """Contiguous segments of the state table in which every input is known."""
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,18 @@ def state_days(clean: Path, start: str | None = None, end: str | None = None) ->
     """Days with a state table in ``clean`` from ``start`` to ``end``, both included."""
     days = sorted(p.stem for p in (clean / "state").glob("*.parquet"))
     return [d for d in days if (start is None or d >= start) and (end is None or d <= end)]
+
+
+def absent_items(clean: Path) -> dict[str, list[str]]:
+    """Data items that the machine's file names and no record has, each with those called like it.
+
+    As cleaning noted them in ``summary.json``; empty where it left none.
+    """
+    try:
+        summary = json.loads((clean / "summary.json").read_text(encoding="utf-8"))
+        return {item: summary["near"].get(item, []) for item in summary["absent"]}
+    except (OSError, ValueError, KeyError):
+        return {}
 
 
 def read_state(clean: Path, day: str) -> pd.DataFrame:

@@ -1,11 +1,13 @@
 """Stage: read a machine's raw files that changed into Parquet."""
 
+import sys
 from pathlib import Path
 
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.contracts import check_files
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest as read_records
+from pipeline.signals.store import strangers_said
 
 TABLES = {
     "observations": "observations/*.parquet",
@@ -20,4 +22,7 @@ def ingest(
 ) -> None:
     """Read ``raw`` into ``signals``."""
     read_records(raw, signals, records, identity)
+    strangers = strangers_said(signals)
+    if strangers:
+        sys.stderr.write(f"ingest@{identity.name}: {strangers}\n")
     check_files(signals, TABLES)

@@ -16,6 +16,9 @@ from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
 from pipeline.schema.verdict import Fact, Role
 
+ENDS = ("first", "last")
+"""Times of a raw file in the ingest's manifest: of its first and its last record."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Roles:
@@ -109,10 +112,15 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Cases:
-    """Cases of a sub-model, and records that are none, with the reason."""
+    """Cases of a sub-model, and records that are none, with the reason.
+
+    ``absent`` has the data items that the machine's file names and no record has, each with those
+    that are called like it.
+    """
 
     cases: tuple[Case, ...]
     left_out: tuple[LeftOut, ...] = ()
+    absent: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def of(self, *roles: Role) -> tuple[Case, ...]:
         """Cases of some roles."""
@@ -155,14 +163,24 @@ def sources(files: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> tup
 
 
 def files_of_day(files: Mapping[str, Mapping[str, Any]], day: str, zone: str) -> list[str]:
-    """Raw files whose last record is of a day of the plant, which has a time zone.
+    """Raw files of one day of the plant, see :func:`files_of_days`."""
+    return files_of_days(files, Days(first=day, last=day), zone)
 
-    A log restates at its start what was known before, so that its first time says little.
+
+def files_of_days(files: Mapping[str, Mapping[str, Any]], days: Days, zone: str) -> list[str]:
+    """Raw files whose last record is of some days of the plant, which has a time zone.
+
+    A log restates at its start what was known before, so that its first time says little.  Where no
+    file ends in these days, as of a log that is one file for weeks, it is those that reach over
+    them.
     """
-    return [
-        name for name, entry in sorted(files.items())
-        if entry["last"] and day_of_text(str(entry["last"]), zone) == day
-    ]  # fmt: skip
+    spans = {
+        name: tuple(day_of_text(str(entry[end]), zone) if entry.get(end) else "" for end in ENDS)
+        for name, entry in sorted(files.items())
+    }
+    ending = [name for name, (_, last) in spans.items() if last in days]
+    over = [name for name, (first, last) in spans.items() if first and first <= days.last < last]
+    return ending or over
 
 
 def conditions_of(cases: Iterable[Case]) -> dict[str, Condition]:

@@ -4,11 +4,14 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.cleaning.alarms import Said, alarms
 from pipeline.signals.cleaning.clean import clean
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.columns import OBSERVATIONS
 from pipeline.signals.contracts import check
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.ingest import ingest
 
 SECOND = 1_000_000_000
 
@@ -116,3 +119,39 @@ def test_cleaning_writes_the_alarms_and_a_later_file_ends_what_was_open(tmp_path
     assert again["ended"].tolist() == ["cleared", "cleared"]
     assert str(again["end"][1]) == "2024-03-05 00:00:02+00:00"
     check("alarms", again)
+
+
+STREAMS = """<MTConnectStreams xmlns="urn:mtconnect.org:MTConnectStreams:1.3"><Header
+ creationTime="2024-03-04T10:01:00Z" instanceId="1" nextSequence="9" firstSequence="1"
+ lastSequence="8"/><Streams><DeviceStream name="m" uuid="u"><ComponentStream component="Path"
+ name="p" componentId="p"><Condition>{rows}</Condition></ComponentStream></DeviceStream></Streams>
+</MTConnectStreams>"""
+
+
+def test_conditions_of_a_document_several_at_once_and_without_text(tmp_path):
+    """Two alarms of one data item are active together; an empty one ends with all of them."""
+    rows = [
+        ("Normal", 0, "", ""), ("Warning", 5, ' nativeCode="7"', "DOOR OPEN"),
+        ("Fault", 6, ' nativeCode="8" nativeSeverity="90" qualifier="HIGH"', ""),
+        ("Normal", 9, ' nativeCode="7"', ""), ("Normal", 20, "", ""), ("Warning", 30, "", ""),
+    ]  # fmt: skip
+    said = "".join(
+        f'<{level} dataItemId="servo" name="servo" type="ACTUATOR" sequence="{n}" '
+        f'timestamp="2024-03-04T10:00:{second:02d}Z"{more}>{text}</{level}>'
+        for n, (level, second, more, text) in enumerate(rows, 1)
+    )
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    (raw / "sample.xml").write_text(STREAMS.format(rows=said))
+    source = RecordSource(format="mtconnect_xml", files="*.xml")
+    identity = MachineIdentity(name="m", description="m", origin="recorded")
+    ingest(raw, tmp_path / "signals", [source], identity)
+    clean(tmp_path / "signals", tmp_path / "clean", machine=CleanMachine(signals={}))
+    found = pq.read_table(tmp_path / "clean/alarms.parquet").to_pandas()
+    assert found[["level", "code", "message", "ended"]].to_numpy().tolist() == [
+        ["warning", "7", "DOOR OPEN", "cleared"],
+        ["fault", "8", "HIGH", "cleared"],
+        ["warning", "", "", "open"],
+    ]
+    lasted = (found["end"] - found["start"]).dt.total_seconds()
+    assert lasted[:2].tolist() == [4.0, 14.0] and found["end"].isna().tolist() == [0, 0, 1]

@@ -13,7 +13,7 @@ from pipeline.signals.cleaning.clean import clean
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.contracts import check
 from pipeline.signals.windows import read_state, state_days
-from pipeline.submodels.cases import Records, files_of_day
+from pipeline.submodels.cases import Records, files_of_day, files_of_days
 from pipeline.submodels.contract import submodel
 
 HOUR = 3600 * 10**9
@@ -33,6 +33,9 @@ def at(text):
         ("2026-07-06", NEW_YORK, "2026-07-06T04:00", 24),
         ("2026-03-08", NEW_YORK, "2026-03-08T05:00", 23),
         ("2026-11-01", NEW_YORK, "2026-11-01T04:00", 25),
+        ("2026-01-05", "Asia/Kolkata", "2026-01-04T18:30", 24),
+        ("2026-09-27", "Pacific/Auckland", "2026-09-26T12:00", 23),  # from +12 to +13
+        ("2026-04-05", "Pacific/Auckland", "2026-04-04T11:00", 25),
         ("2026-01-05", "Asia/Kathmandu", "2026-01-04T18:15", 24),
         ("2018-11-04", "America/Sao_Paulo", "2018-11-04T03:00", 23),  # its midnight does not exist
     ],
@@ -110,6 +113,17 @@ def test_a_file_belongs_to_the_day_of_the_plant_on_which_it_ends():
     assert files_of_day(files, "2026-01-14", NEW_YORK) == ["a.txt"]
     assert files_of_day(files, "2026-01-15", "UTC") == ["a.txt"]
     assert files_of_day(files, "2026-01-15", NEW_YORK) == []
+
+
+def test_a_log_that_is_one_file_for_weeks_belongs_to_each_of_its_days():
+    """A file that ends in the days goes before one that reaches over them."""
+    files = {"all.txt": {"first": "2026-01-05T06:00:00Z", "last": "2026-01-16T15:00:00Z"}}
+    days = Days(first="2026-01-08", last="2026-01-09")
+    assert files_of_days(files, days, "UTC") == ["all.txt"]
+    before = Days(first="2026-01-02", last="2026-01-04")
+    assert files_of_days(files, before, "UTC") == []
+    files["friday.txt"] = {"first": "2026-01-09T06:00:00Z", "last": "2026-01-09T15:00:00Z"}
+    assert files_of_days(files, days, "UTC") == ["friday.txt"]
 
 
 def test_days_that_were_frozen_by_another_clock_are_refused(tmp_path):

@@ -15,7 +15,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
-from pipeline.signals.windows import StateSegment, read_state, state_days
+from pipeline.signals.windows import StateSegment, absent_items, read_state, state_days
 from pipeline.submodels.cases import (
     Case,
     Cases,
@@ -147,7 +147,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                     conditions=conditions,
                 )
             )  # fmt: skip
-        return Cases(cases=tuple(cases))
+        return Cases(cases=tuple(cases), absent=absent_items(clean))
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> SpindleModelFile:
         """Thermal network of the training days, and the forest on its residual."""
@@ -265,10 +265,15 @@ def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str
         if not any(name in table.columns and table[name].notna().any() for table in tables)
     ]
     if without:
+        named = " and ".join(
+            f"{item}, did you mean {' or '.join(like)}?" if like else item
+            for item, like in cases.absent.items()
+        )
+        absent = f" (no record has {named})" if named else ""
         return (
             f"{start}: {', '.join(without)} has no value on any of them; correct its data item "
-            f"under mapping.signals (`kerf records {settings.identity.name}` lists what there is), "
-            "or record it"
+            f"under mapping.signals{absent}, `kerf records {settings.identity.name}` lists what "
+            "there is, or record it"
         )
     return (
         f"{start}: each has a value, never all of them for so long; record a working day, or name "

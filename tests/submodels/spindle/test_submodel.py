@@ -67,6 +67,28 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Records, Path, Spind
     return records, folder, model
 
 
+def test_days_without_a_signal_are_refused_with_the_item_that_was_meant(tmp_path: Path) -> None:
+    records = records_of(tmp_path)
+    for path in (tmp_path / "state").glob("*.parquet"):
+        pd.read_parquet(path).assign(spindle_load=np.nan).to_parquet(path)
+    summary = {"absent": ["S1lod"], "near": {"S1lod": ["S1load"]}}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    settings = Fitting(
+        identity=IDENTITY, roles=ROLES, spindle=RECORDS, spindle_fit=QUICK, residual_forest=FOREST,
+        spindle_interval=IntervalSettings(folds=3),
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="no stretch of at least") as refused:
+        SUBMODEL.fit(SUBMODEL.cases(records, settings), settings, tmp_path)
+    said = str(refused.value)
+    assert "spindle_load has no value on any of them" in said
+    assert "no record has S1lod, did you mean S1load?" in said
+    elsewhere = replace(
+        settings, roles=Roles(training_days=Days(first="2025-01-06", last="2025-01-07"))
+    )
+    with pytest.raises(ValueError, match=r"2026-01-05 to 2026-01-21, 6 in all"):
+        SUBMODEL.fit(SUBMODEL.cases(records, elsewhere), elsewhere, tmp_path)
+
+
 def verdict_of(
     made: tuple[Records, Path, SpindleModelFile],
     sets: GoldenSets | None = None,
