@@ -322,8 +322,8 @@ def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
         unit = SOURCES.get(name, units.get(name, "1/s"))
         known = is_determined(fit, name) and not (name in SOURCES and low <= 0 <= high)
         why = (
-            f"its 95 % interval {low:.2g} to {high:.2g} {unit} includes 0 over the networks that the "
-            f"records bear as well ({', '.join(fit.in_doubt)})"
+            f"its 95 % interval {low:.2g} to {high:.2g} {unit} includes 0 over the networks "
+            f"that the records bear as well ({', '.join(fit.in_doubt)})"
             if name in SOURCES
             else "at a bound or with a 95 % interval wider than the model bears, "
             f"{low:.2g} to {high:.2g}"
