@@ -11,7 +11,7 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, steps_bar
-from pipeline.app.lines import aligned
+from pipeline.app.lines import aligned, many
 from pipeline.app.output import outputs, say_json, step
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def golden(
         which = "sealed" if sealed else "golden"
         say_json({"machine": machine, "set": which, "sha256": frozen.sha256} | asdict(frozen))
         return
-    typer.echo(f"froze {len(frozen.files)} files, sha256 {frozen.sha256[:12]}")
+    typer.echo(f"froze {many(len(frozen.files), 'file')}, sha256 {frozen.sha256[:12]}")
 
 
 @app.command()
