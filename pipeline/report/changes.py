@@ -9,9 +9,8 @@ from pipeline.charts.sections import ChangeNote, Section, present
 from pipeline.charts.tables import Column, tabulated
 from pipeline.report.facts import MachineFacts
 from pipeline.report.part_programs import part_changes
-from pipeline.report.states import MachineVerdict
+from pipeline.report.states import MachineVerdict, passed_words
 from pipeline.report.texts import ENGLISH, Texts
-from pipeline.report.verdict import passed_words
 from pipeline.schema.model import Parameter
 from pipeline.schema.store import StoreError, read_json, write_json
 

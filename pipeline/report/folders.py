@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from pipeline.report.texts import ENGLISH, Texts
-
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 """Names that a machine may have: a name becomes a file name and a link."""
 
@@ -93,8 +91,6 @@ class FleetInfo:
         What that budget cut short, or anything else that every reader must know.
     versions : dict of str to str
         Versions of the libraries that the numbers depend on.
-    texts : Texts
-        Language of the fleet's and the leads' pages.
     """
 
     name: str = "fleet"
@@ -103,7 +99,6 @@ class FleetInfo:
     budget: str = "default"
     notes: tuple[str, ...] = ()
     versions: dict[str, str] = field(default_factory=dict)
-    texts: Texts = ENGLISH
 
     @property
     def libraries(self) -> str:

@@ -50,7 +50,7 @@ class LeadPage:
 
 def lead_page(
     facts: MachineFacts, verdict: MachineVerdict, evidence: list[EvidencePage],
-    changes: list[Change], why_none: str, since: str, say: Texts,
+    changes: list[Change], why_none: str, *, since: str, say: Texts,
 ) -> LeadPage:  # fmt: skip
     """The lead's page of one machine.
 

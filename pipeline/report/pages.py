@@ -4,7 +4,7 @@ Every page is one file that needs nothing else: styles and figures stand in it, 
 and a content security policy forbids it to load anything.  Text from records is escaped.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,6 +61,8 @@ def write_report(
     previous: Path | None,
     out: Path,
     metrics: Path | None = None,
+    *,
+    say: Texts = ENGLISH,
 ) -> list[Path]:
     """Write the pages of a fleet and ``out/report.json``.
 
@@ -80,6 +82,8 @@ def write_report(
         Folder of the report; made when it does not exist.
     metrics : Path or None
         File of the report's metrics.
+    say : Texts
+        Language of the fleet's and the leads' pages; those of evidence are in English.
 
     Returns
     -------
@@ -96,14 +100,12 @@ def write_report(
     if double:
         raise ValueError(f"machine {double[0]} stands twice in the fleet; give each its own name")
     facts = {m.name: machine_facts(m) for m in machines}
-    say = fleet.texts
     judged = {name: machine_verdict(f, say) for name, f in facts.items()}
     figures = {name: changes.key_figures(f, judged[name]) for name, f in facts.items()}
     earlier = changes.earlier_report(previous, figures)
     pages: dict[str, str] = {}
-    render = renderer(say)
     for name in names:
-        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, render)
+        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, say)
         twice = sorted(set(made) & set(pages))
         if twice:
             raise ValueError(
@@ -111,7 +113,7 @@ def write_report(
             )
         pages |= made
     index = fleet_page([fleet_row(facts[name], judged[name], say) for name in names], say)
-    pages["index.html"] = render("index.html.j2", index=index, fleet=fleet)
+    pages["index.html"] = renderer(say)("index.html.j2", index=index, fleet=fleet)
     for page, text in pages.items():
         write_text(text, out / page)
     changes.write_key_figures(out / "report.json", figures, earlier)
@@ -122,18 +124,18 @@ def write_report(
 
 def _machine_pages(
     facts: MachineFacts, verdict: MachineVerdict, earlier: changes.Earlier,
-    now: changes.MachineFigures, fleet: FleetInfo, render: Callable[..., str],
+    now: changes.MachineFigures, fleet: FleetInfo, say: Texts,
 ) -> dict[str, str]:  # fmt: skip
     """HTML of the pages of one machine by file; those of evidence are in English."""
-    name, say = facts.folders.name, fleet.texts
+    name = facts.folders.name
     before = (earlier.machines or {}).get(name)
     changed = changes.changes_section(*_compared(earlier, facts, now, ENGLISH))
     evidence = evidence_pages(facts, changed, machine_notes(facts))
     page = lead_page(
         facts, verdict, evidence, *_compared(earlier, facts, now, say),
-        changes.since_words(before, say), say,
+        since=changes.since_words(before, say), say=say,
     )  # fmt: skip
-    found = {f"{name}.html": render("machine.html.j2", page=page, fleet=fleet)}
+    found = {f"{name}.html": renderer(say)("machine.html.j2", page=page, fleet=fleet)}
     in_english = renderer()
     for one in evidence:
         text = in_english("evidence.html.j2", page=one, lead=page, fleet=fleet)

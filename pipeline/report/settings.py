@@ -12,7 +12,7 @@ class ReportSettings:
     Parameters
     ----------
     language : str
-        Of the fleet's and the leads' pages, by the name of its file in pipeline/report/texts;
+        Of the fleet's and the leads' pages, by the name of its file in pipeline/report/languages;
         pages of evidence are in English.
     """
 

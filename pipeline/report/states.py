@@ -65,3 +65,10 @@ class MachineVerdict:
     def word(self, say: Texts) -> str:
         """Both lines in one, for tables and titles."""
         return say("twin.state", condition=self.condition.word, twin=self.twin.word)
+
+
+def passed_words(passed: int, of: int, say: Texts) -> str:
+    """How many sub-models passed."""
+    if passed == of:
+        return say("twin.all_passed", count=passed)
+    return say("twin.some_passed", passed=passed, all=of)

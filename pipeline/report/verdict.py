@@ -8,7 +8,13 @@ from pipeline.charts.sections import PartVerdict
 from pipeline.report.actions import machine_actions
 from pipeline.report.facts import MachineFacts
 from pipeline.report.records import WHOLE, Gap
-from pipeline.report.states import ActionRow, MachineVerdict, StateLine, Status
+from pipeline.report.states import (
+    ActionRow,
+    MachineVerdict,
+    StateLine,
+    Status,
+    passed_words,
+)
 from pipeline.report.submodel_pages import ModelledPart
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.days import day_of
@@ -99,13 +105,6 @@ def _twin_word(counting: list[Judged], say: Texts) -> str:
         return say("twin.only", title=say.given(one.title), verdict=words)
     passed = sum(v.status == "passed" for _, v in counting)
     return passed_words(passed, len(counting), say)
-
-
-def passed_words(passed: int, of: int, say: Texts) -> str:
-    """How many sub-models passed."""
-    if passed == of:
-        return say("twin.all_passed", count=passed)
-    return say("twin.some_passed", passed=passed, all=of)
 
 
 def _not_passed(counting: list[Judged], say: Texts) -> list[str]:

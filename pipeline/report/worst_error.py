@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from pipeline.charts.numbers import TOGETHER, powers, unit_words
-from pipeline.report.baselines import baseline_words
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.verdict import Score, Verdict
 
@@ -76,3 +75,9 @@ def worst_error(verdict: Verdict, say: Texts = ENGLISH) -> WorstError | None:
         if limit > 0 and (value := getattr(score, name)) is not None
     ]  # fmt: skip
     return max(found, key=lambda one: one.value / one.limit, default=None)
+
+
+def baseline_words(name: str, say: Texts = ENGLISH) -> str:
+    """A baseline in words; its own name, without underscores, where the texts do not list it."""
+    key = f"baseline.{name}"
+    return say(key) if say.has(key) else name.replace("_", " ")

@@ -61,9 +61,8 @@ def report(
         name=fleet.name,
         budget=budget,
         versions={name: version(name) for name in LIBRARIES},
-        texts=texts(pages.language),
     )
-    written = write_report(machines, info, reports, reports, metrics)
+    written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     for page in set(reports.glob("*.html")) - set(written):
         page.unlink()
 

@@ -18,10 +18,10 @@ from report_folders import (
     write_table,
 )
 
-from pipeline.report.baselines import baseline_words
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
 from pipeline.report.work import Day, Work
+from pipeline.report.worst_error import baseline_words
 from pipeline.schema.store import write_json
 
 BLANK = {

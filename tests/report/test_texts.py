@@ -85,13 +85,13 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> list[MachineFolders]:
 
 def written(fleet: list[MachineFolders], say: Texts, out: Path) -> Path:
     """Pages in a language, each compared with a report of one raw file less."""
-    info = replace(FLEET, notes=(), texts=say)
+    info = replace(FLEET, notes=())
     manifest = fleet[0].signals / "manifest.json"
     whole = manifest.read_text()
     manifest.write_text(whole.replace("agent/2024-03-04.txt", "agent/2024-03-01.txt"))
-    write_report(fleet, info, None, out)
+    write_report(fleet, info, None, out, say=say)
     manifest.write_text(whole)
-    write_report(fleet, info, out, out)
+    write_report(fleet, info, out, out, say=say)
     return out
 
 
@@ -177,13 +177,17 @@ def test_numbers_times_and_lists_follow_the_language() -> None:
 
 def test_a_text_that_is_missing_or_has_another_field_is_one_sentence() -> None:
     less = Texts("xx", {"a": "{count} files", "b": "b"})
-    with pytest.raises(ValueError, match=r"texts/xx\.toml has no text 'c': add it there"):
+    with pytest.raises(ValueError, match=r"languages/xx\.toml has no text 'c': add it there"):
         less("c")
-    with pytest.raises(ValueError, match=r"'a' of texts/xx\.toml has the field 'count', and the p"):
+    with pytest.raises(ValueError, match=r"'a' of languages/xx\.toml has the field 'count', and"):
         less("a", number=3)
-    with pytest.raises(ValueError, match=r"xx\.toml lacks the text 'c', which texts/en\.toml has"):
+    with pytest.raises(
+        ValueError, match=r"xx\.toml lacks the text 'c', which languages/en\.toml has"
+    ):
         check_like(less, Texts("en", {"a": "{count}", "b": "b", "c": "c"}))
-    with pytest.raises(ValueError, match=r"'a' of texts/xx\.toml has the fields count, and that"):
+    with pytest.raises(
+        ValueError, match=r"'a' of languages/xx\.toml has the fields count, and that"
+    ):
         check_like(less, Texts("en", {"a": "{number} files", "b": "b"}))
     with pytest.raises(ValueError, match=r"no texts in the language 'xx': choose one of de, en"):
         texts("xx")

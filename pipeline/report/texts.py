@@ -18,7 +18,7 @@ from typing import Any
 
 from pipeline.charts import numbers
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "languages"
 CONTRIBUTED = "contributed"
 """Table of a language's file with phrases that are written elsewhere, in English."""
 PLURAL = {"one", "other"}
@@ -55,7 +55,7 @@ class Texts:
         """
         entry = self.entries.get(key)
         if entry is None:
-            raise ValueError(f"texts/{self.language}.toml has no text {key!r}: add it there")
+            raise ValueError(f"languages/{self.language}.toml has no text {key!r}: add it there")
         if not isinstance(entry, str):
             entry = entry["one" if count == 1 else "other"]
         given = fields if count is None else {"count": self.number(count), **fields}
@@ -63,8 +63,8 @@ class Texts:
             return entry.format(**given)
         except KeyError as error:
             raise ValueError(
-                f"text {key!r} of texts/{self.language}.toml has the field {error}, and the page "
-                f"gives {', '.join(sorted(given)) or 'none'}: correct the text"
+                f"text {key!r} of languages/{self.language}.toml has the field {error}, and the "
+                f"page gives {', '.join(sorted(given)) or 'none'}: correct the text"
             ) from None
 
     def has(self, key: str) -> bool:
@@ -164,7 +164,7 @@ def texts(language: str) -> Texts:
     if language not in languages():
         raise ValueError(
             f"there are no texts in the language {language!r}: choose one of "
-            f"{', '.join(languages())}, or add pipeline/report/texts/{language}.toml"
+            f"{', '.join(languages())}, or add pipeline/report/languages/{language}.toml"
         )
     document = tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8"))
     contributed = document.pop(CONTRIBUTED, {})
@@ -191,11 +191,11 @@ def check_like(found: Texts, model: Texts) -> None:
     ValueError
         With the file, the key and the field.
     """
-    file = f"texts/{found.language}.toml"
+    file = f"languages/{found.language}.toml"
     for key in sorted(set(model.entries) ^ set(found.entries)):
         lacks = key in model.entries
         raise ValueError(
-            f"{file} {'lacks' if lacks else 'has'} the text {key!r}, which texts/"
+            f"{file} {'lacks' if lacks else 'has'} the text {key!r}, which languages/"
             f"{model.language}.toml {'has: add it' if lacks else 'lacks: remove it'}"
         )
     for key, entry in found.entries.items():
@@ -203,7 +203,7 @@ def check_like(found: Texts, model: Texts) -> None:
         if fields != wanted:
             raise ValueError(
                 f"text {key!r} of {file} has the fields {_listed(fields)}, and that of "
-                f"texts/{model.language}.toml {_listed(wanted)}: use the same"
+                f"languages/{model.language}.toml {_listed(wanted)}: use the same"
             )
 
 
