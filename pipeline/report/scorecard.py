@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pipeline.report.page_names import evidence_page
 from pipeline.report.submodel_pages import ModelledPart
 from pipeline.report.texts import Texts
-from pipeline.report.worst_error import worst_error
+from pipeline.report.worst_error import WorstError, worse_elsewhere, worst_error
 from pipeline.schema.verdict import Score, Verdict
 
 JUDGED_ON = ("golden", "held_out")
@@ -27,6 +27,8 @@ class Counts:
         Share of samples that the 90 % prediction interval holds.
     passed_limit : bool
         Whether the value is beyond its limit.
+    worse : str
+        The largest error of the same kind on any other records, where that is larger.
     """
 
     what: str
@@ -35,6 +37,7 @@ class Counts:
     baseline: str = ""
     interval: str = ""
     passed_limit: bool = False
+    worse: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,12 +80,24 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
                      error=worst.words, place=_place(score.group, say)),
             value=worst.shown, limit=worst.limit_shown, baseline=beside,
             interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
+            worse=_worse(worse_elsewhere(verdict, worst), score, say),
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, say)
     if not one.page.key_figures or verdict is None:
         return Counts(what="", value=say("format.not_known"), interval=interval)
     what, shown, aside = one.page.key_figures[0]
     return Counts(what=say.given(what), value=shown, baseline=say.given(aside), interval=interval)
+
+
+def _worse(found: WorstError | None, shown: Score, say: Texts) -> str:
+    """An error that is larger than the one shown, with its records; empty without one."""
+    if found is None:
+        return ""
+    one = found.score
+    where = [_place(one.group, say), say(f"score.{one.role}")]
+    if one.regime and one.regime != shown.regime:
+        where.append(say.given(one.regime))
+    return say("score.worse", value=found.shown, where=", ".join(where))
 
 
 def _place(group: str, say: Texts) -> str:

@@ -1,6 +1,6 @@
 """The error of a verdict that takes the largest share of its limit, as the pages say it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.charts.numbers import TOGETHER, powers, unit_words
 from pipeline.report.texts import ENGLISH, Texts
@@ -75,6 +75,16 @@ def worst_error(verdict: Verdict, say: Texts = ENGLISH) -> WorstError | None:
         if limit > 0 and (value := getattr(score, name)) is not None
     ]  # fmt: skip
     return max(found, key=lambda one: one.value / one.limit, default=None)
+
+
+def worse_elsewhere(verdict: Verdict, shown: WorstError) -> WorstError | None:
+    """The largest error of the same kind that is larger: of other records, or without a limit."""
+    found = [
+        replace(shown, score=score, value=abs(value))
+        for score in verdict.scores if score.quantity == shown.score.quantity
+        and (value := getattr(score, shown.name)) is not None and abs(value) > shown.value
+    ]  # fmt: skip
+    return max(found, key=lambda one: one.value, default=None)
 
 
 def baseline_words(name: str, say: Texts = ENGLISH) -> str:
