@@ -100,7 +100,8 @@ def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
         if verdict is not None and verdict.status != "passed":
             why, own = _why(one, say)
             action = Action(
-                what=verdict.todo, where=say("where.twin_of", title=say.given(one.title)), why=why,
+                what=verdict.todo.rstrip("."),
+                where=say("where.twin_of", title=say.given(one.title)), why=why,
                 until=USE, who="ML engineer",
             )  # fmt: skip
             english = ("what",) if own else ("what", "why")
