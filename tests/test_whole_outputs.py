@@ -98,7 +98,7 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     known["machine"] = {"name": MACHINE, "origin": "simulated"}
     manifest.write_text(json.dumps(known))
     params = root / "params.yaml"
-    params.write_text(params.read_text() + "budget: quick\n")
+    params.write_text(params.read_text() + "budget: quick\npages: {language: en}\n")
     bundled_project.hour(root).to_parquet(root / "hour.parquet")
     lives = generated_lives.build(root.parent / "lives", settings=generated_lives.SHORT)
     shutil.copytree(lives.folder, root / f"data/champion/{MACHINE}/synthesis", dirs_exist_ok=True)

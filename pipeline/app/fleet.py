@@ -412,6 +412,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 def write_report(out: Path) -> Path:
     """Write the pages from what stands in data/; the path of the first."""
+    from pipeline.report.settings import ReportSettings
     from pipeline.stages.report import report
 
     values = read_params()
@@ -420,7 +421,7 @@ def write_report(out: Path) -> Path:
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
         programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials", reports=out,
         metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
-        budget=structure(values, "budget", str),
+        budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip
     return out / "index.html"
 

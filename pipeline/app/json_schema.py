@@ -39,7 +39,7 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = Path("conf/schema")
 """Folder of the schemas, beside those of the files that they check."""
-FOR_ALL = ("fleet", "budget")
+FOR_ALL = ("fleet", "budget", "pages")
 """Sections that stand once for all machines, never in a machine's file."""
 INTERPOLATED = r"^\$\{"
 """A value that Hydra takes from elsewhere."""

@@ -6,4 +6,6 @@ optimised parts.  Times are in UTC; numbers carry their units; every figure and 
 files that it was made from, with their SHA-256.
 """
 
-__all__ = ["cut", "folders", "optimised_page", "pages", "programs", "standalone_page"]
+__all__ = [
+    "cut", "folders", "optimised_page", "pages", "programs", "settings", "standalone_page", "texts",
+]  # fmt: skip

@@ -6,24 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from pipeline.charts.numbers import counted, duration, moment, number
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import SourceRegistry
-from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabulated
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
 from pipeline.report.records import CLEANED, NS, RAW, nanoseconds
+from pipeline.report.texts import ENGLISH, Texts
 
-TITLE = "Alarms"
 MOST_KINDS = 5
 """Kinds of alarm on the lead's page; all of them are on that of the records."""
+MOST_ON_RECORDS = 12
 OPEN = np.iinfo(np.int64).min
-ENDS = {
-    "cleared": "",
-    "changed": "until it changed its level",
-    "unavailable": "until the control fell silent",
-    "open": "at the end of the records",
-}
-"""How an alarm ended, for people; what was simply cleared needs no word."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +38,16 @@ class Alarm:
     def seconds(self) -> float | None:
         """How long it was active [s]; None while it is open."""
         return None if self.end is None else (self.end - self.start) / NS
+
+    @property
+    def text(self) -> str:
+        """Code and message; empty where the control gave neither."""
+        return f"{self.code} {self.message}".strip()
+
+    @property
+    def by(self) -> str:
+        """Part of the machine, and data item."""
+        return f"{self.where} ({self.item})".strip()
 
     @property
     def kind(self) -> tuple[str, str, str, str]:
@@ -117,78 +120,105 @@ def _component(kind: str, name: str) -> str:
     return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
 
 
-KINDS: tuple[Column[list[Alarm]], ...] = (
-    Column("Level", lambda same: (
-        Cell(text="fault", status="failed") if same[0].level == "fault"
-        else Cell(text="warning", status="attention")
-    )),
-    Column("alarm", lambda same: f"{same[0].code} {same[0].message}".strip() or "no text"),
-    Column("reported by", lambda same: f"{same[0].where} ({same[0].item})".strip()),
-    Column("times", lambda same: number(len(same)), ""),
-    Column("in all", lambda same: duration(sum(one.seconds or 0.0 for one in same)), ""),
-    Column("longest", lambda same: duration(max(one.seconds or 0.0 for one in same)), ""),
-    Column("last", lambda same: moment(same[-1].start)),
-    Column("then in", lambda same: _place(same[-1])),
-)  # fmt: skip
-EACH: tuple[Column[Alarm], ...] = (
-    Column("From", lambda one: moment(one.start)),
-    Column("to", lambda one: "open" if one.end is None else moment(one.end)),
-    Column("lasted", lambda one: duration(one.seconds), ""),
-    Column("level", lambda one: one.level),
-    Column("alarm", lambda one: f"{one.code} {one.message}".strip() or "no text"),
-    Column("reported by", lambda one: f"{one.where} ({one.item})".strip()),
-    Column("in", lambda one: _place(one)),
-    Column("ended", lambda one: ENDS.get(one.ended, one.ended) or "cleared"),
-)
+def kind_columns(say: Texts) -> tuple[Column[list[Alarm]], ...]:
+    """Columns of a table of alarms by kind."""
+    return (
+        Column(say("alarms.level"), lambda same: (
+            Cell(text=say("alarms.fault"), status="failed") if same[0].level == "fault"
+            else Cell(text=say("alarms.warning"), status="attention")
+        )),
+        Column(say("alarms.alarm"), lambda same: same[0].text or say("alarms.no_text")),
+        Column(say("alarms.by"), lambda same: same[0].by),
+        Column(say("alarms.times"), lambda same: say.number(len(same)), ""),
+        Column(say("alarms.in_all"), lambda same: (
+            say.duration(sum(one.seconds or 0.0 for one in same))
+        ), ""),
+        Column(say("alarms.longest"), lambda same: (
+            say.duration(max(one.seconds or 0.0 for one in same))
+        ), ""),
+        Column(say("alarms.last"), lambda same: say.moment(same[-1].start)),
+        Column(say("alarms.then_in"), lambda same: _place(same[-1], say)),
+    )  # fmt: skip
 
 
-def _place(one: Alarm) -> Cell | str:
+def columns(say: Texts) -> tuple[Column[Alarm], ...]:
+    """Columns of a table of single alarms."""
+    return (
+        Column(say("alarms.from"), lambda one: say.moment(one.start)),
+        Column(say("alarms.to"), lambda one: (
+            say("alarms.open") if one.end is None else say.moment(one.end)
+        )),
+        Column(say("alarms.lasted"), lambda one: say.duration(one.seconds), ""),
+        Column(say("alarms.of_level"), lambda one: (
+            say(f"alarms.{'fault' if one.level == 'fault' else 'warning'}")
+        )),
+        Column(say("alarms.alarm"), lambda one: one.text or say("alarms.no_text")),
+        Column(say("alarms.by"), lambda one: one.by),
+        Column(say("alarms.in"), lambda one: _place(one, say)),
+        Column(say("alarms.ended"), lambda one: (
+            say(f"alarm_end.{one.ended}") if say.has(f"alarm_end.{one.ended}") else one.ended
+        )),
+    )  # fmt: skip
+
+
+def _place(one: Alarm, say: Texts) -> Cell | str:
     """Program, and line, that were in the control."""
     if not one.program:
         return "–"
-    return code(one.program if one.line is None else f"{one.program}, line {one.line:.0f}")
+    if one.line is None:
+        return code(one.program)
+    return code(say("alarms.line", program=one.program, line=f"{one.line:.0f}"))
 
 
-def alarms_section(found: Alarms) -> Section | None:
+def alarms_section(found: Alarms, say: Texts = ENGLISH) -> Section | None:
     """What the control warned of; nothing of a machine whose records hold no conditions."""
-    if not found.alarms and not found.watched:
-        return None
     if not found.alarms:
-        said = f"None of {counted(found.watched, 'condition')} was a warning or a fault."
-        return Section(key="alarms", title=TITLE, text=[said])
+        return _none(found, say)
     made = sources(found.shelf, found.folders.clean / "alarms.parquet")
-    newest = found.alarms[::-1]
-    blocks = present(
-        tabulated("What was reported, faults first", found.kinds, KINDS, made, most=12),
-        tabulated("Each alarm, the newest first", newest, EACH, made, most=MOST_ROWS, folded=True),
-    )
-    return Section(key="alarms", title=TITLE, text=[_words(found.alarms)], blocks=blocks)
+    each = tabulated(say("alarms.each"), found.alarms[::-1], columns(say), made, most=MOST_ROWS,
+                     folded=True)  # fmt: skip
+    kinds = _kinds(found, "alarms.all_kinds", MOST_ON_RECORDS, say)
+    return Section(key="alarms", title=say("alarms.title"), text=[_words(found.alarms, say)],
+                   blocks=present(kinds, each))  # fmt: skip
 
 
-def lead_alarms(found: Alarms) -> Section | None:
+def lead_alarms(found: Alarms, say: Texts) -> Section | None:
     """The same for the lead's page, shorter; nothing where records hold no conditions."""
-    whole = alarms_section(found)
-    if whole is None or not found.alarms:
-        return whole
+    if not found.alarms:
+        return _none(found, say)
+    return Section(key="alarms", title=say("alarms.title"), text=[_words(found.alarms, say)],
+                   blocks=present(_kinds(found, "alarms.kinds", MOST_KINDS, say)))  # fmt: skip
+
+
+def _none(found: Alarms, say: Texts) -> Section | None:
+    if not found.watched:
+        return None
+    said = say("alarms.none", count=found.watched)
+    return Section(key="alarms", title=say("alarms.title"), text=[said])
+
+
+def _kinds(found: Alarms, caption: str, most: int, say: Texts) -> Table | None:
+    """Alarms by kind; the caption says how many kinds there are beyond those shown."""
+    kinds, words = found.kinds, say(caption)
+    if len(kinds) > most:
+        words = say("alarms.shown", caption=words, shown=most, count=len(kinds))
     made = sources(found.shelf, found.folders.clean / "alarms.parquet")
-    kinds = tabulated("Alarms by kind, those still active first", found.kinds, KINDS, made,
-                      most=MOST_KINDS)  # fmt: skip
-    return Section(key="alarms", title=TITLE, text=whole.text, blocks=present(kinds))
+    return tabulated(words, kinds[:most], kind_columns(say), made)
 
 
-def _words(alarms: list[Alarm]) -> str:
-    faults = [one for one in alarms if one.level == "fault"]
-    warnings = len(alarms) - len(faults)
-    still = [one for one in alarms if one.ended == "open"]
-    said = (
-        f"The control reported {counted(len(faults), 'fault')} and {counted(warnings, 'warning')}"
-    )
+def _words(alarms: list[Alarm], say: Texts) -> str:
+    faults = sum(one.level == "fault" for one in alarms)
+    still = sum(one.ended == "open" for one in alarms)
+    of_faults = say("alarms.faults", count=faults)
+    of_warnings = say("alarms.warnings", count=len(alarms) - faults)
+    said = [say("alarms.said", faults=of_faults, warnings=of_warnings)]
     known = [one for one in alarms if one.seconds is not None]
     if known:
         longest = max(known, key=lambda one: one.seconds or 0.0)
-        name = f"{longest.code} {longest.message}".strip() or longest.item
-        said += f"; the longest was {name}, {duration(longest.seconds)}"
-    if not still:
-        return f"{said}."
-    count = f"{counted(len(still), 'alarm')} {'was' if len(still) == 1 else 'were'}"
-    return f"{said}. At the end of the records {count} still active."
+        said = [
+            say("alarms.said_longest", faults=of_faults, warnings=of_warnings,
+                alarm=longest.text or longest.item, duration=say.duration(longest.seconds))
+        ]  # fmt: skip
+    if still:
+        said.append(say("alarms.still", count=still))
+    return " ".join(said)

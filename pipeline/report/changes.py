@@ -4,22 +4,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pipeline.charts.numbers import NOT_KNOWN, moment, number
+from pipeline.charts.numbers import TOGETHER, powers, unit_words
 from pipeline.charts.sections import ChangeNote, Section, present
 from pipeline.charts.tables import Column, tabulated
 from pipeline.report.facts import MachineFacts
 from pipeline.report.part_programs import part_changes
+from pipeline.report.states import MachineVerdict, passed_words
+from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.model import Parameter
 from pipeline.schema.store import StoreError, read_json, write_json
 
 FORMAT = 2  # of report.json; another one is not compared
-FIRST = "There is no earlier report to compare with."
-PARTS = {
-    "parts": ("Part programs optimised", ""),
-    "parts_before_s": ("Their time as programmed", "s"),
-    "parts_after_s": ("Their time optimised", "s"),
-}
-"""Name and unit of the key figures of optimised programs."""
+VERDICT = "verdict"
+"""Key of the figure that holds how many sub-models passed, as ``7/8``."""
+MOST_FILES = 5
+UNITS = {"active_h": "h", "parts_before_s": "s", "parts_after_s": "s"}
+"""Units of the figures of the page itself; the others are counts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,15 +31,25 @@ class KeyFigure:
     value: float | str | None = None
     whole: bool = False
 
-    @property
-    def words(self) -> str:
+    def words(self, say: Texts = ENGLISH) -> str:
         """The value in words."""
         if self.value is None:
-            return NOT_KNOWN
+            return say("format.not_known")
         if isinstance(self.value, str):
-            moments = self.value[:4].isdigit() and "T" in self.value
-            return moment(self.value) if moments else self.value
-        return f"{number(int(self.value) if self.whole else self.value)} {self.unit}".strip()
+            return _text(self.value, say)
+        shown = say.number(int(self.value) if self.whole else self.value)
+        unit = powers(unit_words(self.unit))
+        return f"{shown}{TOGETHER}{unit}" if unit else shown
+
+
+def _text(value: str, say: Texts) -> str:
+    """A value that is a moment, or how many sub-models passed; other text as it is."""
+    if value[:4].isdigit() and "T" in value:
+        return say.moment(value)
+    passed, slash, of = value.partition("/")
+    if slash and passed.isdigit() and of.isdigit():
+        return passed_words(int(passed), int(of), say)
+    return value
 
 
 def key_figure(name: str, unit: str, value: float | str | None) -> KeyFigure:
@@ -89,31 +99,34 @@ class Change:
     note: str = ""
 
 
-def key_figures(facts: MachineFacts, verdict: str) -> MachineFigures:
-    """Key figures of a machine whose verdict in words is ``verdict``."""
+def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
+    """Key figures of a machine, named in English."""
     records, work = facts.records, facts.work
     known, gaps, cleaned = records.files is not None, records.gap_causes, records.changes
-    values: list[tuple[str, str, str, float | str | None]] = [
-        ("verdict", "Verdict", "", verdict),
-        ("days", "Days with records", "", len(work.worked_days)),
-        ("last_record", "Last record", "", records.last.isoformat() if records.last else None),
-        ("files", "Raw files", "", len(records.files) if records.files is not None else None),
-        ("records", "Records read", "", records.records if known else None),
-        ("rejected", "Records rejected", "", records.rejected if known else None),
-        ("gaps", "Gaps", "", None if gaps is None else sum(n for _, n, _ in gaps)),
-        ("changes", "Values changed by cleaning", "",
-         None if cleaned is None else sum(n for *_, n in cleaned)),
-        ("active_h", "Time ACTIVE", "h", round(work.active / 3600, 3) if work.days else None),
-        ("cycles", "Cycles", "", None if work.cycles is None else len(work.cycles)),
-    ]  # fmt: skip
+    passed = None if verdict.passed is None else "/".join(map(str, verdict.passed))
+    values: dict[str, float | str | None] = {
+        VERDICT: passed,
+        "days": len(work.worked_days),
+        "last_record": records.last.isoformat() if records.last else None,
+        "files": len(records.files) if records.files is not None else None,
+        "records": records.records if known else None,
+        "rejected": records.rejected if known else None,
+        "gaps": None if gaps is None else sum(n for _, n, _ in gaps),
+        "changes": None if cleaned is None else sum(n for *_, n in cleaned),
+        "active_h": round(work.active / 3600, 3) if work.days else None,
+        "cycles": None if work.cycles is None else len(work.cycles),
+    }
     compared = {
         name: key_figure(one.name, one.unit, one.value)
         for page in facts.pages for name, one in page.compared.items()
     }  # fmt: skip
     if facts.programs:
-        values.append(("programs", "Part programs", "", len(facts.programs)))
-    values += [(name, *PARTS[name], value) for name, value in part_changes(facts.parts).items()]
-    figures = {name: key_figure(words, unit, value) for name, words, unit, value in values}
+        values["programs"] = len(facts.programs)
+    values |= part_changes(facts.parts)
+    figures = {
+        name: key_figure(ENGLISH(f"figure.{name}"), UNITS.get(name, ""), value)
+        for name, value in values.items()
+    }
     return MachineFigures(
         figures=figures | compared,
         parameters={
@@ -129,7 +142,10 @@ def key_figures(facts: MachineFacts, verdict: str) -> MachineFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """The report that this one is compared with: figures by machine, or why there are none."""
+    """The report that this one is compared with: figures by machine, or why there are none.
+
+    ``why_not`` is the key of a text.
+    """
 
     machines: Machines | None
     why_not: str = ""
@@ -149,25 +165,24 @@ def earlier_report(path: Path | None, machines: Machines) -> Earlier:
     written twice is the same report.
     """
     if path is None:
-        return Earlier(machines=None, why_not="No earlier report was given to compare with.")
+        return Earlier(machines=None, why_not="changes.not_given")
     file = path / "report.json" if path.is_dir() else path
     if not file.is_file():
-        return Earlier(machines=None, why_not=FIRST)
+        return Earlier(machines=None, why_not="changes.first")
     try:
         last = read_json(file, KeyFigures)
     except StoreError:
-        return Earlier(machines=None, why_not="The earlier report.json cannot be read, or has "
-                       "another format; nothing is compared.")  # fmt: skip
+        return Earlier(machines=None, why_not="changes.unreadable")
     if last.format != FORMAT:
-        other = "The earlier report.json has another format; nothing is compared."
-        return Earlier(machines=None, why_not=other)
+        return Earlier(machines=None, why_not="changes.other_format")
     before = last.compared_with if last.machines == machines else last.machines
-    return Earlier(machines=before, why_not=FIRST)
+    return Earlier(machines=before, why_not="changes.first")
 
 
 def changes(
-    before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote]
-) -> list[Change]:
+    before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote],
+    say: Texts = ENGLISH,
+) -> list[Change]:  # fmt: skip
     """Differences between two sets of key figures of one machine.
 
     Parameters
@@ -176,27 +191,30 @@ def changes(
         Of the earlier report and of this one.
     notes : mapping of str to callable
         By sub-model: what a change of one of its parameters means.
+    say : Texts
+        Language of the words.
     """
     found = []
     for key in dict.fromkeys([*now.figures, *before.figures]):
         old, new = before.figures.get(key), now.figures.get(key)
         if (old.value if old else None) != (new.value if new else None):
-            found.append(_change(old, new))
-    found += _parameter_changes(before, now, notes)
-    return [*found, *_raw_changes(before.raw, now.raw)]
+            found.append(_change(key, old, new, say))
+    found += _parameter_changes(before, now, notes, say)
+    return [*found, *_raw_changes(before.raw, now.raw, say)]
 
 
 def _parameter_changes(
-    before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote]
+    before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote], say: Texts
 ) -> Iterator[Change]:
     old, new = _flat(before), _flat(now)
     for key in sorted(set(old) | set(new)):
         submodel, group, name = key
         words = " ".join(word for word in key if word)
         p, q = old.get(key), new.get(key)
+        title = say("figure.parameter", name=words.replace("_", " "))
         a, b = (
             None if one is None else key_figure(
-                f"Parameter {words}", one.unit, one.value if one.determined else None
+                title, one.unit, one.value if one.determined else None
             )
             for one in (p, q)
         )  # fmt: skip
@@ -206,7 +224,7 @@ def _parameter_changes(
         note = ""
         if p is not None and q is not None and p.determined and q.determined and submodel in notes:
             note = notes[submodel](group, name, p, q)
-        yield replace(_change(a, b), note=note)
+        yield replace(_change("", a, b, say), note=note)
 
 
 def _flat(figures: MachineFigures) -> dict[tuple[str, str, str], Parameter]:
@@ -218,7 +236,7 @@ def _flat(figures: MachineFigures) -> dict[tuple[str, str, str], Parameter]:
     }
 
 
-def _change(before: KeyFigure | None, now: KeyFigure | None) -> Change:
+def _change(key: str, before: KeyFigure | None, now: KeyFigure | None, say: Texts) -> Change:
     said = now or before or KeyFigure(name="")
     unknown = KeyFigure(name=said.name, unit=said.unit)
     old, new = before or unknown, now or unknown
@@ -226,48 +244,46 @@ def _change(before: KeyFigure | None, now: KeyFigure | None) -> Change:
     if isinstance(old.value, int | float) and isinstance(new.value, int | float):
         step = new.value - old.value
         counts = replace(said, value=step, whole=old.whole and new.whole)
-        difference = ("+" if step > 0 else "") + counts.words
-    return Change(what=said.name, before=old.words, now=new.words, difference=difference)
+        difference = ("+" if step > 0 else "") + counts.words(say)
+    name = say(f"figure.{key}") if say.has(f"figure.{key}") else say.given(said.name)
+    return Change(what=name, before=old.words(say), now=new.words(say), difference=difference)
 
 
-def _raw_changes(old: Mapping[str, str], new: Mapping[str, str]) -> list[Change]:
+def _raw_changes(old: Mapping[str, str], new: Mapping[str, str], say: Texts) -> list[Change]:
     added, gone = sorted(set(new) - set(old)), sorted(set(old) - set(new))
     changed = sorted(f for f in set(old) & set(new) if old[f] != new[f])
     return [
-        Change(what=what, before="", now=_names(files), difference="")
-        for what, files in (("New raw files", added), ("Raw files gone", gone),
-                            ("Raw files with other content", changed))
+        Change(what=say(f"changes.{key}"), before="", now=say.some(files, MOST_FILES),
+               difference="")
+        for key, files in (("new_files", added), ("gone_files", gone), ("changed_files", changed))
         if files
     ]  # fmt: skip
 
 
-def _names(files: list[str]) -> str:
-    more = f" and {len(files) - 5} more" if len(files) > 5 else ""
-    return ", ".join(files[:5]) + more
-
-
-def since_words(before: MachineFigures | None) -> str:
+def since_words(before: MachineFigures | None, say: Texts) -> str:
     """The earlier report by the newest record that it knew: a report holds no date of its own."""
     last = None if before is None else before.figures.get("last_record")
     if last is None or last.value is None:
-        return "the last report"
-    return f"the report whose newest record is of {last.words}"
+        return say("changes.last_report")
+    return say("changes.report_of", moment=last.words(say))
 
 
-TITLE = "What changed since the last report"
-COLUMNS: tuple[Column[Change], ...] = (
-    Column("Figure", lambda change: change.what),
-    Column("before", lambda change: change.before or "–"),
-    Column("now", lambda change: change.now),
-    Column("change", lambda change: change.difference or "–"),
-)
+def columns(say: Texts) -> tuple[Column[Change], ...]:
+    """Columns of a table of changes."""
+    return (
+        Column(say("changes.figure"), lambda change: change.what),
+        Column(say("changes.before"), lambda change: change.before or "–"),
+        Column(say("changes.now"), lambda change: change.now),
+        Column(say("changes.change"), lambda change: change.difference or "–"),
+    )
 
 
-def changes_section(differences: list[Change], why_none: str) -> Section:
+def changes_section(differences: list[Change], why_none: str, say: Texts = ENGLISH) -> Section:
     """Key figures that differ from the last report, or why there are none."""
+    title = say("changes.title")
     return Section(
         key="changes",
-        title=TITLE,
+        title=title,
         text=[why_none] if why_none else [d.note for d in differences if d.note],
-        blocks=present(tabulated(TITLE, differences, COLUMNS)),
+        blocks=present(tabulated(title, differences, columns(say))),
     )

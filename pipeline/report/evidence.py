@@ -17,9 +17,9 @@ from pipeline.report.part_programs import part_key_figures
 from pipeline.report.part_section import part_programs_section
 from pipeline.report.programs.section import programs_section
 from pipeline.report.records import records_section
-from pipeline.report.scorecard import VERDICTS
 from pipeline.report.states import StateLine
 from pipeline.report.submodel_pages import ModelledPart
+from pipeline.report.texts import ENGLISH
 from pipeline.report.work_section import work_section
 from pipeline.schema.model import SourceFile
 
@@ -73,7 +73,7 @@ def _submodel_page(one: ModelledPart) -> EvidencePage:
     state = None
     if verdict is not None:
         state = StateLine(
-            status=verdict.status, word=VERDICTS[verdict.status][1],
+            status=verdict.status, word=ENGLISH(f"verdict.{verdict.status}"),
             sentences=[verdict.sentence, verdict.todo],
         )  # fmt: skip
     return EvidencePage(

@@ -1,6 +1,6 @@
 """Facts about one machine, gathered once; everything on its page is made from them."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -118,10 +118,10 @@ class MachineFacts:
         behind = last.timestamp() - end
         return behind if behind > SILENT_S else None
 
-    def titles(self, names: Iterable[str]) -> str:
-        """Titles of sub-models, joined."""
+    def titles(self, names: Iterable[str], words: Callable[[str], str] = str) -> str:
+        """Titles of sub-models, joined, each as ``words`` gives it."""
         known = {one.name: one.title for one in self.models}
-        return ", ".join(known.get(name, name) for name in names)
+        return ", ".join(words(known.get(name, name)) for name in names)
 
 
 def machine_facts(folders: MachineFolders) -> MachineFacts:

@@ -3,21 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.charts.numbers import counted, moment
 from pipeline.report.facts import MachineFacts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.states import NOW, ActionRow, MachineVerdict
+from pipeline.report.texts import ENGLISH, Texts
 
-GROUPS: tuple[tuple[str, str, str], ...] = (
-    ("now", "To be seen to now", "to be seen to now"),
-    ("maintenance", "To be checked by maintenance", "to be checked by maintenance"),
-    ("twin", "Twin not to be relied on as a whole", "with a twin that did not pass as a whole"),
-    ("other", "Something to do for others", "with something to do for others"),
-    ("nothing", "Nothing to do", "with nothing to do"),
-    ("unknown", "Not read, or not judged yet", "not read or not judged yet"),
-)
-"""Key, title and words in a sentence of each group, in the order of the page."""
+GROUPS = ("now", "maintenance", "twin", "other", "nothing", "unknown")
+"""Groups by their key in the texts, in the order of the page."""
 AT_MACHINE = ("maintenance", "tool room")
+MOST_NAMES = 12
+"""Machines that a credit names; the others are counted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,17 +41,21 @@ class FleetGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetPage:
-    """Groups that have a machine, the fleet in a sentence, and whose records they are."""
+    """Groups that have a machine, the fleet in a sentence, and whose records they are.
+
+    ``condition`` is a sentence where it is the same for all; each machine has its own without it.
+    """
 
     groups: list[FleetGroup]
     headline: str
+    condition: str
     simulated: bool
     credits: list[tuple[str, str]]
 
 
-def fleet_row(facts: MachineFacts, verdict: MachineVerdict) -> FleetRow:
+def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
     """Line of one machine."""
-    last = moment(facts.records.last)
+    last = say.moment(facts.records.last)
     return FleetRow(folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last)
 
 
@@ -74,23 +73,27 @@ def group_of(verdict: MachineVerdict) -> str:
     return "other" if actions else "nothing"
 
 
-def fleet_page(rows: Sequence[FleetRow]) -> FleetPage:
+def fleet_page(rows: Sequence[FleetRow], say: Texts = ENGLISH) -> FleetPage:
     """The fleet in groups; in each the machine with most to do first, then by name."""
     ordered = sorted(rows, key=lambda row: (-len(row.verdict.actions), row.folders.name))
     found = [
-        FleetGroup(key=key, title=title, rows=[row for row in ordered if row.group == key])
-        for key, title, _ in GROUPS
-    ]
+        FleetGroup(key=key, title=say(f"fleet.group.{key}"),
+                   rows=[row for row in ordered if row.group == key])
+        for key in GROUPS
+    ]  # fmt: skip
     groups = [group for group in found if group.rows]
-    words = {key: said for key, _, said in GROUPS}
-    parts = [f"{len(group.rows)} {words[group.key]}" for group in groups]
+    parts = [say(f"fleet.in_group.{group.key}", count=len(group.rows)) for group in groups]
+    machines = say("fleet.machines", count=len(rows))
+    words = {row.verdict.condition.word for row in rows}
     owners: dict[str, list[str]] = {}
     for row in sorted(rows, key=lambda row: row.folders.name):
         if row.folders.credit:
             owners.setdefault(row.folders.credit, []).append(row.folders.name)
     return FleetPage(
         groups=groups,
-        headline=f"{counted(len(rows), 'machine')}: {', '.join(parts)}." if rows else "No machine.",
+        headline=say("fleet.headline", machines=machines, groups=", ".join(parts))
+        if rows else say("fleet.none"),
+        condition=say("fleet.same_condition", condition=words.pop()) if len(words) == 1 else "",
         simulated=bool(rows) and all(row.folders.origin == "simulated" for row in rows),
-        credits=[(", ".join(names), credit) for credit, names in owners.items()],
-    )
+        credits=[(say.some(names, MOST_NAMES), credit) for credit, names in owners.items()],
+    )  # fmt: skip

@@ -99,3 +99,8 @@ class FleetInfo:
     budget: str = "default"
     notes: tuple[str, ...] = ()
     versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def libraries(self) -> str:
+        """Names and versions of the libraries."""
+        return ", ".join(f"{name} {version}" for name, version in sorted(self.versions.items()))

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
-from pipeline.charts.numbers import counted, duration, instant, moment, number
+from pipeline.charts.numbers import instant
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.facts import MachineFacts
 from pipeline.report.records import NS, source_of
+from pipeline.report.texts import Texts
 
-LOG = "Machine’s log (execution state)"
+MOST_SOURCES = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,8 +21,8 @@ class Origin:
     silent: float | None = None
 
 
-def origins(facts: MachineFacts) -> list[Origin]:
-    """Sources by folder and format of their files, the machine's own log at the head."""
+def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
+    """Sources by folder and format of their files, the machine's own log first."""
     found: dict[str, list[float | None]] = {}
     for name, read in (facts.records.files or {}).items():
         when = instant(read.last)
@@ -37,26 +38,31 @@ def origins(facts: MachineFacts) -> list[Origin]:
         (one for one in each if one.last is not None), key=lambda one: -(one.last or 0)
     )
     end = facts.work.last
-    log = [Origin(name=LOG, files=len(facts.work.state_files), last=end, silent=facts.silence)]
+    log = [Origin(name=log_name, files=len(facts.work.state_files), last=end, silent=facts.silence)]
     return [*(log if end is not None else []), *clocked]
 
 
-COLUMNS: tuple[Column[Origin], ...] = (
-    Column("Source", lambda one: one.name),
-    Column("files", lambda one: number(one.files), ""),
-    Column("last record", lambda one: moment(None if one.last is None else int(one.last * NS))),
-    Column("state", lambda one: (
-        Cell(text=f"silent: ends {duration(one.silent)} before live ones", status="failed")
-        if one.silent is not None else "–"
-    )),
-)  # fmt: skip
+def columns(say: Texts) -> tuple[Column[Origin], ...]:
+    """Columns of the table."""
+    return (
+        Column(say("last.source"), lambda one: one.name),
+        Column(say("last.files"), lambda one: say.number(one.files), ""),
+        Column(say("last.record"), lambda one: (
+            say.moment(None if one.last is None else int(one.last * NS))
+        )),
+        Column(say("last.state"), lambda one: (
+            Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
+            if one.silent is not None else "–"
+        )),
+    )  # fmt: skip
 
 
-def last_records_table(facts: MachineFacts) -> Table | None:
+def last_records_table(facts: MachineFacts, say: Texts) -> Table | None:
     """Last record of each source with a clock; the caption says how many have none."""
-    shown = origins(facts)
-    clocked = sum(one.files for one in shown if one.name != LOG)
+    log = say("last.log")
+    shown = origins(facts, log)
+    clocked = sum(one.files for one in shown if one.name != log)
     bare = len(facts.records.files or {}) - clocked
-    rest = f"; {counted(bare, 'file')} without a clock" if bare > 0 else ""
+    caption = say("last.table_bare", count=bare) if bare > 0 else say("last.table")
     made = sources(facts.shelf, facts.folders.signals / "manifest.json")
-    return tabulated(f"Last record of each source{rest}", shown, COLUMNS, made, most=8)
+    return tabulated(caption, shown[:MOST_SOURCES], columns(say), made)

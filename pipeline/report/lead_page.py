@@ -5,14 +5,15 @@ from dataclasses import dataclass, field
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import tabulated
 from pipeline.report.alarms import lead_alarms
-from pipeline.report.changes import COLUMNS, Change
+from pipeline.report.changes import Change, columns
 from pipeline.report.evidence import EvidencePage
 from pipeline.report.facts import MachineFacts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.last_records import last_records_table
-from pipeline.report.page_names import RECORDS, evidence_page
+from pipeline.report.page_names import evidence_page
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.states import MachineVerdict
+from pipeline.report.texts import Texts
 from pipeline.report.time_use import time_use_table
 
 MOST_ACTIONS = 12
@@ -36,7 +37,7 @@ class LeadPage:
     sections : list of Section
         Changes, alarms, time, last records.
     pages : list of (str, str)
-        File and title of each page of evidence.
+        File and title, in English, of each page of evidence.
     """
 
     folders: MachineFolders
@@ -49,7 +50,7 @@ class LeadPage:
 
 def lead_page(
     facts: MachineFacts, verdict: MachineVerdict, evidence: list[EvidencePage],
-    changes: list[Change], why_none: str, since: str,
+    changes: list[Change], why_none: str, *, since: str, say: Texts,
 ) -> LeadPage:  # fmt: skip
     """The lead's page of one machine.
 
@@ -63,40 +64,41 @@ def lead_page(
         Why there are none.
     since : str
         Which report they are changes of, as the end of a title.
+    say : Texts
+        Language of the page.
     """
     name = facts.folders.name
     sections = [
-        lead_alarms(facts.alarms),
-        _changes(changes, why_none, since),
-        _time(facts),
-        Section(key="last-records", title="Last record of each source",
-                blocks=present(last_records_table(facts)),
-                text=[] if facts.records.files else ["No source has been read."]),
+        lead_alarms(facts.alarms, say),
+        _changes(changes, why_none, since, say),
+        _time(facts, say),
+        Section(key="last-records", title=say("last.title"),
+                blocks=present(last_records_table(facts, say)),
+                text=[] if facts.records.files else [say("last.none")]),
     ]  # fmt: skip
     return LeadPage(
         folders=facts.folders,
         verdict=verdict,
-        scorecard=scorecard(name, facts.models),
+        scorecard=scorecard(name, facts.models, say),
         sections=[section for section in sections if section is not None],
         pages=[(evidence_page(name, one.subject), one.title) for one in evidence],
     )
 
 
-def _changes(changes: list[Change], why_none: str, since: str) -> Section:
+def _changes(changes: list[Change], why_none: str, since: str, say: Texts) -> Section:
     """The first changes, with what they mean; the rest stand on the page of the records."""
     rest = len(changes) - MOST_CHANGES
-    more = [f"{rest} more on the page “{RECORDS}”."] if rest > 0 else []
+    more = [say("changes.more", count=rest)] if rest > 0 else []
     shown = changes[:MOST_CHANGES]
     return Section(
         key="changes",
-        title=f"Changes since {since}",
+        title=say("changes.since", report=since),
         text=[why_none] if why_none else [*(c.note for c in shown if c.note), *more],
-        blocks=present(tabulated("Figures that changed", shown, COLUMNS)),
+        blocks=present(tabulated(say("changes.table"), shown, columns(say))),
     )
 
 
-def _time(facts: MachineFacts) -> Section:
-    table = time_use_table(facts.work)
-    nothing = "Not known: no execution state was recorded."
-    return Section(key="time", title="Use of the time", text=[] if table else [nothing],
+def _time(facts: MachineFacts, say: Texts) -> Section:
+    table = time_use_table(facts.work, say)
+    return Section(key="time", title=say("time.title"), text=[] if table else [say("time.none")],
                    blocks=present(table))  # fmt: skip

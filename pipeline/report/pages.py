@@ -4,7 +4,7 @@ Every page is one file that needs nothing else: styles and figures stand in it, 
 and a content security policy forbids it to load anything.  Text from records is escaped.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from pipeline.report.lead_page import lead_page
 from pipeline.report.page_names import evidence_page
 from pipeline.report.standalone_page import renderer
 from pipeline.report.states import MachineVerdict, Status
-from pipeline.report.verdict import machine_verdict
+from pipeline.report.texts import ENGLISH, Texts
+from pipeline.report.verdict import machine_notes, machine_verdict
 from pipeline.schema.files import together
 from pipeline.schema.store import write_json, write_text
 
@@ -60,6 +61,8 @@ def write_report(
     previous: Path | None,
     out: Path,
     metrics: Path | None = None,
+    *,
+    say: Texts = ENGLISH,
 ) -> list[Path]:
     """Write the pages of a fleet and ``out/report.json``.
 
@@ -79,6 +82,8 @@ def write_report(
         Folder of the report; made when it does not exist.
     metrics : Path or None
         File of the report's metrics.
+    say : Texts
+        Language of the fleet's and the leads' pages; those of evidence are in English.
 
     Returns
     -------
@@ -95,21 +100,20 @@ def write_report(
     if double:
         raise ValueError(f"machine {double[0]} stands twice in the fleet; give each its own name")
     facts = {m.name: machine_facts(m) for m in machines}
-    judged = {name: machine_verdict(f) for name, f in facts.items()}
-    figures = {name: changes.key_figures(f, judged[name].word) for name, f in facts.items()}
+    judged = {name: machine_verdict(f, say) for name, f in facts.items()}
+    figures = {name: changes.key_figures(f, judged[name]) for name, f in facts.items()}
     earlier = changes.earlier_report(previous, figures)
     pages: dict[str, str] = {}
-    render = renderer()
     for name in names:
-        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, render)
+        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, say)
         twice = sorted(set(made) & set(pages))
         if twice:
             raise ValueError(
                 f"machine {name} and another would both write {twice[0]}; rename one of them"
             )
         pages |= made
-    index = fleet_page([fleet_row(facts[name], judged[name]) for name in names])
-    pages["index.html"] = render("index.html.j2", index=index, fleet=fleet)
+    index = fleet_page([fleet_row(facts[name], judged[name], say) for name in names], say)
+    pages["index.html"] = renderer(say)("index.html.j2", index=index, fleet=fleet)
     for page, text in pages.items():
         write_text(text, out / page)
     changes.write_key_figures(out / "report.json", figures, earlier)
@@ -120,32 +124,36 @@ def write_report(
 
 def _machine_pages(
     facts: MachineFacts, verdict: MachineVerdict, earlier: changes.Earlier,
-    now: changes.MachineFigures, fleet: FleetInfo, render: Callable[..., str],
+    now: changes.MachineFigures, fleet: FleetInfo, say: Texts,
 ) -> dict[str, str]:  # fmt: skip
-    """HTML of the pages of one machine by file."""
+    """HTML of the pages of one machine by file; those of evidence are in English."""
     name = facts.folders.name
-    differences, reason = _compared(earlier, facts, now)
-    since = changes.since_words((earlier.machines or {}).get(name))
-    evidence = evidence_pages(facts, changes.changes_section(differences, reason), verdict.notes)
-    page = lead_page(facts, verdict, evidence, differences, reason, since)
-    found = {f"{name}.html": render("machine.html.j2", page=page, fleet=fleet)}
+    before = (earlier.machines or {}).get(name)
+    changed = changes.changes_section(*_compared(earlier, facts, now, ENGLISH))
+    evidence = evidence_pages(facts, changed, machine_notes(facts))
+    page = lead_page(
+        facts, verdict, evidence, *_compared(earlier, facts, now, say),
+        since=changes.since_words(before, say), say=say,
+    )  # fmt: skip
+    found = {f"{name}.html": renderer(say)("machine.html.j2", page=page, fleet=fleet)}
+    in_english = renderer()
     for one in evidence:
-        text = render("evidence.html.j2", page=one, lead=page, fleet=fleet)
+        text = in_english("evidence.html.j2", page=one, lead=page, fleet=fleet)
         found[evidence_page(name, one.subject)] = text
     return found
 
 
 def _compared(
-    earlier: changes.Earlier, facts: MachineFacts, now: changes.MachineFigures
+    earlier: changes.Earlier, facts: MachineFacts, now: changes.MachineFigures, say: Texts
 ) -> tuple[list[changes.Change], str]:
     """Changes of one machine, and what to say when there are none."""
     if earlier.machines is None:
-        return [], earlier.why_not
+        return [], say(earlier.why_not)
     before = earlier.machines.get(facts.folders.name)
     if before is None:
-        return [], "The machine was not in the last report."
-    found = changes.changes(before, now, {one.name: one.page.changed for one in facts.models})
-    return found, "" if found else "Nothing: all key figures and raw files are as they were."
+        return [], say("changes.not_in_last")
+    found = changes.changes(before, now, {one.name: one.page.changed for one in facts.models}, say)
+    return found, "" if found else say("changes.nothing")
 
 
 def _metrics(

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import comb
 from pathlib import Path
 
-from pipeline.charts.numbers import NARROW, TOGETHER, counted, number, signed
+from pipeline.charts.numbers import counted, signed
 from pipeline.charts.sources import SourceRegistry
 from pipeline.report.folders import MachineFolders
 from pipeline.report.objectives import AIMS
@@ -133,28 +133,9 @@ def is_worth_loading(one: PartProgram) -> bool:
     return sure and one.inside and (one.gain or 0.0) >= WORTH
 
 
-def gain_words(one: PartProgram) -> str:
-    """``18 % less time``."""
-    _, _, less = AIMS.get(one.part.objective, AIMS["time"])
-    gain = one.gain or 0.0
-    said = number(gain, 2) if gain < 9.95 else f"{gain:.0f}"
-    return f"{said}{TOGETHER}% {less}"
-
-
-def refused(found: PartPrograms) -> list[tuple[PartProgram, str]]:
-    """Programs that must not be loaded, each with the reason."""
-    said = []
-    for one in found.programs:
-        cuts = one.cuts()
-        if not one.proved:
-            said.append((one, "it is not proved to make the same moves"))
-        elif one.overloaded and cuts is not None:
-            why = (
-                f"on the simulated shop floor {cuts[0]} of {cuts[1]} cuts passed the limit of "
-                f"{number(one.limit)}{NARROW}N"
-            )
-            said.append((one, why))
-    return said
+def refused(found: PartPrograms) -> list[PartProgram]:
+    """Programs that must not be loaded: not proved, or too often beyond the limit when cut."""
+    return [one for one in found.programs if not one.proved or one.overloaded]
 
 
 def part_key_figures(found: PartPrograms) -> list[tuple[str, str, str]]:

@@ -3,17 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.charts.numbers import day_words, percent
 from pipeline.report.page_names import evidence_page
 from pipeline.report.submodel_pages import ModelledPart
-from pipeline.report.worst_error import worst_error
+from pipeline.report.texts import Texts
+from pipeline.report.worst_error import WorstError, worse_elsewhere, worst_error
 from pipeline.schema.verdict import Score, Verdict
 
-VERDICTS = {
-    "passed": ("passed", "passed"), "failed": ("failed", "failed"),
-    "attention": ("attention", "not decided"), "unknown": ("unknown", "not judged"),
-}  # fmt: skip
-JUDGED_ON = {"golden": "golden records", "held_out": "records held out of its fit"}
+JUDGED_ON = ("golden", "held_out")
+"""Roles of records that a verdict can rest on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +27,8 @@ class Counts:
         Share of samples that the 90 % prediction interval holds.
     passed_limit : bool
         Whether the value is beyond its limit.
+    worse : str
+        The largest error of the same kind on any other records, where that is larger.
     """
 
     what: str
@@ -38,6 +37,7 @@ class Counts:
     baseline: str = ""
     interval: str = ""
     passed_limit: bool = False
+    worse: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,51 +52,66 @@ class Line:
     href: str
 
 
-def scorecard(machine: str, models: Sequence[ModelledPart]) -> list[Line]:
+def scorecard(machine: str, models: Sequence[ModelledPart], say: Texts) -> list[Line]:
     """Rows of the sub-models of a machine, in the order of the fleet."""
-    return [_line(machine, one) for one in models]
+    return [_line(machine, one, say) for one in models]
 
 
-def _line(machine: str, one: ModelledPart) -> Line:
-    verdict = one.page.verdict
-    status, word = VERDICTS[verdict.status if verdict is not None else "unknown"]
+def _line(machine: str, one: ModelledPart, say: Texts) -> Line:
+    status = one.page.verdict.status if one.page.verdict is not None else "unknown"
+    role = None if one.judged is None else one.judged.judged_role
+    records = say("score.judged_on", records=say(f"score.{role}")) if role in JUDGED_ON else ""
     return Line(
-        title=f"{one.title[:1].upper()}{one.title[1:]}", status=status, word=word,
-        judged_on="" if one.judged is None else JUDGED_ON.get(one.judged.judged_role or "", ""),
-        figure=counting_figure(one), href=evidence_page(machine, one.name),
+        title=say.title(one.title), status=status, word=say(f"verdict.{status}"),
+        judged_on=records, figure=counting_figure(one, say), href=evidence_page(machine, one.name),
     )  # fmt: skip
 
 
-def counting_figure(one: ModelledPart) -> Counts:
+def counting_figure(one: ModelledPart, say: Texts) -> Counts:
     """The error that takes the largest share of a limit; without limits the first key figure."""
     verdict = one.judged
-    if verdict is not None and (worst := worst_error(verdict)) is not None:
-        score = worst.score
-        where = "over all" if score.group == "all" else _place(score.group)
+    if verdict is not None and (worst := worst_error(verdict, say)) is not None:
+        score, beside = worst.score, ""
+        if worst.baseline is not None:
+            method, value = worst.baseline
+            beside = say("score.baseline", value=value, method=method)
         return Counts(
-            what=f"{score.quantity.replace('_', ' ')}, {worst.words}, {where}",
-            value=worst.shown, limit=worst.limit_shown,
-            baseline=f"{worst.baseline[1]} by {worst.baseline[0]}" if worst.baseline else "",
-            interval=_interval(verdict, score), passed_limit=worst.value > worst.limit,
+            what=say("score.figure_of", quantity=say.given(score.quantity.replace("_", " ")),
+                     error=worst.words, place=_place(score.group, say)),
+            value=worst.shown, limit=worst.limit_shown, baseline=beside,
+            interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
+            worse=_worse(worse_elsewhere(verdict, worst), score, say),
         )  # fmt: skip
-    interval = "" if verdict is None else _interval(verdict)
+    interval = "" if verdict is None else _interval(verdict, say)
     if not one.page.key_figures or verdict is None:
-        return Counts(what="", value="not known", interval=interval)
+        return Counts(what="", value=say("format.not_known"), interval=interval)
     what, shown, aside = one.page.key_figures[0]
-    return Counts(what=what, value=shown, baseline=aside, interval=interval)
+    return Counts(what=say.given(what), value=shown, baseline=say.given(aside), interval=interval)
 
 
-def _place(group: str) -> str:
-    """A group of records: a day, or a recording by the name of its file."""
-    day = day_words(group)
-    return (
-        f"on {day}"
-        if day != group
-        else f"in {group.rpartition('/')[2].rpartition('.')[0] or group}"
-    )
+def _worse(found: WorstError | None, shown: Score, say: Texts) -> str:
+    """An error that is larger than the one shown, with its records; empty without one."""
+    if found is None:
+        return ""
+    one = found.score
+    where = [_place(one.group, say), say(f"score.{one.role}")]
+    if one.regime and one.regime != shown.regime:
+        where.append(say.given(one.regime))
+    return say("score.worse", value=found.shown, where=", ".join(where))
 
 
-def _interval(verdict: Verdict, shown: Score | None = None) -> str:
+def _place(group: str, say: Texts) -> str:
+    """A group of records: all, a day, or a recording by the name of its file."""
+    if group == "all":
+        return say("score.over_all")
+    day = say.day(group)
+    if day != group:
+        return say("score.on_day", day=day)
+    record = group.rpartition("/")[2].rpartition(".")[0] or group
+    return say("score.in_record", record=record)
+
+
+def _interval(verdict: Verdict, say: Texts, shown: Score | None = None) -> str:
     """Share of samples inside the 90 % interval over all judged groups of what a score is of.
 
     The least of all quantities without one.
@@ -108,4 +123,4 @@ def _interval(verdict: Verdict, shown: Score | None = None) -> str:
         and score.coverage_90 is not None
         and (shown is None or (score.quantity, score.regime) == (shown.quantity, shown.regime))
     ]  # fmt: skip
-    return percent(min(shares), 1.0) if shares else ""
+    return say.percent(min(shares), 1.0) if shares else ""

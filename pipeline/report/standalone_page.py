@@ -14,6 +14,7 @@ from markupsafe import Markup
 from pipeline.charts.sections import Figures, Section
 from pipeline.charts.sources import Source, shown
 from pipeline.charts.tables import Table
+from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.files import written
 from pipeline.schema.verdict import UsedModel
 
@@ -71,8 +72,11 @@ def _first_up(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def renderer() -> Callable[..., str]:
-    """Function of a template's name and its variables that gives HTML; all text is escaped."""
+def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
+    """Function of a template's name and its variables that gives HTML; all text is escaped.
+
+    Templates take their own words from ``say``, by that name.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -82,6 +86,7 @@ def renderer() -> Callable[..., str]:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["say"] = say
     environment.filters["csv"] = csv_link
     environment.filters["section_sources"] = section_sources
     return lambda name, **variables: environment.get_template(name).render(**variables)

@@ -1,9 +1,10 @@
 """State of a machine and of its twin, and rows of what is to be done, as the pages show them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from pipeline.charts.sections import Action
+from pipeline.report.texts import Texts
 
 Status = Literal["failed", "attention", "passed", "unknown"]
 NOW = "now"
@@ -12,10 +13,27 @@ NOW = "now"
 
 @dataclass(frozen=True, kw_only=True)
 class ActionRow:
-    """An action with the page that shows why; ``href`` is empty where none does."""
+    """An action with the page that shows why; ``href`` is empty where none does.
+
+    ``english`` names the fields of the action that a sub-model wrote, in English.
+    """
 
     action: Action
     href: str = ""
+    english: tuple[str, ...] = ()
+
+    def until(self, say: Texts) -> str:
+        """By when, in words."""
+        key = f"until.{self.action.until}"
+        return say(key) if say.has(key) else say.given(self.action.until)
+
+    def who(self, say: Texts) -> str:
+        """Who does it, in words."""
+        return say(f"who.{self.action.who.replace(' ', '_')}")
+
+    def where(self, say: Texts) -> str:
+        """Where, in words."""
+        return say.given(self.action.where)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,19 +47,28 @@ class StateLine:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineVerdict:
-    """Head of a page: the machine's condition, its twin, actions, then notes in order of weight."""
+    """Head of a page: the machine's condition, its twin, and what is to be done.
+
+    ``passed`` is how many of the sub-models that count passed, and of how many; None without any.
+    """
 
     condition: StateLine
     twin: StateLine
     actions: list[ActionRow]
-    notes: list[str] = field(default_factory=list)
+    passed: tuple[int, int] | None = None
 
     @property
     def status(self) -> Status:
         """Status of the twin."""
         return self.twin.status
 
-    @property
-    def word(self) -> str:
+    def word(self, say: Texts) -> str:
         """Both lines in one, for tables and titles."""
-        return f"condition {self.condition.word}; twin: {self.twin.word}"
+        return say("twin.state", condition=self.condition.word, twin=self.twin.word)
+
+
+def passed_words(passed: int, of: int, say: Texts) -> str:
+    """How many sub-models passed."""
+    if passed == of:
+        return say("twin.all_passed", count=passed)
+    return say("twin.some_passed", passed=passed, all=of)

@@ -1,13 +1,10 @@
 """The error of a verdict that takes the largest share of its limit, as the pages say it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from pipeline.charts.numbers import TOGETHER, number, powers, unit_words
-from pipeline.report.baselines import baseline_words
+from pipeline.charts.numbers import TOGETHER, powers, unit_words
+from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.verdict import Score, Verdict
-
-WORDS = {"mae": "mean error", "rmse": "RMS error", "max": "largest error", "bias": "mean offset"}
-"""Errors of a score in words; others by their own name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,28 +19,34 @@ class WorstError:
         Of the error, as the score has it.
     value, limit : float
         Its size and limit, in its unit.
+    say : Texts
+        Language of the words.
     """
 
     score: Score
     name: str
     value: float
     limit: float
+    say: Texts = ENGLISH
 
     @property
     def words(self) -> str:
         """Which error it is."""
+        key = f"error.{self.name}"
+        if self.say.has(key):
+            return self.say(key)
         plain = self.name.removesuffix("_percent").replace("_", " ")
-        return WORDS.get(self.name, f"{plain} error")
+        return self.say("error.other", name=plain)
 
     @property
     def shown(self) -> str:
         """Its size with its unit."""
-        return f"{number(self.value)}{TOGETHER}{self._unit}"
+        return f"{self.say.number(self.value)}{TOGETHER}{self._unit}"
 
     @property
     def limit_shown(self) -> str:
         """Its limit with its unit."""
-        return f"{self.limit:g}{TOGETHER}{self._unit}"
+        return f"{self.say.local(f'{self.limit:g}')}{TOGETHER}{self._unit}"
 
     @property
     def baseline(self) -> tuple[str, str] | None:
@@ -55,19 +58,36 @@ class WorstError:
         if not errors:
             return None
         value, other = min(errors)
-        return baseline_words(other), f"{number(value)}{TOGETHER}{self._unit}"
+        size = f"{self.say.number(value)}{TOGETHER}{self._unit}"
+        return baseline_words(other, self.say), size
 
     @property
     def _unit(self) -> str:
         return "%" if self.name.endswith("percent") else powers(unit_words(self.score.unit))
 
 
-def worst_error(verdict: Verdict) -> WorstError | None:
+def worst_error(verdict: Verdict, say: Texts = ENGLISH) -> WorstError | None:
     """The judged error with the largest share of its limit; None where none has a limit."""
     found = [
-        WorstError(score=score, name=name, value=abs(value), limit=limit)
+        WorstError(score=score, name=name, value=abs(value), limit=limit, say=say)
         for score in verdict.scores if score.role == verdict.judged_role
         for name, limit in score.limits.items()
         if limit > 0 and (value := getattr(score, name)) is not None
     ]  # fmt: skip
     return max(found, key=lambda one: one.value / one.limit, default=None)
+
+
+def worse_elsewhere(verdict: Verdict, shown: WorstError) -> WorstError | None:
+    """The largest error of the same kind that is larger: of other records, or without a limit."""
+    found = [
+        replace(shown, score=score, value=abs(value))
+        for score in verdict.scores if score.quantity == shown.score.quantity
+        and (value := getattr(score, shown.name)) is not None and abs(value) > shown.value
+    ]  # fmt: skip
+    return max(found, key=lambda one: one.value, default=None)
+
+
+def baseline_words(name: str, say: Texts = ENGLISH) -> str:
+    """A baseline in words; its own name, without underscores, where the texts do not list it."""
+    key = f"baseline.{name}"
+    return say(key) if say.has(key) else name.replace("_", " ")

@@ -7,21 +7,11 @@ from pathlib import Path
 from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
+from pipeline.report.settings import ReportSettings
+from pipeline.report.texts import texts
 from pipeline.schema.structure import structured
 
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
-
-BUDGETS = {
-    "quick": "Quick budget: one starting point for each fit, one node, a small forest.",
-    "default": (
-        "Default budget: the forest has 100 trees of 300 published ones, genetic fits of drives "
-        "and forces 200 and 30 generations of 500, the search of network settings 3 generations "
-        "of 4 candidates where Feed2025 has 20 of 8, the generator of signals 1 210 "
-        "steps of 148 000; budget=full has the published sizes."
-    ),
-    "full": "",
-}
-"""Parts of the fits that a budget cuts short."""
 
 
 def report(
@@ -39,6 +29,7 @@ def report(
     *,
     fleet: Fleet,
     budget: str,
+    pages: ReportSettings,
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     machines = []
@@ -69,10 +60,9 @@ def report(
     info = FleetInfo(
         name=fleet.name,
         budget=budget,
-        notes=(BUDGETS[budget],) if BUDGETS.get(budget) else (),
         versions={name: version(name) for name in LIBRARIES},
     )
-    written = write_report(machines, info, reports, reports, metrics)
+    written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     for page in set(reports.glob("*.html")) - set(written):
         page.unlink()
 

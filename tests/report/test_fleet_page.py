@@ -55,7 +55,7 @@ def page_of(root: Path, many: int) -> Path:
 def test_two_hundred_machines_stand_in_one_line_each_the_urgent_first(tmp_path: Path) -> None:
     page = page_of(tmp_path, 200)
     text = page.read_text()
-    assert "200 machines: 66 to be seen to now, 67 to be checked by maintenance" in words(page)
+    assert "200 machines: 66 with something due now, 67 with checks for maintenance" in words(page)
     links = re.findall(r'<a href="(m\d+)\.html"', text)
     assert len(links) == len(set(links)) == 200
     assert [int(name[1:]) % 3 for name in links] == [2] * 66 + [1] * 67 + [0] * 67

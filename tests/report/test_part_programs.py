@@ -157,3 +157,34 @@ def test_the_next_report_says_what_changed(tmp_path: Path) -> None:
     (tmp_path / "parts/m/SLOT.json").write_text(json.dumps(document))
     write_report([folders], FLEET, tmp_path / "one", tmp_path / "two")
     assert "Their time optimised 24.5 s 22.5 s −2.00 s" in every_word(tmp_path / "two/m.html")
+
+
+@pytest.mark.parametrize(
+    ("what", "source", "said"),
+    [
+        ("K_tc (T1)", "identified on this machine", "Forces: identified on this machine."),
+        ("coefficients (T1)", "Liu et al. 2021, table 5, carbide",
+         "Forces: Liu et al. 2021, not identified on this machine."),
+    ],
+)  # fmt: skip
+def test_a_proposed_program_says_where_its_forces_come_from(
+    tmp_path: Path, what: str, source: str, said: str
+) -> None:
+    document = optimised()
+    document["certainty"]["uncertain"] = [
+        {"what": what, "value": "K_tc 1230 N/mm²", "spread": "± 10 %", "source": source}
+    ]
+    assert said in every_word(page(tmp_path, {"SLOT": document}))
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [("passed", "Forces: identified on this machine."),
+     ("not identified", "Forces: published values, none identified on this machine.")],
+)  # fmt: skip
+def test_forces_of_a_program_without_drawn_quantities_follow_the_sub_model(
+    tmp_path: Path, status: str, said: str
+) -> None:
+    document = optimised() | {"certainty": None}
+    document["verdicts"] = [{"submodel": "cutting", "figures": "peak loads", "status": status}]
+    assert said in every_word(page(tmp_path, {"SLOT": document}))

@@ -30,8 +30,7 @@ def asked(*who: str) -> list[ActionRow]:
 
 @pytest.fixture(autouse=True)
 def nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_grave", "_notes"):
-        monkeypatch.setattr(verdict, name, lambda given: [])
+    monkeypatch.setattr(verdict, "_grave", lambda given, say: [])
     monkeypatch.setattr(verdict, "machine_actions", lambda *given, **named: [])
 
 
