@@ -151,15 +151,8 @@ class _Comparison:
         """Fits of the same terms to a part of the recordings."""
         terms = fit.problem.terms
         if terms not in self._folds:
-            self._folds[terms] = [
-                Fold(left_out=tuple(out), fit=self._without(out, fit))
-                for out in _left_out_in_turn(len(self.cuts))
-            ]
+            self._folds[terms] = left_out_fits(fit)
         return self._folds[terms]
-
-    def _without(self, out: Sequence[int], fit: Fit) -> Fit:
-        rest = [cut for k, cut in enumerate(self.cuts) if k not in out]
-        return fit_waveform(self.tool, rest, fit.problem.terms, start=fit)
 
     def _value(self, fit: Fit) -> float:
         if len(self.cuts) > 1:
@@ -169,6 +162,17 @@ class _Comparison:
             value = 2 * fit.unlikely + unknowns * float(np.log(len(fit.solved.residuals)))
         self.errors[fit.problem.terms] = value
         return value
+
+
+def left_out_fits(fit: Fit) -> list[Fold]:
+    """Fits of the same terms to a part of the recordings; none of a single one."""
+    problem = fit.problem
+    folds = []
+    for out in _left_out_in_turn(len(problem.cuts)):
+        rest = [cut for k, cut in enumerate(problem.cuts) if k not in out]
+        part = fit_waveform(problem.tool, rest, problem.terms, start=fit)
+        folds.append(Fold(left_out=tuple(out), fit=part))
+    return folds
 
 
 def _left_out_in_turn(count: int) -> list[list[int]]:
