@@ -7,7 +7,8 @@ revolution tell them apart: runout shifts where a tooth begins to cut, growth be
 begins.  So runout is that of a fit of its own, in which the edge's force grows with the chip, the
 cutting force has a size effect and each tooth its own edge.  Its interval holds the spread of fits
 without some of the recordings, and the difference to a growth of another form, along a straight
-line, since nobody knows the form.
+line, since nobody knows the form.  Two recordings count, with Student's factor, for the harmonics
+of one recording err alike.
 
 Where the recordings do not tell, the greatest runout that they allow is said: that of an edge whose
 force is there at once, with its interval.
@@ -110,7 +111,7 @@ def _rounded(fit: Fit) -> tuple[_Offset, float]:
     terms = replace(problem.terms, edge="exponential", teeth=True)
     whole = fit_waveform(problem.tool, problem.cuts, terms, start=fit)
     other = fit_waveform(problem.tool, problem.cuts, replace(terms, edge="ramp"), start=whole)
-    found = fit_uncertainty(whole, left_out_fits(whole), [other])
+    found = fit_uncertainty(whole, left_out_fits(whole), [other], fewest=2)
     return _offset(whole, found), whole.problem.chip(whole.x).growth
 
 
