@@ -10,7 +10,7 @@ flat face.  At a height z above the tip the edge lags its tip by z tan(helix) / 
 lag.
 """
 
-from math import acos, cos, pi, sin, sqrt
+from math import acos, cos, expm1, pi, sin, sqrt
 from typing import cast
 
 import numpy as np
@@ -169,14 +169,25 @@ def cut_part(begin, end, h, after):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def add_force(s, c, sk, ck, arm, h, width, exponent, out):  # type: ignore[no-untyped-def]
+def grown(h, growth):  # type: ignore[no-untyped-def]
+    """Share of the edge's force that a chip ``h`` has, which grows over ``growth`` [m] of it.
+
+    1 - exp(-h / growth), or below 0 along a straight line up to -``growth``.
+    """
+    if growth == 0.0:
+        return 1.0
+    return -expm1(-h / growth) if growth > 0.0 else min(-h / growth, 1.0)
+
+
+@compiled
+def add_force(s, c, sk, ck, arm, h, width, exponent, growth, out):  # type: ignore[no-untyped-def]
     """Add force and torque on a stretch of the edge, for each coefficient; ``out`` is (4, 6).
 
     ``s`` and ``c`` are sine and cosine of phi, ``sk`` and ``ck`` of kappa.
     """
     area = width * (h if exponent == 1.0 else h**exponent)
     for k in range(2):
-        column, weight = (0, area) if k == 0 else (3, width)
+        column, weight = (0, area) if k == 0 else (3, width * grown(h, growth))
         out[0, column] -= weight * c
         out[0, column + 1] -= weight * s * sk
         out[0, column + 2] -= weight * s * ck

@@ -62,7 +62,7 @@ def profile_forces(  # type: ignore[no-untyped-def]
                 h = piece_chip(one, motion[0], runout, differences[j])
                 if h > 0.0:
                     add_force(one[SINE], one[COSINE], one[SIN_KAPPA], one[COS_KAPPA], one[ARM], h,
-                              one[WIDTH], exponent, out[t])  # fmt: skip
+                              one[WIDTH], exponent, 0.0, out[t])  # fmt: skip
 
 
 @compiled

@@ -47,7 +47,7 @@ SLICES = 16
 
 def basis(
     tool: Tool, *, f_z: float, a_p: float, phi_st: float, phi_ex: float, angles: ArrayLike,
-    m_c: float = 0.0, slope: float = 0.0, slices: int = SLICES,
+    m_c: float = 0.0, growth: float = 0.0, slope: float = 0.0, slices: int = SLICES,
 ) -> Floats:  # fmt: skip
     """Forces for each coefficient of the law, under constant engagement; F_z as on the workpiece.
 
@@ -73,6 +73,9 @@ def basis(
         Of the spindle [rad].
     m_c : float
         Exponent of the chip's thickness [1].
+    growth : float
+        Thickness over which the edge part grows, as 1 - exp(-h / growth) [m]; 0: at once, below 0:
+        along a straight line up to -growth.
     slope : float
         dz / ds of the motion, from -1 (plunge) to 1.
     slices : int
@@ -97,7 +100,7 @@ def basis(
     """
     each = _window(
         tool, angles, f_z=f_z, a_p=a_p, phi_st=phi_st, phi_ex=phi_ex, m_c=m_c, slope=slope,
-        slices=slices,
+        slices=slices, growth=growth,
     )  # fmt: skip
     return each[:, :3]
 
@@ -209,7 +212,7 @@ def profile_waveform(
 
 def _window(
     tool: Tool, angles: ArrayLike, *, f_z: float, a_p: float, phi_st: float, phi_ex: float,
-    m_c: float, slope: float, slices: int,
+    m_c: float, slope: float, slices: int, growth: float = 0.0,
 ) -> Floats:  # fmt: skip
     """Forces and torque for each coefficient under constant engagement; shape (T, 4, 6)."""
     from pipeline.cutting.force.edge import FACE_HEIGHT, LAG
@@ -226,7 +229,7 @@ def _window(
     out = np.zeros((len(theta), 4, 6))
     if not (f_z > 0 and a_p > 0):
         return out
-    args = (motion(f_z, slope), tool.runout, 1.0 - m_c, radius_differences(tool))
+    args = (motion(f_z, slope), tool.runout, 1.0 - m_c, growth, radius_differences(tool))
     shape = edge_shape(tool)
     bottom = max(tool.corner_radius, shape[FACE_HEIGHT])
     many, lag = slices if tool.helix else 1, shape[LAG]

@@ -27,6 +27,7 @@ from pipeline.cutting.force.edge import (
     along,
     chip,
     cut_part,
+    grown,
     place_pair,
     thickness,
 )
@@ -37,8 +38,8 @@ TURN = 2 * pi
 
 @compiled
 def side_forces(  # type: ignore[no-untyped-def]
-    angles, phi_st, phi_ex, depth, radius, lag, step, f_z, runout, exponent, differences, points,
-    sums, out,
+    angles, phi_st, phi_ex, depth, radius, lag, step, f_z, runout, exponent, growth, differences,
+    points, sums, out,
 ):  # fmt: skip
     """Add forces and torque of the side under constant engagement to ``out``; shape (T, 4, 6).
 
@@ -71,7 +72,7 @@ def side_forces(  # type: ignore[no-untyped-def]
                     begin, end = max(begin, 0.0), min(end, float(slices))
                 if begin < end:
                     _slices(begin, end, sine, cosine, lag, step, depth / slices, f_z, runout,
-                            exponent, differences[j], points, sums)  # fmt: skip
+                            exponent, growth, differences[j], points, sums)  # fmt: skip
         _spread(sums, radius, out[t])
 
 
@@ -90,8 +91,9 @@ def _spread(sums, radius, out):  # type: ignore[no-untyped-def]
 
 @compiled
 def _slices(  # type: ignore[no-untyped-def]
-    begin, end, sine, cosine, lag, step, width, f_z, runout, exponent, differences, points, out
-):
+    begin, end, sine, cosine, lag, step, width, f_z, runout, exponent, growth, differences,
+    points, out,
+):  # fmt: skip
     """Add what one tooth has between two places on the edge, counted in slices."""
     hc, hs, h0, ec, es, e0 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for e in range(int(begin), ceil(end)):
@@ -114,14 +116,20 @@ def _slices(  # type: ignore[no-untyped-def]
             h2 = max(thickness(f_z * s2, cl2, sl2, runout, differences), 0.0)
         c, c2 = cosine * cl + sine * sl, cosine * cl2 + sine * sl2
         b = 0.5 * width * (high - low)
+        if growth != 0.0:
+            edge, edge2 = b * grown(h, growth), b * grown(h2, growth)
+            ec += edge * c + edge2 * c2
+            es += edge * s + edge2 * s2
+            e0 += edge + edge2
+        else:
+            ec += b * (c + c2)
+            es += b * (s + s2)
+            e0 += 2.0 * b
         if exponent != 1.0:
             h, h2 = h**exponent, h2**exponent
         hc += b * (h * c + h2 * c2)
         hs += b * (h * s + h2 * s2)
         h0 += b * (h + h2)
-        ec += b * (c + c2)
-        es += b * (s + s2)
-        e0 += 2.0 * b
     out[0] += hc
     out[1] += hs
     out[2] += h0
@@ -140,8 +148,9 @@ def _lags(low, high, lag, step):  # type: ignore[no-untyped-def]
 
 @compiled
 def window_forces(  # type: ignore[no-untyped-def]
-    angles, phi_st, phi_ex, shape, elements, pairs, motion, runout, exponent, differences, work, out
-):
+    angles, phi_st, phi_ex, shape, elements, pairs, motion, runout, exponent, growth,
+    differences, work, out,
+):  # fmt: skip
     """Fill ``out`` of shape (T, 4, 6): constant engagement from ``phi_st`` to ``phi_ex``.
 
     Rows are F_x, F_y, F_z and the torque.  ``motion`` holds f_z, cosine and sine of its slope;
@@ -166,26 +175,27 @@ def window_forces(  # type: ignore[no-untyped-def]
                 for e in range(elements.shape[0]):
                     _element(
                         low, high, sine, cosine, j, shape, elements[e], pairs[e], motion, runout,
-                        exponent, differences, work, out[t],
+                        exponent, growth, differences, work, out[t],
                     )  # fmt: skip
 
 
 @compiled
 def _element(  # type: ignore[no-untyped-def]
-    low, high, sine, cosine, j, shape, one, pair, motion, runout, exponent, differences, work, out
-):
+    low, high, sine, cosine, j, shape, one, pair, motion, runout, exponent, growth, differences,
+    work, out,
+):  # fmt: skip
     """Add what one element has between two lags."""
     begin, end = min(one[LAG_FROM], one[LAG_TO]), max(one[LAG_FROM], one[LAG_TO])
     if begin == end:
         if low < begin <= high:
             _stretch(sine, cosine, j, one[PART], one[FROM], one[TO], shape, pair, motion, runout,
-                     exponent, differences, work, out)  # fmt: skip
+                     exponent, growth, differences, work, out)  # fmt: skip
         return
     if begin >= high or end <= low:
         return
     if begin >= low and end <= high:
         _stretch(sine, cosine, j, one[PART], one[FROM], one[TO], shape, pair, motion, runout,
-                 exponent, differences, work, out)  # fmt: skip
+                 exponent, growth, differences, work, out)  # fmt: skip
         return
     z = max(begin, low) / shape[LAG] + shape[FACE_HEIGHT]
     z_end = min(end, high) / shape[LAG] + shape[FACE_HEIGHT]
@@ -193,14 +203,15 @@ def _element(  # type: ignore[no-untyped-def]
     if p > p_end:
         p, p_end = p_end, p
     place_pair(one[PART], p, p_end, shape, work)
-    _stretch(sine, cosine, j, one[PART], p, p_end, shape, work, motion, runout, exponent,
+    _stretch(sine, cosine, j, one[PART], p, p_end, shape, work, motion, runout, exponent, growth,
              differences, work, out)  # fmt: skip
 
 
 @compiled
 def _stretch(  # type: ignore[no-untyped-def]
-    sine, cosine, j, part, begin, end, shape, pair, motion, runout, exponent, differences, work, out
-):
+    sine, cosine, j, part, begin, end, shape, pair, motion, runout, exponent, growth,
+    differences, work, out,
+):  # fmt: skip
     """Add the force on a stretch of one tooth's edge, as far as it has a chip."""
     h = _chip(sine, cosine, pair[0], motion, runout, differences[j])
     after = _chip(sine, cosine, pair[1], motion, runout, differences[j])
@@ -218,7 +229,7 @@ def _stretch(  # type: ignore[no-untyped-def]
         s = sine * point[COS_LAG] - cosine * point[SIN_LAG]
         c = cosine * point[COS_LAG] + sine * point[SIN_LAG]
         add_force(s, c, point[SIN_KAPPA], point[COS_KAPPA], point[ARM], thick,
-                  0.5 * (end - begin), exponent, out)  # fmt: skip
+                  0.5 * (end - begin), exponent, growth, out)  # fmt: skip
 
 
 @compiled

@@ -12,18 +12,18 @@ the modelled mean of F_y, which F_t carries, is the measured one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.cutting.force.chip_law import feeds
 from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
-from pipeline.cutting.tool import DEGREE, UM
+from pipeline.cutting.tool import DEGREE
 from pipeline.schema.arrays import Floats
-from pipeline.schema.model import Parameter
+from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import coefficient_draws, law_draws
+from pipeline.submodels.cutting.runout import runout
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
 
@@ -33,72 +33,9 @@ SCALES = (N_MM2, N_MM2, N_MM2, N_MM, N_MM, N_MM)
 """SI value of one such unit."""
 BESIDE = 0.1
 """Least size of a coefficient in the test of its interval, over the tangential one [1]."""
-ANGLE_DEG = 45.0
-"""Half interval of a determined runout angle, at most [deg]."""
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
-RUNOUT = 0.1
-"""Least size of a runout in the test of its interval, over the feed per tooth [1]."""
-UNLIKE = 0.1
-"""Standard deviation of the edge forces of teeth, over their mean [1]: wear and grinding differ."""
-ROUNDED = (
-    "if the edges are not sharp, up to half their radius of it (6 um of a honed edge) may be theirs"
-)
-"""What no interval of a runout holds: an edge force that grows with the chip looks like it."""
-NORMAL = 1.96
-"""Half of a 95 % interval over the standard deviation [1]."""
 WAVEFORM = "weighted least squares on the harmonics of the revolution"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """Estimate of one parameter, determined or not.
-
-    Parameters
-    ----------
-    name, unit, method : str
-        Its name, its unit, the method that identified it.
-    value, half_width : float
-        In the unit; half of the 95 % interval.
-    lowest : float
-        Physical lower bound of its interval.
-    determined : bool
-        Whether the recordings determine it.
-    reason, remedy : str
-        Why they do not, and what to record.
-    remark : str
-        On the meaning of a determined one.
-    """
-
-    name: str
-    unit: str
-    value: float
-    half_width: float
-    determined: bool
-    method: str
-    reason: str = ""
-    remedy: str = ""
-    remark: str = ""
-    lowest: float = -np.inf
-
-    @property
-    def parameter(self) -> Parameter:
-        """The estimate as it is stored, to five significant digits."""
-        if not (self.determined and np.isfinite(self.value) and np.isfinite(self.half_width)):
-            return Parameter(
-                value=None, unit=self.unit, interval_95=None, determined=False,
-                method=self.reason or self.method, remedy=self.remedy,
-            )  # fmt: skip
-        low = max(self.value - self.half_width, self.lowest)
-        return Parameter(
-            value=digits(self.value), unit=self.unit, determined=True, method=self.method,
-            interval_95=(digits(low), digits(self.value + self.half_width)),
-        )  # fmt: skip
-
-
-def digits(value: float) -> float:
-    """A number to five significant digits."""
-    return float(f"{value:.5g}")
 
 
 def parameters(
@@ -123,7 +60,7 @@ def parameters(
         mean if mean.determined and not one.determined else one
         for one, mean in zip(rows, means, strict=True)
     ]
-    return [*better, *_runout(fit, uncertainty, widest), _helix(fit, uncertainty)]
+    return [*better, *runout(fit, uncertainty, widest), _helix(fit, uncertainty)]
 
 
 def coefficients(
@@ -163,64 +100,6 @@ def _unit(uncertainty: FitUncertainty, name: str, size: float = 1.0) -> Floats:
     if name in uncertainty.names:
         slope[uncertainty.names.index(name)] = size
     return slope
-
-
-def _runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estimate]:
-    """Runout, and its angle from the tooth that protrudes most."""
-    flutes = fit.problem.tool.flutes
-    geometry = fit.problem.geometry(fit.x)
-    offset = complex(geometry.along, geometry.across)
-    size, angle = abs(offset), float(np.angle(offset))
-    outward = offset / size if size > 0 else 1.0
-    radial = _unit(uncertainty, "along", outward.real) + _unit(uncertainty, "across", outward.imag)
-    half = float(np.hypot(uncertainty.half_width(radial), NORMAL * _unlike_teeth(fit)))
-    f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
-    determined = flutes > 1 and half <= widest * max(size, RUNOUT * f_z)
-    reason = remedy = remark = ""
-    if flutes == 1:
-        reason = "a single tooth has no other beside which it could stand out"
-    elif not determined:
-        reason = (
-            f"its 95 % interval is {half / UM:.2g} um to both sides, in slots edges of different "
-            "teeth look the same"
-        )
-        remedy = "record partial immersions, or several feeds"
-    else:
-        of_two = "of two teeth: half the difference of their radii, the part along them; "
-        remark = (of_two if flutes == 2 else "") + ROUNDED
-    runout = Estimate(
-        name="runout", unit="um", value=size / UM, half_width=half / UM, determined=determined,
-        method=WAVEFORM, reason=reason, remedy=remedy, remark=remark, lowest=0.0,
-    )  # fmt: skip
-    across = _unit(uncertainty, "along", -outward.imag) + _unit(uncertainty, "across", outward.real)
-    half_angle = uncertainty.half_width(across) / max(size, 1e-12)
-    pitch = 2 * np.pi / flutes
-    angle_determined = flutes > 2 and half_angle <= ANGLE_DEG * DEGREE
-    no_angle = "two teeth do not tell it" if flutes == 2 else "the runout is too small to have one"
-    return [
-        runout,
-        Estimate(
-            name="runout_angle", unit="deg", determined=angle_determined,
-            value=(angle - pitch * round(angle / pitch)) / DEGREE, half_width=half_angle / DEGREE,
-            method=WAVEFORM, reason="" if angle_determined else no_angle,
-            remark="from the tooth that stands out most, within half a pitch"
-            if angle_determined else "",
-        ),
-    ]  # fmt: skip
-
-
-def _unlike_teeth(fit: Fit) -> float:
-    """Standard deviation of a runout by edges of different sharpness [m]; 0 where they are terms.
-
-    Edge forces that differ by ``UNLIKE`` from tooth to tooth look in the force over a revolution as
-    differences of the chips K_e / K_c times as great, tangential and radial force together; those
-    of a runout are 2 sin(pi / N) of it.
-    """
-    flutes = fit.problem.tool.flutes
-    if fit.problem.terms.teeth or flutes < 2 or not fit.values[0] > 0:
-        return 0.0
-    chip = UNLIKE * float(np.hypot(*fit.values[3:5]) / np.hypot(*fit.values[:2]))
-    return float(chip * np.sqrt(2 / flutes) / (2 * np.sin(np.pi / flutes)))
 
 
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:

@@ -38,6 +38,8 @@ NATURALS = (0.18, 0.4, 0.9)
 """Starts of the natural frequencies, as shares of the highest harmonic [1]."""
 HELICES_DEG = (0.0, 30.0, 45.0, -30.0)
 """Starts of an unknown helix angle [deg]; those of the wrong hand fall on its bound."""
+GROWTHS = (1.5e-6, 6e-6)
+"""Starts of the thickness over which an edge's force grows [m]."""
 DAMPING = 0.08
 """Start of the damping ratios [1]."""
 TOLERANCE = 1e-5
@@ -168,8 +170,12 @@ def _starts(problem: Problem, start: Fit | None) -> Iterator[Floats]:
     """Nonlinear unknowns from which descents start."""
     if start is not None:
         earlier = dict(zip(start.problem.names, start.x.tolist(), strict=True))
-        for natural in NATURALS if problem.terms.modes and not start.problem.terms.modes else (0,):
-            x = _blank(problem, 0.0, natural or NATURALS[0])
+        new_modes = problem.terms.modes and not start.problem.terms.modes
+        grows = problem.terms.edge != "at once" and start.problem.terms.edge == "at once"
+        for natural, growth in product(
+            NATURALS if new_modes else (0.0,), GROWTHS if grows else GROWTHS[:1]
+        ):
+            x = _blank(problem, 0.0, natural or NATURALS[0], growth)
             for k, name in enumerate(problem.names):
                 if not name.startswith("phase"):
                     x[k] = earlier.get(name, x[k])
@@ -192,11 +198,11 @@ def _starts(problem: Problem, start: Fit | None) -> Iterator[Floats]:
         yield aligned(problem, x, problem.solved(x).values)
 
 
-def _blank(problem: Problem, runout: float, natural: float) -> Floats:
+def _blank(problem: Problem, runout: float, natural: float, growth: float = GROWTHS[0]) -> Floats:
     feed = min(cut.conditions.f_z for cut in problem.cuts)
     highest = max(cut.conditions.speed * cut.harmonics for cut in problem.cuts)
     values = {
-        "along": runout * feed, "across": 0.5 * runout * feed,
+        "growth": growth, "along": runout * feed, "across": 0.5 * runout * feed,
         "tan_helix": float(np.tan(problem.tool.helix)),
         "log_natural": np.log(max(natural, 1e-3) * highest), "log_damping": np.log(DAMPING),
     }  # fmt: skip

@@ -22,14 +22,13 @@ from pipeline.schema.cutting import (
 )
 from pipeline.schema.model import Correlation, Model, Parameter
 from pipeline.submodels.cutting.coefficients import (
-    Estimate,
-    digits,
     mean_regression,
     mean_tangential,
     modes,
     parameters,
 )
 from pipeline.submodels.cutting.conditions import MM
+from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
 from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters

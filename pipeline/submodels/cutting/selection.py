@@ -151,15 +151,8 @@ class _Comparison:
         """Fits of the same terms to a part of the recordings."""
         terms = fit.problem.terms
         if terms not in self._folds:
-            self._folds[terms] = [
-                Fold(left_out=tuple(out), fit=self._without(out, fit))
-                for out in _left_out_in_turn(len(self.cuts))
-            ]
+            self._folds[terms] = left_out_fits(fit)
         return self._folds[terms]
-
-    def _without(self, out: Sequence[int], fit: Fit) -> Fit:
-        rest = [cut for k, cut in enumerate(self.cuts) if k not in out]
-        return fit_waveform(self.tool, rest, fit.problem.terms, start=fit)
 
     def _value(self, fit: Fit) -> float:
         if len(self.cuts) > 1:
@@ -169,6 +162,17 @@ class _Comparison:
             value = 2 * fit.unlikely + unknowns * float(np.log(len(fit.solved.residuals)))
         self.errors[fit.problem.terms] = value
         return value
+
+
+def left_out_fits(fit: Fit) -> list[Fold]:
+    """Fits of the same terms to a part of the recordings; none of a single one."""
+    problem = fit.problem
+    folds = []
+    for out in _left_out_in_turn(len(problem.cuts)):
+        rest = [cut for k, cut in enumerate(problem.cuts) if k not in out]
+        part = fit_waveform(problem.tool, rest, problem.terms, start=fit)
+        folds.append(Fold(left_out=tuple(out), fit=part))
+    return folds
 
 
 def _left_out_in_turn(count: int) -> list[list[int]]:
@@ -256,7 +260,9 @@ class FitUncertainty:
         return self.quantile * float(np.sqrt(max(float(slope @ self.covariance @ slope), 0.0)))
 
 
-def fit_uncertainty(fit: Fit, folds: Sequence[Fold], rivals: Sequence[Fit]) -> FitUncertainty:
+def fit_uncertainty(
+    fit: Fit, folds: Sequence[Fold], rivals: Sequence[Fit], fewest: int = FEWEST
+) -> FitUncertainty:
     """Uncertainty of a fit's unknowns.
 
     Parameters
@@ -267,6 +273,8 @@ def fit_uncertainty(fit: Fit, folds: Sequence[Fold], rivals: Sequence[Fit]) -> F
         Fits of the same terms to a part of them.
     rivals : sequence of Fit
         Fits of other terms that are not much worse.
+    fewest : int
+        Folds from which their spread counts.
     """
     from scipy.stats import t as student
 
@@ -282,7 +290,7 @@ def fit_uncertainty(fit: Fit, folds: Sequence[Fold], rivals: Sequence[Fit]) -> F
     names = [*problem.names, *COEFFICIENTS, *_edges(fit)]
     quantile = float(student.ppf(0.975, freedom))
     own = np.sqrt(np.diag(covariance))
-    spread, differences = _jackknife(fit, folds), _rival_differences(fit, rivals)
+    spread, differences = _jackknife(fit, folds, fewest), _rival_differences(fit, rivals)
     wider = np.maximum(own, [spread.get(name, 0.0) for name in names])
     wider = np.hypot(wider, np.array([differences.get(name, 0.0) for name in names]) / quantile)
     factor = wider / np.where(own > 0, own, 1.0)
@@ -351,13 +359,13 @@ def _values(part: Fit, whole: Fit) -> dict[str, float]:
     return dict(zip(COEFFICIENTS, part.values[:6].tolist(), strict=True)) | dict(shape)
 
 
-def _jackknife(fit: Fit, folds: Sequence[Fold]) -> dict[str, float]:
+def _jackknife(fit: Fit, folds: Sequence[Fold], fewest: int) -> dict[str, float]:
     """Standard deviations from fits to a part of the recordings; empty for too few."""
     from scipy.stats import norm
     from scipy.stats import t as student
 
     count = len(folds)
-    if count < FEWEST:
+    if count < fewest:
         return {}
     values = [_values(one.fit, fit) for one in folds]
     parts = np.array([list(one.values()) for one in values])

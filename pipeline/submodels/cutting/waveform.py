@@ -15,10 +15,12 @@ modes do not change it, and where the zero was measured the coefficients follow 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.force.chip_law import REFERENCE
 from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import DEGREE, UM, Tool
 from pipeline.schema.arrays import Floats
@@ -41,6 +43,26 @@ LIMIT_DEG = 60.0
 """Greatest helix angle [deg]."""
 
 
+class ChipShape(NamedTuple):
+    """Shape of a law of the chip (:mod:`pipeline.cutting.force.chip_law`), as a waveform shows it.
+
+    Parameters
+    ----------
+    growth : float
+        Thickness h_0 over which the edge's force grows [m]; 0: it is there at once, below 0: along
+        a straight line up to -h_0.
+    exponent : float
+        m of the size effect, of all directions [1].
+    """
+
+    growth: float = 0.0
+    exponent: float = 0.0
+
+
+STRAIGHT = ChipShape()
+"""K_c h + K_e."""
+
+
 def shaped(tool: Tool, geometry: ToolGeometry) -> Tool:
     """The tool with an identified runout and helix."""
     offset = complex(geometry.along, geometry.across)
@@ -51,8 +73,9 @@ def shaped(tool: Tool, geometry: ToolGeometry) -> Tool:
 
 
 def columns(
-    tool: Tool, geometry: ToolGeometry, conditions: CutConditions, harmonics: int
-) -> Complexes:
+    tool: Tool, geometry: ToolGeometry, conditions: CutConditions, harmonics: int,
+    chip: ChipShape = STRAIGHT,
+) -> Complexes:  # fmt: skip
     """Harmonics of the forces on the tool for each coefficient.
 
     Parameters
@@ -65,18 +88,21 @@ def columns(
         Of the cut.
     harmonics : int
         Highest harmonic H.
+    chip : ChipShape
+        Of the law of the chip.
 
     Returns
     -------
     ndarray of complex, shape (H + 1, 3, 6)
         [m^2] for cutting, [m] for edge coefficients.
     """
-    return _lines(_forces(shaped(tool, geometry), conditions), harmonics)
+    return _lines(_forces(shaped(tool, geometry), conditions, chip), harmonics)
 
 
 def tooth_columns(
-    tool: Tool, geometry: ToolGeometry, conditions: CutConditions, harmonics: int
-) -> Complexes:
+    tool: Tool, geometry: ToolGeometry, conditions: CutConditions, harmonics: int,
+    chip: ChipShape = STRAIGHT,
+) -> Complexes:  # fmt: skip
     """Harmonics of single teeth's edge forces beyond the mean of all teeth.
 
     A tooth's edge acts over the whole arc here, even where runout leaves it no chip.
@@ -90,7 +116,7 @@ def tooth_columns(
         their sum zero.
     """
     single = replace(shaped(tool, geometry), flutes=1, runout_um=0.0)
-    edge = _lines(_forces(single, conditions)[..., 3:], harmonics)
+    edge = _lines(_forces(single, conditions, chip)[..., 3:], harmonics)
     lags = 2 * np.pi / tool.flutes * np.arange(tool.flutes)
     phasors = np.exp(-1j * np.arange(harmonics + 1)[:, None] * lags)
     others = phasors[:, 1:] - phasors[:, :1]
@@ -98,15 +124,18 @@ def tooth_columns(
     return teeth.reshape(harmonics + 1, 3, -1)
 
 
-def _forces(tool: Tool, conditions: CutConditions) -> Floats:
+def _forces(tool: Tool, conditions: CutConditions, chip: ChipShape) -> Floats:
     """Forces over a revolution for each coefficient; shape (T, 3, 6)."""
     lag = abs(np.tan(tool.helix)) * conditions.a_p / tool.radius
     count = ANGLES if lag > AT_ONCE else MORE_ANGLES
-    return basis(
+    forces = basis(
         tool, f_z=conditions.f_z, a_p=conditions.a_p, phi_st=conditions.phi_st,
         phi_ex=conditions.phi_ex, angles=(np.arange(count) + 0.5) * (2 * np.pi / count),
-        slices=min(2 + int(lag / SLICE), MOST_SLICES),
+        slices=min(2 + int(lag / SLICE), MOST_SLICES), m_c=chip.exponent, growth=chip.growth,
     )  # fmt: skip
+    if chip.exponent > 0.0:
+        forces[..., :3] *= REFERENCE**chip.exponent
+    return forces
 
 
 def _lines(values: Floats, harmonics: int) -> Complexes:
@@ -151,10 +180,17 @@ SLOWEST = 0.5
 """Least natural frequency of a channel, over the tooth passing frequency [1]."""
 FASTEST = 4.0
 """Greatest natural frequency of a channel, over the highest harmonic [1]."""
+ROUNDEST = 3e-5
+"""Greatest thickness over which an edge's force grows [m]: edges of milling are honed to less."""
+STEEPEST = 0.4
+"""Greatest exponent of the size effect [1]: Kienzle's, with the edge force in it."""
 DAMPING = (0.005, 1.0)
 """Bounds of a channel's damping ratio [1]."""
 STEP = 0.02
 """Step of the nonlinear unknowns in difference quotients, as a share of their scale [1]."""
+
+
+EdgeGrowth = Literal["at once", "exponential", "ramp"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,12 +201,16 @@ class Terms:
     ----------
     runout, helix, modes, teeth : bool
         Runout and helix of the tool, modes of the channels, edges of single teeth.
+    edge : {"at once", "exponential", "ramp"}
+        How the edge's force grows with the chip; where it does, the cutting force has a size
+        effect, too.
     """
 
     runout: bool = True
     helix: bool = False
     modes: bool = False
     teeth: bool = False
+    edge: EdgeGrowth = "at once"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -220,8 +260,8 @@ class Problem:
     terms: Terms
     left_out: Floats
     zero: float = 0.0
-    _spectra: dict[tuple[float, float, float], list[Complexes]] = field(default_factory=dict)
-    _teeth: dict[float, list[Complexes]] = field(default_factory=dict)
+    _spectra: dict[tuple[float, ...], list[Complexes]] = field(default_factory=dict)
+    _teeth: dict[tuple[float, ...], list[Complexes]] = field(default_factory=dict)
 
     @property
     def names(self) -> list[str]:
@@ -230,6 +270,7 @@ class Problem:
         if self.terms.runout and self.tool.flutes > 1:
             names += ["along"] if self.tool.flutes == 2 else ["along", "across"]
         names += ["tan_helix"] * self.terms.helix
+        names += ["growth", "exponent"] * (self.terms.edge != "at once")
         if self.terms.modes:
             names += [f"log_{what}{k}" for what in ("natural", "damping") for k in range(3)]
         return names
@@ -245,6 +286,7 @@ class Problem:
         limits = {
             "phase": (-1e3, 1e3), "along": (-4 * feed, 4 * feed), "across": (-4 * feed, 4 * feed),
             "tan_helix": hand, "log_damping": tuple(np.log(DAMPING)),
+            "growth": (0.0, ROUNDEST), "exponent": (0.0, STEEPEST),
             "log_natural": (np.log(SLOWEST * min(tips)), np.log(FASTEST * highest)),
         }  # fmt: skip
         low, high = np.array([limits[name.rstrip("0123456789")] for name in self.names]).T
@@ -256,7 +298,7 @@ class Problem:
         feed = float(np.mean([cut.conditions.f_z for cut in self.cuts]))
         sizes = {
             "phase": 0.1, "along": 0.1 * feed, "across": 0.1 * feed, "tan_helix": 0.1,
-            "log_natural": 0.1, "log_damping": 0.5,
+            "log_natural": 0.1, "log_damping": 0.5, "growth": 1e-6, "exponent": 0.05,
         }  # fmt: skip
         return np.array([sizes[name.rstrip("0123456789")] for name in self.names])
 
@@ -268,40 +310,52 @@ class Problem:
             along=values.get("along", 0.0), across=values.get("across", 0.0), helix=helix
         )
 
+    def chip(self, x: Floats) -> ChipShape:
+        """Shape of the law of the chip at ``x``."""
+        if self.terms.edge == "at once":
+            return STRAIGHT
+        first = self.names.index("growth")
+        sign = -1.0 if self.terms.edge == "ramp" else 1.0
+        return ChipShape(growth=sign * float(x[first]), exponent=float(x[first + 1]))
+
     def modes(self, x: Floats) -> tuple[Floats, Floats] | None:
         """Natural frequencies [Hz] and damping [1] of the three directions, shape (3,) each."""
         if not self.terms.modes:
             return None
         return np.exp(x[-6:-3]), np.exp(x[-3:])
 
-    def spectra(self, geometry: ToolGeometry) -> list[Complexes]:
+    def spectra(self, geometry: ToolGeometry, chip: ChipShape) -> list[Complexes]:
         """Columns of each recording before modes and phases; the last few are kept."""
-        key = (geometry.along, geometry.across, geometry.helix)
+        key = (geometry.along, geometry.across, geometry.helix, *chip)
         if key not in self._spectra:
             if len(self._spectra) > 8:
                 self._spectra.clear()
-            spectra = [columns(self.tool, geometry, c.conditions, c.harmonics) for c in self.cuts]
+            spectra = [
+                columns(self.tool, geometry, c.conditions, c.harmonics, chip) for c in self.cuts
+            ]
             if self.linear > COEFFICIENTS:
-                single = self._single(geometry)
+                single = self._single(geometry, chip)
                 both = zip(spectra, single, strict=True)
                 spectra = [np.concatenate(pair, axis=2) for pair in both]
             self._spectra[key] = spectra
         return self._spectra[key]
 
-    def _single(self, geometry: ToolGeometry) -> list[Complexes]:
+    def _single(self, geometry: ToolGeometry, chip: ChipShape) -> list[Complexes]:
         """Columns of single teeth's edges, which runout does not change."""
-        if geometry.helix not in self._teeth:
+        key = (geometry.helix, chip.growth)
+        if key not in self._teeth:
             self._teeth.clear()
-            self._teeth[geometry.helix] = [
-                tooth_columns(self.tool, geometry, c.conditions, c.harmonics) for c in self.cuts
+            self._teeth[key] = [
+                tooth_columns(self.tool, geometry, c.conditions, c.harmonics, chip)
+                for c in self.cuts
             ]
-        return self._teeth[geometry.helix]
+        return self._teeth[key]
 
     def designs(self, x: Floats) -> list[Complexes]:
         """Columns of each recording as it shows them, shape (H + 1, 3, D) each."""
         modes = self.modes(x)
         designs = []
-        pairs = zip(self.cuts, self.spectra(self.geometry(x)), strict=True)
+        pairs = zip(self.cuts, self.spectra(self.geometry(x), self.chip(x)), strict=True)
         for k, (cut, spectrum) in enumerate(pairs):
             shown = rotated(spectrum, float(x[k]))
             if modes is not None:

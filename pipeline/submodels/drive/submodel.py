@@ -229,8 +229,10 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Following error [um], command and force of each axis from its commanded position.
 
-        The table has ``t`` [s], evenly spaced, and ``<axis>_reference`` [m] for each axis of
-        interest, which is at rest in the first row.
+        Beside error and force stand the ends of their 90 % intervals, ``_low`` and ``_high``, where
+        recordings left out gave them; they hold at the speeds of the recordings.  The table has
+        ``t`` [s], evenly spaced, and ``<axis>_reference`` [m] for each axis of interest, which is
+        at rest in the first row.
         """
         model = read_json(folder / "model.json", DriveModel)
         drives = identified_drives(model)
@@ -252,10 +254,16 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                     drive_row(drive.servo, drive.feed_drive)[np.newaxis],
                 )  # fmt: skip
                 position = trace.position[0, :: model.substeps]
-                found[f"{letter}_following_error"] = 1e6 * (reference - position)
                 command = trace.command[0, :: model.substeps]
-                found[f"{letter}_command"] = command
-                found[f"{letter}_force"] = drive.feed_drive.force_constant * command
+                bands = model.axes[letter].intervals
+                for name, values, quantity in (
+                    ("following_error", 1e6 * (reference - position), FOLLOWING),
+                    ("command", command, ""),
+                    ("force", drive.feed_drive.force_constant * command, FORCE),
+                ):
+                    found[f"{letter}_{name}"] = values
+                    ends = _within(values, bands.get(quantity))
+                    found |= {f"{letter}_{name}_{end}": at for end, at in ends.items()}
             return pd.DataFrame(found)
 
         return predict

@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.gcode.moves import Kind
 from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.interval import Band
 from pipeline.schema.store import StoreError, json_text, parsed, read_json, write_json
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Records, Roles
@@ -242,6 +243,13 @@ def test_the_registry_serves_times_by_block(fitted, tmp_path):
     served = SUBMODEL.serve(tmp_path)(SUBMODEL.example(tmp_path))
     assert (served["program"] == 0).all()
     assert served["time"].sum() > 12.0  # 120 mm at 600 mm/min, and corners
+    total = served["time"].sum()
+    assert served["program_time"].unique() == pytest.approx([total])
+    bands = {"whole run": Band(lower=0.02, upper=0.03, n=4, groups=4)}
+    write_json(replace(fitted, intervals=bands), tmp_path / "model.json")
+    served = SUBMODEL.serve(tmp_path)(SUBMODEL.example(tmp_path))
+    ends = served[["program_time_low", "program_time_high"]].iloc[0].tolist()
+    assert ends == pytest.approx([0.98 * total, 1.03 * total], abs=2e-3)
 
 
 @pytest.mark.parametrize("text", [b"", b"[]", b"{}", b"\xff", b'{"control": {}}', b"null"])

@@ -25,6 +25,7 @@ class Truth:
     runout: float = 0.006
     runout_angle: float = 25.0
     exponent: float = 0.0
+    growth: float = 0.0
     worn: tuple[float, ...] = ()
     natural: tuple[float, float, float] | None = None
     damping: float = 0.05
@@ -58,8 +59,9 @@ def milled(
             cut = (phi >= entry) & (phi <= leave) & (h > 0)
             h = np.where(cut, h, 0.05)
             power = h * (h / 0.05) ** -truth.exponent
+            grown = 1 - np.exp(-h / truth.growth) if truth.growth else 1.0
             t, r, a = (
-                (c * power + e * worn) * cut * a_p / slices
+                (c * power + e * worn * grown) * cut * a_p / slices
                 for c, e in zip(truth.cutting, truth.edge, strict=True)
             )
             out[:, 0] -= t * np.cos(phi) + r * np.sin(phi)

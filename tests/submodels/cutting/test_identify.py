@@ -75,6 +75,29 @@ def test_one_feed_tells_them_by_its_waveform():
         assert abs(rows[name].value - true_values(SLOT)[name]) <= rows[name].half_width
 
 
+@pytest.mark.parametrize("growth", [0.003, 0.008])
+def test_rounded_edges_are_not_taken_for_runout(growth):
+    truth = Truth(flutes=3, runout=0.005, growth=growth)
+    rows, found = determined_by(truth, SLOTS)
+    runout = rows["runout"]
+    at_once = found.fit.problem.geometry(found.fit.x)
+    assert runout.determined
+    assert abs(runout.value - 5.0) <= min(runout.half_width, 0.5)
+    # an edge whose force is there at once would need a tenth of that thickness more of it
+    assert 1e6 * abs(complex(at_once.along, at_once.across)) > 5.0 + 100 * growth
+    said = float(runout.remark.split(" um of chip")[0].split()[-1])
+    assert said == pytest.approx(1e3 * growth, rel=0.1)
+
+
+def test_a_runout_that_is_not_determined_has_a_bound_and_what_to_record():
+    truth = Truth(flutes=2, runout=0.003, growth=0.008)
+    _, found = determined_by(truth, SLOTS)
+    runout = parameters(found.fit, found.uncertainty, 1e-4, found.mean_force)[6]
+    assert not runout.determined and runout.parameter.value is None
+    assert float(runout.reason.split("at most ")[1].split(" um")[0]) >= 3.0
+    assert "dial gauge" in runout.remedy
+
+
 def test_two_teeth_do_not_tell_the_angle_of_a_runout():
     rows, _ = determined_by(SLOT, SLOTS)
     assert not rows["runout_angle"].determined

@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.parameters import structure
 from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.cutting.dynamometer import write_dynamometer
-from pipeline.shop.cutting.records import dynamometer_truth, linear_edge
+from pipeline.shop.cutting.records import linear_edge, runout
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
@@ -69,7 +69,6 @@ def held(machine, two, folder, seed):
     shop = other_mill(section(f"machine.{machine}.shop", ShopParameters), seed)
     raw, signals = folder / f"raw-{seed}", folder / f"signals-{seed}"
     recorded = write_dynamometer(raw, shop)
-    runout = dynamometer_truth(shop.cutting, recorded)["parameters"]["runout"]
     sources = section(f"machine.{machine}.records", tuple[RecordSource, ...])
     ingest(raw, signals, list(sources), section(f"machine.{machine}.identity", MachineIdentity))
     known = section(f"machine.{machine}.cutting", CuttingSetup)
@@ -84,7 +83,9 @@ def held(machine, two, folder, seed):
 
     recordings = read_recordings(signals, records, known, settings, role)
     found = identify_cutting_force(recordings, known, settings)
-    truth = true_line(shop.cutting, recorded, found.training) | {"runout": runout}
+    truth = true_line(shop.cutting, recorded, found.training)
+    depth = 1e3 * float(np.mean([one.cut[0].a_p for one in found.training]))
+    truth |= {"runout": runout(shop.cutting, depth)["runout"]}
     waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
     inside, determined = [], []
     for method, some in (("waveform", waveform), ("mean force", found.mean_force)):
@@ -163,6 +164,7 @@ def test_intervals_hold_the_truth_of_the_shop(machine, two, tmp_path):
              for name, n in sorted(determined.items())]  # fmt: skip
     sys.stdout.writelines(lines)
     names = [(method, k) for method in ("waveform", "mean force") for k in COEFFICIENTS]
+    names += [("waveform", "runout")]
     names += [("force", k) for k in ("peak", "mean", "along", "across", "axial")]
     assert all(name in determined for name in names)
     off = [" ".join(n) for n in names if not within(inside[n], determined[n])]

@@ -12,8 +12,9 @@ from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.drive import DriveAxis, DriveModel, FeedDrive, FitFacts, Servo
 from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.interval import Band
 from pipeline.schema.model import Correlation, LeftOut
-from pipeline.schema.store import json_text, parsed, write_json
+from pipeline.schema.store import json_text, parsed, read_json, write_json
 from pipeline.schema.structure import structured
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Cases, Roles
@@ -346,6 +347,17 @@ def test_what_is_served_is_what_the_closed_loop_does(judged, tmp_path):
     assert 0 < served["X_following_error"].iloc[-1] < 250
     with pytest.raises(ValueError, match="no column t"):
         SUBMODEL.serve(tmp_path)(served.drop(columns="t"))
+
+
+def test_what_is_served_has_the_interval_that_was_learnt(judged, tmp_path):
+    judged([TRAINED])
+    model = read_json(tmp_path / "model.json", DriveModel)
+    axis = replace(model.axes["X"], intervals={"force": Band(lower=5.0, upper=7.0, n=90, groups=3)})
+    write_json(replace(model, axes={"X": axis}), tmp_path / "model.json")
+    served = SUBMODEL.serve(tmp_path)(SUBMODEL.example(tmp_path))
+    np.testing.assert_allclose(served["X_force"] - served["X_force_low"], 5.0)
+    np.testing.assert_allclose(served["X_force_high"] - served["X_force"], 7.0)
+    assert "X_following_error_low" not in served
 
 
 def test_identified_servo_follows_a_richer_axis():

@@ -1,0 +1,58 @@
+"""Estimates of single parameters, as the identifications of the cut find them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.schema.model import Parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Estimate of one parameter, determined or not.
+
+    Parameters
+    ----------
+    name, unit, method : str
+        Its name, its unit, the method that identified it.
+    value, half_width : float
+        In the unit; half of the 95 % interval.
+    lowest : float
+        Physical lower bound of its interval.
+    determined : bool
+        Whether the recordings determine it.
+    reason, remedy : str
+        Why they do not, and what to record.
+    remark : str
+        On the meaning of a determined one.
+    """
+
+    name: str
+    unit: str
+    value: float
+    half_width: float
+    determined: bool
+    method: str
+    reason: str = ""
+    remedy: str = ""
+    remark: str = ""
+    lowest: float = -np.inf
+
+    @property
+    def parameter(self) -> Parameter:
+        """The estimate as it is stored, to five significant digits."""
+        if not (self.determined and np.isfinite(self.value) and np.isfinite(self.half_width)):
+            return Parameter(
+                value=None, unit=self.unit, interval_95=None, determined=False,
+                method=self.reason or self.method, remedy=self.remedy,
+            )  # fmt: skip
+        low = max(self.value - self.half_width, self.lowest)
+        return Parameter(
+            value=digits(self.value), unit=self.unit, determined=True, method=self.method,
+            interval_95=(digits(low), digits(self.value + self.half_width)),
+        )  # fmt: skip
+
+
+def digits(value: float) -> float:
+    """A number to five significant digits."""
+    return float(f"{value:.5g}")

@@ -1,0 +1,132 @@
+"""Runout of the tool, told apart from edges that are not sharp.
+
+An edge's force is not there at once: it grows until the chip is about as thick as the edge is round
+(Waldorf, DeVor and Kapoor 1998).  The tooth that stands out most enters with the thickest chips, so
+that in a straight-edge fit about half of that thickness is taken for runout.  The harmonics of the
+revolution tell them apart: runout shifts where a tooth begins to cut, growth bends how its force
+begins.  So runout is that of a fit of its own, in which the edge's force grows with the chip, the
+cutting force has a size effect and each tooth its own edge.  Its interval holds the spread of fits
+without some of the recordings, and the difference to a growth of another form, along a straight
+line, since nobody knows the form.  Two recordings count, with Student's factor, for the harmonics
+of one recording err alike.
+
+Where the recordings do not tell, the greatest runout that they allow is said: that of an edge whose
+force is there at once, with its interval.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.cutting.tool import DEGREE, UM
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.cutting.estimate import Estimate
+from pipeline.submodels.cutting.fit import Fit, fit_waveform
+from pipeline.submodels.cutting.selection import FitUncertainty, fit_uncertainty, left_out_fits
+
+RUNOUT = 0.1
+"""Least size of a runout in the test of its interval, over the feed per tooth [1]."""
+ANGLE_DEG = 45.0
+"""Half interval of a determined runout angle, at most [deg]."""
+METHOD = "weighted least squares on the harmonics, with an edge force that grows with the chip"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Offset:
+    """Offset of a fit's tool, the halves of its 95 % interval outward and across it.
+
+    Parameters
+    ----------
+    size, angle, half, half_across : float
+        [m], [rad], [m], [m].
+    """
+
+    size: float
+    angle: float
+    half: float
+    half_across: float
+
+
+def runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estimate]:
+    """Runout, and its angle from the tooth that protrudes most.
+
+    Parameters
+    ----------
+    fit : Fit
+        Whose edge force is there at once.
+    uncertainty : FitUncertainty
+        Of it.
+    widest : float
+        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
+    """
+    flutes = fit.problem.tool.flutes
+    if flutes == 1:
+        return [_one_tooth("runout", "um"), _one_tooth("runout_angle", "deg")]
+    at_once = _offset(fit, uncertainty)
+    rounded, growth = _rounded(fit)
+    f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
+    determined = rounded.half <= widest * max(rounded.size, RUNOUT * f_z)
+    of_two = "of two teeth: half the difference of their radii, the part along them; "
+    remark = (
+        f"{of_two if flutes == 2 else ''}edges whose force grows over {growth / UM:.2g} um of chip "
+        f"count apart, as runout they would make it {at_once.size / UM:.3g} um"
+    )
+    most = max(at_once.size + at_once.half, rounded.size) / UM
+    reason = (
+        f"it is at most {most:.2g} um: rounded edges look like a part of it, and in slots edges of "
+        "different teeth do"
+    )
+    remedy = "measure it with a dial gauge, or record partial immersions and three feeds or more"
+    angle_determined = flutes > 2 and rounded.half_across <= ANGLE_DEG * DEGREE * rounded.size
+    no_angle = "two teeth do not tell it" if flutes == 2 else "the runout is too small to have one"
+    pitch = 2 * np.pi / flutes
+    return [
+        Estimate(
+            name="runout", unit="um", value=rounded.size / UM, half_width=rounded.half / UM,
+            determined=determined, method=METHOD, lowest=0.0,
+            **({"remark": remark} if determined else {"reason": reason, "remedy": remedy}),
+        ),
+        Estimate(
+            name="runout_angle", unit="deg", determined=angle_determined, method=METHOD,
+            value=(rounded.angle - pitch * round(rounded.angle / pitch)) / DEGREE,
+            half_width=rounded.half_across / max(rounded.size, 1e-12) / DEGREE,
+            reason="" if angle_determined else no_angle,
+            remark="from the tooth that stands out most, within half a pitch"
+            if angle_determined else "",
+        ),
+    ]  # fmt: skip
+
+
+def _one_tooth(name: str, unit: str) -> Estimate:
+    return Estimate(
+        name=name, unit=unit, value=0.0, half_width=0.0, determined=False, method=METHOD,
+        reason="a single tooth has no other beside which it could stand out",
+    )  # fmt: skip
+
+
+def _rounded(fit: Fit) -> tuple[_Offset, float]:
+    """Offset with an edge force that grows with the chip, and the thickness it grows over [m]."""
+    problem = fit.problem
+    terms = replace(problem.terms, edge="exponential", teeth=True)
+    whole = fit_waveform(problem.tool, problem.cuts, terms, start=fit)
+    other = fit_waveform(problem.tool, problem.cuts, replace(terms, edge="ramp"), start=whole)
+    found = fit_uncertainty(whole, left_out_fits(whole), [other], fewest=2)
+    return _offset(whole, found), whole.problem.chip(whole.x).growth
+
+
+def _offset(fit: Fit, uncertainty: FitUncertainty) -> _Offset:
+    geometry = fit.problem.geometry(fit.x)
+    offset = complex(geometry.along, geometry.across)
+    size = abs(offset)
+    outward = offset / size if size > 0 else 1.0 + 0.0j
+    half, across = (
+        uncertainty.half_width(_slope(uncertainty.names, to)) for to in (outward, 1j * outward)
+    )
+    return _Offset(size=size, angle=float(np.angle(offset)), half=half, half_across=across)
+
+
+def _slope(names: Sequence[str], to: complex) -> Floats:
+    """Gradient of the offset towards ``to`` by the unknowns."""
+    parts = {"along": to.real, "across": to.imag}
+    return np.array([parts.get(name, 0.0) for name in names])
