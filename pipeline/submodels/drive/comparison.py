@@ -14,7 +14,8 @@ from pipeline.machine.axis.feed_drive import drive_row
 from pipeline.machine.axis.friction import friction_force
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
-from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of, shifted
+from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
+from pipeline.submodels.drive.entry_fits import shifted
 from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.identifiability import with_force_constant
 from pipeline.submodels.drive.mechanics.motion import motion
@@ -179,17 +180,22 @@ def _added(
     """Contribution of a disturbance where it enters; nothing where that is not determined.
 
     The loops are linear between their limits.  What enters at the speed command or the command of
-    the motor therefore adds its own command to that of the feedback.
+    the motor therefore adds its own command to that of the feedback.  The servo reads a sample and
+    holds it.  A force acts all the time: it lies on straight lines through its samples, as its
+    delay was identified on, and each step of the mechanics gets that of its middle.
     """
     none = np.zeros(1)
     if channel is None or entering is None or entering.factor is None:
         return _Added(none, none, none)
-    pushed = entering.factor.value * shifted(np.repeat(channel, substeps), entering.delay / fine)
+    value, late = entering.factor.value, entering.delay / fine
+    if entering.entry == "force":
+        steps = np.arange(len(channel) * substeps)
+        push = np.interp((steps + 0.5 - late) / substeps, np.arange(len(channel)), channel)
+        return _Added(none, none, value * push)
+    pushed = value * shifted(np.repeat(channel, substeps), late)
     nothing = np.zeros(len(pushed))
     if entering.entry == "reference":
         return _Added(pushed, nothing, nothing)
-    if entering.entry == "force":
-        return _Added(nothing, nothing, pushed)
     if entering.entry == "speed":
         pushed = servo.proportional * pushed + servo.integral * fine * np.cumsum(pushed)
     return _Added(nothing, pushed, nothing)

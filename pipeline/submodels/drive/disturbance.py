@@ -13,21 +13,25 @@ have it only where it is such a force (or is added behind the place where the co
 which no record tells from a force).  The place whose equation gains most likelihood is taken.  In
 a loop without integral and feed-forward the three places of the law are one equation: there the
 factor decides, where only one of them has it in a unit in use, and the motion is the same anyway.
-Partial regression: errors of gains and lags have columns of their own (Frisch and Waugh 1933).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isinf, log
-from typing import Literal
 
 import numpy as np
 
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.arrays import Floats
+from pipeline.submodels.drive.entry_fits import (
+    APART,
+    Entry,
+    EntryFit,
+    entry_fits,
+    shifted,
+)
 from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.motion import motion
-from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.servo.equation import (
     ABOVE,
@@ -48,10 +52,8 @@ from pipeline.submodels.drive.servo.equation import (
     stretches,
     window_columns,
 )
-from pipeline.submodels.statistics import uncertainty_of
 from pipeline.twin.drive import IdentifiedDrive
 
-Entry = Literal["reference", "speed", "command", "force", "none", "open"]
 PLACES: dict[Entry, str] = {
     "reference": "the reference position",
     "speed": "the speed command",
@@ -60,18 +62,8 @@ PLACES: dict[Entry, str] = {
     "none": "no place: it explains nothing",
     "open": "no place that these records determine",
 }
-DETERMINED = 0.5
-"""Relative half width of the factor's interval up to which it is determined [1]."""
-EXPLAINS = 0.02
-"""Least share of an equation's squared error that a disturbance takes away [1]: what a nearly
-correct model leaves over is correlated with whatever moves, by a per cent."""
-APART = log(100.0)
-"""Log-likelihood by which one place is better than another when they are told apart [1]."""
 ALIKE = 0.05
 """Relative difference from a unit's factor that gains and force constant may have [1]."""
-EARLIEST, LATEST = -0.01, 0.05
-"""Range of delays of a disturbance behind its channel [s]."""
-LAW: tuple[Entry, ...] = ("reference", "speed", "command")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,21 +94,6 @@ class Disturbance:
     delay_half_width: float = inf
     share: float = 0.0
     words: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Found:
-    """Fit of one place; ``gain`` is in log-likelihood."""
-
-    factor: Factor
-    delay: float
-    delay_half_width: float
-    share: float
-    gain: float
-
-    @property
-    def clear(self) -> bool:
-        return self.factor.is_determined(DETERMINED) and self.share > EXPLAINS and self.gain > APART
 
 
 def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:
@@ -158,7 +135,7 @@ def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> D
     )  # fmt: skip
 
 
-def _unexplained(by_law: dict[Entry, _Found], by_force: _Found | None) -> Disturbance:
+def _unexplained(by_law: dict[Entry, EntryFit], by_force: EntryFit | None) -> Disturbance:
     if not by_law and by_force is None:
         return Disturbance(
             entry="open", words="where the disturbance enters is not determined, it is left out: "
@@ -180,7 +157,7 @@ def _unexplained(by_law: dict[Entry, _Found], by_force: _Found | None) -> Distur
 
 
 def _entry(
-    clear: dict[Entry, _Found], units: dict[Entry, dict[str, float]], declared: str
+    clear: dict[Entry, EntryFit], units: dict[Entry, dict[str, float]], declared: str
 ) -> tuple[Entry, tuple[Entry, ...]]:
     """The most likely place, and the others that the record does not tell from it."""
     best = max(clear, key=lambda entry: clear[entry].gain)
@@ -217,7 +194,7 @@ def _units(entry: Entry, command: str, drive: IdentifiedDrive) -> dict[str, floa
 
 
 def _words(
-    entry: Entry, found: _Found, units: dict[str, float], declared: str, alike: Sequence[Entry]
+    entry: Entry, found: EntryFit, units: dict[str, float], declared: str, alike: Sequence[Entry]
 ) -> str:
     """The cause, where the channel is not the force in newton that a load is taken for."""
     value, half, si = found.factor.value, found.factor.half_width, next(iter(units))
@@ -243,13 +220,7 @@ def _words(
     return ", ".join(said)
 
 
-def shifted(signal: Floats, samples: float) -> Floats:
-    """The signal ``samples`` later, its ends held; shape (T,)."""
-    place = np.arange(len(signal)) - samples
-    return np.interp(place, np.arange(len(signal)), signal)
-
-
-def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, _Found]:
+def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, EntryFit]:
     """Fits of the servo's law; none without servo, reference or position."""
     one, servo, h = recording.axes[axis], drive.servo, recording.period
     if servo is None or one.reference is None or one.position is None or one.load is None:
@@ -285,7 +256,7 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
             "command": signals[:, -1],
         }
 
-    return _fits(
+    return entry_fits(
         own, nuisance, columns, period=h, step=0.25 / bandwidth, weight=0.25,
         stretch=equation.stretch,
     )  # fmt: skip
@@ -307,7 +278,7 @@ def _law(servo: ServoParameters) -> tuple[Nominal, Floats]:
     return nominal, values
 
 
-def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> _Found | None:
+def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> EntryFit | None:
     """Fit of the mechanics; None where the axis hardly moves under the disturbance."""
     from pipeline.submodels.drive.mechanics.identifiability import (
         drive_force,
@@ -336,7 +307,7 @@ def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> _Found
 
     width = drive.bandwidth_Hz or 0.25 / recording.period
     share = min(width * 2 * _row_period(recording, width), 1.0)
-    found = _fits(
+    found = entry_fits(
         own, np.ones((len(own), 1)), columns, period=recording.period, step=0.25 / width,
         weight=0.5 * share, stretch=rows.stretch,
     )["force"]  # fmt: skip
@@ -352,92 +323,3 @@ def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> _Found
 def _row_period(recording: Recording, bandwidth: float) -> float:
     """Distance of the rows of the mechanics [s]."""
     return max(recording.period, 1 / (12 * bandwidth))
-
-
-def _fits(
-    own: Floats,
-    nuisance: Floats,
-    columns: Callable[[float], dict[Entry, Floats]],
-    *,
-    period: float,
-    step: float,
-    weight: float,
-    stretch: Ints,
-) -> dict[Entry, _Found]:
-    """Factor and delay of each place from what is left over in one equation.
-
-    Parameters
-    ----------
-    own : ndarray, shape (N,)
-        Recorded less modelled.
-    nuisance : ndarray, shape (N, M)
-        Of errors of the model.
-    columns : callable
-        Of a delay in samples: the disturbance at each place; shape (N,) each.
-    period, step : float
-        Of the recorder, and between the delays that are tried first [s].
-    weight : float
-        Half of the independent rows in one row [1].
-    stretch : ndarray of int, shape (N,)
-        Stretch of each row.
-    """
-    base = np.linalg.qr(nuisance)[0]
-
-    def left(rows: Floats) -> Floats:
-        found: Floats = rows - base @ (base.T @ rows)
-        return found
-
-    y = left(own)
-    whole = float(y @ y)
-    stride = max(1, round(step / period))
-    tried = np.unique(np.r_[np.arange(round(EARLIEST / period), round(LATEST / period) + 1, stride),
-                            0])  # fmt: skip
-    errors: dict[Entry, list[float]] = {}
-    for samples in tried:
-        for entry, column in columns(float(samples)).items():
-            x = left(column)
-            size = float(x @ x)
-            error = whole - (float(x @ y) ** 2 / size if size > 0 else 0.0)
-            errors.setdefault(entry, []).append(error)
-    found: dict[Entry, _Found] = {}
-    for entry, each in errors.items():
-
-        def place(samples: float, entry: Entry = entry) -> Floats:
-            return columns(samples)[entry]
-
-        first = float(tried[np.argmin(each)])
-        found[entry] = _refined(
-            y, left, place, first,
-            period=period, weight=weight, stretch=stretch, others=nuisance.shape[1],
-        )  # fmt: skip
-    return found
-
-
-def _refined(
-    y: Floats, left: Callable[[Floats], Floats], column: Callable[[float], Floats], at: float,
-    *, period: float, weight: float, stretch: Ints, others: int,
-) -> _Found:  # fmt: skip
-    """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton."""
-    for _ in range(4):
-        x = left(column(at))
-        slope = left(column(at + 0.5) - column(at - 0.5))
-        both = np.column_stack((x, slope))
-        c, cd = np.linalg.lstsq(both, y, rcond=None)[0]
-        change = float(np.clip(cd / c, -3.0, 3.0)) if c != 0 else 0.0
-        if abs(change) < 0.02:
-            break
-        at = float(np.clip(at + change, EARLIEST / period, LATEST / period))
-    x = left(column(at))
-    size = float(x @ x)
-    c = float(x @ y) / size if size > 0 else 0.0
-    residuals = y - c * x
-    slope = c * left(column(at + 0.5) - column(at - 0.5)) / period
-    jacobian = np.column_stack((x, slope))
-    blocks = block_numbers(residuals, stretch, others + 2)
-    half = uncertainty_of(jacobian, residuals, blocks).half_width
-    whole, after = float(y @ y), float(residuals @ residuals)
-    ratio = whole / max(after, 1e-12 * whole) if whole > 0 else 1.0
-    return _Found(
-        factor=Factor(value=c, half_width=float(half[0])), delay=at * period,
-        delay_half_width=float(half[1]), share=1 - 1 / ratio, gain=weight * len(y) * log(ratio),
-    )  # fmt: skip

@@ -15,12 +15,15 @@ from numba import njit
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.servo import ServoParameters
 from pipeline.submodels.drive.comparison import (
+    _added,
     axis_comparison,
     following_comparison,
     in_unit_of_drive,
 )
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
+from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
@@ -193,10 +196,10 @@ def test_place_factor_and_cause_of_each_kind(name, drives):
 def test_place_is_right_in_a_hundred_of_a_hundred(name, kind, drives):
     entry, size, per_unit, unit, _ = kinds(AXES[name])[kind]
     every = [
-        found_in(recorded(AXES[name], entry, seed, size, per_unit, 0, unit), drives[name])
+        found_in(recorded(AXES[name], entry, seed, size, per_unit, 0, unit), drives[name]).entry
         for seed in range(100)
     ]
-    assert sum(one.entry == entry for one in every) == 100
+    assert every == [entry] * 100
 
 
 @pytest.mark.parametrize("name", EACH)
@@ -219,11 +222,28 @@ def test_a_closed_loop_with_pulses_is_followed_wherever_they_enter(name, drives)
 
 
 def test_a_delay_is_found_with_its_interval(drives):
-    for entry, size in (("command", 1.0), ("force", 40.0)):
-        found = found_in(recorded(EMPS, entry, 5, size, late=20), drives["EMPS"])
-        assert found.entry == entry
-        assert found.delay == pytest.approx(0.020, abs=2e-3)
-        assert "ms behind its channel" in found.words
+    """The servo reads a sample; a force is held until the next, half a sample later on average."""
+    for entry, size, held in (("command", 1.0, 0.0), ("force", 40.0, 0.5 * PERIOD)):
+        for seed in (5, 6, 7):
+            found = found_in(recorded(EMPS, entry, seed, size, late=20), drives["EMPS"])
+            assert found.entry == entry
+            assert found.delay_half_width < 1e-3
+            assert abs(found.delay - 0.020 - held) < found.delay_half_width
+            assert "ms behind its channel" in found.words
+
+
+def test_the_twin_has_a_force_when_it_acts():
+    """The middle of its impulse is the delay behind that of the channel; the steps are held."""
+    channel = np.r_[np.zeros(40), np.hanning(21), np.zeros(40)]
+    factor = Factor(value=3.0, half_width=0.1)
+    servo = ServoParameters(position_gain=40.0, velocity_gain=300.0, integral_gain=0.0)
+    for substeps in (1, 4):
+        fine = PERIOD / substeps
+        late = Disturbance(entry="force", factor=factor, unit="N", delay=7.3 * PERIOD)
+        load = _added(channel, late, servo, fine, substeps).load
+        middle = fine * (np.arange(len(load)) + 0.5) @ load / load.sum()
+        assert middle == pytest.approx((50 + 7.3) * PERIOD, abs=1e-3 * PERIOD)
+        assert load.sum() * fine == pytest.approx(3.0 * channel.sum() * PERIOD, rel=1e-3)
 
 
 def test_a_factor_that_is_not_determined_is_never_taken_as_one(drives):

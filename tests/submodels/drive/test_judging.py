@@ -93,7 +93,7 @@ TRAINED, NEW = twin_record("train.csv", trained=True), twin_record("new.csv", sp
 
 @pytest.fixture
 def judged(tmp_path):
-    def judged_on(recordings, limits=None, **changes) -> Judged:
+    def judged_on(recordings, limits=None, model=None, **changes) -> Judged:
         cases = [drive_case(r, "training" if r.trained else "held_out") for r in recordings]
         shown = Cases(
             cases=tuple(c for c, r in zip(cases, recordings, strict=True) if r.axes),
@@ -101,7 +101,7 @@ def judged(tmp_path):
                 LeftOut(case=r.name, reason=r.lacking["X"]) for r in recordings if not r.axes
             ),
         )
-        model = stored([r for r in recordings if r.trained], **changes)
+        model = model or stored([r for r in recordings if r.trained], **changes)
         write_json(model, tmp_path / "model.json")
         settings = Judging(
             identity=IDENTITY, roles=Roles(), drive=DrivePrior(),

@@ -1,0 +1,174 @@
+"""Factor and delay of a recorded disturbance in one linear equation, by partial regression.
+
+What an equation leaves over is regressed on the delayed disturbance, beside columns for errors of
+the model (Frisch and Waugh 1933): first on a grid of delays, then by steps of Gauss and Newton.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from math import log
+from typing import Literal
+
+import numpy as np
+
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.submodels.drive.mechanics.estimates import Factor
+from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
+from pipeline.submodels.statistics import uncertainty_of
+
+Entry = Literal["reference", "speed", "command", "force", "none", "open"]
+"""Place where a disturbance enters; none that explains it, or none that is determined."""
+DETERMINED = 0.5
+"""Relative half width of the factor's interval up to which it is determined [1]."""
+EXPLAINS = 0.02
+"""Least share of an equation's squared error that a disturbance takes away [1]: what a nearly
+correct model leaves over is correlated with whatever moves, by a per cent."""
+APART = log(100.0)
+"""Log-likelihood by which one place is better than another when they are told apart [1]."""
+EARLIEST, LATEST = -0.01, 0.05
+"""Range of delays of a disturbance behind its channel [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EntryFit:
+    """Fit of one place where a disturbance may enter.
+
+    Parameters
+    ----------
+    factor : Factor
+        SI quantity at the place for one unit of the channel.
+    delay, delay_half_width : float
+        Of the place behind the channel, with half of its 95 % interval [s].
+    share : float
+        Of the equation's squared error that it explains [1].
+    gain : float
+        Of log-likelihood over the equation without the disturbance [1].
+    """
+
+    factor: Factor
+    delay: float
+    delay_half_width: float
+    share: float
+    gain: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the disturbance enters there at all, with a factor that is determined."""
+        return self.factor.is_determined(DETERMINED) and self.share > EXPLAINS and self.gain > APART
+
+
+def shifted(signal: Floats, samples: float) -> Floats:
+    """The signal ``samples`` later, its ends held; shape (T,)."""
+    place = np.arange(len(signal)) - samples
+    return np.interp(place, np.arange(len(signal)), signal)
+
+
+def entry_fits(
+    own: Floats,
+    nuisance: Floats,
+    columns: Callable[[float], dict[Entry, Floats]],
+    *,
+    period: float,
+    step: float,
+    weight: float,
+    stretch: Ints,
+) -> dict[Entry, EntryFit]:
+    """Factor and delay of each place from what is left over in one equation.
+
+    Parameters
+    ----------
+    own : ndarray, shape (N,)
+        Recorded less modelled.
+    nuisance : ndarray, shape (N, M)
+        Of errors of the model.
+    columns : callable
+        Of a delay in samples: the disturbance at each place; shape (N,) each.  Linear in the
+        channel.
+    period, step : float
+        Of the recorder, and between the delays that are tried first [s].
+    weight : float
+        Half of the independent rows in one row [1].
+    stretch : ndarray of int, shape (N,)
+        Stretch of each row.
+    """
+    base = np.linalg.qr(nuisance)[0]
+
+    def left(rows: Floats) -> Floats:
+        found: Floats = rows - base @ (base.T @ rows)
+        return found
+
+    column = _at_any_delay(columns)
+    y = left(own)
+    whole = float(y @ y)
+    stride = max(1, round(step / period))
+    tried = np.unique(np.r_[np.arange(round(EARLIEST / period), round(LATEST / period) + 1, stride),
+                            0])  # fmt: skip
+    errors: dict[Entry, list[float]] = {}
+    for samples in tried:
+        for entry, each in column(float(samples)).items():
+            x = left(each)
+            size = float(x @ x)
+            error = whole - (float(x @ y) ** 2 / size if size > 0 else 0.0)
+            errors.setdefault(entry, []).append(error)
+    found: dict[Entry, EntryFit] = {}
+    for entry, tries in errors.items():
+
+        def place(samples: float, entry: Entry = entry) -> Floats:
+            return column(samples)[entry]
+
+        first = float(tried[np.argmin(tries)])
+        found[entry] = _refined(
+            y, left, place, first,
+            period=period, weight=weight, stretch=stretch, others=nuisance.shape[1],
+        )  # fmt: skip
+    return found
+
+
+def _at_any_delay(
+    columns: Callable[[float], dict[Entry, Floats]],
+) -> Callable[[float], dict[Entry, Floats]]:
+    """The columns, computed once at each whole sample: a shift is linear between samples, and so is
+    all that follows it.
+    """
+    whole = cache(columns)
+
+    def late(samples: float) -> dict[Entry, Floats]:
+        before = float(np.floor(samples))
+        share = samples - before
+        if share == 0:
+            return whole(before)
+        low, high = whole(before), whole(before + 1)
+        return {entry: (1 - share) * low[entry] + share * high[entry] for entry in low}
+
+    return late
+
+
+def _refined(
+    y: Floats, left: Callable[[Floats], Floats], column: Callable[[float], Floats], at: float,
+    *, period: float, weight: float, stretch: Ints, others: int,
+) -> EntryFit:  # fmt: skip
+    """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton."""
+    for _ in range(4):
+        x = left(column(at))
+        slope = left(column(at + 0.5) - column(at - 0.5))
+        both = np.column_stack((x, slope))
+        c, cd = np.linalg.lstsq(both, y, rcond=None)[0]
+        change = float(np.clip(cd / c, -3.0, 3.0)) if c != 0 else 0.0
+        if abs(change) < 0.02:
+            break
+        at = float(np.clip(at + change, EARLIEST / period, LATEST / period))
+    x = left(column(at))
+    size = float(x @ x)
+    c = float(x @ y) / size if size > 0 else 0.0
+    residuals = y - c * x
+    slope = c * left(column(at + 0.5) - column(at - 0.5)) / period
+    jacobian = np.column_stack((x, slope))
+    blocks = block_numbers(residuals, stretch, others + 2)
+    half = uncertainty_of(jacobian, residuals, blocks).half_width
+    whole, after = float(y @ y), float(residuals @ residuals)
+    ratio = whole / max(after, 1e-12 * whole) if whole > 0 else 1.0
+    return EntryFit(
+        factor=Factor(value=c, half_width=float(half[0])), delay=at * period,
+        delay_half_width=float(half[1]), share=1 - 1 / ratio, gain=weight * len(y) * log(ratio),
+    )  # fmt: skip
