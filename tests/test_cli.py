@@ -448,7 +448,10 @@ def frozen(project: Path, *words: str) -> FrozenSet:
     sets = sets_of(project)
     found = sets.sealed if "--sealed" in words else sets.golden
     assert found is not None
-    assert done.stdout == f"froze {len(found.files)} file{'s' * (len(found.files) > 1)}, sha256 {found.sha256[:12]}\n"
+    assert (
+        done.stdout
+        == f"froze {len(found.files)} file{'s' * (len(found.files) > 1)}, sha256 {found.sha256[:12]}\n"
+    )
     return found
 
 
