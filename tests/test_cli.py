@@ -448,10 +448,8 @@ def frozen(project: Path, *words: str) -> FrozenSet:
     sets = sets_of(project)
     found = sets.sealed if "--sealed" in words else sets.golden
     assert found is not None
-    assert (
-        done.stdout
-        == f"froze {len(found.files)} file{'s' * (len(found.files) > 1)}, sha256 {found.sha256[:12]}\n"
-    )
+    many = "files" if len(found.files) > 1 else "file"
+    assert done.stdout == f"froze {len(found.files)} {many}, sha256 {found.sha256[:12]}\n"
     return found
 
 
