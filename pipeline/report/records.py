@@ -165,8 +165,8 @@ class RecordsRead:
 
 
 def source_of(name: str, read: FileRead) -> str:
-    """The source that a file belongs to: its folder, and its format."""
-    return f"{name.rpartition('/')[0] or name} ({read.format or 'unreadable'})"
+    """The source that a file belongs to: its folder below that of the machine, and its format."""
+    return f"{name.rpartition('/')[0] or './'} ({read.format or 'unreadable'})"
 
 
 def _live(files: list[tuple[datetime, datetime, int]]) -> bool:

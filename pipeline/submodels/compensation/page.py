@@ -156,7 +156,7 @@ def _verdict(facts: CompensationFacts) -> PartVerdict | None:
             status="unknown",
             sentence="The prediction of the following error that the drive model leaves over has "
             f"not been judged: {why.rstrip('.')}.",
-            todo="Keep recordings of each axis out of roles.training, to judge it by.",
+            todo="Keep recordings of each axis out of the training set, to judge it by.",
         )
     if verdict.status == "failed":
         reason = verdict.reasons[0] if verdict.reasons else "the judge gave no reason"

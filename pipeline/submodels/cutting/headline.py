@@ -16,8 +16,7 @@ MOST_NAMED = 5
 """Parameters that are named in the head of the page."""
 ERROR_WORDS = {"rms": "RMS force", "peak": "peak force", "mean": "mean force"}
 REFRAIN = (
-    "Do not plan cuts with these forces yet: see How well forces are predicted on the machine’s "
-    "page, and "
+    "Do not plan cuts with these forces yet: see How well forces are predicted on its page, and "
 )
 KEEP = "Keep a recording at another feed or depth out of roles.training, to judge by."
 
