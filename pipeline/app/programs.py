@@ -123,7 +123,7 @@ class Simulated:
         from pipeline.twin.control import ControlModelFile, time_interval
 
         stored = read_json(self.on.models / "control/model.json", ControlModelFile)
-        return time_interval(self.plan.total, stored.intervals)
+        return time_interval(self.plan, stored.intervals, stored.conditions)
 
     @property
     def other_units(self) -> dict[str, float]:
@@ -377,11 +377,7 @@ def axes_table(
             "rms_following_um": round(one.rms_error * 1e6, 3),
             "max_command": round(float(np.abs(one.command).max()), 3),
             "command_unit": one.command_unit,
-            "half_width_90_um": (
-                _micrometres(drives[letter].following_half_width)
-                if residual is None
-                else _half_width(one)
-            ),
+            "half_width_90_um": _half_width(one),
         }
         for letter, one in follow_program(plan, drives, residual).items()
     ]

@@ -31,4 +31,5 @@ def simulate_programs(
         machine=identity.name,
         origin=identity.origin,
         intervals=stored.intervals,
+        learnt=stored.conditions,
     )

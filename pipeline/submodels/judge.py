@@ -15,7 +15,8 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.days import day_of_text
 from pipeline.schema.golden import FrozenSet, GoldenSets
-from pipeline.schema.model import Condition, Model
+from pipeline.schema.model import Model
+from pipeline.schema.outside import outside_conditions, widening
 from pipeline.schema.predictions import BASELINE
 from pipeline.schema.verdict import (
     Figures,
@@ -97,7 +98,10 @@ def judge(
     """
     looked_at = cases.of(*roles)
     predicted = [(case, predictor(case)) for case in looked_at]
-    outside = [found for case in looked_at for found in outside_conditions(case, model.conditions)]
+    outside = [
+        found for case in looked_at
+        for found in outside_conditions(case.conditions, model.conditions, case.name)
+    ]  # fmt: skip
     own = {target.quantity for target in targets if target.widens}
     frame = _table(predicted, outside, own)
     deciding = _deciding(looked_at)
@@ -160,53 +164,6 @@ def _table(
     for name, default in (("low", np.nan), ("high", np.nan), ("regime", ""), ("scored", True)):
         frame[name] = frame[name].fillna(default) if name in frame else default
     return frame.astype({"scored": bool})
-
-
-ONE = 0.1
-"""Width of a learnt range, over its greater end, below which it counts as one value [1]."""
-
-
-def widening(one: OutsideConditions) -> float:
-    """Factor on an interval: one more for each width of the learnt range beyond its end.
-
-    The width of one value is that value: speeds of 4000 and 4002 rev/min are one.
-    """
-    low, _, high = one.learnt.partition(" to ")
-    try:
-        ends = float(low), float(high or low)
-    except ValueError:  # words have no distance
-        return 2.0
-    beyond = max(ends[0] - float(one.value), float(one.value) - ends[1])
-    size = max(map(abs, ends))
-    width = size if ends[1] - ends[0] < ONE * size else ends[1] - ends[0]
-    if not width:  # learnt at 0 alone, as an entry angle: nothing to measure a distance by
-        return 2.0
-    return 1.0 + max(beyond, 0.0) / width
-
-
-def outside_conditions(case: Case, learnt: Mapping[str, Condition]) -> list[OutsideConditions]:
-    """Conditions of a case that the training cases did not cover."""
-    found = []
-    for name, fact in case.conditions.items():
-        known = learnt.get(name)
-        if known is None or fact.value is None:
-            continue
-        if isinstance(fact.value, str):
-            inside, words = fact.value in known.words, ", ".join(known.words)
-        else:
-            low, high = known.low, known.high
-            if low is None or high is None:
-                continue
-            slack = 1e-9 * max(abs(low), abs(high))
-            inside = low - slack <= fact.value <= high + slack
-            words = f"{low:g} to {high:g}" if high > low else f"{low:g}"
-        if not inside:
-            found.append(
-                OutsideConditions(
-                    case=case.name, condition=name, value=fact.value, unit=fact.unit, learnt=words
-                )
-            )
-    return found
 
 
 def figures(predicted: Floats, measured: Floats) -> Figures:

@@ -30,6 +30,19 @@ class Uncertainty:
     correlation: Floats
 
 
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """Factor with half of its 95 % interval; ``zero`` is the reading of a load channel at rest."""
+
+    value: float
+    half_width: float
+    zero: float = 0.0
+
+    def is_determined(self, widest: float) -> bool:
+        """Whether its relative half width is at most ``widest`` [1]."""
+        return self.value != 0 and self.half_width <= widest * abs(self.value)
+
+
 def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
     """Uncertainty of a least-squares optimum from its Jacobian, residuals and blocks.
 

@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.gcode.interpret import interpret
-from pipeline.gcode.moves import Moves
+from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.program import read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan, limited_path, plan
+from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import Bands
-from pipeline.schema.model import Correlation, Model
+from pipeline.schema.model import Condition, Correlation, Model
+from pipeline.schema.outside import widest
 from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Fact
 
 WHOLE = "whole run"
 """Regime of the time of a whole run, beside those of its types of rows."""
@@ -163,12 +166,31 @@ def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> Con
     return controls[unit]
 
 
-def time_interval(seconds: float, intervals: Bands) -> tuple[float, float] | None:
-    """90 % interval of the predicted time of a whole run [s]; None where none was learnt."""
+def time_interval(
+    planned: Plan, intervals: Bands, learnt: Mapping[str, Condition]
+) -> tuple[float, float] | None:
+    """90 % interval of the predicted time of a whole run [s]; None where none was learnt.
+
+    It is wider where feeds or spindle speeds are outside of the conditions that were ``learnt``.
+    """
     band = intervals.get(WHOLE)
     if band is None:
         return None
-    return round(max(0.0, seconds * (1 - band.lower)), 3), round(seconds * (1 + band.upper), 3)
+    seconds, factor = planned.total, widest(program_conditions(planned.path.moves), learnt)
+    low, high = 1 - factor * band.lower, 1 + factor * band.upper
+    return round(max(0.0, seconds * low), 3), round(seconds * high, 3)
+
+
+def program_conditions(moves: Moves) -> dict[str, Fact]:
+    """Highest programmed feed and spindle speed."""
+    timed = moves.feed[(moves.feed_mode == FeedMode.PER_MINUTE) & np.isin(moves.kind, CUTTING)]
+    found = {}
+    if len(timed):
+        found["highest feed"] = Fact(value=round(float(timed.max()), 3), unit="mm/min")
+    if len(moves.speed):
+        speed = round(float(moves.speed.max()), 3)
+        found["highest spindle speed"] = Fact(value=speed, unit="rev/min")
+    return found
 
 
 def program_moves(path: Path, setup: Setup, progress: Callable[[int], None] | None = None) -> Moves:

@@ -8,7 +8,7 @@ integral's share of the command as an acceleration, becomes G s: the linear part
 slip and within the limit.  It is stable while all eigenvalues of G lie inside the unit circle.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -26,9 +26,11 @@ from pipeline.machine.axis.feed_drive import (
 from pipeline.machine.axis.servo import ServoParameters, ServoState, servo_step
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import FOLLOWING, DriveAxis, DriveModel
+from pipeline.schema.model import Condition
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.verdict import Fact
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,6 +385,8 @@ class IdentifiedDrive:
         In which friction lets go of a standing axis, to 1/e [s]; None where it holds.
     following_half_width : float or None
         Of the 90 % interval of its following error [m]; None where it is not known.
+    speeds : Condition or None
+        Of the recordings that it was learnt from, beyond which the interval is wider [mm/s].
     """
 
     feed_drive: FeedDriveParameters
@@ -395,6 +399,7 @@ class IdentifiedDrive:
     presliding_stiffness: float | None = None
     presliding_time: float | None = None
     following_half_width: float | None = None
+    speeds: Condition | None = None
 
 
 def read_drives(path: Path) -> dict[str, IdentifiedDrive]:
@@ -420,7 +425,17 @@ def identified_drives(model: DriveModel) -> dict[str, IdentifiedDrive]:
     ValueError
         When a parameter is out of its range.
     """
-    return {letter: identified_drive(axis) for letter, axis in model.axes.items()}
+    return {
+        letter: replace(
+            identified_drive(axis), speeds=model.conditions.get(next(iter(speed_of(letter, 0.0))))
+        )
+        for letter, axis in model.axes.items()
+    }
+
+
+def speed_of(letter: str, speed: float) -> dict[str, Fact]:
+    """The condition of an axis: its highest speed [m/s], to three significant digits [mm/s]."""
+    return {f"highest speed {letter}": Fact(value=float(f"{1e3 * speed:.3g}"), unit="mm/s")}
 
 
 def identified_drive(axis: DriveAxis) -> IdentifiedDrive:

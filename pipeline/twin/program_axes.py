@@ -15,7 +15,8 @@ from pipeline.machine.axis.feed_drive import drive_row
 from pipeline.machine.control.interpolate import Trace, trace
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats
-from pipeline.twin.drive import IdentifiedDrive
+from pipeline.schema.outside import widest
+from pipeline.twin.drive import IdentifiedDrive, speed_of
 from pipeline.twin.drive_population import simulate_traces
 
 MOST = 20_000_000
@@ -183,10 +184,23 @@ def followed(
         row=commanded.row, command_unit=drive.command_unit,
     )  # fmt: skip
     if residual is None:
-        return modelled
+        return replace(modelled, half_width=_half_width(letter, drive, reference, period))
     left, half_width = residual(letter, reference, modelled.error, command, period)
     known = not np.isnan(half_width).any()
     return with_residual(modelled, left, half_width if known else None)
+
+
+def _half_width(
+    letter: str, drive: IdentifiedDrive, reference: Floats, period: float
+) -> Floats | None:
+    """Of the drive's own 90 % interval [m], wider beyond the speeds that it was learnt at."""
+    if drive.following_half_width is None:
+        return None
+    factor = 1.0
+    if drive.speeds is not None:
+        here = speed_of(letter, float(np.abs(np.gradient(reference, period)).max()))
+        factor = widest(here, {name: drive.speeds for name in here})
+    return np.full(len(reference), factor * drive.following_half_width)
 
 
 def with_residual(

@@ -23,6 +23,7 @@ from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import replacing
 from pipeline.schema.interval import Bands
+from pipeline.schema.model import Condition
 from pipeline.schema.program import SimulatedProgram
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured
@@ -256,6 +257,7 @@ def simulate_files(
     machine: str,
     origin: str,
     intervals: Bands | None = None,
+    learnt: Mapping[str, Condition] | None = None,
 ) -> None:
     """Simulate each of ``files``; a program that cannot be followed is stored as refused.
 
@@ -275,6 +277,8 @@ def simulate_files(
         Whose control it is, and whether its records are simulated.
     intervals : Bands, optional
         Of the control's times.
+    learnt : mapping of str to Condition, optional
+        Conditions that they were learnt in.
     """
     out.mkdir(parents=True, exist_ok=True)
     for name, path in files.items():
@@ -294,7 +298,8 @@ def simulate_files(
             times = structured(summary(plan, name), SimulatedProgram, name)
             program = replace(
                 times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
-                blocks=len(table), total_time_90_s=time_interval(plan.total, intervals or {}),
+                blocks=len(table),
+                total_time_90_s=time_interval(plan, intervals or {}, learnt or {}),
             )  # fmt: skip
             with replacing(out / f"{name}.parquet") as part:
                 table.to_parquet(part, compression="zstd")

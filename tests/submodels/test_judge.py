@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from pipeline.charts.default_section import scores_table
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
+from pipeline.schema.outside import outside_conditions, widening
 from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, OutsideConditions, Verdict
@@ -22,9 +23,7 @@ from pipeline.submodels.judge import (
     figures,
     judge,
     metrics,
-    outside_conditions,
     seen_reasons,
-    widening,
 )
 
 ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
@@ -139,7 +138,7 @@ def test_a_condition_that_was_learnt_at_zero_alone_has_no_distance() -> None:
 @every_submodel
 def test_a_word_that_was_not_learnt_is_outside(name: str) -> None:
     steel = replace(A, conditions={"material": Fact(value="1.4301")})
-    (outside,) = outside_conditions(steel, conditions_of([TRAIN]))
+    (outside,) = outside_conditions(steel.conditions, conditions_of([TRAIN]))
     assert (outside.value, outside.learnt) == ("1.4301", "C45")
 
 

@@ -9,16 +9,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.charts.sections import SubModelPage
-from pipeline.gcode.moves import FeedMode, Moves
+from pipeline.gcode.moves import Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.machine.spindle import CUTTING
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, LeftOut, Parameter
 from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Fact
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
@@ -39,6 +37,7 @@ from pipeline.twin.control import (
     ControlModelFile,
     ControlRecords,
     planned_program,
+    program_conditions,
     program_moves,
     time_interval,
 )
@@ -139,7 +138,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
                     name=one.run.name, group=one.run.name,
                     role=role_of([one.run.recording], settings.roles, sets),
                     files=sources(files, [one.run.recording]), load=_loader(matched),
-                    conditions=_conditions(moves),
+                    conditions=program_conditions(moves),
                 )
             )  # fmt: skip
         left_out = [LeftOut(case=m.run.name, reason=m.reason) for m in matches if m.reason]
@@ -187,7 +186,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
 
         def by_block(number: int, text: str) -> pd.DataFrame:
             plan = planned_program(_moves(text), control)
-            ends = time_interval(plan.total, stored.intervals)
+            ends = time_interval(plan, stored.intervals, stored.conditions)
             low, high = ends or (np.nan, np.nan)
             return block_table(plan).assign(
                 program=number, program_time=plan.total, program_time_low=low,
@@ -227,18 +226,6 @@ def _moves(text: str) -> Moves:
 
 def _loader(matched: MatchedRun) -> Callable[[], MatchedRun]:
     return lambda: matched
-
-
-def _conditions(moves: Moves) -> dict[str, Fact]:
-    """Highest programmed feed and spindle speed."""
-    timed = moves.feed[(moves.feed_mode == FeedMode.PER_MINUTE) & np.isin(moves.kind, CUTTING)]
-    found = {}
-    if len(timed):
-        found["highest feed"] = Fact(value=round(float(timed.max()), 3), unit="mm/min")
-    if len(moves.speed):
-        speed = round(float(moves.speed.max()), 3)
-        found["highest spindle speed"] = Fact(value=speed, unit="rev/min")
-    return found
 
 
 def _parameters(fit: ControlFit) -> dict[str, Parameter]:

@@ -16,11 +16,11 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
 from pipeline.submodels.drive.entry_fits import shifted
-from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.identifiability import with_force_constant
 from pipeline.submodels.drive.mechanics.motion import motion
 from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import servo_low_passed
+from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import DriveStart, IdentifiedDrive, check_stability
 from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.program_axes import between

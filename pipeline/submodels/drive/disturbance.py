@@ -30,7 +30,6 @@ from pipeline.submodels.drive.entry_fits import (
     entry_fits,
     shifted,
 )
-from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.motion import motion
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.servo.equation import (
@@ -52,6 +51,7 @@ from pipeline.submodels.drive.servo.equation import (
     stretches,
     window_columns,
 )
+from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import IdentifiedDrive
 
 PLACES: dict[Entry, str] = {

@@ -28,6 +28,7 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.interval import Band
 from pipeline.schema.model import LeftOut, SourceFile
+from pipeline.schema.outside import widest
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
@@ -51,7 +52,7 @@ from pipeline.submodels.drive.reading import read_recordings
 from pipeline.submodels.drive.records import AxisRecord, DriveRecords, Recording
 from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
 from pipeline.submodels.drive.twist import is_known, twist_frames
-from pipeline.twin.drive import IdentifiedDrive, identified_drives
+from pipeline.twin.drive import IdentifiedDrive, identified_drives, speed_of
 from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.program_axes import between
 
@@ -230,7 +231,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         """Following error [um], command and force of each axis from its commanded position.
 
         Beside error and force stand the ends of their 90 % intervals, ``_low`` and ``_high``, where
-        recordings left out gave them; they hold at the speeds of the recordings.  The table has
+        recordings left out gave them, wider beyond the speeds of the recordings.  The table has
         ``t`` [s], evenly spaced, and ``<axis>_reference`` [m] for each axis of interest, which is
         at rest in the first row.
         """
@@ -256,13 +257,15 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                 position = trace.position[0, :: model.substeps]
                 command = trace.command[0, :: model.substeps]
                 bands = model.axes[letter].intervals
+                fastest = float(np.abs(np.gradient(reference, period)).max())
+                factor = widest(speed_of(letter, fastest), model.conditions)
                 for name, values, quantity in (
                     ("following_error", 1e6 * (reference - position), FOLLOWING),
                     ("command", command, ""),
                     ("force", drive.feed_drive.force_constant * command, FORCE),
                 ):
                     found[f"{letter}_{name}"] = values
-                    ends = _within(values, bands.get(quantity))
+                    ends = _within(values, bands.get(quantity), factor)
                     found |= {f"{letter}_{name}_{end}": at for end, at in ends.items()}
             return pd.DataFrame(found)
 
@@ -292,13 +295,12 @@ def drive_case(recording: Recording, role: Role) -> Case:
 
 def _conditions(recording: Recording) -> dict[str, Fact]:
     """Highest speed of each axis, to three significant digits."""
-    return {
-        f"highest speed {letter}": Fact(
-            value=float(f"{1e3 * float(np.abs(speed).max()):.3g}"), unit="mm/s"
-        )
-        for letter, axis in recording.axes.items()
-        if (speed := _speed(axis, recording.period)) is not None
-    }
+    found: dict[str, Fact] = {}
+    for letter, axis in recording.axes.items():
+        speed = _speed(axis, recording.period)
+        if speed is not None:
+            found |= speed_of(letter, float(np.abs(speed).max()))
+    return found
 
 
 def _speed(axis: AxisRecord, period: float) -> Any:
@@ -376,11 +378,11 @@ def _frames(
         })  # fmt: skip
 
 
-def _within(predicted: Floats, band: Band | None) -> dict[str, Floats]:
-    """Columns of the 90 % interval, where there is one."""
+def _within(predicted: Floats, band: Band | None, factor: float = 1.0) -> dict[str, Floats]:
+    """Columns of the 90 % interval, ``factor`` times as wide; none where there is no band."""
     if band is None:
         return {}
-    return {"low": predicted - band.lower, "high": predicted + band.upper}
+    return {"low": predicted - factor * band.lower, "high": predicted + factor * band.upper}
 
 
 def _facts(letter: str, found: comparison.AxisComparison, model: DriveModel) -> dict[str, Fact]:

@@ -98,7 +98,9 @@ def regimes(
     return np.char.add(np.char.add(states, ", "), horizon_words(since, edges)).astype(str)
 
 
-def with_interval(served: pd.DataFrame, step: float, how: SpindleIntervals) -> pd.DataFrame:
+def with_interval(
+    served: pd.DataFrame, step: float, how: SpindleIntervals, factor: float = 1.0
+) -> pd.DataFrame:
     """A served free run with its 90 % interval, ``low`` and ``high`` [degC].
 
     Parameters
@@ -109,9 +111,14 @@ def with_interval(served: pd.DataFrame, step: float, how: SpindleIntervals) -> p
         [s].
     how : SpindleIntervals
         Half widths by regime.
+    factor : float
+        On them, beyond the conditions that were learnt [1].
     """
     physics = served["physics"].to_numpy(float)
     since = np.arange(len(physics), dtype=np.float64) * np.float64(step)
     words = regimes(physics, since, step, how, how.free_run_horizons_s)
-    low, high = interval(served[TARGET].to_numpy(float), words, how.free_run)
-    return served.assign(low=low, high=high)
+    predicted = served[TARGET].to_numpy(float)
+    low, high = interval(predicted, words, how.free_run)
+    return served.assign(
+        low=predicted + factor * (low - predicted), high=predicted + factor * (high - predicted)
+    )

@@ -13,6 +13,7 @@ from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
+from pipeline.schema.outside import widest
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import StateSegment, absent_items, read_state, state_days
@@ -206,10 +207,12 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         """Temperatures from a clean state table: column ``time``, then those that the model needs.
 
         Of ``spindle_temperature`` only the first row is read, the temperature to start from.  Where
-        training days left out calibrated one, ``low`` and ``high`` are the 90 % interval.
+        training days left out calibrated one, ``low`` and ``high`` are the 90 % interval, wider
+        beyond the speeds and loads of the training days.
         """
         model = load_spindle_model(folder)
-        how = read_json(folder / "model.json", SpindleModelFile).intervals
+        stored = read_json(folder / "model.json", SpindleModelFile)
+        how = stored.intervals
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
             for name in ("time", TARGET):
@@ -222,7 +225,10 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                 )
             state = table.assign(time=pd.to_datetime(table["time"], utc=True)).set_index("time")
             found = model.predict(state, start).reset_index(names="time")
-            return found if how is None else with_interval(found, model.step_s, how)
+            if how is None:
+                return found
+            factor = widest(_conditions(state, model.records), stored.conditions)
+            return with_interval(found, model.step_s, how, factor)
 
         return predict
 

@@ -10,6 +10,7 @@ import pytest
 from pipeline.gcode.moves import Kind
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.interval import Band
+from pipeline.schema.model import Condition
 from pipeline.schema.store import StoreError, json_text, parsed, read_json, write_json
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Records, Roles
@@ -268,8 +269,14 @@ def test_a_time_has_an_interval_by_runs_left_out(fitted, moves):
     whole = fitted.intervals[WHOLE]
     assert (whole.groups, whole.n) == (2, 2)
     assert 0 < whole.upper < 0.02
-    low, high = time_interval(total(moves), fitted.intervals)
-    assert low < total(moves) < high
+    plan = planned_program(moves, fitted.control[min(fitted.control)])
+    low, high = time_interval(plan, fitted.intervals, fitted.conditions)
+    assert low < plan.total < high
+    assert low == round(plan.total * (1 - whole.lower), 3)
+    slow = {"highest feed": Condition(unit="mm/min", low=0.0, high=float(moves.feed.max()) / 2)}
+    low, high = time_interval(plan, fitted.intervals, slow)  # one width of the range beyond it
+    assert low == round(plan.total * (1 - 2 * whole.lower), 3)
+    assert high == round(plan.total * (1 + 2 * whole.upper), 3)
 
 
 @pytest.mark.parametrize("more", [{}, {"train2": Operated(abort=9.0)}])
@@ -278,7 +285,8 @@ def test_a_run_that_no_other_can_predict_gives_no_interval(moves, tmp_path, more
     settings = Fitting(**SHARED, control=start())
     model = SUBMODEL.fit(SUBMODEL.cases(records, settings), settings, tmp_path)
     assert model.intervals == {}
-    assert time_interval(100.0, model.intervals) is None
+    plan = planned_program(moves, model.control[min(model.control)])
+    assert time_interval(plan, model.intervals, model.conditions) is None
 
 
 def test_programs_are_left_out_whole(moves, tmp_path):

@@ -69,7 +69,9 @@ def test_a_source_that_is_on_is_not_asked_for_again() -> None:
     )  # fmt: skip
     assert "on another day" in _undetermined(lost, HELD, days)["position_hold"].remedy
     followed = type(fit)(**{**vars(lost), "unfollowed": ("position_hold",)})
-    assert _undetermined(followed, HELD, days)["position_hold"].remedy.startswith("nothing")
+    assert _undetermined(followed, HELD, days)["position_hold"].remedy.startswith(
+        "no further recording"
+    )
 
 
 def test_hours_of_a_rare_source_are_in_training_and_left_out() -> None:

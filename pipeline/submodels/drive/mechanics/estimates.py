@@ -19,6 +19,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import Method
 from pipeline.submodels.drive.mechanics.inverse_dynamics import DIRECTIONS, Dynamics
 from pipeline.submodels.drive.prior import Coulomb
+from pipeline.submodels.statistics import Factor
 
 GRAVITY = 0.5
 """Relative difference of the Coulomb levels above which a constant force explains it [1]."""
@@ -28,19 +29,6 @@ EQUAL = "Coulomb friction taken as alike both ways"
 GIVEN = f"{EQUAL}, as conf/machine/ says"
 SHOWN = f"{EQUAL}: the levels differ by more than friction does"
 UNEQUAL = "taken as 0: motion cannot tell it from Coulomb friction that differs both ways"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Factor:
-    """Factor with half of its 95 % interval; ``zero`` is the reading of a load channel at rest."""
-
-    value: float
-    half_width: float
-    zero: float = 0.0
-
-    def is_determined(self, widest: float) -> bool:
-        """Whether its relative half width is at most ``widest`` [1]."""
-        return self.value != 0 and self.half_width <= widest * abs(self.value)
 
 
 @dataclass(frozen=True, kw_only=True)

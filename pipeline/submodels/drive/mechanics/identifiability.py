@@ -11,7 +11,6 @@ import numpy as np
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.submodels.drive.mechanics.estimates import Factor
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     AMPLITUDES,
     DIRECTIONS,
@@ -32,7 +31,7 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
     position_disturbance,
 )
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.statistics import Uncertainty
+from pipeline.submodels.statistics import Factor, Uncertainty
 
 OTHER_BANDWIDTHS = (0.5, 2.0)
 """Bandwidths of repeated fits over the chosen one [1]; their differences widen the intervals."""
