@@ -16,6 +16,7 @@ from pipeline.submodels.contract import Shown
 from pipeline.submodels.cutting.figures import no_load_figures, revolutions
 from pipeline.submodels.cutting.headline import (
     ERROR_WORDS,
+    beyond_words,
     cutting_verdict,
     key_figures,
     plain_better_words,
@@ -110,7 +111,10 @@ def cutting_page(shown: Shown[CuttingModel]) -> SubModelPage:
         verdict=cutting_verdict(facts),
         key_figures=key_figures(facts),
         doubts=[words] if (words := plain_better_words(facts)) else [],
-        notes=[undetermined_words(facts)] if facts.undetermined else [],
+        notes=[
+            *([undetermined_words(facts)] if facts.undetermined else []),
+            *([words] if (words := beyond_words(facts)) else []),
+        ],
         sections=[s for s in (cut_section(facts), prediction_section(facts)) if s is not None],
         truth=[] if truth is None else [truth],
         changed=wear_note,
@@ -176,7 +180,7 @@ def cut_section(facts: CuttingFacts) -> Section | None:
                               text=f"{WEAR} {ONCE}"))  # fmt: skip
     methods = methods_table(facts)
     if methods is not None:
-        blocks += [Heading(heading="How they were found", text=methods_words(model)), methods]
+        blocks += [Heading(heading="How they were identified", text=methods_words(model)), methods]
     blocks += present(terms_table(facts), recordings_table(facts), training_files_table(facts))
     spindle = present(
         spindle_table(facts), load_table(facts), no_load_figures(facts), logs_table(facts)
@@ -199,8 +203,8 @@ def _found_from(model: CuttingModel) -> str:
     count = sum(row.role == "training" for row in model.recordings)
     of = _cut_words(model)
     if not count:
-        return f"The recordings that they were found from{of} are not named."
-    return f"Found from {counted(count, 'recording')}{of}."
+        return f"The recordings that they were identified from{of} are not named."
+    return f"Identified from {counted(count, 'recording')}{of}."
 
 
 def _cut_words(model: CuttingModel) -> str:
@@ -217,14 +221,14 @@ def _cut_words(model: CuttingModel) -> str:
 
 
 def _fit_words(model: CuttingModel) -> str:
-    """How well the fit holds, and which two coefficients it tells apart worst."""
+    """How well the fit holds, and which two coefficients are the most correlated."""
     fit, words = model.fit, []
     if fit is not None:
         over = [counted(n, one) for n, one in ((fit.samples, "sample"),
                                                (fit.revolutions, "revolution")) if n]  # fmt: skip
-        words.append(f"What the fit leaves over is {number(fit.rms_error_percent, 2)} % of the RMS "
+        words.append(f"The residual of the fit is {number(fit.rms_error_percent, 2)} % of the RMS "
                      "force" + (f" over {' of '.join(over)}" if over else ""))  # fmt: skip
-        ill = ", so some are hard to tell apart" if fit.condition > ILL else ""
+        ill = ", so some are hard to separate" if fit.condition > ILL else ""
         words.append(f"the condition is {number(fit.condition, 2)}{ill}")
     pair = strongest_correlation(_shown_correlation(model))
     if pair is not None:

@@ -164,7 +164,7 @@ def coefficients_table(facts: CuttingFacts) -> Table | None:
             *names("Parameter", "means"),
             *numbers(*pair, group="Whole waveform" if beside else ""),
             *(numbers(*pair, group="Mean forces alone") if beside else []),
-            *names("unit", "how found, or why not"),
+            *names("unit", "method, or why not"),
         ],
         rows=rows,
         sources=model_sources(facts),
@@ -186,7 +186,7 @@ def small_table(
         caption=caption,
         note=note,
         heads=[*names("Parameter", "means"), *numbers(("value", ""), ("95 % interval", "")),
-               *names("unit", "how found, or why not")],
+               *names("unit", "method, or why not")],
         rows=[
             cells(Cell(text=name, code=True), meanings.get(name.split(" ")[-1], "–"),
                   value_words(p), interval_words(p), unit_of(p) or "–", remark(p, marks))

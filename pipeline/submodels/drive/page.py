@@ -45,6 +45,7 @@ from pipeline.submodels.drive.page_parameters import (
     identified_axes,
     made_from,
     truth_table,
+    truth_words,
 )
 
 FORCE_NOTE = (
@@ -163,7 +164,11 @@ def drive_page(shown: Shown[DriveModel]) -> sections.SubModelPage | None:
     return sections.SubModelPage(
         verdict=drives_verdict(drives),
         key_figures=_key_figures(drives),
-        notes=[words] if (words := undetermined_words(shown)) else [],
+        notes=[
+            words
+            for words in (undetermined_words(shown), truth_words(truth) if truth else "")
+            if words
+        ],
         sections=[one for one in (drives_section(shown), following_section(drives)) if one],
         truth=[truth] if truth is not None else [],
         compared=_compared(drives),
@@ -334,7 +339,8 @@ def _held(verdict: Verdict | None, name: str) -> str:
     total = None if verdict is None else verdict.total(name)
     if total is None or total.coverage_90 is None:
         return ""
-    return f" (held {percent(total.coverage_90, 1.0)} of what was judged)"
+    short = f", fewer than the 90{NARROW}% that are promised" if total.coverage_90 < 0.895 else ""
+    return f" (held {percent(total.coverage_90, 1.0)} of the judged samples{short})"
 
 
 def runs_table(drives: Driven) -> tables.Table | None:

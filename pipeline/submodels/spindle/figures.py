@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.bands import UNITS, Band
+from pipeline.charts.bands import UNITS, Band, beyond, beyond_words
 from pipeline.charts.numbers import number
 
 DAY = 86_400  # s
@@ -124,6 +124,8 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
     temperature = Band(top=TOP, height=TEMPERATURE, low=low, high=high)
     error = Band(top=error_top, height=ERROR, low=-axes.error, high=axes.error)
     limits = [-axes.limit, axes.limit] if axes.limit else []
+    percent = _across(curves.seconds, axes) * 100 / UNITS
+    outside = [beyond(percent, _error(curves, name), error, "K") for name in _models(curves)]
     parts = [
         *_clock(axes, bottom),
         svg.text(0, TOP - 6, "Temperature, °C", "head"),
@@ -132,13 +134,14 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
             _line(curves.seconds, curves.values[name], axes, temperature, kind)
             for name, kind in KINDS.items() if name in curves.values
         ]),
-        svg.text(0, error_top - 6, "Model less measured, K", "head"),
+        svg.text(0, error_top - 9, f"Model less measured, K{beyond_words(outside, 'K')}", "head"),
         *error.levels(),
         *(svg.across(error.pixel(limit), "grid limit") for limit in limits),
         error.content([
             _line(curves.seconds, _error(curves, name), axes, error, KINDS[name])
             for name in _models(curves)
         ]),
+        *(mark for one in outside for mark in one.marks),
         *_speed(day, axes, speed_top),
     ]  # fmt: skip
     return svg.figure(parts, height=bottom + 22, label=label, kind="golden")
@@ -157,8 +160,13 @@ def _clock(axes: Frame, bottom: float) -> list[Markup]:
 
 def _line(seconds: np.ndarray, values: np.ndarray, axes: Frame, into: Band, kind: str) -> Markup:
     x, y = svg.thinned(seconds, values, 60 * axes.minutes / STEPS)
-    across = UNITS * (x / 60 - 60 * axes.hours[0]) / axes.minutes
-    return svg.curve(across, into.down(y), kind)
+    return svg.curve(_across(x, axes), into.down(y), kind)
+
+
+def _across(seconds: np.ndarray, axes: Frame) -> np.ndarray:
+    """Places of seconds of the day (T,) across a band's viewport."""
+    across: np.ndarray = UNITS * (seconds / 60 - 60 * axes.hours[0]) / axes.minutes
+    return across
 
 
 def _speed(day: Spinning | None, axes: Frame, top: float) -> list[Markup]:

@@ -288,8 +288,8 @@ def _model_words(model: SpindleModelFile) -> str:
     lost = [name for name, p in parameters.items() if not p.determined]
     if lost:
         text += (
-            f" {len(lost)} of {counted(len(parameters), 'parameter')} cannot be had from these "
-            f"records ({', '.join(lost)}) and carry no number."
+            f" {len(lost)} of {counted(len(parameters), 'parameter')} cannot be determined from "
+            f"these records and have no value: {'; '.join(MEANINGS.get(n, n) for n in lost)}."
         )
     return text
 

@@ -98,7 +98,7 @@ def test_forces_of_an_unknown_drive_stay_in_its_command():
 
 def test_the_strongest_correlation_of_the_fit_is_named(text):
     assert (
-        "What the fit leaves over is 2.6 % of the force over 23 410 samples; the condition is 42; "
+        "The residual of the fit is 2.6 % of the force over 23 410 samples; the condition is 42; "
         "the most correlated are viscous_positive and coulomb_positive (correlation −0.83)." in text
     )
 
@@ -138,7 +138,7 @@ def test_the_search_that_won_is_said(errors, won, counts):
 
 
 def test_recordings_say_what_was_done_to_them(text):
-    assert "Found from 3 recordings of X, Y and Z." in text
+    assert "Identified from 3 recordings of X, Y and Z." in text
     assert "servo/short left out has 3 rows" in text
     assert "servo/reciprocation-X 55.9 –" in text
     assert "servo/reciprocation-X fitted on servo/reciprocation-X.csv 0606" in text
@@ -236,6 +236,12 @@ def test_the_truth_stands_beside_what_was_identified(text):
     assert "X viscous_positive 960 902 −6.04 875 to 929 N s/m misses the truth" in text
     assert "Y static_positive 430 not determined – – N –" in text
     assert "motor L_d 6.00 6.10 +1.67 5.86 to 6.34 mH holds the truth" in text
+
+
+def test_intervals_that_miss_the_truth_are_named_outside_of_the_folded_table():
+    notes = " ".join(drive_page(shown()).notes).replace("\u202f", " ")
+    assert "Of 8 intervals of 95 % of the drives’ parameters 7 hold the simulated truth" in notes
+    assert "X viscous_positive misses it" in notes
 
 
 @given(st.floats(1e-3, 1e4), st.floats(1e-3, 0.5))  # narrower than five digits show
