@@ -86,7 +86,7 @@ ONCE = (
     "batch of material: cut the same slots again, once with a new edge and then every few weeks, "
     "and the list of changes below says what moved."
 )
-JUDGED = "Judged are recordings that nothing was learnt from."
+JUDGED = "Only recordings that were not used in the fit are judged."
 CROSS = (
     "Every recording was learnt from, so each is also predicted by a fit on the others: a weaker "
     "proof than a recording of another day or another clamping would be."
@@ -282,7 +282,7 @@ def _conditions(row: ResidualConditions) -> str:
         [
             f"{number(round(row.speed_rpm))}{TOGETHER}rev/min",
             f"{row.axial_depth_mm:g}{TOGETHER}mm deep",
-            f"learnt at {words}{TOGETHER}mm a tooth",
+            f"learnt at {words}{TOGETHER}mm per tooth",
             f"used from {low:g} to {high:g}",
         ]
     )
@@ -339,7 +339,7 @@ def spindle_words(model: CuttingModel) -> str:
     # N/mm^2 as power for a rate of chips [W min/cm^3]
     watts = number((specific.value or 0.0) / 60)
     return (
-        f"{words} each cm³ of chips a minute asks for {watts}{NARROW}W at the tool: no "
+        f"{words} each cm³ of chips a minute takes {watts}{NARROW}W at the tool: no "
         "dynamometer is needed to watch this one number, and it grows as the edge wears, with thin "
         f"chips most.{rest}"
     )
@@ -355,7 +355,7 @@ def prediction_section(facts: CuttingFacts) -> Section | None:
     verdict = cutting_verdict(facts)
     text = [
         verdict.sentence if verdict is not None else "",
-        f"{JUDGED if facts.judged or not facts.cross else CROSS} The model is told speed, "
+        f"{JUDGED if facts.judged or not facts.cross else CROSS} The model is given speed, "
         "feed, depth and the tool alone, and what it predicts is laid over the mean revolution "
         "that was measured.",
         _plain_words(facts),

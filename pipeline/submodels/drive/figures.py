@@ -221,7 +221,11 @@ def mass_figure(shown: MassShown, label: str) -> Markup:
     interval = None if shown.batch is None else shown.batch.interval_95
     batch = np.array([b for b in (central, *(interval or ())) if b is not None])
     into = band(TOP, MASS_HEIGHT, value[late], (value - half)[late], (value + half)[late], batch)
-    parts = [svg.text(0, TOP - 7, f"Mass, {shown.unit}", "head")]
+    percent = 100 * (t - span[0]) / max(span[1] - span[0], 1e-12)
+    ends = (value, value - half, value + half)
+    outside = [beyond(percent, drawn, into, shown.unit) for drawn in ends]
+    head = f"Mass, {shown.unit}{beyond_words(outside, shown.unit)}"
+    parts = [svg.text(0, TOP - 7, head, "head")]
     if interval is not None:
         top = into.pixel(interval[1])
         height = max(1.0, into.pixel(interval[0]) - top)
@@ -233,6 +237,7 @@ def mass_figure(shown: MassShown, label: str) -> Markup:
     ]))  # fmt: skip
     if central is not None:
         parts.append(svg.across(into.pixel(central), "batch"))
+    parts += [mark for one in outside for mark in one.marks]
     return svg.figure([*clock(span, TOP, into.bottom), *parts], height=into.bottom + 36,
                       label=label, kind="inertia")  # fmt: skip
 

@@ -49,7 +49,7 @@ from pipeline.submodels.drive.page_parameters import (
 )
 
 FORCE_NOTE = (
-    "Force: error of the force that the recorded motion asks for, over the measured force; its "
+    "Force: error of the force that the recorded motion needs, over the measured force; its "
     "plain guess is one constant level against the motion."
 )
 LEVEL_NOTE = (
@@ -293,9 +293,10 @@ def following_section(drives: Driven) -> sections.Section | None:
     verdict = drives_verdict(drives)
     text = [
         verdict.sentence if verdict is not None else "",
-        "Judged are recordings that the drives were not identified from. The force is rebuilt from "
-        "the recorded motion; the following error comes from the twin’s own closed loop under the "
-        "reference alone, and a recorded disturbance where the record shows it to enter.",
+        "Only recordings that the drives were not identified from are judged. The force is "
+        "rebuilt from the recorded motion; the following error comes from the twin’s own closed "
+        "loop under the reference alone, and a recorded disturbance where the record shows "
+        "it to enter.",
     ]
     text += _interval_words(drives)
     if not drives.runs:

@@ -268,7 +268,7 @@ def _model_words(model: SpindleModelFile) -> str:
         "heat sources, each a coefficient over heat capacity times a function of speed or load, "
     )
     text += (
-        "and cools in proportion to its temperature above the surround."
+        "and cools in proportion to its temperature above the surroundings."
         if nodes == 1
         else "and exchanges heat with a body, which " + _body_words(model.network)
     )

@@ -147,8 +147,8 @@ def test_what_was_learnt_beside_mechanics_says_where_it_holds(text):
     assert (
         "Beside mechanics the model holds what mechanics leave over, by the angle of the spindle; "
         "affine in the feed. That part was learnt, not understood, and is used only where it was "
-        "learnt: 6 000 rev/min, 3 mm deep, learnt at 0.05 and 0.075 mm a tooth, used from 0.025 to "
-        "0.15." in text
+        "learnt: 6 000 rev/min, 3 mm deep, learnt at 0.05 and 0.075 mm per tooth, used from "
+        "0.025 to 0.15." in text
     )
 
 
@@ -179,7 +179,7 @@ def test_without_a_dynamometer_and_without_logs_the_page_says_what_serves():
 
 def test_specific_force_is_said_in_the_units_of_a_rate_of_chips(text):
     # 2010 N/mm^2 = 2010 J/cm^3; over a minute 2010 / 60 W
-    assert "each cm³ of chips a minute asks for 33.5 W at the tool" in text
+    assert "each cm³ of chips a minute takes 33.5 W at the tool" in text
     assert "with thin chips most. The load is a share of 15 kW." in text
 
 
@@ -210,7 +210,7 @@ def test_logs_of_the_spindle_say_what_of_them_is_not_used(text):
 def test_a_machine_with_nothing_but_its_spindles_load_says_what_forces_would_take():
     said = words(page(without_forces()))
     assert "No force was recorded on a dynamometer" in said and "edge: measure" not in said
-    assert "each cm³ of chips a minute asks for 33.5 W" in said
+    assert "each cm³ of chips a minute takes 33.5 W" in said
     assert "not held against any recording" not in said and "verdict.json" not in said
 
 

@@ -250,6 +250,7 @@ def test_a_wide_start_does_not_flatten_the_rest_of_the_estimate():
                     value=(found.value[0], -1e5, *found.value[2:]))  # fmt: skip
     drawn = str(mass_figure(mass_shown(found, parameter(420.0, "kg")), ""))
     assert ">450<" in drawn and ">500<" in drawn
+    assert 'class="beyond"' in drawn and "triangles: beyond the scale" in drawn
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20), st.booleans())

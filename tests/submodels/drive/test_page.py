@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pipeline.charts.numbers import resolved
 from pipeline.schema.model import Parameter
 from pipeline.schema.verdict import Fact
-from pipeline.submodels.drive.page import Driven, drive_page, drives_verdict
+from pipeline.submodels.drive.page import Driven, _held, drive_page, drives_verdict
 from pipeline.submodels.drive.page_parameters import (
     truth_as_fitted,
 )
@@ -308,3 +308,20 @@ def test_a_failed_axis_names_the_cause_of_its_disturbance_in_the_headline():
     failed = verdict_on({("X", "pulses.mat"): (4.0, 16.0)}, facts=DISTURBED)
     sentence = drives_verdict(Driven.of(shown(verdict=failed))).sentence
     assert "enters at the speed command, not as a force on the axis" in sentence
+
+
+@pytest.mark.parametrize(("held", "short"), [(0.85, True), (0.94, False)])
+def test_intervals_that_hold_fewer_samples_than_promised_say_so(held, short):
+    found = verdict_on()
+    total = replace(
+        found.scores[0],
+        quantity="force X",
+        group="all",
+        coverage_90=held,
+        regime="",
+        role="held_out",
+    )
+    judged = replace(found, scores=(*found.scores, total))
+    words_ = _held(judged, "force X").replace("\u202f", " ")
+    assert f"held {100 * held:.0f} % of the judged samples" in words_
+    assert ("fewer than the 90 % that are promised" in words_) == short
