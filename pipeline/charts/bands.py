@@ -1,5 +1,6 @@
 """Bands of a figure: values over pixels, their levels, their curves; a time axis in seconds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,8 @@ UNITS = 2000
 """Units across a band's viewport [1]."""
 STRETCHES = 420
 """Stretches of the x axis, each drawn by its lowest and highest value [1]."""
-BESIDE = 1.5
-"""Stretches beyond a band that are as near to each other [%] share one arrow."""
+MARK_APART = 1.5
+"""Distance between values beyond a scale, over which each has a mark of its own [% of width]."""
 MOST = 1e12
 """Greatest magnitude, in any unit of the shop, that is a reading [1]."""
 
@@ -60,30 +61,6 @@ class Band:
             parts += [svg.across(y, kind), svg.text(0, y + 4, tick_words(mark), "tick end", dx=-6)]
         return parts
 
-    def beyond(self, x: Floats, values: Floats, unit: str) -> list[Markup]:
-        """An arrow at the edge over each stretch of values that the band does not reach.
-
-        Parameters
-        ----------
-        x : ndarray, shape (T,)
-            Places along the figure, ascending [%].
-        values : ndarray, shape (T,)
-            Values there; the greatest of a stretch is said on hover.
-        unit : str
-            Of the values, in words.
-        """
-        parts = []
-        for sign, edge, arrow in ((1, self.high, "▲"), (-1, self.low, "▼")):
-            out = np.flatnonzero(sign * (values - edge) > 0)
-            for some in np.split(out, np.flatnonzero(np.diff(x[out]) > BESIDE) + 1):
-                if not len(some):
-                    continue
-                most = some[np.argmax(sign * values[some])]
-                y = self.top + 8 if sign > 0 else self.bottom - 1
-                words = svg.tag("title", f"{tick_words(float(f'{values[most]:.3g}'))} {unit}")
-                parts.append(svg.text(float(x[most]), y, Markup(arrow) + words, "tick mid beyond"))
-        return parts
-
     def content(self, parts: list[Markup]) -> Markup:
         """Curves in the viewport of this band."""
         return svg.band(self.top, self.height, UNITS, parts)
@@ -107,6 +84,63 @@ def line(seconds: Floats, values: Floats, span: tuple[float, float], into: Band,
     if len(x) > 2 * STRETCHES:
         x, y = svg.thinned(x, y, UNITS / STRETCHES)
     return svg.curve(x, into.down(y), kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beyond:
+    """Values that a band's scale does not reach: their marks, how many, the farthest of them."""
+
+    marks: list[Markup]
+    count: int
+    farthest: float
+
+
+def beyond(across: Floats, values: Floats, into: Band, unit: str) -> Beyond:
+    """Triangles at the band's edge above or below values (T,) that lie beyond its scale.
+
+    Values that would share a triangle are one, with the farthest of them on hover.
+
+    Parameters
+    ----------
+    across : ndarray, shape (T,)
+        Places along the width, ascending [%].
+    values : ndarray, shape (T,)
+        Values; NaN where not known.
+    into : Band
+        The band that they are drawn in.
+    unit : str
+        Unit of the values, for the words on hover.
+    """
+    marks: list[Markup] = []
+    out = {True: values > into.high, False: values < into.low}
+    for up, where in out.items():
+        places = np.flatnonzero(where & np.isfinite(across))
+        for near in np.split(places, np.flatnonzero(np.diff(across[places]) > MARK_APART) + 1):
+            if len(near):
+                worst = near[np.argmax(np.abs(values[near]))]
+                marks.append(_triangle(float(across[worst]), float(values[worst]), into, unit, up))
+    every = values[out[True] | out[False]]
+    farthest = float(every[np.argmax(np.abs(every))]) if len(every) else 0.0
+    return Beyond(marks=marks, count=len(every), farthest=farthest)
+
+
+def _triangle(x: float, value: float, into: Band, unit: str, up: bool) -> Markup:
+    """A triangle that points out of the band at ``x`` [%]; ``value`` stands in its title."""
+    edge, way = (into.top, -1) if up else (into.bottom, 1)
+    shape = svg.tag("path", d=f"M-5 0h10l-5 {7 * way}z")
+    words = f"beyond the scale: {tick_words(round(value, 2))} {unit}".rstrip()
+    return svg.tag(
+        "svg", svg.group([svg.tag("title", words), shape]),
+        x=f"{x:.2f}%", y=edge, class_="beyond", overflow="visible",
+    )  # fmt: skip
+
+
+def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
+    """What a head says of the marks of :func:`beyond`; empty where nothing lies beyond."""
+    farthest = max((one.farthest for one in outside if one.count), key=abs, default=None)
+    if farthest is None:
+        return ""
+    return f"; triangles: beyond the scale, up to {tick_words(round(farthest, 2))} {unit}".rstrip()
 
 
 def clock(span: tuple[float, float], top: float, bottom: float) -> list[Markup]:

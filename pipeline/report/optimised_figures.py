@@ -110,7 +110,7 @@ def load_figures(
     if before is None or after is None:
         return None
     legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
-    words = f"Load along the way of {name}, as programmed and optimised"
+    words = f"Load along the path of {name}, as programmed and optimised"
     drawn = load_figure(before, after, limit, trace.tools, words)
     caption = caption or f"{words}: the highest force on the tool in the plane, predicted."
     figures = [Figure(svg=drawn, caption=caption, sources=sources)]

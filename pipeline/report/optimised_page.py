@@ -169,7 +169,7 @@ def _certainty_text(part: OptimisedPart, of: Reliability) -> list[str]:
         interval = f" ({' to '.join(share(end) for end in of.interval_95)})"
         said.append(
             f"The load passes its limit somewhere in the part in {share(of.exceedance)}{interval} "
-            f"of {counted(of.draws, 'draw')} that the answer was not made with; asked for was at "
+            f"of {counted(of.draws, 'draw')} that the answer was not made with; allowed was at "
             f"most {as_stated(100 * of.epsilon)}{NARROW}%."
         )
     return said + _peaks(of) + _price(part, of)

@@ -151,7 +151,7 @@ def cut_table(parts: PartPrograms, shelf: SourceRegistry, one: PartProgram) -> T
     heads = [Head(name="Of the part"),
              *numbers(("predicted", ""), ("cut", ""), group="As programmed"),
              *numbers(("predicted", ""), ("cut", ""), group="Optimised")]  # fmt: skip
-    asked = "" if allowed is None else f"; asked for was at most {share(allowed)}"
+    asked = "" if allowed is None else f"; allowed was at most {share(allowed)}"
     trial = [] if parts.trial is None else [parts.trial]
     return Table(
         caption=f"{one.label}: predicted, and cut on the simulated shop floor {cuts[1]} times",

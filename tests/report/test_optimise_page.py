@@ -35,7 +35,7 @@ def test_the_page_has_every_figure_and_table(tmp_path):
     tags = outline(page(tmp_path, optimised())).tags
     labels = [a["aria-label"] for tag, a in tags if tag == "svg" and "aria-label" in a]
     for word in ("From above: Path of SLOT as programmed", "From the front: Path of SLOT optimised",
-                 "Load along the way", "F and S of the blocks", "Time and cost of the blocks",
+                 "Load along the path", "F and S of the blocks", "Time and cost of the blocks",
                  "The front in two", "The front and other"):  # fmt: skip
         assert any(label.startswith(word) for label in labels), word
     text = said(tmp_path, optimised())

@@ -67,7 +67,7 @@ def test_each_program_is_told_with_gain_price_and_proof(tmp_path: Path) -> None:
     assert "SLOT least cost 29.48 24.51 −16.9 % 120.1 76.40 −36.4 % 71.2 57.9 60.0 proved" in text
     assert "in 0.71 % of parts (0.30 % to 1.4 %), 1 % is allowed; being that sure costs" in text
     assert "3 moves stayed as programmed: threads keep their feed" in text
-    assert "a1" * 32 in text and "Load along the way of BORE" in text
+    assert "a1" * 32 in text and "Load along the path of BORE" in text
     assert "cut on the simulated shop floor" not in section(found, KEY)
 
 

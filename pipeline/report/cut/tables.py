@@ -56,8 +56,8 @@ def forces_table(cut: ProgramCut, sources: list[Source]) -> Table:
         caption="By tool: the worst of its blocks, at the highest feed that a block reaches",
         heads=[
             *names("Tool"),
-            *numbers(("blocks that cut", ""), ("in the material", ""), ("cuts air", "")),
-            *numbers(("feed a tooth", "mm"), ("thickest", "mm"), group="Chip"),
+            *numbers(("blocks that cut", ""), ("in the material", ""), ("in air", "")),
+            *numbers(("feed per tooth", "mm"), ("thickest", "mm"), group="Chip"),
             *numbers(("axial", "mm"), ("radial", "mm"), group="Depth"),
             *numbers(("in the plane", "N"), ("axial", "N"), group="Peak force"),
             *numbers(
@@ -165,7 +165,7 @@ def worst_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
         heads=[
             *names("Line", "Tool", "what binds"),
             *numbers(("of the limit", ""), ("blocks alike", ""), ("peak load", "N"),
-                     ("feed reached", "mm/min"), ("speed", "rev/min"), ("feed a tooth", "mm"),
+                     ("feed reached", "mm/min"), ("speed", "rev/min"), ("feed per tooth", "mm"),
                      ("axial depth", "mm"), ("radial depth", "mm"), ("power", "kW"),
                      ("deflection", "µm")),
         ],

@@ -120,7 +120,7 @@ def programs_section(
     drawn = [p for p in programs if not p.refused][:MOST_DRAWN]
     classes = feed_classes([p.moves for p in drawn if p.moves is not None])
     text = [
-        f"{counted(len(programs), 'part program')}, run through the control that was found: the "
+        f"{counted(len(programs), 'part program')}, run through the identified control: the "
         "time of every block, the feed that it reaches, and what keeps it from more. Positions "
         "are in the machine’s frame."
     ]

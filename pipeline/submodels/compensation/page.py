@@ -204,7 +204,7 @@ def _before_and_after(facts: CompensationFacts) -> Section:
     if model is None:
         return Section(key=key, title=title, text=[absent(shown.folder / "model.json", NEEDS)])
     text = [
-        "The model of the drives does not tell the whole following error: friction at reversals, "
+        "The model of the drives does not cover the whole following error: friction at reversals, "
         "ripple of the screw and the like remain. A network learns that rest from recordings."
         if model.with_drive
         else "This machine has no model of its drives, so the following error itself is learnt, "

@@ -34,7 +34,7 @@ from pipeline.twin.control import WHOLE, ControlModelFile
 
 MOST_RUNS = 40  # of the figure; the table has them all
 RULES = (
-    "Judged are runs that the control was not fitted on and that ran to their end. What the "
+    "Only runs that the control was not fitted on and that ran to their end are judged. What the "
     "operator stopped (feed hold, an override at 0) stands in its own column and is no part of the "
     "comparison. An error above 0 says that the prediction is too long. The plain guess is "
     "path length over programmed feed, as if the axes had no mass."
@@ -260,7 +260,7 @@ def _found_from(model: ControlModelFile) -> str:
         f"{counted(fit.segments, 'stretch', 'stretches')} between polled lines"
     )
     if fit.rmse_s is not None:
-        words += f"; the time of a stretch is wrong by {quantity(fit.rmse_s, 's')} (RMS)"
+        words += f"; the RMS error of a stretch’s time is {quantity(fit.rmse_s, 's')}"
     if fit.condition is not None:
         words += f", condition of the fit {number(fit.condition, 2)}"
     pair = default_section.strongest_correlation(fit.correlation)

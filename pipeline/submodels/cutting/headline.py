@@ -9,6 +9,7 @@ from pipeline.submodels.cutting.runs import (
     ERRORS,
     CutRun,
     CuttingFacts,
+    components,
     worst_run,
 )
 
@@ -141,6 +142,41 @@ def plain_better_words(facts: CuttingFacts) -> str:
     return (
         f"On {len(beaten)} of {recordings_words(facts)} the plain guess ({PLAIN_WHAT}) comes "
         "closer to the forces than the model."
+    )
+
+
+def beyond_words(facts: CuttingFacts) -> str:
+    """What the judgement above does not count: failed fits to the others, single components."""
+    words = [
+        f"{len(failed)} of {counted(len(facts.cross), 'recording')} fail when predicted by a fit "
+        f"to the others: {errors_words(facts, failed)}"
+        if len(failed) > 1 else
+        f"{failed[0].recording} fails when predicted by a fit to the other recordings: "
+        f"{errors_words(facts, failed)}"
+        for failed in [[run for run in facts.cross if run.status == "failed"]]
+        if failed and facts.judged
+    ]  # fmt: skip
+    limit, worst = facts.limit("peak"), _worst_component(facts)
+    if worst is not None and limit is not None and worst[0] > limit:
+        words.append(
+            f"limits hold for the force in the plane of the feed: the peak of single components "
+            f"is wrong by up to {number(worst[0], 2)}{TOGETHER}% (F{worst[1]} in {worst[2]})"
+        )
+    return " ".join(f"{one[0].upper()}{one[1:]}." for one in words)
+
+
+def _worst_component(facts: CuttingFacts) -> tuple[float, str, str] | None:
+    """Greatest error of a component's peak [%], its axis, its recording; None without one."""
+    return max(
+        (
+            (abs(error), name, run.recording)
+            for run in facts.judged
+            for name, one in components(
+                facts.shown.predictions, run.recording, run.waveform.regime
+            ).items()
+            if name != "resultant" and (error := one.errors["peak"]) is not None
+        ),
+        default=None,
     )
 
 

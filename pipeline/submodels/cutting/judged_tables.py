@@ -27,7 +27,7 @@ from pipeline.charts.tables import (
     names,
     numbers,
 )
-from pipeline.schema.cutting import BY_LOAD, NoLoadPoint
+from pipeline.schema.cutting import BY_LOAD, CuttingModel, NoLoadPoint
 from pipeline.schema.model import Parameter
 from pipeline.submodels.cutting.runs import (
     ERRORS,
@@ -62,8 +62,9 @@ NOTE = (
 )
 TRUTH_NOTE = (
     "True coefficients are those of the straight line nearest to the simulated edge force, which "
-    "is no straight line. The angle of the runout is known but for whole pitches of the teeth, and "
-    "its error is not said in percent. No-load power, rev/min: at the tool."
+    "is no straight line. The angle of the runout is determined only up to whole pitches of the "
+    "teeth (360° over their number), so no error in percent is given for it. "
+    "No-load power, rev/min: at the tool."
 )
 VERDICTS = {
     True: Cell(text="holds the truth", status="passed"),
@@ -93,7 +94,7 @@ def runs_table(facts: CuttingFacts) -> Table | None:
 
 def cross_table(facts: CuttingFacts) -> Table | None:
     """Every recording as a fit on other recordings predicts it."""
-    caption = "Each recording predicted by a fit on others"
+    caption = "Each recording predicted by a fit to the others"
     return _runs_table(facts, facts.cross, caption, cross=True)
 
 
@@ -239,7 +240,7 @@ def components_table(facts: CuttingFacts) -> Table | None:
     ]
     if not rows:
         return None
-    of = ", predicted by a fit on others" if runs[0].fitted_on else ""
+    of = ", predicted by a fit to the others" if runs[0].fitted_on else ""
     both = (("measured", "N"), ("modelled", "N"), ("error", "%"), ("plain", "%"))
     return Table(
         caption=f"Forces by component{of}, the plain guess beside{left_out(len(rows), MOST_ROWS)}",
@@ -272,8 +273,8 @@ def _component_row(run: CutRun, name: str, one: Component) -> list[Cell]:
 
 # ---- truth of a simulated machine
 
-Known = tuple[str, float, Parameter, bool | None, float]
-"""Name, true value, what was found, whether its interval holds the truth, period of an angle."""
+Known = tuple[str, float, Parameter, bool | None]
+"""Name, true value, what was found, whether its interval holds the truth."""
 
 
 def truth_table(facts: CuttingFacts) -> Table | None:
@@ -282,25 +283,31 @@ def truth_table(facts: CuttingFacts) -> Table | None:
     every = [*_true_parameters(facts, truth), *_true_powers(facts, truth)]
     if not every:
         return None
-    known = [inside for *_, inside, _ in every if inside is not None]
+    known = [inside for *_, inside in every if inside is not None]
+    periods = {} if facts.model is None else _periods(facts.model)
     return Table(
-        caption="The cut: what was simulated against what was found; "
+        caption="The cut: simulated against identified; "
         f"{sum(known)} of {number(len(known))} intervals hold the truth",
         note=TRUTH_NOTE,
         heads=[*names("Parameter"),
-               *numbers(("true", ""), ("found", ""), ("off by", "%"), ("95 % interval", "")),
+               *numbers(("true", ""), ("identified", ""), ("off by", "%"), ("95 % interval", "")),
                *names("unit", "interval")],
-        rows=[_truth_row(*one) for one in every],
+        rows=[_truth_row(*one, period=periods.get(one[0], 0.0)) for one in every],
         sources=model_sources(facts),
     )  # fmt: skip
+
+
+def _periods(model: CuttingModel) -> dict[str, float]:
+    """Periods [deg] of the parameters that are determined only up to whole ones, by name."""
+    flutes = real(model.tool.get("flutes")) or 1.0
+    return {"runout_angle": TURN / max(flutes, 1.0)}
 
 
 def _true_parameters(facts: CuttingFacts, truth: Any) -> list[Known]:
     """Coefficients, runout and specific force, of what stands in both."""
     if facts.model is None:
         return []
-    flutes = real(facts.model.tool.get("flutes")) or 1.0
-    periods = {"runout_angle": TURN / max(flutes, 1.0)}
+    periods = _periods(facts.model)
     parameters = dict(facts.model.coefficients)
     parts = stated(truth, "parameters")
     values = dict(parts) if isinstance(parts, dict) else {}
@@ -308,11 +315,10 @@ def _true_parameters(facts: CuttingFacts, truth: Any) -> list[Known]:
         parameters["specific_force"] = facts.model.spindle_parameters["specific_force"]
         values["specific_force"] = stated(truth, "spindle", "specific_force")
     return [
-        (name, true, p, holds(p, true, period), period)
+        (name, true, p, holds(p, true, periods.get(name, 0.0)))
         for name, value in values.items()
         if (true := real(value.get("value") if isinstance(value, dict) else value)) is not None
         if (p := parameters.get(name)) is not None
-        for period in (periods.get(name, 0.0),)
     ]
 
 
@@ -334,14 +340,21 @@ def _true_powers(facts: CuttingFacts, truth: Any) -> list[Known]:
             interval_95=(near.power_W - half, near.power_W + half),
         )  # fmt: skip
         true = efficiency * power
-        every.append((f"no-load power at {number(round(speed))}", true, p, holds(p, true), 0.0))
+        every.append((f"no-load power at {number(round(speed))}", true, p, holds(p, true)))
     return every
+
+
+def _held_cell(inside: bool | None, period: float) -> Cell:
+    """Whether the interval holds the truth, and by which period [deg] the truth may be moved."""
+    said = VERDICTS[inside]
+    if inside is None or not period:
+        return said
+    return replace(said, text=f"{said.text}, modulo {period:g}°")
 
 
 def _truth_row(
     name: str, true: float, p: Parameter, inside: bool | None, period: float
 ) -> list[Cell]:
-    """A row of the table; an angle counts to whole pitches of the teeth, and the row says so."""
     off = off_percent(p, true)
     digits = resolved(*(p.interval_95 or (None, None))) if p.determined else 3
     return cells(
@@ -351,9 +364,8 @@ def _truth_row(
         "–" if off is None else signed(off, 2),
         interval_words(p),
         unit_of(p) or "–",
-        replace(VERDICTS[inside], text=f"{VERDICTS[inside].text}, to whole pitches of {period:g}°")
-        if period and inside is not None else VERDICTS[inside],
-    )  # fmt: skip
+        _held_cell(inside, period),
+    )
 
 
 def holds(p: Parameter, true: float, period: float = 0.0) -> bool | None:

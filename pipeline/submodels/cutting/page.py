@@ -16,6 +16,7 @@ from pipeline.submodels.contract import Shown
 from pipeline.submodels.cutting.figures import no_load_figures, revolutions
 from pipeline.submodels.cutting.headline import (
     ERROR_WORDS,
+    beyond_words,
     cutting_verdict,
     key_figures,
     plain_better_words,
@@ -85,7 +86,7 @@ ONCE = (
     "batch of material: cut the same slots again, once with a new edge and then every few weeks, "
     "and the list of changes below says what moved."
 )
-JUDGED = "Judged are recordings that nothing was learnt from."
+JUDGED = "Only recordings that were not used in the fit are judged."
 CROSS = (
     "Every recording was learnt from, so each is also predicted by a fit on the others: a weaker "
     "proof than a recording of another day or another clamping would be."
@@ -110,7 +111,10 @@ def cutting_page(shown: Shown[CuttingModel]) -> SubModelPage:
         verdict=cutting_verdict(facts),
         key_figures=key_figures(facts),
         doubts=[words] if (words := plain_better_words(facts)) else [],
-        notes=[undetermined_words(facts)] if facts.undetermined else [],
+        notes=[
+            *([undetermined_words(facts)] if facts.undetermined else []),
+            *([words] if (words := beyond_words(facts)) else []),
+        ],
         sections=[s for s in (cut_section(facts), prediction_section(facts)) if s is not None],
         truth=[] if truth is None else [truth],
         changed=wear_note,
@@ -176,7 +180,7 @@ def cut_section(facts: CuttingFacts) -> Section | None:
                               text=f"{WEAR} {ONCE}"))  # fmt: skip
     methods = methods_table(facts)
     if methods is not None:
-        blocks += [Heading(heading="How they were found", text=methods_words(model)), methods]
+        blocks += [Heading(heading="How they were identified", text=methods_words(model)), methods]
     blocks += present(terms_table(facts), recordings_table(facts), training_files_table(facts))
     spindle = present(
         spindle_table(facts), load_table(facts), no_load_figures(facts), logs_table(facts)
@@ -199,8 +203,8 @@ def _found_from(model: CuttingModel) -> str:
     count = sum(row.role == "training" for row in model.recordings)
     of = _cut_words(model)
     if not count:
-        return f"The recordings that they were found from{of} are not named."
-    return f"Found from {counted(count, 'recording')}{of}."
+        return f"The recordings that they were identified from{of} are not named."
+    return f"Identified from {counted(count, 'recording')}{of}."
 
 
 def _cut_words(model: CuttingModel) -> str:
@@ -217,14 +221,14 @@ def _cut_words(model: CuttingModel) -> str:
 
 
 def _fit_words(model: CuttingModel) -> str:
-    """How well the fit holds, and which two coefficients it tells apart worst."""
+    """How well the fit holds, and which two coefficients are the most correlated."""
     fit, words = model.fit, []
     if fit is not None:
         over = [counted(n, one) for n, one in ((fit.samples, "sample"),
                                                (fit.revolutions, "revolution")) if n]  # fmt: skip
-        words.append(f"What the fit leaves over is {number(fit.rms_error_percent, 2)} % of the RMS "
+        words.append(f"The residual of the fit is {number(fit.rms_error_percent, 2)} % of the RMS "
                      "force" + (f" over {' of '.join(over)}" if over else ""))  # fmt: skip
-        ill = ", so some are hard to tell apart" if fit.condition > ILL else ""
+        ill = ", so some are hard to separate" if fit.condition > ILL else ""
         words.append(f"the condition is {number(fit.condition, 2)}{ill}")
     pair = strongest_correlation(_shown_correlation(model))
     if pair is not None:
@@ -278,7 +282,7 @@ def _conditions(row: ResidualConditions) -> str:
         [
             f"{number(round(row.speed_rpm))}{TOGETHER}rev/min",
             f"{row.axial_depth_mm:g}{TOGETHER}mm deep",
-            f"learnt at {words}{TOGETHER}mm a tooth",
+            f"learnt at {words}{TOGETHER}mm per tooth",
             f"used from {low:g} to {high:g}",
         ]
     )
@@ -335,7 +339,7 @@ def spindle_words(model: CuttingModel) -> str:
     # N/mm^2 as power for a rate of chips [W min/cm^3]
     watts = number((specific.value or 0.0) / 60)
     return (
-        f"{words} each cm³ of chips a minute asks for {watts}{NARROW}W at the tool: no "
+        f"{words} each cm³ of chips a minute takes {watts}{NARROW}W at the tool: no "
         "dynamometer is needed to watch this one number, and it grows as the edge wears, with thin "
         f"chips most.{rest}"
     )
@@ -351,7 +355,7 @@ def prediction_section(facts: CuttingFacts) -> Section | None:
     verdict = cutting_verdict(facts)
     text = [
         verdict.sentence if verdict is not None else "",
-        f"{JUDGED if facts.judged or not facts.cross else CROSS} The model is told speed, "
+        f"{JUDGED if facts.judged or not facts.cross else CROSS} The model is given speed, "
         "feed, depth and the tool alone, and what it predicts is laid over the mean revolution "
         "that was measured.",
         _plain_words(facts),

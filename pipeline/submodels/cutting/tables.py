@@ -164,7 +164,7 @@ def coefficients_table(facts: CuttingFacts) -> Table | None:
             *names("Parameter", "means"),
             *numbers(*pair, group="Whole waveform" if beside else ""),
             *(numbers(*pair, group="Mean forces alone") if beside else []),
-            *names("unit", "how found, or why not"),
+            *names("unit", "method, or why not"),
         ],
         rows=rows,
         sources=model_sources(facts),
@@ -186,7 +186,7 @@ def small_table(
         caption=caption,
         note=note,
         heads=[*names("Parameter", "means"), *numbers(("value", ""), ("95 % interval", "")),
-               *names("unit", "how found, or why not")],
+               *names("unit", "method, or why not")],
         rows=[
             cells(Cell(text=name, code=True), meanings.get(name.split(" ")[-1], "–"),
                   value_words(p), interval_words(p), unit_of(p) or "–", remark(p, marks))
@@ -259,7 +259,7 @@ def terms_table(facts: CuttingFacts) -> Table | None:
 
     return Table(
         caption=f"What the model may hold, by the {what}",
-        note="Kept is the one with the fewest unknowns of those that are next to the least.",
+        note="Kept: the fewest unknowns among those whose error is close to the least.",
         heads=[*names("Terms beside the coefficients"),
                *numbers((what, "%" if several else "")), *names("kept")],
         rows=[cells_of(row) for row in model.terms],
@@ -272,7 +272,7 @@ def terms_table(facts: CuttingFacts) -> Table | None:
 
 CONDITIONS = (
     (("speed", "rev/min"), "speed_rpm", 4),
-    (("feed a tooth", "mm"), "feed_per_tooth_mm", 3),
+    (("feed per tooth", "mm"), "feed_per_tooth_mm", 3),
     (("depth", "mm"), "axial_depth_mm", 3),
 )
 """Conditions of a cut as a table shows them: head, field, digits."""
@@ -298,7 +298,7 @@ def recordings_table(facts: CuttingFacts) -> Table | None:
     return Table(
         caption=f"Recordings of the cut: {counts}{left_out(len(rows), MOST_ROWS)}",
         heads=[*names("Recording", "use"), *numbers(*(head for head, *_ in CONDITIONS)),
-               *numbers(("in the material", "°"), ("revolutions", "")),
+               *numbers(("engagement", "°"), ("revolutions", "")),
                *names("what was done to it, or why not")],
         rows=[_recording_row(row) for row in rows[:MOST_ROWS]],
         sources=model_sources(facts),

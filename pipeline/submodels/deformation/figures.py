@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.bands import UNITS, Band, band, line, tick_words
+from pipeline.charts.bands import UNITS, Band, band, beyond, beyond_words, line, tick_words
 from pipeline.charts.numbers import number
 from pipeline.schema.arrays import Floats
 
@@ -77,7 +77,12 @@ def recording_figure(one: Recorded, limit: float | None, label: str) -> Markup:
         into = band(top, TEMPERATURES, *(sound or one.temperatures.values()))
         curves = [line(one.clock, values, span, into, css.split()[0])
                   for css, values in one.temperatures.items()]  # fmt: skip
-        parts += _band("Temperatures, °C", into, curves)
+        percent = 100 * (one.clock - span[0]) / max(span[1] - span[0], 1e-12)
+        shown = (one.clock >= span[0]) & (one.clock <= span[1])
+        outside = [beyond(percent[shown], values[shown], into, "°C")
+                   for values in one.temperatures.values()]  # fmt: skip
+        parts += _band(f"Temperatures, °C{beyond_words(outside, '°C')}", into, curves)
+        parts += [mark for sensor in outside for mark in sensor.marks]
         top = into.bottom + GAP
     into = band(top, GROWTH, one.measured, one.low, one.high, zero=True)
     parts += _band("Growth, µm", into, [

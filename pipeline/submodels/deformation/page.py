@@ -266,7 +266,7 @@ def _expected(facts: GrowthFacts) -> Section:
         return Section(key=key, title=title, text=[absent(shown.folder / "model.json", needs)])
     text = [
         "A spindle lengthens as it warms, and the tool goes with it towards the workpiece. The "
-        "model tells the growth since the start from the temperatures along the spindle, its speed "
+        "model gives the growth since the start from the temperatures along the spindle, its speed "
         "and the air, so that the control can take it off.",
     ]
     if (hour := facts.first_hour) is not None:

@@ -12,7 +12,17 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.bands import UNITS, Band, band, clock, line, readings, tick_words
+from pipeline.charts.bands import (
+    UNITS,
+    Band,
+    band,
+    beyond,
+    beyond_words,
+    clock,
+    line,
+    readings,
+    tick_words,
+)
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import CurvePoint, DriveAxis, FrictionPoint, RecursiveMass
 from pipeline.schema.model import Parameter
@@ -109,9 +119,14 @@ def friction_figure(shown: FrictionShown, label: str) -> Markup:
         for x, force in zip(_place(b.speed, span), b.force, strict=True)
         if np.isfinite(x)
     ]
-    head = f"Force against motion, {shown.unit}".rstrip(", ")
+    outside = [
+        beyond(_place(b.speed, span), b.force + sign * b.half, into, shown.unit)
+        for b in shown.points.values() for sign in (-1.0, 1.0)
+    ]  # fmt: skip
+    head = f"Force against motion, {shown.unit}".rstrip(", ") + beyond_words(outside, shown.unit)
+    marks = [mark for one in outside for mark in one.marks]
     parts = [svg.text(0, TOP - 7, head, "head"), *into.levels(5), *_speeds(span, into),
-             into.content([*bars, *lines]), *dots]  # fmt: skip
+             into.content([*bars, *lines]), *dots, *marks]  # fmt: skip
     return svg.figure(parts, height=into.bottom + 36, label=label, kind="friction")
 
 
@@ -206,7 +221,11 @@ def mass_figure(shown: MassShown, label: str) -> Markup:
     interval = None if shown.batch is None else shown.batch.interval_95
     batch = np.array([b for b in (central, *(interval or ())) if b is not None])
     into = band(TOP, MASS_HEIGHT, value[late], (value - half)[late], (value + half)[late], batch)
-    parts = [svg.text(0, TOP - 7, f"Mass, {shown.unit}", "head")]
+    percent = 100 * (t - span[0]) / max(span[1] - span[0], 1e-12)
+    ends = (value, value - half, value + half)
+    outside = [beyond(percent, drawn, into, shown.unit) for drawn in ends]
+    head = f"Mass, {shown.unit}{beyond_words(outside, shown.unit)}"
+    parts = [svg.text(0, TOP - 7, head, "head")]
     if interval is not None:
         top = into.pixel(interval[1])
         height = max(1.0, into.pixel(interval[0]) - top)
@@ -218,6 +237,7 @@ def mass_figure(shown: MassShown, label: str) -> Markup:
     ]))  # fmt: skip
     if central is not None:
         parts.append(svg.across(into.pixel(central), "batch"))
+    parts += [mark for one in outside for mark in one.marks]
     return svg.figure([*clock(span, TOP, into.bottom), *parts], height=into.bottom + 36,
                       label=label, kind="inertia")  # fmt: skip
 

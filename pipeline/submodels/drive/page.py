@@ -45,10 +45,11 @@ from pipeline.submodels.drive.page_parameters import (
     identified_axes,
     made_from,
     truth_table,
+    truth_words,
 )
 
 FORCE_NOTE = (
-    "Force: error of the force that the recorded motion asks for, over the measured force; its "
+    "Force: error of the force that the recorded motion needs, over the measured force; its "
     "plain guess is one constant level against the motion."
 )
 LEVEL_NOTE = (
@@ -163,7 +164,11 @@ def drive_page(shown: Shown[DriveModel]) -> sections.SubModelPage | None:
     return sections.SubModelPage(
         verdict=drives_verdict(drives),
         key_figures=_key_figures(drives),
-        notes=[words] if (words := undetermined_words(shown)) else [],
+        notes=[
+            words
+            for words in (undetermined_words(shown), truth_words(truth) if truth else "")
+            if words
+        ],
         sections=[one for one in (drives_section(shown), following_section(drives)) if one],
         truth=[truth] if truth is not None else [],
         compared=_compared(drives),
@@ -288,9 +293,10 @@ def following_section(drives: Driven) -> sections.Section | None:
     verdict = drives_verdict(drives)
     text = [
         verdict.sentence if verdict is not None else "",
-        "Judged are recordings that the drives were not identified from. The force is rebuilt from "
-        "the recorded motion; the following error comes from the twin’s own closed loop under the "
-        "reference alone, and a recorded disturbance where the record shows it to enter.",
+        "Only recordings that the drives were not identified from are judged. The force is "
+        "rebuilt from the recorded motion; the following error comes from the twin’s own closed "
+        "loop under the reference alone, and a recorded disturbance where the record shows "
+        "it to enter.",
     ]
     text += _interval_words(drives)
     if not drives.runs:
@@ -334,7 +340,8 @@ def _held(verdict: Verdict | None, name: str) -> str:
     total = None if verdict is None else verdict.total(name)
     if total is None or total.coverage_90 is None:
         return ""
-    return f" (held {percent(total.coverage_90, 1.0)} of what was judged)"
+    short = f", fewer than the 90{NARROW}% that are promised" if total.coverage_90 < 0.895 else ""
+    return f" (held {percent(total.coverage_90, 1.0)} of the judged samples{short})"
 
 
 def runs_table(drives: Driven) -> tables.Table | None:

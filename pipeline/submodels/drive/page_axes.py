@@ -78,9 +78,10 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
     of = f" of {joined(list(identified_axes(shown)))}" if identified_axes(shown) else ""
     text = [
         "What an axis does with a command is set by what it moves, by friction in guideways and "
-        "screw, and by the gains of its loops. These were found from records of the servo drives.",
-        f"Found from {counted(count, 'recording')}{of}." if count else
-        "The recordings that they were found from are not named.",
+        "screw, and by the gains of its loops. These were identified from records of the "
+        "servo drives.",
+        f"Identified from {counted(count, 'recording')}{of}." if count else
+        "The recordings that they were identified from are not named.",
         "Whether friction is growing cannot be said from one set of records: repeat the same "
         "reciprocation in a few weeks, and the list of changes below says what moved.",
     ]  # fmt: skip
@@ -100,7 +101,7 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
     blocks += speed_loop_blocks(shown)
     methods = methods_table(shown)
     if methods is not None:
-        blocks += [Heading(heading="How they were found", text=methods_words(shown)), methods]
+        blocks += [Heading(heading="How they were identified", text=methods_words(shown)), methods]
     blocks += present(
         _recordings_table(shown, model),
         training_table(model, made_from(shown, "model.json")),
@@ -126,14 +127,14 @@ def _axis(shown: Shown[DriveModel], axis: str) -> list[Block]:
 def _fit_words(
     condition: float | None, correlation: Correlation, fit: FitFacts | None = None
 ) -> str:
-    """How well the fit holds, and which two parameters it tells apart worst."""
+    """How well the fit holds, and which two parameters are the most correlated."""
     words = []
     if fit is not None and fit.relative_error_percent is not None:
         over = f" over {number(fit.samples)} samples" if fit.samples else ""
         error = number(fit.relative_error_percent, 2)
-        words.append(f"What the fit leaves over is {error} % of the force{over}")
+        words.append(f"The residual of the fit is {error} % of the force{over}")
     if condition is not None:
-        ill = ", so some are hard to tell apart" if condition > ILL else ""
+        ill = ", so some are hard to separate" if condition > ILL else ""
         words.append(f"the condition is {number(condition, 2)}{ill}")
     if pair := _worst_pair(correlation):
         words.append(pair)
@@ -278,7 +279,7 @@ def _recordings_table(shown: Shown[DriveModel], model: DriveModel) -> Table | No
         for one in model.recordings[:MOST_ROWS]
     ]
     return Table(
-        caption=f"Recordings that the drives were found from ({number(len(model.recordings))})"
+        caption=f"Recordings that the drives were identified from ({number(len(model.recordings))})"
         f"{left_out(len(model.recordings), MOST_ROWS)}",
         heads=[*names("Recording"), *numbers(("length", "s")), *names("what was done to it")],
         rows=rows,

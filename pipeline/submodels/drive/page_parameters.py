@@ -9,8 +9,11 @@ from typing import Any
 
 from pipeline.charts.default_section import parameters_table
 from pipeline.charts.numbers import (
+    NARROW,
     between,
+    counted,
     number,
+    percent,
     powers,
     real,
     resolved,
@@ -128,6 +131,9 @@ def in_shop_units(p: Parameter) -> Parameter:
     )  # fmt: skip
 
 
+HOLDS, MISSES = "holds the truth", "misses the truth"
+
+
 def truth_table(shown: Shown[DriveModel]) -> Table | None:
     """True value, value found, and whether its 95 % interval holds the truth, by axis."""
     truth = stated(shown.truth, "drives")
@@ -148,16 +154,31 @@ def truth_table(shown: Shown[DriveModel]) -> Table | None:
         return None
     known = [inside for inside, _ in rows if inside is not None]
     return Table(
-        caption=f"Drives: what was simulated against what was found; {sum(known)} of "
+        caption=f"Drives: simulated against identified; {sum(known)} of "
         f"{number(len(known))} intervals hold the truth{left_out(len(rows), MOST_ROWS)}",
         note=TRUTH_NOTE if parted else "",
         heads=[*names("Parameter"),
-               *numbers(("true", ""), ("found", ""), ("off by", "%"), ("95 % interval", "")),
+               *numbers(("true", ""), ("identified", ""), ("off by", "%"), ("95 % interval", "")),
                *names("unit", "interval")],
         rows=[row for _, row in rows[:MOST_ROWS]],
         sources=made_from(shown, "model.json"),
         folded=len(rows) > MOST_OPEN,
     )  # fmt: skip
+
+
+def truth_words(table: Table) -> str:
+    """How many of a truth table's intervals hold the truth, and which miss it."""
+    words = [[cell.text for cell in row] for row in table.rows]
+    missed = [row[0] for row in words if row[-1] == MISSES]
+    total = len(missed) + sum(row[-1] == HOLDS for row in words)
+    if not missed:
+        return ""
+    return (
+        f"Of {counted(total, 'interval')} of 95{NARROW}% of the drives’ parameters "
+        f"{total - len(missed)} hold the simulated truth ({percent(total - len(missed), total)}); "
+        f"{', '.join(missed)} miss{'es' if len(missed) == 1 else ''} it. Where fewer than 95"
+        f"{NARROW}% hold it, the intervals are narrower than they say."
+    )
 
 
 def _values(truth: Any) -> dict[str, float]:
@@ -226,8 +247,8 @@ def _truth_row(part: str, name: str, true: float, p: Parameter) -> list[Cell]:
     digits = resolved(low, high)
     value = shown.value if p.determined else None
     verdict = {
-        True: Cell(text="holds the truth", status="passed"),
-        False: Cell(text="misses the truth", status="failed"),
+        True: Cell(text=HOLDS, status="passed"),
+        False: Cell(text=MISSES, status="failed"),
         None: Cell(text="–"),
     }[inside]
     return cells(

@@ -15,7 +15,7 @@ from pipeline.submodels.drive.speed_loops import PAPER, verdict_words
 
 TOP, HEIGHT = 18, 220
 """Top and height of the figure's band [px]."""
-DRAWN = (("PI", "l-measured"), ("fuzzy PI", "l-modelled"))
+DRAWN = (("PI", "measured"), ("fuzzy PI", "modelled"))
 """Kinds in the figure, and their lines."""
 TUNED = "tuned alike"
 """Gains of the loops in the figure."""
@@ -79,7 +79,7 @@ def _figure(shown: Shown[DriveModel], found: SpeedLoops) -> Figures:
     words = f"Speed of axis {found.axis} after a step of 1000 rev/min, both kinds {TUNED}."
     figure = Figure(svg=loops_figure(found, words), caption=words,
                     sources=made_from(shown, "model.json"))  # fmt: skip
-    legend = [(kind, name, "line") for name, kind in DRAWN]
+    legend = [(f"l-{kind}", name, "line") for name, kind in DRAWN]
     return Figures(figures=[figure], legend=legend, kind="one")
 
 
@@ -90,7 +90,7 @@ def loops_figure(found: SpeedLoops, label: str) -> Markup:
               for name, _ in DRAWN if name in shown}  # fmt: skip
     span = (0.0, max(float(time[-1]) for time, _ in curves.values()))
     into = band(TOP, HEIGHT, *(speed for _, speed in curves.values()), zero=True)
-    lines = [line(*curves[name], span, into, f"curve {kind}") for name, kind in DRAWN
+    lines = [line(*curves[name], span, into, kind) for name, kind in DRAWN
              if name in curves]  # fmt: skip
     ticks = [svg.text(50, into.bottom + 31, "Time, ms", "tick mid")]
     for mark in svg.ticks(*span, most=6):

@@ -1,14 +1,13 @@
 """Figures of judged days: measured against predicted temperature, with speed and position hold."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.bands import UNITS, Band
-from pipeline.charts.numbers import number, percent
+from pipeline.charts.bands import UNITS, Band, beyond, beyond_words
+from pipeline.charts.numbers import number
 
 DAY = 86_400  # s
 BIN = 300  # s of one step of the curve of speed
@@ -125,8 +124,8 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
     temperature = Band(top=TOP, height=TEMPERATURE, low=low, high=high)
     error = Band(top=error_top, height=ERROR, low=-axes.error, high=axes.error)
     limits = [-axes.limit, axes.limit] if axes.limit else []
-    errors = {name: _error(curves, name) for name in _models(curves)}
-    across = 100 * (curves.seconds / 60 - 60 * axes.hours[0]) / axes.minutes
+    percent = _across(curves.seconds, axes) * 100 / UNITS
+    outside = [beyond(percent, _error(curves, name), error, "K") for name in _models(curves)]
     parts = [
         *_clock(axes, bottom),
         svg.text(0, TOP - 6, "Temperature, °C", "head"),
@@ -135,27 +134,17 @@ def golden_figure(curves: Curves, day: Spinning | None, axes: Frame, label: str)
             _line(curves.seconds, curves.values[name], axes, temperature, kind)
             for name, kind in KINDS.items() if name in curves.values
         ]),
-        svg.text(0, error_top - 6, _error_head(errors, axes.error), "head"),
+        svg.text(0, error_top - 9, f"Model less measured, K{beyond_words(outside, 'K')}", "head"),
         *error.levels(),
         *(svg.across(error.pixel(limit), "grid limit") for limit in limits),
         error.content([
-            _line(curves.seconds, values, axes, error, KINDS[name])
-            for name, values in errors.items()
+            _line(curves.seconds, _error(curves, name), axes, error, KINDS[name])
+            for name in _models(curves)
         ]),
-        *(arrow for values in errors.values() for arrow in error.beyond(across, values, "K")),
+        *(mark for one in outside for mark in one.marks),
         *_speed(day, axes, speed_top),
     ]  # fmt: skip
     return svg.figure(parts, height=bottom + 22, label=label, kind="golden")
-
-
-def _error_head(errors: Mapping[str, np.ndarray], reach: float) -> str:
-    """Head of the errors' band; where some are beyond it, how many and the largest."""
-    every = np.abs(_known([*errors.values()]))
-    beyond = int((every > reach).sum())
-    words = "Model less measured, K"
-    if not beyond:
-        return words
-    return f"{words}; ▲▼ {percent(beyond, len(every))} beyond, up to {number(float(every.max()))}"
 
 
 def _clock(axes: Frame, bottom: float) -> list[Markup]:
@@ -171,8 +160,13 @@ def _clock(axes: Frame, bottom: float) -> list[Markup]:
 
 def _line(seconds: np.ndarray, values: np.ndarray, axes: Frame, into: Band, kind: str) -> Markup:
     x, y = svg.thinned(seconds, values, 60 * axes.minutes / STEPS)
-    across = UNITS * (x / 60 - 60 * axes.hours[0]) / axes.minutes
-    return svg.curve(across, into.down(y), kind)
+    return svg.curve(_across(x, axes), into.down(y), kind)
+
+
+def _across(seconds: np.ndarray, axes: Frame) -> np.ndarray:
+    """Places of seconds of the day (T,) across a band's viewport."""
+    across: np.ndarray = UNITS * (seconds / 60 - 60 * axes.hours[0]) / axes.minutes
+    return across
 
 
 def _speed(day: Spinning | None, axes: Frame, top: float) -> list[Markup]:

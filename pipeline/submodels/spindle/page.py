@@ -268,7 +268,7 @@ def _model_words(model: SpindleModelFile) -> str:
         "heat sources, each a coefficient over heat capacity times a function of speed or load, "
     )
     text += (
-        "and cools in proportion to its temperature above the surround."
+        "and cools in proportion to its temperature above the surroundings."
         if nodes == 1
         else "and exchanges heat with a body, which " + _body_words(model.network)
     )
@@ -288,8 +288,8 @@ def _model_words(model: SpindleModelFile) -> str:
     lost = [name for name, p in parameters.items() if not p.determined]
     if lost:
         text += (
-            f" {len(lost)} of {counted(len(parameters), 'parameter')} cannot be had from these "
-            f"records ({', '.join(lost)}) and carry no number."
+            f" {len(lost)} of {counted(len(parameters), 'parameter')} cannot be determined from "
+            f"these records and have no value: {'; '.join(MEANINGS.get(n, n) for n in lost)}."
         )
     return text
 

@@ -146,7 +146,7 @@ def due_truth(shown: Shown[WearModel]) -> list[Table]:
     columns: tuple[Column[tuple[DueTool, float]], ...] = (
         Column("Tool", lambda row: row[0].name),
         Column("true", lambda row: number(row[1]), "min"),
-        Column("told, 90 %", lambda row: _span(row[0].left)),
+        Column("predicted, 90 %", lambda row: _span(row[0].left)),
     )
     table = tabulated("Time left of tools in use", rows, columns, [])
     return [] if table is None else [table]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pipeline.charts.numbers import resolved
 from pipeline.schema.model import Parameter
 from pipeline.schema.verdict import Fact
-from pipeline.submodels.drive.page import Driven, drive_page, drives_verdict
+from pipeline.submodels.drive.page import Driven, _held, drive_page, drives_verdict
 from pipeline.submodels.drive.page_parameters import (
     truth_as_fitted,
 )
@@ -98,7 +98,7 @@ def test_forces_of_an_unknown_drive_stay_in_its_command():
 
 def test_the_strongest_correlation_of_the_fit_is_named(text):
     assert (
-        "What the fit leaves over is 2.6 % of the force over 23 410 samples; the condition is 42; "
+        "The residual of the fit is 2.6 % of the force over 23 410 samples; the condition is 42; "
         "the most correlated are viscous_positive and coulomb_positive (correlation −0.83)." in text
     )
 
@@ -138,7 +138,7 @@ def test_the_search_that_won_is_said(errors, won, counts):
 
 
 def test_recordings_say_what_was_done_to_them(text):
-    assert "Found from 3 recordings of X, Y and Z." in text
+    assert "Identified from 3 recordings of X, Y and Z." in text
     assert "servo/short left out has 3 rows" in text
     assert "servo/reciprocation-X 55.9 –" in text
     assert "servo/reciprocation-X fitted on servo/reciprocation-X.csv 0606" in text
@@ -238,6 +238,12 @@ def test_the_truth_stands_beside_what_was_identified(text):
     assert "motor L_d 6.00 6.10 +1.67 5.86 to 6.34 mH holds the truth" in text
 
 
+def test_intervals_that_miss_the_truth_are_named_outside_of_the_folded_table():
+    notes = " ".join(drive_page(shown()).notes).replace("\u202f", " ")
+    assert "Of 8 intervals of 95 % of the drives’ parameters 7 hold the simulated truth" in notes
+    assert "X viscous_positive misses it" in notes
+
+
 @given(st.floats(1e-3, 1e4), st.floats(1e-3, 0.5))  # narrower than five digits show
 def test_printed_intervals_keep_their_width(value, share):
     low, high = value * (1 - share), value * (1 + share)
@@ -302,3 +308,20 @@ def test_a_failed_axis_names_the_cause_of_its_disturbance_in_the_headline():
     failed = verdict_on({("X", "pulses.mat"): (4.0, 16.0)}, facts=DISTURBED)
     sentence = drives_verdict(Driven.of(shown(verdict=failed))).sentence
     assert "enters at the speed command, not as a force on the axis" in sentence
+
+
+@pytest.mark.parametrize(("held", "short"), [(0.85, True), (0.94, False)])
+def test_intervals_that_hold_fewer_samples_than_promised_say_so(held, short):
+    found = verdict_on()
+    total = replace(
+        found.scores[0],
+        quantity="force X",
+        group="all",
+        coverage_90=held,
+        regime="",
+        role="held_out",
+    )
+    judged = replace(found, scores=(*found.scores, total))
+    words_ = _held(judged, "force X").replace("\u202f", " ")
+    assert f"held {100 * held:.0f} % of the judged samples" in words_
+    assert ("fewer than the 90 % that are promised" in words_) == short

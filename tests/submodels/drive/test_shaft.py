@@ -1,12 +1,15 @@
 """Stiffness, damping, play and motor's mass of simulated axes with two masses."""
 
+import re
 from collections import defaultdict
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.report import pages
 from pipeline.schema.drive import SpeedLoop, SpeedLoops
 from pipeline.shop.drives import commands
 from pipeline.shop.drives.axis import follow
@@ -21,6 +24,7 @@ from pipeline.submodels.drive.shaft_signals import MASS, signals_of
 from pipeline.submodels.drive.speed_loops import verdict_words
 from tests.submodels.drive.play_rig import PlayAxis, rig_recordings
 
+STYLE = Path(pages.__file__).parent / "templates" / "style.css"
 QUICK = [Move(length=(-1) ** k * 30.0, speed=400.0, pause=0.02) for k in range(10)]
 SWEPT = [Move(length=sign * 80.0, speed=25.0) for sign in (1, -1)]
 
@@ -233,4 +237,7 @@ def test_loops_that_were_not_compared_have_their_reason() -> None:
 
 def test_figure_draws_both_loops() -> None:
     drawn = str(loops_figure(loops(20.0, 300.0), "speed"))
-    assert drawn.count("<path") + drawn.count("<polyline") >= 2
+    curves = re.findall(r'<path d="M[^"]+" class="curve ([^"]*)"', drawn)
+    assert len(curves) == 2
+    for kind in curves:  # a curve has no fill: without a stroke of its class it is not seen
+        assert re.search(rf"^\.{kind} {{ stroke:", STYLE.read_text(), re.MULTILINE), kind
