@@ -18,6 +18,7 @@ __all__ = [
     "interval",
     "limits",
     "model",
+    "outside",
     "part",
     "part_sheet",
     "plots",

@@ -5,7 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
+
+BLOCK = 8.0
+"""Length of a block of residuals over their autocorrelation length [1]."""
+FEWEST = 3
+"""Least number of blocks for each parameter [1], if need be at the cost of their length."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +92,41 @@ def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64
         condition=condition,
         correlation=covariance / np.outer(safe, safe),
     )
+
+
+def correlation_rows(residuals: Floats, stretch: Ints) -> float:
+    """Integrated autocorrelation of residuals, in rows; at least 1.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (N,)
+        In the order of time within a stretch.
+    stretch : ndarray of int, shape (N,)
+        Stretch without a gap of each row; only pairs within one stretch count.
+    """
+    centred = residuals - residuals.mean()
+    power = float(np.mean(centred**2))
+    if power == 0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, len(residuals) // 4):
+        same = stretch[lag:] == stretch[:-lag]
+        if np.count_nonzero(same) < 10:
+            break
+        share = float(np.mean((centred[lag:] * centred[:-lag])[same])) / power
+        if share < 0.05:
+            break
+        total += 2 * share
+    return total
+
+
+def block_numbers(residuals: Floats, stretch: Ints, parameters: int) -> Ints:
+    """Block of each row, from its stretch without a gap; shape (N,)."""
+    many = len(residuals)
+    length = BLOCK * correlation_rows(residuals, stretch)
+    length = max(min(length, many / (FEWEST * parameters)), 1.0)
+    numbers: Ints = (np.arange(many) / length).astype(np.int64)
+    return numbers
 
 
 def textbook_half_width(jacobian: Floats, noise: float) -> Floats:

@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
-from pipeline.submodels.statistics import Factor, uncertainty_of
+from pipeline.submodels.statistics import Factor, block_numbers, uncertainty_of
 
 Entry = Literal["reference", "speed", "command", "force", "none", "open"]
 """Place where a disturbance enters; none that explains it, or none that is determined."""

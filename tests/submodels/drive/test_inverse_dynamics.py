@@ -17,14 +17,13 @@ from pipeline.submodels.drive.mechanics.inverse_dynamics import (
 from pipeline.submodels.drive.mechanics.motion import Motion
 from pipeline.submodels.drive.mechanics.uncertainty import (
     PositionDisturbance,
-    block_numbers,
-    correlation_rows,
     dynamics_uncertainty,
     instrumental,
     is_better,
     position_disturbance,
     scores_covariance,
 )
+from pipeline.submodels.statistics import block_numbers, correlation_rows
 
 TRUE = {"mass": 120.0, "viscous_positive": 300.0, "viscous_negative": 250.0,
         "coulomb_level_positive": 60.0, "coulomb_level_negative": 45.0,

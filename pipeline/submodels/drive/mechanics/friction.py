@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.search.genetic import GeneticSettings, minimise
 from pipeline.submodels.drive.mechanics.motion import Motion, reach
-from pipeline.submodels.drive.mechanics.uncertainty import correlation_rows
+from pipeline.submodels.statistics import correlation_rows
 
 STEADY = 0.02
 """Greatest acceleration of a stretch over that of the record [1]."""

@@ -1,7 +1,7 @@
 """Uncertainty of the inverse dynamics: clusters, position-dependent disturbance, noise bias.
 
 * Residuals of a record are autocorrelated; :func:`~pipeline.submodels.statistics.uncertainty_of`
-  clusters them in blocks, each ``BLOCK`` times as long as their autocorrelation reaches.
+  clusters them in blocks, some times as long as their autocorrelation reaches.
 * Cogging, pitch errors and the guideway disturb the force as a function of position, not of time.
   A slow stroke stays at one position: all of its samples share one disturbance, and so does every
   repetition of it, so that scatter in time does not show it.  Variance and correlation length of
@@ -18,47 +18,12 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.drive.mechanics.inverse_dynamics import LOGS, Dynamics, Regressors, jacobian
-from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
-
-BLOCK = 8.0
-"""Length of a block of residuals over their autocorrelation length [1]."""
-FEWEST = 3
-"""Least number of blocks for each parameter [1], if need be at the cost of their length."""
-
-
-def correlation_rows(residuals: Floats, stretch: Ints) -> float:
-    """Integrated autocorrelation of residuals, in rows; at least 1.
-
-    Parameters
-    ----------
-    residuals : ndarray, shape (N,)
-        In the order of time within a stretch.
-    stretch : ndarray of int, shape (N,)
-        Stretch without a gap of each row; only pairs within one stretch count.
-    """
-    centred = residuals - residuals.mean()
-    power = float(np.mean(centred**2))
-    if power == 0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, len(residuals) // 4):
-        same = stretch[lag:] == stretch[:-lag]
-        if np.count_nonzero(same) < 10:
-            break
-        share = float(np.mean((centred[lag:] * centred[:-lag])[same])) / power
-        if share < 0.05:
-            break
-        total += 2 * share
-    return total
-
-
-def block_numbers(residuals: Floats, stretch: Ints, parameters: int) -> Ints:
-    """Block of each row, from its stretch without a gap; shape (N,)."""
-    many = len(residuals)
-    length = BLOCK * correlation_rows(residuals, stretch)
-    length = max(min(length, many / (FEWEST * parameters)), 1.0)
-    numbers: Ints = (np.arange(many) / length).astype(np.int64)
-    return numbers
+from pipeline.submodels.statistics import (
+    Uncertainty,
+    block_numbers,
+    textbook_half_width,
+    uncertainty_of,
+)
 
 
 def dynamics_uncertainty(rows: Regressors, found: Dynamics) -> Uncertainty:

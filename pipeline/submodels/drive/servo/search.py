@@ -12,7 +12,6 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.search.genetic import GeneticSettings, minimise
-from pipeline.submodels.drive.mechanics.uncertainty import block_numbers
 from pipeline.submodels.drive.servo.equation import (
     FA,
     FV,
@@ -27,7 +26,7 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoEquation,
 )
-from pipeline.submodels.statistics import Uncertainty, uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, block_numbers, uncertainty_of
 
 SHARES = (0.0, 0.5, 0.9)
 """Shares of velocity feed-forward where a search begins [1]."""
