@@ -12,8 +12,6 @@ from hypothesis.internal.conjecture import providers
 from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
 
-HERE = Path(__file__).parent
-
 # The same examples in every run, so that a change and not chance decides; other ones are sought by
 # `HYPOTHESIS_PROFILE=search pytest`.
 # No example is refused for the time that it took: that is the machine's, not the code's.
@@ -24,14 +22,6 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 # Hypothesis also tries numbers that stand in whatever modules happen to be loaded, which differ
 # with the tests that ran before in the same process.
 providers._get_local_constants = providers.Constants
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files beside this one run whole commands and take longest: first, so that none is last alone.
-
-    The files of a fleet of real recordings go before them, then the others in their order.
-    """
-    items.sort(key=lambda item: (item.path.parent != HERE, "recorded" not in item.path.name))
 
 
 @pytest.fixture(scope="session", autouse=True)
