@@ -247,10 +247,15 @@ def test_the_registry_serves_times_by_block(fitted, tmp_path):
     total = served["time"].sum()
     assert served["program_time"].unique() == pytest.approx([total])
     bands = {"whole run": Band(lower=0.02, upper=0.03, n=4, groups=4)}
-    write_json(replace(fitted, intervals=bands), tmp_path / "model.json")
-    served = SUBMODEL.serve(tmp_path)(SUBMODEL.example(tmp_path))
-    ends = served[["program_time_low", "program_time_high"]].iloc[0].tolist()
-    assert ends == pytest.approx([0.98 * total, 1.03 * total], abs=2e-3)
+    feed = {"highest feed": Condition(unit="mm/min", low=300.0, high=500.0)}  # it goes at 600
+    for learnt, factor in (({}, 1.0), (feed, 1.5)):
+        model = replace(fitted, intervals=bands, conditions=learnt)
+        write_json(model, tmp_path / "model.json")
+        served = SUBMODEL.serve(tmp_path)(SUBMODEL.example(tmp_path))
+        ends = served[["program_time_low", "program_time_high"]].iloc[0].tolist()
+        assert ends == pytest.approx(
+            [(1 - 0.02 * factor) * total, (1 + 0.03 * factor) * total], abs=2e-3
+        )
 
 
 @pytest.mark.parametrize("text", [b"", b"[]", b"{}", b"\xff", b'{"control": {}}', b"null"])
