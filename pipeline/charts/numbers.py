@@ -1,7 +1,8 @@
 """Numbers, times and units as a person reads them: sensible digits, always a unit, UTC."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from typing import Any
 
@@ -16,6 +17,33 @@ UNITS = {
     "MILLIMETER/SECOND": "mm/s", "DEGREE": "°", "DEGREE/SECOND": "°/s", "SECOND": "s", "um": "µm",
 }  # fmt: skip
 """How MTConnect's unit names are written for people."""
+
+
+def _superscript(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
+    (re.compile(r"(?<=\d) um\b"), f"{NARROW}µm"),
+    (re.compile(r"(?<=\d) deg\b"), "°"),
+    (re.compile(r"\bdegC\b"), "°C"),
+    (re.compile(r"(?<=[A-Za-z)])\^2\b"), "²"),
+    (re.compile(r"(?<=[A-Za-z)])\^3\b"), "³"),
+    (re.compile(r"(?<=\d)e([+-]\d+)\b"), lambda power: f" × 10{_superscript(int(power[1]))}"),
+    (re.compile(r"(?<![^\s(])-(?=\d)"), "−"),
+)
+"""What terminals and files write in plain letters -> as it is set on a page."""
+
+
+def as_read(text: str) -> str:
+    """``text`` of a judge or a file with its units and signs as they are set on a page.
+
+    >>> as_read("RMSE 42 um is above 30 um, from -3 to 5 N/mm^2")
+    'RMSE 42\u202fµm is above 30\u202fµm, from −3 to 5 N/mm²'
+    """
+    for plain, printed in AS_READ:
+        text = plain.sub(printed, text)
+    return text
 
 
 def real(value: Any) -> float | None:
@@ -56,10 +84,6 @@ def as_stated(value: Any, digits: int = 6) -> str:
     """
     x = real(value)
     return NOT_KNOWN if x is None else number(int(x)) if x == int(x) else f"{x:.{digits}g}"
-
-
-def _superscript(exponent: int) -> str:
-    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def fixed(value: Any, decimals: int) -> str:

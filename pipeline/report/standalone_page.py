@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from pipeline.charts.numbers import as_read
 from pipeline.charts.sections import Figures, Section
 from pipeline.charts.sources import Source, shown
 from pipeline.charts.tables import Table
@@ -85,6 +86,7 @@ def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=lambda value: as_read(value) if type(value) is str else value,  # no markup
     )
     environment.globals["say"] = say
     environment.filters["csv"] = csv_link

@@ -2,6 +2,7 @@ import csv
 import json
 import re
 import shutil
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
@@ -16,7 +17,7 @@ from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import ReportMetrics, SubModelCounts, write_report
 from pipeline.schema.bundle import Bundle, BundledModel, model_hash
 from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Status
+from pipeline.schema.verdict import Status, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,16 @@ def test_recorded_results_carry_their_credit_and_no_simulated_label(report):
     assert all("Records: Test Works, CC0" in s for s in sources)
     for key in ("work", "golden", "time"):
         assert len(re.findall(r'<p class="source">', section(pages[0], key))) == 1
+
+
+def test_units_of_a_judge_are_set_as_they_are_read(tmp_path):
+    folders = machine(tmp_path, "mill01", passed=False)
+    path = folders.models / "spindle" / "verdict.json"
+    reason = "growth, largest error 9 um is above 6 um, 1.5e-05 N/mm^2 and -3 deg"
+    write_json(replace(read_json(path, Verdict), reasons=(reason,)), path)
+    write_report([folders], FLEET, None, tmp_path / "out")
+    words = " ".join(page.read_text() for page in evidence(tmp_path / "out" / "mill01.html"))
+    assert "error 9\u202fµm is above 6\u202fµm, 1.5 × 10⁻⁵ N/mm² and −3°" in words
 
 
 def test_every_figure_says_in_words_what_it_shows(report):
