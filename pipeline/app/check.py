@@ -209,7 +209,7 @@ def _outside(
     v_c = np.pi * tool.diameter * speed
     where = place(moves, row)
     for said, value, span, unit, whose in (
-        (f"{word} at S{speed:g}", f_z, known.feed_per_tooth_mm, "mm a tooth", limits.feed_of),
+        (f"{word} at S{speed:g}", f_z, known.feed_per_tooth_mm, "mm/tooth", limits.feed_of),
         (f"S{speed:g}", v_c, known.cutting_speed_m_min if new_speed else None, "m/min",
          limits.speed_of),
     ):  # fmt: skip

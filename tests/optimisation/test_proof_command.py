@@ -144,11 +144,11 @@ def warned(folder: Path, *changes: tuple[str, str]) -> list[str]:
 
 
 def test_feeds_and_speeds_that_leave_the_range_of_the_tool_are_warned_of(folder: Path) -> None:
-    """0.05 mm a tooth of two at 3000 rev/min is F300, 120 m/min of 10 mm is 3820 rev/min."""
+    """0.05 mm/tooth of two at 3000 rev/min is F300, 120 m/min of 10 mm is 3820 rev/min."""
     assert warned(folder, ("F120", "F300")) == []
     assert warned(folder, ("F120", "F360")) == [
-        "line 3, T1: F360 at S3000 is 0.06 mm a tooth, outside of 0.01 to 0.05 of the tool table",
-        "line 4, T1: F360 at S3000 is 0.06 mm a tooth, outside of 0.01 to 0.05 of the tool table",
+        "line 3, T1: F360 at S3000 is 0.06 mm/tooth, outside of 0.01 to 0.05 of the tool table",
+        "line 4, T1: F360 at S3000 is 0.06 mm/tooth, outside of 0.01 to 0.05 of the tool table",
     ]
     assert warned(folder, ("Y5", "Y5 F30"))[0].startswith("line 4, T1: F30 at S3000 is 0.005 mm")
     assert warned(folder, ("F0.05", "F0.2"))[0].startswith("line 5, T1: F0.2 at S3000 is 0.1 mm")
@@ -267,21 +267,21 @@ def warned_in_steel(folder: Path, *changes: tuple[str, str]) -> list[str]:
     [
         # without the cut a mill may slot or finish: 0.035 mm of slots to 0.12 mm of finishing
         (("F1200", "F2200"), "", ""),
-        (("F1200", "F3000"), "line 3, T1: F3000 at S5000 is 0.15 mm a tooth, outside of 0.035 to "
+        (("F1200", "F3000"), "line 3, T1: F3000 at S5000 is 0.15 mm/tooth, outside of 0.035 to "
          "0.12", "Tungaloy"),
         # slots from 140 m/min on, finishing up to 280
         (("S5000", "S9500"), "line 3, T1: S9500 is 298 m/min, outside of 140 to 280", "Tungaloy"),
         # the feed of drills is shared by two lips; deep holes have 0.8 of it
-        (("F250", "F320"), "line 8, T2: F320 at S2000 is 0.08 mm a tooth, outside of 0.051 to "
+        (("F250", "F320"), "line 8, T2: F320 at S2000 is 0.08 mm/tooth, outside of 0.051 to "
          "0.076", ""),
-        (("F200\nG80\nT3", "F260\nG80\nT3"), "line 9, T2: F260 at S2000 is 0.065 mm a tooth, "
+        (("F200\nG80\nT3", "F260\nG80\nT3"), "line 9, T2: F260 at S2000 is 0.065 mm/tooth, "
          "outside of 0.04065 to 0.061", "Metal Drilling"),
         # a spot drill with a speed of its own has the feed of the catalogue
-        (("X30 Z-2 R1 F200", "X30 Z-2 R1 F300"), "line 13, T3: F300 at S2500 is 0.06 mm a tooth, "
+        (("X30 Z-2 R1 F200", "X30 Z-2 R1 F300"), "line 13, T3: F300 at S2500 is 0.06 mm/tooth, "
          "outside of 0.025 to 0.05", "Nine9"),
         (("S2500 M3\nG81", "S3500 M3\nG81"), "line 13, T3: S3500 is 110 m/min, outside of 50 to "
          "90 of the tool table", ""),
-        (("F40", "F150"), "line 20, T5: F150 at S600 is 0.25 mm a tooth, outside of "
+        (("F40", "F150"), "line 20, T5: F150 at S600 is 0.25 mm/tooth, outside of "
          "0.0127 to 0.178", "SCT"),
     ],
 )  # fmt: skip
@@ -304,7 +304,7 @@ def test_a_comment_tells_finishing_where_there_is_no_cut(folder: Path) -> None:
         before = f"T1 M6\nS5000 M3\n{comment}\nG1 X10 F1600\nM30\n"
         (folder / "before.nc").write_text(before)
         done = check(folder, before.replace("F1600", "F1300").encode(), *words)
-        assert ("F1300 at S5000 is 0.065 mm a tooth" in done.stdout) == outside, done.stdout
+        assert ("F1300 at S5000 is 0.065 mm/tooth" in done.stdout) == outside, done.stdout
 
 
 def test_a_speed_that_stays_is_not_warned_of(folder: Path) -> None:

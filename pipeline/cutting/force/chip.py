@@ -153,7 +153,7 @@ def mean_thickness(
 
     Examples
     --------
-    A slot of 0.1 mm a tooth: 2 / pi of the feed.
+    A slot of 0.1 mm/tooth: 2 / pi of the feed.
 
     >>> round(float(mean_thickness(1e-4, 6e-3, 6e-3)) * 1e3, 6)
     0.063662

@@ -192,7 +192,7 @@ def slot_peak_load(K_t: ArrayLike, K_e: ArrayLike, d: ArrayLike, f_z: ArrayLike)
 
     Examples
     --------
-    Sim2023: A6061, 0.5 mm deep, 0.05 mm a tooth.
+    Sim2023: A6061, 0.5 mm deep, 0.05 mm/tooth.
 
     >>> round(float(slot_peak_load(1.23e9, 0.5, 0.5e-3, 0.05e-3)), 3)
     34.38

@@ -113,17 +113,23 @@ def _augmentation(shown: Seen) -> str:
     for skill in shown.verdict.skills:
         if skill.quantity != AUGMENTED or skill.baseline != RECORDED or skill.mae is None:
             continue
-        gain, ends = 100 * skill.mae, skill.mae_interval_95
+        saved, ends = skill.mae, skill.mae_interval_95
+        way = 1.0 if saved > 0 else -1.0
         if ends is None:
-            real, interval = False, f"{counted(skill.groups, 'tool')}, too few for an interval"
+            interval = f"{counted(skill.groups, 'tool')}, too few for an interval"
         else:
-            real = ends[0] > 0
-            interval = f"95 % interval {number(100 * ends[0])} to {number(100 * ends[1])} %"
-        what = "lower" if gain > 0 else "raise"
-        use = "" if real else " The gain is not shown to be real, so none are used for learning."
+            low, high = sorted(100 * way * end for end in ends)
+            interval = f"95 % interval {number(low)} to {number(high)} %"
+        if ends is not None and ends[0] > 0:
+            use = ""
+        elif ends is not None and ends[1] < 0:
+            use = " That is harm, so none are used for learning."
+        else:
+            use = " That is not shown to be real, so none are used for learning."
+        what = "lower" if saved > 0 else "raise"
         return (
             f"Generated windows beside the recorded ones {what} the mean error of wear by "
-            f"{number(abs(gain))} % ({interval}).{use}"
+            f"{number(100 * abs(saved))} % ({interval}).{use}"
         )
     return ""
 
@@ -255,7 +261,7 @@ def _drawn(shown: Seen, known: Reference | None) -> Figures | None:
         many = min(CHANNELS_SHOWN, len(model.channels))
         found += [_windows(shown, model, known, k) for k in range(many)]
     for name, one in model.curves.items():
-        said = f"Wear that the {name} reads from generated windows; the dark line is the wear asked"
+        said = f"Wear that the {name} reads from generated windows; straight: the wear asked"
         found.append(
             Figure(
                 svg=figures.curve_figure(one, _unit(model), said), caption=f"{said}.",
@@ -314,7 +320,7 @@ def _map(shown: Seen, known: Reference) -> Figure:
     _, _, axes = np.linalg.svd(real - centre, full_matrices=False)
     every = max(-(-len(real) // POINTS), 1)
     first, second = ((one[::every] - centre) @ axes[:2].T for one in (real, made))
-    said = "Features of recorded windows in training (light) and of generated ones (dark)"
+    said = "Features of recorded windows in training (orange) and of generated ones (blue)"
     return Figure(
         svg=figures.map_figure(first, second, said), caption=f"{said}.",
         sources=_made_from(shown, "generator.json"),
@@ -355,7 +361,7 @@ def _tools_table(shown: Seen) -> Table | None:
                 group="Mean error of wear",
             ),
             *numbers(("spread beyond recorded", "%"), ("distance beyond held-out", "%"),
-                     ("coverage", "1")),
+                     ("coverage", "")),
         ],
         rows=rows, sources=_made_from(shown, "verdict.json"),
         note="Spread: distance of windows of the same conditions; a collapsed generator has −100. "
