@@ -141,7 +141,10 @@ _LINES = st.one_of(
 def _alike(
     tmp_path_factory: pytest.TempPathFactory, lines: list[bytes], source: RecordSource, chunk: int
 ) -> None:
-    folder = tmp_path_factory.getbasetemp()
+    folder = (
+        tmp_path_factory.getbasetemp() / "alike"
+    )  # a Devices document is found in the folder above
+    folder.mkdir(exist_ok=True)
     (folder / "Devices.xml").write_text(DEVICES)
     path = folder / "log.txt"
     path.write_bytes(f"{TIME}|a|1\n".encode() + b"".join(lines))
