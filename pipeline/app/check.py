@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.app.cut import read_catalogue, read_material, read_tools
 from pipeline.app.programs import check_program, machine_setup, setup_beside
+from pipeline.app.tables import read_catalogue, read_material, read_tools
 from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.app.check import NEAR, in_force, moves_of, place, speed_of
-from pipeline.app.cut import section
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.programs import machine_setup, setup_beside
+from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.machine.control.parameters import ControlParameters

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pipeline.app.cache import content_key, keep, kept
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
+from pipeline.schema.cache import content_key, keep, kept
 from pipeline.schema.days import UTC, day_of_text
 from pipeline.schema.files import NotWrittenError, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
@@ -69,13 +69,13 @@ def _composed(override: str) -> dict[str, Any]:
     files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = content_key([*COMPOSED_BY, *files], *versions, override)
-    text = kept("conf", key)
+    text: str | bytes | None = kept("conf", key)
     try:
         if text is None:
             from pipeline.stages.compose import composed
 
             text = composed(CONF, (override,))
-            keep("conf", key, text)
+            keep("conf", key, text.encode())
         values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
         raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error

@@ -15,7 +15,6 @@ from pipeline.app.cut import (
     cut_options,
     named_as_options,
     part_of,
-    section,
     workshop_of,
 )
 from pipeline.app.programs import (
@@ -26,6 +25,7 @@ from pipeline.app.programs import (
     setup_beside,
     write_document,
 )
+from pipeline.app.tables import section
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.job import Progress, machine_models, part_job

@@ -9,6 +9,7 @@ Nothing in here computes physics, and nothing in here imports another room.
 __all__ = [
     "arrays",
     "bundle",
+    "cache",
     "cutting",
     "days",
     "drive",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.app.cut import read_catalogue, read_material
+from pipeline.app.tables import read_catalogue, read_material
 from pipeline.cutting.catalogue import OPERATIONS
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool, ToolTable

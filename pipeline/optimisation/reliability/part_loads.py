@@ -20,6 +20,7 @@ from math import ceil, log2
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
@@ -28,6 +29,7 @@ from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.cache import keep, kept
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP
 
@@ -275,11 +277,20 @@ def _of_tool(
 
 
 def _sobol(dimensions: int, many: int, seed: int) -> Floats:
-    """Points inside the unit cube; shape (many, dimensions)."""
-    from scipy.stats.qmc import Sobol
+    """Points inside the unit cube; shape (many, dimensions).
 
-    sequence = Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
-    points = sequence.random_base2(ceil(log2(many)))[:many]
+    They are kept from run to run: to import the library takes half a second, to read them none.
+    """
+    power = ceil(log2(many))
+    key = f"{dimensions}-{power}-{seed}-scipy-{scipy.__version__}"
+    content = kept("sobol", key)
+    if content is None or len(content) != 8 * dimensions << power:
+        from scipy.stats.qmc import Sobol
+
+        sequence = Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
+        content = sequence.random_base2(power).astype("<f8").tobytes()
+        keep("sobol", key, content)
+    points = np.frombuffer(content, "<f8").reshape(-1, dimensions)[:many]
     least = 0.5**33
     return np.clip(points, least, 1.0 - least)
 

@@ -5,7 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from pipeline.schema.files import cache_folder
-from pipeline.schema.store import write_text
+from pipeline.schema.store import write_bytes
 
 KEPT = 64
 """Entries that stay in a folder, the latest used."""
@@ -22,22 +22,22 @@ def content_key(files: Iterable[Path], *words: str) -> str:
     return digest.hexdigest()
 
 
-def kept(folder: str, key: str) -> str | None:
-    """Text that was kept under a key, None where there is none."""
+def kept(folder: str, key: str) -> bytes | None:
+    """What was kept under a key, None where there is none."""
     path = cache_folder() / folder / key
     try:
-        text = path.read_text(encoding="utf-8")
+        content = path.read_bytes()
         path.touch()
-    except (OSError, UnicodeDecodeError):
+    except OSError:
         return None
-    return text
+    return content
 
 
-def keep(folder: str, key: str, text: str) -> None:
-    """Keep a text under a key, where the cache can be written."""
+def keep(folder: str, key: str, content: bytes) -> None:
+    """Keep bytes under a key, where the cache can be written."""
     place = cache_folder() / folder
     try:
-        write_text(text, place / key)
+        write_bytes(content, place / key)
         entries = sorted(place.iterdir(), key=lambda path: path.stat().st_mtime)
         for old in entries[:-KEPT]:
             old.unlink(missing_ok=True)
