@@ -73,7 +73,7 @@ def test_simulated_loads_are_those_of_the_worn_edge(project, built) -> None:  # 
     assert edge["forces"]["peak_load_sharp_N"] == bare["by_tool"][0]["peak_load_N"]
     assert edge["forces"]["peak_load_N"] == blunt["by_tool"][0]["peak_load_N"]
     page = words(project / "c.html")
-    assert "Force of each tool, sharp and worn" in page and "T4 counts as worn to 120\u202fµm" in page
+    assert "Force of each tool, sharp and worn" in page and "T4 counts as worn to 120 µm" in page
     known, said = cut()
     assert "worn to 90 um: as last read, at 30.0 of its 34.5 min in the cut until now" in said
     assert known["edges"][0]["wear_um"] == 90.0

@@ -69,9 +69,10 @@ def _composed(override: str) -> dict[str, Any]:
     files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = content_key([*COMPOSED_BY, *files], *versions, override)
-    text: str | bytes | None = kept("conf", key)
+    content = kept("conf", key) or b""
+    text = content.decode(errors="ignore")
     try:
-        if text is None:
+        if not text or text.encode() != content:  # none, or a broken one
             from pipeline.stages.compose import composed
 
             text = composed(CONF, (override,))
