@@ -37,13 +37,14 @@ from scipy.linalg import block_diag
 from pipeline.cutting.force.chip_law import design, edge_lines, feeds, local_lines
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.waveform import PRIOR, Complexes, CutHarmonics
+from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, Complexes, CutHarmonics
 
-EXPONENTS = (0.0, 0.1, 0.2, 0.3)
+EXPONENTS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Exponents m of the size effect beside an edge force [1]: those of Kienzle's law alone, which hold
 the edge force too, span 0.15 to 0.4 (Koenig and Essel 1973)."""
-GROWTHS = (0.0, 3e-6, 6e-6, 12e-6)
-"""Thickness h_0 over which the edge force grows [m]: radii of sharp to honed edges."""
+GROWTHS = (0.0, *np.geomspace(1e-6, 12e-6, 6).tolist())
+"""Thickness h_0 over which the edge force grows [m]: radii of sharp to honed edges, evenly in their
+logarithm as befits a scale (Jeffreys)."""
 BESIDE = (1.0, 1.5)
 """Exponents of radial and axial force over that of the tangential one [1] (Koenig and Essel)."""
 POWERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
@@ -65,6 +66,8 @@ CROSSTALK = 0.012
 """Standard deviation of the share of another channel [1]: data sheets allow 2 %, evenly drawn."""
 SPAN = 5.0
 """Ratio of the feeds, from finishing to roughing with one tool, over which lines are named [1]."""
+UNLIKELY = 1e-4
+"""Weight of a law over that of the likeliest below which it is left out [1]."""
 TRIED, KEPT = 4096, 1024
 """Draws before and after those with an impossible edge are left out."""
 
@@ -153,6 +156,38 @@ class FittedLine:
     crosstalk: Floats
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownShape:
+    """Shape of the law that the waveforms show (:mod:`.runout`).
+
+    Parameters
+    ----------
+    chip : ChipShape
+        h_0 [m] and m [1], the same m for all directions.
+    covariance : ndarray, shape (2, 2)
+        Of h_0 and m.
+    """
+
+    chip: ChipShape
+    covariance: Floats
+
+    def likely(self, exponents: Floats, growths: Floats) -> Floats:
+        """Logarithm of the likelihood of laws of exponents (L, 3) and growths (L,); shape (L,).
+
+        The exponent of a law is the mean of its directions.  A law stands for its whole step of the
+        grid, whose variance adds to the covariance.
+        """
+        off = np.stack([growths, exponents.mean(axis=1)], axis=1) - np.array(self.chip)
+        step = np.interp(growths, GROWTHS, np.gradient(GROWTHS))
+        covariance = np.tile(self.covariance, (len(off), 1, 1))
+        covariance[:, 0, 0] += step**2 / 12
+        covariance[:, 1, 1] += (EXPONENTS[1] - EXPONENTS[0]) ** 2 / 12
+        size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        share = covariance / (size[:, :, None] * size[:, None, :])
+        square = np.einsum("li,lij,lj->l", off / size, np.linalg.inv(share), off / size)
+        return np.asarray(-0.5 * (square + np.linalg.slogdet(share)[1]) - np.log(size).sum(axis=1))
+
+
 PAIRS = tuple((to, of) for to, of in product(range(3), repeat=2) if to != of)
 """A channel, and another one that it shows a share of."""
 Forces = TypeVar("Forces", Floats, Complexes)
@@ -166,9 +201,10 @@ def mixed(forces: Forces, to: int, of: int) -> Forces:
 
 
 def law_draws(
-    cuts: Sequence[CutHarmonics], line: FittedLine | None = None, seed: int = 0
-) -> LawDraws:
-    """Draws of the law that the mean forces allow.
+    cuts: Sequence[CutHarmonics], line: FittedLine | None = None, shape: KnownShape | None = None,
+    seed: int = 0,
+) -> LawDraws:  # fmt: skip
+    """Draws of the law that the mean forces and the waveforms allow.
 
     Parameters
     ----------
@@ -177,6 +213,8 @@ def law_draws(
     line : FittedLine, optional
         Of their waveforms, which zeros do not move: a reading of each law's own line over the
         recorded cuts.  Its stated deviations may be too small by a factor, too.
+    shape : KnownShape, optional
+        Of the law, by the waveforms; without it every shape has its prior weight.
     seed : int
         Of the draws.
     """
@@ -184,6 +222,11 @@ def law_draws(
     means = np.concatenate([one.lines[0].real for one in cuts])
     many = feeds(each) > 1
     exponents, growths, prior = _forms(many)
+    if many and shape is not None:
+        likely = shape.likely(exponents, growths)
+        prior = prior * np.exp(likely - likely.max())
+        seen = prior > UNLIKELY * prior.max()
+        exponents, growths, prior = exponents[seen], growths[seen], prior[seen]
     believed = np.array(PRIOR) if many else np.array([*PRIOR[:3], 0.0, 0.0, 0.0])
     tables = np.array([
         np.concatenate([design(one, m, growth) for one in each])

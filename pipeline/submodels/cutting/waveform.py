@@ -315,7 +315,8 @@ class Problem:
         if self.terms.edge == "at once":
             return STRAIGHT
         first = self.names.index("growth")
-        sign = -1.0 if self.terms.edge == "ramp" else 1.0
+        # along a straight line up to 2 h_0 as much force is missing as where it grows over h_0
+        sign = -2.0 if self.terms.edge == "ramp" else 1.0
         return ChipShape(growth=sign * float(x[first]), exponent=float(x[first + 1]))
 
     def modes(self, x: Floats) -> tuple[Floats, Floats] | None:

@@ -86,7 +86,9 @@ def held(machine, two, folder, seed):
     truth = true_line(shop.cutting, recorded, found.training)
     depth = 1e3 * float(np.mean([one.cut[0].a_p for one in found.training]))
     truth |= {"runout": runout(shop.cutting, depth)["runout"]}
-    waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
+    waveform = parameters(
+        found.fit, found.uncertainty, found.not_sharp, settings.widest, found.mean_force
+    )
     inside, determined = [], []
     for method, some in (("waveform", waveform), ("mean force", found.mean_force)):
         for one in some:
