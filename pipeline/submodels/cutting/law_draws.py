@@ -26,7 +26,7 @@ the chips h = f_z sin(phi), phi evenly over each engagement, of feeds from the l
 recorded, widened to a ratio of ``SPAN`` (:func:`named_range`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeVar
@@ -34,7 +34,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from pipeline.cutting.force.chip_law import design, edge_lines, feeds, local_lines
+from pipeline.cutting.force.chip_law import design, feeds, local_lines
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, Complexes, CutHarmonics
@@ -58,8 +58,9 @@ SHAPES = (1.0, 2.0, 4.0)
 """Factors of the stated deviations of a line by the waveforms [1]."""
 GAINS = (0.005, 0.01, 0.02)
 """Shares g of depth and gain [1]."""
-WEARS = (0.05, 0.15, 0.3)
-"""Shares w of the edge force [1]: a land of 3 to 20 um at 500 N/mm^2 is 0.05 to 0.3 of 30 N/mm."""
+WEARS = tuple(np.geomspace(0.05 / np.sqrt(12), 0.3, 4).tolist())
+"""Shares w of the edge force [1], standard deviations: a land of 3 to 20 um at 500 N/mm^2 is 0.05 to
+0.3 of 30 N/mm.  The least has grown evenly over the recordings, the greatest comes between two."""
 FRICTION = 0.4
 """Friction of the land [1] (Smithey, Kapoor and DeVor 2000)."""
 CROSSTALK = 0.012
@@ -146,14 +147,30 @@ class FittedLine:
         Of them.
     gain : ndarray, shape (6, R)
         Their change by the gain of each recording.
+    edges : ndarray, shape (6, R, 3)
+        Their change by the edge force of each recording, tangential, radial, axial.
     crosstalk : ndarray, shape (6, 6)
         Their change by the share of each of ``PAIRS``.
+    reading : callable
+        For a shape of the law what the fit reads as its straight line for each constant of the law,
+        shape (6, 6): a part of a bend is taken for runout.
     """
 
     values: Floats
     covariance: Floats
     gain: Floats
+    edges: Floats
     crosstalk: Floats
+    reading: Callable[[ChipShape], Floats]
+
+    def tables(self, exponents: Floats, growths: Floats) -> Floats:
+        """Readings of L laws of exponents (L, 3) and growths (L,); shape (L, 6, 6)."""
+        cutting = {m: self.reading(ChipShape(0.0, m)) for m in np.unique(exponents).tolist()}
+        edge = {h_0: self.reading(ChipShape(h_0, 0.0)) for h_0 in np.unique(growths).tolist()}
+        return np.array([
+            np.column_stack([*(cutting[one][:, k] for k, one in enumerate(m)), edge[h_0][:, 3:]])
+            for m, h_0 in zip(exponents.tolist(), growths.tolist(), strict=True)
+        ])  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,8 +228,7 @@ def law_draws(
     cuts : sequence of CutHarmonics
         The recordings.
     line : FittedLine, optional
-        Of their waveforms, which zeros do not move: a reading of each law's own line over the
-        recorded cuts.  Its stated deviations may be too small by a factor, too.
+        Of their waveforms, which zeros do not move: a reading of each law.  Its stated deviations may be too small by a factor, too.
     shape : KnownShape, optional
         Of the law, by the waveforms; without it every shape has its prior weight.
     seed : int
@@ -236,11 +252,7 @@ def law_draws(
     scales = list(product(UNDERSTATED, GAINS, WEARS, (0.0,) if line is None else SHAPES))
     parts = _covariances(cuts, tables[0], means, line)
     if line is not None:
-        lines = [
-            local_lines(np.tile(m, (6, 1)), np.full(6, growth), np.eye(6), each).T
-            for m, growth in zip(exponents, growths.tolist(), strict=True)
-        ]
-        tables = np.concatenate([tables, lines], axis=1)
+        tables = np.concatenate([tables, line.tables(exponents, growths)], axis=1)
         means = np.concatenate([means, line.values])
     solved = [_solutions(tables, means, parts.total(*one), believed) for one in scales]
     likely = np.array([one[0] for one in solved])
@@ -298,7 +310,7 @@ def _covariances(
     crosstalk = np.stack([mixed(force, *pair).ravel() for pair in PAIRS], axis=1)
     shape = none = np.zeros((more, more))
     if line is not None:
-        forces[3 * count :], worn[3 * count :] = line.gain, edge_lines(each, land)
+        forces[3 * count :], worn[3 * count :] = line.gain, line.edges @ land
         crosstalk = np.concatenate([crosstalk, line.crosstalk])
         shape = line.covariance
     stated = np.concatenate([one.variance[0] for one in cuts])

@@ -180,15 +180,18 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
     force = wave(model.predicted(conditions, harmonics), angles)
     table = model.coefficient_columns(conditions, harmonics)
     shape = wave(table.reshape(len(table), -1), angles).reshape(ANGLES, 3, COEFFICIENTS)
-    local, mean = model.local_draws(conditions), model.local(conditions)
-    land = spread.wear * max(abs(float(mean[4])), abs(float(mean[3])))
+    laws = model.law_departures(conditions, harmonics)
+    if spread.averaged:
+        laws = laws - laws.mean(axis=0)
+    flat = wave(np.moveaxis(laws, 0, 2).reshape(harmonics + 1, -1), angles)
+    parted = np.moveaxis(flat.reshape(ANGLES, 3, -1), 2, 0)
+    land = spread.wear * max(abs(float(model.values[4])), abs(float(model.values[3])))
     worn = shape[..., 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
     beyond = outside_share(spread, conditions.speed, conditions.a_p)
     error = model.left_out * _extrapolated(model.residual(conditions), conditions.f_z)
     zero = np.full_like(force, np.sqrt(spread.zero_N2))
     return ForceWave(
-        force=force, draws=force + np.einsum("tij,dj->dti", shape, local - mean),
-        shaped=error * harmonics,
+        force=force, draws=force + parted, shaped=error * harmonics,
         recording=np.stack([np.hypot(spread.gain, beyond) * force, worn, zero]),
     )  # fmt: skip
 

@@ -352,11 +352,15 @@ class Problem:
             ]
         return self._teeth[key]
 
-    def designs(self, x: Floats) -> list[Complexes]:
-        """Columns of each recording as it shows them, shape (H + 1, 3, D) each."""
+    def designs(self, x: Floats, chip: ChipShape | None = None) -> list[Complexes]:
+        """Columns of each recording as it shows them, shape (H + 1, 3, D) each.
+
+        Of the law at ``x``, or of one of another shape.
+        """
         modes = self.modes(x)
         designs = []
-        pairs = zip(self.cuts, self.spectra(self.geometry(x), self.chip(x)), strict=True)
+        spectra = self.spectra(self.geometry(x), self.chip(x) if chip is None else chip)
+        pairs = zip(self.cuts, spectra, strict=True)
         for k, (cut, spectrum) in enumerate(pairs):
             shown = rotated(spectrum, float(x[k]))
             if modes is not None:
