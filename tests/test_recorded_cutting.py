@@ -63,8 +63,8 @@ def test_both_recordings_are_read(documents):
 def test_mean_forces_give_coefficients_of_aluminium(documents):
     found = documents[0].mean_force
     # by hand, from the means of the two files: (171.3 - 107.1) N over 2 * 3 mm * 0.05 mm / 4
-    assert found["K_tc"].value == pytest.approx((171.27 - 107.14) / 0.075, rel=0.01)
-    # the laws that bend have a line over wider feeds than the recorded ones, which starts lower
+    # the laws that bend have a line over wider feeds than the recorded ones, steeper from lower
+    assert found["K_tc"].value == pytest.approx((171.27 - 107.14) / 0.075, rel=0.02)
     assert found["K_te"].value == pytest.approx(
         (107.14 - 0.075 * found["K_tc"].value) / (6 / 3.14159), rel=0.1
     )

@@ -58,9 +58,8 @@ SHAPES = (1.0, 2.0, 4.0)
 """Factors of the stated deviations of a line by the waveforms [1]."""
 GAINS = (0.005, 0.01, 0.02)
 """Shares g of depth and gain [1]."""
-WEARS = tuple(np.geomspace(0.05 / np.sqrt(12), 0.3, 4).tolist())
-"""Shares w of the edge force [1], standard deviations: a land of 3 to 20 um at 500 N/mm^2 is 0.05 to
-0.3 of 30 N/mm.  The least has grown evenly over the recordings, the greatest comes between two."""
+WEARS = (0.05, 0.15, 0.3)
+"""Shares w of the edge force [1]: a land of 3 to 20 um at 500 N/mm^2 is 0.05 to 0.3 of 30 N/mm."""
 FRICTION = 0.4
 """Friction of the land [1] (Smithey, Kapoor and DeVor 2000)."""
 CROSSTALK = 0.012

@@ -340,7 +340,9 @@ def _without_means(
     return FittedLine(
         values=fit.values[:6] + step @ fit.solved.residuals[rows],
         covariance=(inverse * np.outer(wide, wide))[part, part],
-        gain=np.stack(each(shown), axis=1), edges=np.stack(each(edges), axis=1), reading=reading,
+        gain=np.stack(each(shown), axis=1),
+        edges=np.stack(each(edges), axis=1),
+        reading=reading,
         crosstalk=np.stack([answer([mixed(one, *p) for one in shown]) for p in PAIRS], axis=1),
     )
 

@@ -16,7 +16,7 @@ import random
 import sys
 from collections import Counter
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from multiprocessing import Pool
 from pathlib import Path
 
@@ -62,10 +62,14 @@ NORMAL_90 = 1.645 / 1.96
 """Half of a 90 % interval over that of a 95 % one [1]."""
 
 
+@cache
+def _configuration():
+    return yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
+
+
 def held(machine, two, folder, seed):
     """Names of the quantities whose 90 % interval holds the truth, and all that were determined."""
-    values = yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
-    section = partial(structure, values)
+    section = partial(structure, _configuration())
     shop = other_mill(section(f"machine.{machine}.shop", ShopParameters), seed)
     raw, signals = folder / f"raw-{seed}", folder / f"signals-{seed}"
     recorded = write_dynamometer(raw, shop)
