@@ -166,7 +166,8 @@ def identify_cutting_force(
     ]  # fmt: skip
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
-        not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods, folds=folds,
+        not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods,
+        folds=folds,
         spread=replace(
             calibrated(spread_of(fit, uncertainty, not_sharp.shape), errors), averaged=averaged
         ),

@@ -227,7 +227,8 @@ def law_draws(
     cuts : sequence of CutHarmonics
         The recordings.
     line : FittedLine, optional
-        Of their waveforms, which zeros do not move: a reading of each law.  Its stated deviations may be too small by a factor, too.
+        Of their waveforms, which zeros do not move: a reading of each law.  Its stated deviations
+        may be too small by a factor, too.
     shape : KnownShape, optional
         Of the law, by the waveforms; without it every shape has its prior weight.
     seed : int
