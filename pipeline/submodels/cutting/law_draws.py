@@ -4,8 +4,9 @@ Given the law's exponents and growth the mean forces y are linear in C and E, y 
 
     cov e = (s sd)^2 + (g y)^2 by recording + crosstalk + wear of the edge by recording.
 
-A line by the harmonics of the waveform counts as six means more: gain and crosstalk move it as far
-as the fit passes them on.
+A line by the harmonics of the waveform counts as six means more: of each law what a straight-edge
+fit reads of its waveform, runout left free.  Gain and crosstalk move it as far as the fit passes
+them on.
 
 The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ
 from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so
@@ -13,9 +14,9 @@ that the force on its land (radial, tangential by its friction) differs by a sha
 the variance at random, the other with the logarithm of the feed: series are often cut in the order
 of their feeds, and wear then looks like cutting force.  None of these is known: each has a grid of
 values of the same prior weight.  So has the law: a straight line, size effects, edge forces that
-grow with the chip, both together.  Every combination is weighted by
-its restricted likelihood (Patterson and Thompson 1971), which says nothing where there are no more
-means than coefficients: two feeds leave the prior.  Draws with a negative tangential or radial edge
+grow with the chip, both together; where the waveforms show its shape (:class:`KnownShape`) it
+weighs the laws.  Every combination is weighted by its restricted likelihood (Patterson and Thompson 1971), which says nothing where there are no more
+means than coefficients.  Draws with a negative tangential or radial edge
 force are left out: an edge that ploughs neither pulls nor drives its tool.
 
 From one feed no line follows: the force then grows as a power of the feed, with the exponents that
