@@ -15,9 +15,10 @@ the variance at random, the other with the logarithm of the feed: series are oft
 of their feeds, and wear then looks like cutting force.  None of these is known: each has a grid of
 values of the same prior weight.  So has the law: a straight line, size effects, edge forces that
 grow with the chip, both together; where the waveforms show its shape (:class:`KnownShape`) it
-weighs the laws.  Every combination is weighted by its restricted likelihood (Patterson and Thompson 1971), which says nothing where there are no more
-means than coefficients.  Draws with a negative tangential or radial edge
-force are left out: an edge that ploughs neither pulls nor drives its tool.
+weighs the laws.  Every combination is weighted by its restricted likelihood (Patterson and Thompson
+1971), which says nothing where there are no more means than coefficients.  Draws with a negative
+tangential or radial edge force are left out: an edge that ploughs neither pulls nor drives its
+tool.
 
 From one feed no line follows: the force then grows as a power of the feed, with the exponents that
 tables of Kienzle's constants span, and has no edge part.
