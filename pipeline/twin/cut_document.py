@@ -227,6 +227,9 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
         ("energy", found.energy is None,
          "the machine’s file lacks section energy or spindle_drive"),
     ]  # fmt: skip
+    if len(unknown) < len(names):
+        why = "Taylor’s constants are those of a table, which states no spread"
+        reasons.append(("interval of the tool life", True, why))
     for why in dict.fromkeys(unknown.values()):
         alike = ", ".join(names[tool] for tool, reason in unknown.items() if reason == why)
         reasons.append((f"tool life of {alike}", True, why))

@@ -108,22 +108,6 @@ def _regression(each: Sequence[CutConditions]) -> tuple[Floats, Floats, Floats, 
     return h, weight * (h - middle) / float(weight @ (h - middle) ** 2), weight, middle
 
 
-def edge_lines(each: Sequence[CutConditions], edge: Floats) -> Floats:
-    """Straight line of an edge force that one cut has more than the others; shape (6, R).
-
-    Parameters
-    ----------
-    each : sequence of CutConditions
-        Of R cuts.
-    edge : ndarray, shape (3,)
-        Tangential, radial, axial [N/m].
-    """
-    _, slope, weight, middle = _regression(each)
-    k_c = slope.reshape(len(each), -1).sum(axis=1)
-    k_e = weight.reshape(len(each), -1).sum(axis=1) - middle * k_c
-    return np.concatenate([np.outer(edge, k_c), np.outer(edge, k_e)])
-
-
 def laws_lines(laws: Sequence[ChipLaw], each: Sequence[CutConditions]) -> Floats:
     """:func:`local_lines` of stored laws; shape (D, 6)."""
     exponent = np.array([law.exponent for law in laws])

@@ -22,8 +22,8 @@ from pipeline.cutting.tool import DEGREE
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit
-from pipeline.submodels.cutting.law_draws import coefficient_draws, law_draws
-from pipeline.submodels.cutting.runout import runout
+from pipeline.submodels.cutting.law_draws import KnownShape, coefficient_draws, law_draws
+from pipeline.submodels.cutting.runout import RoundedFit, runout
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
 
@@ -39,8 +39,9 @@ WAVEFORM = "weighted least squares on the harmonics of the revolution"
 
 
 def parameters(
-    fit: Fit, uncertainty: FitUncertainty, widest: float, means: Sequence[Estimate]
-) -> list[Estimate]:
+    fit: Fit, uncertainty: FitUncertainty, not_sharp: RoundedFit, widest: float,
+    means: Sequence[Estimate],
+) -> list[Estimate]:  # fmt: skip
     """Coefficients, runout and helix of a fit.
 
     What zeros, wear, gain and the law of the chip leave open of the mean forces is left open of the
@@ -48,19 +49,21 @@ def parameters(
     mean forces determine is taken from them.
     """
     each = [cut.conditions for cut in fit.problem.cuts]
-    law = np.full(6, np.inf)
+    values, law = fit.values[:6], np.full(6, np.inf)
     if feeds(each) > 1:
-        drawn = coefficient_draws(law_draws(fit.problem.cuts, uncertainty.line), each)
-        law = half_of_draws(drawn, fit.values[:6])
+        draws = law_draws(fit.problem.cuts, uncertainty.line, not_sharp.shape)
+        drawn = coefficient_draws(draws, each)
+        values = np.median(drawn, axis=0)
+        law = half_of_draws(drawn, values)
     rows = coefficients(
-        fit.values[:6], law, float(np.mean([one.f_z for one in each])), widest,
+        values, law, float(np.mean([one.f_z for one in each])), widest,
         WAVEFORM,
     )  # fmt: skip
     better = [
         mean if mean.determined and not one.determined else one
         for one, mean in zip(rows, means, strict=True)
     ]
-    return [*better, *runout(fit, uncertainty, widest), _helix(fit, uncertainty)]
+    return [*better, *runout(fit, uncertainty, not_sharp, widest), _helix(fit, uncertainty)]
 
 
 def coefficients(
@@ -150,8 +153,9 @@ HOW = "linear regression of the mean forces"
 
 
 def mean_regression(
-    cuts: Sequence[CutHarmonics], widest: float, fit: Fit | None = None
-) -> tuple[Floats, list[Estimate]]:
+    cuts: Sequence[CutHarmonics], widest: float, fit: Fit | None = None,
+    shape: KnownShape | None = None,
+) -> tuple[Floats, list[Estimate]]:  # fmt: skip
     """Coefficients from the mean forces of recordings [N/m^2], [N/m], and each as a parameter.
 
     Parameters
@@ -163,13 +167,15 @@ def mean_regression(
     fit : Fit, optional
         Of the waveforms of ``cuts``; its effect of teeth without a chip on the means widens the
         intervals.
+    shape : KnownShape, optional
+        Of the law of the chip, which mean forces hardly tell.
     """
     values = linear_means(cuts)
     each = [one.conditions for one in cuts]
     f_z = float(np.mean([one.f_z for one in each]))
     if feeds(each) < 2:
         return values, coefficients(values, np.full(6, np.inf), f_z, widest, HOW)
-    drawn = coefficient_draws(law_draws(cuts), each)
+    drawn = coefficient_draws(law_draws(cuts, shape=shape), each)
     named = np.median(drawn, axis=0)
     half = half_of_draws(drawn, named)
     if fit is not None:

@@ -32,8 +32,10 @@ from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
 from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
+from pipeline.submodels.cutting.law_draws import KnownShape
 from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
+from pipeline.submodels.cutting.runout import RoundedFit, rounded_fit
 from pipeline.submodels.cutting.selection import (
     FitUncertainty,
     Fold,
@@ -69,6 +71,8 @@ class CuttingIdentification:
         Optimum by the chosen method.
     uncertainty : FitUncertainty, optional
         Of its unknowns.
+    not_sharp : RoundedFit, optional
+        Fit whose edges are not sharp, of the same terms.
     mean_force : sequence of Estimate
         Coefficients by regression of the mean forces.
     mean_values : ndarray, shape (6,), optional
@@ -88,6 +92,7 @@ class CuttingIdentification:
     selection: Selection | None = None
     fit: Fit | None = None
     uncertainty: FitUncertainty | None = None
+    not_sharp: RoundedFit | None = None
     mean_force: Sequence[Estimate] = ()
     mean_values: Floats | None = None
     methods: Sequence[MethodTried] = ()
@@ -145,10 +150,14 @@ def identify_cutting_force(
         other = genetic_fit(selection.fit, settings.genetic)
         methods.append(_method("genetic", other))
         fit = other if settings.method == "genetic" else fit
-    mean_values, means = mean_regression(cuts, settings.widest, fit)
     uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
+    not_sharp = rounded_fit(fit)
+    mean_values, means = mean_regression(cuts, settings.widest, fit, not_sharp.shape)
     folds, averaged = _by_champion(
-        [_fold_model(fold, selection.with_residual) for fold in selection.folds],
+        [
+            _fold_model(fold, selection.with_residual, shape)
+            for fold, shape in zip(selection.folds, not_sharp.shapes, strict=True)
+        ],
         [[cuts[k] for k in fold.left_out] for fold in selection.folds],
     )
     errors = [
@@ -157,8 +166,11 @@ def identify_cutting_force(
     ]  # fmt: skip
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
-        mean_force=means, mean_values=mean_values, methods=methods, folds=folds,
-        spread=replace(calibrated(spread_of(fit, uncertainty), errors), averaged=averaged),
+        not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods,
+        folds=folds,
+        spread=replace(
+            calibrated(spread_of(fit, uncertainty, not_sharp.shape), errors), averaged=averaged
+        ),
         reason=_upside_down(fit),
     )  # fmt: skip
 
@@ -184,9 +196,9 @@ def _by_champion(
     return (means, True) if mean < line else (folds, False)
 
 
-def _fold_model(fold: Fold, with_residual: bool) -> CutModel:
+def _fold_model(fold: Fold, with_residual: bool, shape: KnownShape | None) -> CutModel:
     """The model of a fit without some recordings; those left out do not scale its spread."""
-    spread = spread_of(fold.fit, fit_uncertainty(fold.fit, (), ()))
+    spread = spread_of(fold.fit, fit_uncertainty(fold.fit, (), ()), shape)
     return model_of(fold.fit, with_residual=with_residual, spread=spread)
 
 
@@ -249,14 +261,18 @@ def cutting_model(
         Result of the logs of the spindle's load.
     """
     fit, selection, model = identified.fit, identified.selection, identified.model
-    uncertainty, widest = identified.uncertainty, settings.widest
+    uncertainty, not_sharp = identified.uncertainty, identified.not_sharp
+    widest = settings.widest
     groups: dict[str, Mapping[str, Parameter]] = {}
     remarks: dict[str, str] = {}
     facts, correlation = None, Correlation()
     terms: tuple[TermsTried, ...] = ()
     folds: tuple[FoldModel, ...] = ()
-    if fit is not None and uncertainty is not None and selection is not None and model is not None:
-        estimates = parameters(fit, uncertainty, widest, identified.mean_force)
+    if (
+        fit is not None and uncertainty is not None and not_sharp is not None
+        and selection is not None and model is not None
+    ):  # fmt: skip
+        estimates = parameters(fit, uncertainty, not_sharp, widest, identified.mean_force)
         remarks = {one.name: one.remark for one in estimates if one.determined and one.remark}
         groups[COEFFICIENTS] = _parameters(estimates) | kienzle(identified.cuts, widest)
         groups[MEAN_FORCE] = _parameters(identified.mean_force)

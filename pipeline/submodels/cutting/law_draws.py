@@ -4,8 +4,9 @@ Given the law's exponents and growth the mean forces y are linear in C and E, y 
 
     cov e = (s sd)^2 + (g y)^2 by recording + crosstalk + wear of the edge by recording.
 
-A line by the harmonics of the waveform counts as six means more: gain and crosstalk move it as far
-as the fit passes them on.
+A line by the harmonics of the waveform counts as six means more: of each law what a straight-edge
+fit reads of its waveform, runout left free.  Gain and crosstalk move it as far as the fit passes
+them on.
 
 The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ
 from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so
@@ -13,10 +14,11 @@ that the force on its land (radial, tangential by its friction) differs by a sha
 the variance at random, the other with the logarithm of the feed: series are often cut in the order
 of their feeds, and wear then looks like cutting force.  None of these is known: each has a grid of
 values of the same prior weight.  So has the law: a straight line, size effects, edge forces that
-grow with the chip, both together.  Every combination is weighted by
-its restricted likelihood (Patterson and Thompson 1971), which says nothing where there are no more
-means than coefficients: two feeds leave the prior.  Draws with a negative tangential or radial edge
-force are left out: an edge that ploughs neither pulls nor drives its tool.
+grow with the chip, both together; where the waveforms show its shape (:class:`KnownShape`) it
+weighs the laws.  Every combination is weighted by its restricted likelihood (Patterson and Thompson
+1971), which says nothing where there are no more means than coefficients.  Draws with a negative
+tangential or radial edge force are left out: an edge that ploughs neither pulls nor drives its
+tool.
 
 From one feed no line follows: the force then grows as a power of the feed, with the exponents that
 tables of Kienzle's constants span, and has no edge part.
@@ -26,7 +28,7 @@ the chips h = f_z sin(phi), phi evenly over each engagement, of feeds from the l
 recorded, widened to a ratio of ``SPAN`` (:func:`named_range`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeVar
@@ -34,16 +36,17 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from pipeline.cutting.force.chip_law import design, edge_lines, feeds, local_lines
+from pipeline.cutting.force.chip_law import design, feeds, local_lines
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.waveform import PRIOR, Complexes, CutHarmonics
+from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, Complexes, CutHarmonics
 
-EXPONENTS = (0.0, 0.1, 0.2, 0.3)
+EXPONENTS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Exponents m of the size effect beside an edge force [1]: those of Kienzle's law alone, which hold
 the edge force too, span 0.15 to 0.4 (Koenig and Essel 1973)."""
-GROWTHS = (0.0, 3e-6, 6e-6, 12e-6)
-"""Thickness h_0 over which the edge force grows [m]: radii of sharp to honed edges."""
+GROWTHS = (0.0, *np.geomspace(1e-6, 12e-6, 6).tolist())
+"""Thickness h_0 over which the edge force grows [m]: radii of sharp to honed edges, evenly in their
+logarithm as befits a scale (Jeffreys)."""
 BESIDE = (1.0, 1.5)
 """Exponents of radial and axial force over that of the tangential one [1] (Koenig and Essel)."""
 POWERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
@@ -65,6 +68,8 @@ CROSSTALK = 0.012
 """Standard deviation of the share of another channel [1]: data sheets allow 2 %, evenly drawn."""
 SPAN = 5.0
 """Ratio of the feeds, from finishing to roughing with one tool, over which lines are named [1]."""
+UNLIKELY = 1e-4
+"""Weight of a law over that of the likeliest below which it is left out [1]."""
 TRIED, KEPT = 4096, 1024
 """Draws before and after those with an impossible edge are left out."""
 
@@ -143,14 +148,62 @@ class FittedLine:
         Of them.
     gain : ndarray, shape (6, R)
         Their change by the gain of each recording.
+    edges : ndarray, shape (6, R, 3)
+        Their change by the edge force of each recording, tangential, radial, axial.
     crosstalk : ndarray, shape (6, 6)
         Their change by the share of each of ``PAIRS``.
+    reading : callable
+        For a shape of the law what the fit reads as its straight line for each constant of the law,
+        shape (6, 6): a part of a bend is taken for runout.
     """
 
     values: Floats
     covariance: Floats
     gain: Floats
+    edges: Floats
     crosstalk: Floats
+    reading: Callable[[ChipShape], Floats]
+
+    def tables(self, exponents: Floats, growths: Floats) -> Floats:
+        """Readings of L laws of exponents (L, 3) and growths (L,); shape (L, 6, 6)."""
+        cutting = {m: self.reading(ChipShape(0.0, m)) for m in np.unique(exponents).tolist()}
+        edge = {h_0: self.reading(ChipShape(h_0, 0.0)) for h_0 in np.unique(growths).tolist()}
+        return np.array([
+            np.column_stack([*(cutting[one][:, k] for k, one in enumerate(m)), edge[h_0][:, 3:]])
+            for m, h_0 in zip(exponents.tolist(), growths.tolist(), strict=True)
+        ])  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownShape:
+    """Shape of the law that the waveforms show (:mod:`.runout`).
+
+    Parameters
+    ----------
+    chip : ChipShape
+        h_0 [m] and m [1], the same m for all directions.
+    covariance : ndarray, shape (2, 2)
+        Of h_0 and m.
+    """
+
+    chip: ChipShape
+    covariance: Floats
+
+    def likely(self, exponents: Floats, growths: Floats) -> Floats:
+        """Logarithm of the likelihood of laws of exponents (L, 3) and growths (L,); shape (L,).
+
+        The exponent of a law is the mean of its directions.  A law stands for its whole step of the
+        grid, whose variance adds to the covariance.
+        """
+        off = np.stack([growths, exponents.mean(axis=1)], axis=1) - np.array(self.chip)
+        step = np.interp(growths, GROWTHS, np.gradient(GROWTHS))
+        covariance = np.tile(self.covariance, (len(off), 1, 1))
+        covariance[:, 0, 0] += step**2 / 12
+        covariance[:, 1, 1] += (EXPONENTS[1] - EXPONENTS[0]) ** 2 / 12
+        size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        share = covariance / (size[:, :, None] * size[:, None, :])
+        square = np.einsum("li,lij,lj->l", off / size, np.linalg.inv(share), off / size)
+        return np.asarray(-0.5 * (square + np.linalg.slogdet(share)[1]) - np.log(size).sum(axis=1))
 
 
 PAIRS = tuple((to, of) for to, of in product(range(3), repeat=2) if to != of)
@@ -166,17 +219,20 @@ def mixed(forces: Forces, to: int, of: int) -> Forces:
 
 
 def law_draws(
-    cuts: Sequence[CutHarmonics], line: FittedLine | None = None, seed: int = 0
-) -> LawDraws:
-    """Draws of the law that the mean forces allow.
+    cuts: Sequence[CutHarmonics], line: FittedLine | None = None, shape: KnownShape | None = None,
+    seed: int = 0,
+) -> LawDraws:  # fmt: skip
+    """Draws of the law that the mean forces and the waveforms allow.
 
     Parameters
     ----------
     cuts : sequence of CutHarmonics
         The recordings.
     line : FittedLine, optional
-        Of their waveforms, which zeros do not move: a reading of each law's own line over the
-        recorded cuts.  Its stated deviations may be too small by a factor, too.
+        Of their waveforms, which zeros do not move: a reading of each law.  Its stated deviations
+        may be too small by a factor, too.
+    shape : KnownShape, optional
+        Of the law, by the waveforms; without it every shape has its prior weight.
     seed : int
         Of the draws.
     """
@@ -184,6 +240,11 @@ def law_draws(
     means = np.concatenate([one.lines[0].real for one in cuts])
     many = feeds(each) > 1
     exponents, growths, prior = _forms(many)
+    if many and shape is not None:
+        likely = shape.likely(exponents, growths)
+        prior = prior * np.exp(likely - likely.max())
+        seen = prior > UNLIKELY * prior.max()
+        exponents, growths, prior = exponents[seen], growths[seen], prior[seen]
     believed = np.array(PRIOR) if many else np.array([*PRIOR[:3], 0.0, 0.0, 0.0])
     tables = np.array([
         np.concatenate([design(one, m, growth) for one in each])
@@ -193,11 +254,7 @@ def law_draws(
     scales = list(product(UNDERSTATED, GAINS, WEARS, (0.0,) if line is None else SHAPES))
     parts = _covariances(cuts, tables[0], means, line)
     if line is not None:
-        lines = [
-            local_lines(np.tile(m, (6, 1)), np.full(6, growth), np.eye(6), each).T
-            for m, growth in zip(exponents, growths.tolist(), strict=True)
-        ]
-        tables = np.concatenate([tables, lines], axis=1)
+        tables = np.concatenate([tables, line.tables(exponents, growths)], axis=1)
         means = np.concatenate([means, line.values])
     solved = [_solutions(tables, means, parts.total(*one), believed) for one in scales]
     likely = np.array([one[0] for one in solved])
@@ -255,7 +312,7 @@ def _covariances(
     crosstalk = np.stack([mixed(force, *pair).ravel() for pair in PAIRS], axis=1)
     shape = none = np.zeros((more, more))
     if line is not None:
-        forces[3 * count :], worn[3 * count :] = line.gain, edge_lines(each, land)
+        forces[3 * count :], worn[3 * count :] = line.gain, line.edges @ land
         crosstalk = np.concatenate([crosstalk, line.crosstalk])
         shape = line.covariance
     stated = np.concatenate([one.variance[0] for one in cuts])

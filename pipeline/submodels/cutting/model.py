@@ -8,12 +8,11 @@ other conditions there is none.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.force.chip_law import laws_lines
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
@@ -26,6 +25,8 @@ from pipeline.schema.cutting import (
 )
 from pipeline.schema.structure import structured
 from pipeline.submodels.cutting.waveform import (
+    STRAIGHT,
+    ChipShape,
     CutHarmonics,
     columns,
     orders,
@@ -187,35 +188,54 @@ class CutModel:
     left_out: Floats
     residuals: Sequence[WaveformResidual] = ()
     spread: ForceSpread | None = None
+    _departures: dict[tuple[CutConditions, int], Complexes] = field(
+        default_factory=dict, repr=False
+    )
 
     @property
     def teeth(self) -> bool:
         """Whether single teeth have edge forces of their own."""
         return len(self.values) > 6
 
-    def local(self, conditions: CutConditions) -> Floats:
-        """Straight line over the chips of a cut that predicts its forces [N/m^2], [N/m]; (6,).
+    def law_departures(self, conditions: CutConditions, harmonics: int) -> Complexes:
+        """Harmonics of the forces by each law beyond those of the fitted line; (D, H + 1, 3) [N].
 
-        That of the waveform, or the mean of the laws where these err less on recordings left out.
+        The laws are not straight over the chip.  The fitted line is one through the recorded cuts,
+        and stands for the mean of their lines there.  One of zeros without a spread.
         """
-        if self.spread is None or not self.spread.averaged:
-            return self.values[:6]
-        return np.asarray(self.local_draws(conditions).mean(axis=0))
+        key = (conditions, harmonics)
+        if key not in self._departures:
+            self._departures[key] = self._departed(conditions, harmonics)
+        return self._departures[key]
 
-    def local_draws(self, conditions: CutConditions) -> Floats:
-        """The same by each law; shape (D, 6), of the fitted line alone without a spread.
-
-        The waveform's coefficients are those of a straight line through the recorded cuts: the
-        laws add by how much they depart from their own.
-        """
-        fitted = self.values[:6]
+    def _departed(self, conditions: CutConditions, harmonics: int) -> Complexes:
         if self.spread is None:
-            return fitted[None]
-        return np.asarray(fitted + laws_lines(self.spread.laws, [conditions]) - self.spread.line)
+            return np.zeros((1, harmonics + 1, 3), dtype=np.complex128)
+
+        def table(growth: float, exponent: float) -> Complexes:
+            chip = ChipShape(growth=growth, exponent=exponent)
+            return columns(self.tool, self.geometry, conditions, harmonics, chip)
+
+        laws = self.spread.laws
+        cutting = {m: table(0.0, m) for m in {m for law in laws for m in law.exponent}}
+        edge = {growth: table(growth, 0.0)[..., 3:] for growth in {law.growth for law in laws}}
+        line = table(*STRAIGHT) @ np.array(self.spread.line)
+        forces = [
+            sum(cutting[m][..., k] * law.cutting[k] for k, m in enumerate(law.exponent))
+            + edge[law.growth] @ np.array(law.edge) - line
+            for law in laws
+        ]  # fmt: skip
+        return np.asarray(forces) * self.shown(conditions, harmonics)
 
     def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
-        """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
-        forces = self.coefficient_columns(conditions, harmonics) @ self.local(conditions)
+        """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N].
+
+        By the straight line of the waveform, or by the mean of the laws where these err less on
+        recordings left out.
+        """
+        forces = self.coefficient_columns(conditions, harmonics) @ self.values[:6]
+        if self.spread is not None and self.spread.averaged:
+            forces = forces + self.law_departures(conditions, harmonics).mean(axis=0)
         if not self.teeth:
             return np.asarray(forces)
         teeth = tooth_columns(self.tool, self.geometry, conditions, harmonics) @ self.values[6:]

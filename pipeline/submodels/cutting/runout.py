@@ -23,12 +23,22 @@ from pipeline.cutting.tool import DEGREE, UM
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
-from pipeline.submodels.cutting.selection import FitUncertainty, fit_uncertainty, left_out_fits
+from pipeline.submodels.cutting.law_draws import KnownShape
+from pipeline.submodels.cutting.selection import (
+    FitUncertainty,
+    Fold,
+    fit_uncertainty,
+    left_out_fits,
+)
 
 RUNOUT = 0.1
 """Least size of a runout in the test of its interval, over the feed per tooth [1]."""
 ANGLE_DEG = 45.0
 """Half interval of a determined runout angle, at most [deg]."""
+FEWEST = 2
+"""Fits without some of the recordings from which their spread counts."""
+NORMAL_95 = 1.96
+"""Half of a 95 % interval over the standard deviation [1]."""
 METHOD = "weighted least squares on the harmonics, with an edge force that grows with the chip"
 
 
@@ -48,7 +58,66 @@ class _Offset:
     half_across: float
 
 
-def runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estimate]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RoundedFit:
+    """Fit in which the edge's force grows with the chip and the cutting force has a size effect.
+
+    Parameters
+    ----------
+    fit : Fit
+        To all recordings.
+    uncertainty : FitUncertainty
+        Of it.
+    folds : sequence of Fold
+        Fits without some of the recordings, in the order of the selection's.
+    """
+
+    fit: Fit
+    uncertainty: FitUncertainty
+    folds: Sequence[Fold]
+
+    @property
+    def shape(self) -> KnownShape | None:
+        """Shape of the law; None from one recording, whose harmonics err alike."""
+        return self._shape_of(self.fit)
+
+    @property
+    def shapes(self) -> list[KnownShape | None]:
+        """Those of the folds, as well known as that of all recordings."""
+        return [self._shape_of(fold.fit) for fold in self.folds]
+
+    def _shape_of(self, fit: Fit) -> KnownShape | None:
+        if len(self.folds) < FEWEST:
+            return None
+        known = self.uncertainty
+        places = [known.names.index(name) for name in ("growth", "exponent")]
+        scale = known.quantile / NORMAL_95
+        return KnownShape(
+            chip=fit.problem.chip(fit.x),
+            covariance=scale**2 * known.covariance[np.ix_(places, places)],
+        )
+
+
+def rounded_fit(fit: Fit) -> RoundedFit:
+    """The fit of a fit's terms whose edges are not sharp.
+
+    Parameters
+    ----------
+    fit : Fit
+        Whose edge force is there at once.
+    """
+    problem = fit.problem
+    terms = replace(problem.terms, edge="exponential", teeth=problem.tool.flutes > 1)
+    whole = fit_waveform(problem.tool, problem.cuts, terms, start=fit)
+    other = fit_waveform(problem.tool, problem.cuts, replace(terms, edge="ramp"), start=whole)
+    folds = left_out_fits(whole)
+    found = fit_uncertainty(whole, folds, [other], fewest=FEWEST)
+    return RoundedFit(fit=whole, uncertainty=found, folds=folds)
+
+
+def runout(
+    fit: Fit, uncertainty: FitUncertainty, not_sharp: RoundedFit, widest: float
+) -> list[Estimate]:
     """Runout, and its angle from the tooth that protrudes most.
 
     Parameters
@@ -57,6 +126,8 @@ def runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estimat
         Whose edge force is there at once.
     uncertainty : FitUncertainty
         Of it.
+    not_sharp : RoundedFit
+        In which it grows.
     widest : float
         Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
     """
@@ -64,7 +135,8 @@ def runout(fit: Fit, uncertainty: FitUncertainty, widest: float) -> list[Estimat
     if flutes == 1:
         return [_one_tooth("runout", "um"), _one_tooth("runout_angle", "deg")]
     at_once = _offset(fit, uncertainty)
-    rounded, growth = _rounded(fit)
+    rounded = _offset(not_sharp.fit, not_sharp.uncertainty)
+    growth = not_sharp.fit.problem.chip(not_sharp.fit.x).growth
     f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
     determined = rounded.half <= widest * max(rounded.size, RUNOUT * f_z)
     of_two = "of two teeth: half the difference of their radii, the part along them; "
@@ -103,16 +175,6 @@ def _one_tooth(name: str, unit: str) -> Estimate:
         name=name, unit=unit, value=0.0, half_width=0.0, determined=False, method=METHOD,
         reason="a single tooth has no other beside which it could stand out",
     )  # fmt: skip
-
-
-def _rounded(fit: Fit) -> tuple[_Offset, float]:
-    """Offset with an edge force that grows with the chip, and the thickness it grows over [m]."""
-    problem = fit.problem
-    terms = replace(problem.terms, edge="exponential", teeth=True)
-    whole = fit_waveform(problem.tool, problem.cuts, terms, start=fit)
-    other = fit_waveform(problem.tool, problem.cuts, replace(terms, edge="ramp"), start=whole)
-    found = fit_uncertainty(whole, left_out_fits(whole), [other], fewest=2)
-    return _offset(whole, found), whole.problem.chip(whole.x).growth
 
 
 def _offset(fit: Fit, uncertainty: FitUncertainty) -> _Offset:

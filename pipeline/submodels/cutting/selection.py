@@ -25,6 +25,7 @@ from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import PAIRS, FittedLine, mixed
 from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
+    ChipShape,
     Complexes,
     CutHarmonics,
     Terms,
@@ -319,19 +320,29 @@ def _without_means(
     step = ((inverse @ scaled.T) / length[:, None])[part]
 
     def answer(change: Sequence[Complexes]) -> Floats:
-        """Change of the six coefficients by one of the harmonics."""
+        """Change of the six coefficients by one of the harmonics, or by each of several."""
         shown = fit.problem.rows(change, fit.problem.weights())
         return np.asarray(step[:, : len(shown) - 3 * len(change)] @ shown[rows[: len(shown)]])
 
+    def reading(chip: ChipShape) -> Floats:
+        """What the fit reads for each constant of a law of another shape."""
+        designs = fit.problem.designs(fit.x, chip)
+        return answer([one[..., : len(COEFFICIENTS)] for one in designs])
+
+    def each(parts: Sequence[Complexes]) -> list[Floats]:
+        """Answers to the part of each recording alone."""
+        alone = [[one if k == other else 0 * one for other, one in enumerate(parts)]
+                 for k in range(len(parts))]  # fmt: skip
+        return [answer(one) for one in alone]
+
     shown = [cut.lines for cut in fit.problem.cuts]
-    gain = [
-        answer([lines if k == other else 0 * lines for other, lines in enumerate(shown)])
-        for k in range(len(shown))
-    ]
+    edges = [one[..., 3 : len(COEFFICIENTS)] for one in fit.problem.designs(fit.x)]
     return FittedLine(
         values=fit.values[:6] + step @ fit.solved.residuals[rows],
         covariance=(inverse * np.outer(wide, wide))[part, part],
-        gain=np.stack(gain, axis=1),
+        gain=np.stack(each(shown), axis=1),
+        edges=np.stack(each(edges), axis=1),
+        reading=reading,
         crosstalk=np.stack([answer([mixed(one, *p) for one in shown]) for p in PAIRS], axis=1),
     )
 

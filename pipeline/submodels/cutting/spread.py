@@ -19,7 +19,7 @@ from pipeline.cutting.force.chip_law import laws_lines, outside_share
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit
-from pipeline.submodels.cutting.law_draws import FRICTION, law_draws
+from pipeline.submodels.cutting.law_draws import FRICTION, KnownShape, law_draws
 from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.selection import FitUncertainty
@@ -70,11 +70,11 @@ class ForceWave:
         return np.asarray(np.sqrt(law + self.shaped + (self.recording**2).sum(axis=0)))
 
 
-def spread_of(fit: Fit, uncertainty: FitUncertainty) -> ForceSpread:
-    """Laws of a fit's mean forces, before recordings left out have scaled their intervals."""
+def spread_of(fit: Fit, uncertainty: FitUncertainty, shape: KnownShape | None) -> ForceSpread:
+    """Laws that a fit's recordings allow, before those left out have scaled their intervals."""
     cuts = fit.problem.cuts
     each = [one.conditions for one in cuts]
-    draws = law_draws(cuts, uncertainty.line)
+    draws = law_draws(cuts, uncertainty.line, shape)
     laws = draws.laws(STORED)
     stated = float(np.mean([cut.variance[0].mean() for cut in cuts]))
     ranges = [
@@ -180,15 +180,18 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
     force = wave(model.predicted(conditions, harmonics), angles)
     table = model.coefficient_columns(conditions, harmonics)
     shape = wave(table.reshape(len(table), -1), angles).reshape(ANGLES, 3, COEFFICIENTS)
-    local, mean = model.local_draws(conditions), model.local(conditions)
-    land = spread.wear * max(abs(float(mean[4])), abs(float(mean[3])))
+    laws = model.law_departures(conditions, harmonics)
+    if spread.averaged:
+        laws = laws - laws.mean(axis=0)
+    flat = wave(np.moveaxis(laws, 0, 2).reshape(harmonics + 1, -1), angles)
+    parted = np.moveaxis(flat.reshape(ANGLES, 3, -1), 2, 0)
+    land = spread.wear * max(abs(float(model.values[4])), abs(float(model.values[3])))
     worn = shape[..., 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
     beyond = outside_share(spread, conditions.speed, conditions.a_p)
     error = model.left_out * _extrapolated(model.residual(conditions), conditions.f_z)
     zero = np.full_like(force, np.sqrt(spread.zero_N2))
     return ForceWave(
-        force=force, draws=force + np.einsum("tij,dj->dti", shape, local - mean),
-        shaped=error * harmonics,
+        force=force, draws=force + parted, shaped=error * harmonics,
         recording=np.stack([np.hypot(spread.gain, beyond) * force, worn, zero]),
     )  # fmt: skip
 

@@ -315,7 +315,8 @@ class Problem:
         if self.terms.edge == "at once":
             return STRAIGHT
         first = self.names.index("growth")
-        sign = -1.0 if self.terms.edge == "ramp" else 1.0
+        # along a straight line up to 2 h_0 as much force is missing as where it grows over h_0
+        sign = -2.0 if self.terms.edge == "ramp" else 1.0
         return ChipShape(growth=sign * float(x[first]), exponent=float(x[first + 1]))
 
     def modes(self, x: Floats) -> tuple[Floats, Floats] | None:
@@ -351,11 +352,15 @@ class Problem:
             ]
         return self._teeth[key]
 
-    def designs(self, x: Floats) -> list[Complexes]:
-        """Columns of each recording as it shows them, shape (H + 1, 3, D) each."""
+    def designs(self, x: Floats, chip: ChipShape | None = None) -> list[Complexes]:
+        """Columns of each recording as it shows them, shape (H + 1, 3, D) each.
+
+        Of the law at ``x``, or of one of another shape.
+        """
         modes = self.modes(x)
         designs = []
-        pairs = zip(self.cuts, self.spectra(self.geometry(x), self.chip(x)), strict=True)
+        spectra = self.spectra(self.geometry(x), self.chip(x) if chip is None else chip)
+        pairs = zip(self.cuts, spectra, strict=True)
         for k, (cut, spectrum) in enumerate(pairs):
             shown = rotated(spectrum, float(x[k]))
             if modes is not None:

@@ -32,7 +32,9 @@ def determined_by(truth, tests, seed=0):
 @cache
 def _determined_by(truth, tests, seed):
     found = identify_cutting_force(recordings(truth, tests, seed), known_of(truth), SETTINGS)
-    rows = parameters(found.fit, found.uncertainty, SETTINGS.widest, found.mean_force)
+    rows = parameters(
+        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
+    )
     return {one.name: one for one in rows}, found
 
 
@@ -48,8 +50,8 @@ def test_coefficients_runout_and_modes_come_back(truth, tests):
     rows, found = determined_by(truth, tests)
     for name, value in true_values(truth).items():
         assert rows[name].determined
-        # noise of 1 % and zeros of 1 N leave 1 %; half of a tenth of a micrometre of runout
-        assert rows[name].value == pytest.approx(value, rel=0.02), name
+        # noise of 1 % and zeros of 1 N leave 1 %, laws that bend a little as much again
+        assert rows[name].value == pytest.approx(value, rel=0.03), name
     natural = [rows[0].value for rows in modes(found.fit, found.uncertainty, 0.5).values()]
     assert natural == pytest.approx(truth.natural, rel=0.01)
 
@@ -92,7 +94,7 @@ def test_rounded_edges_are_not_taken_for_runout(growth):
 def test_a_runout_that_is_not_determined_has_a_bound_and_what_to_record():
     truth = Truth(flutes=2, runout=0.003, growth=0.008)
     _, found = determined_by(truth, SLOTS)
-    runout = parameters(found.fit, found.uncertainty, 1e-4, found.mean_force)[6]
+    runout = parameters(found.fit, found.uncertainty, found.not_sharp, 1e-4, found.mean_force)[6]
     assert not runout.determined and runout.parameter.value is None
     assert float(runout.reason.split("at most ")[1].split(" um")[0]) >= 3.0
     assert "dial gauge" in runout.remedy
@@ -119,7 +121,9 @@ def test_a_helix_that_is_sought_is_found():
         dynamometer=Dynamometer(feed="x", normal="y", axial="z"),
     )  # fmt: skip
     found = identify_cutting_force(recordings(truth, SLOTS), known, SETTINGS)
-    rows = parameters(found.fit, found.uncertainty, SETTINGS.widest, found.mean_force)
+    rows = parameters(
+        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
+    )
     helix = next(one for one in rows if one.name == "helix")
     assert helix.determined
     assert helix.value == pytest.approx(38.0, abs=1.5)
@@ -167,7 +171,9 @@ def test_odd_series_give_an_answer(kind):
             one.cut[1].lines[:, 2] = 0.0
             one.cut[1].scatter[:, 2] = 0.0
     found = identify_cutting_force(series, known_of(truth), SETTINGS)
-    rows = parameters(found.fit, found.uncertainty, SETTINGS.widest, found.mean_force)
+    rows = parameters(
+        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
+    )
     for one in rows[:2]:
         assert abs(one.value - true_values(truth)[one.name]) <= one.half_width
     if kind == "one tooth":

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.force.chip_law import design, edge_lines, local_lines
+from pipeline.cutting.force.chip_law import design, local_lines
 from pipeline.cutting.force.mean_force import regressors
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.coefficients import mean_regression
@@ -61,14 +61,6 @@ def test_the_line_of_a_slot_has_its_mean_forces():
     law = design(SLOT, SIZE.exponent, SIZE.growth) @ [*SIZE.cutting, *SIZE.edge]
     line = design(SLOT, (0.0,) * 3, 0.0) @ line_of(SIZE, [SLOT])
     assert line == pytest.approx(law, rel=1e-6)
-
-
-def test_the_line_of_one_worn_cut_is_that_of_the_sum_less_the_rest():
-    """Two cuts of a straight law, the second with an edge force of its own."""
-    cuts = [SLOT, replace(SLOT, f_z=5e-5)]
-    found = edge_lines(cuts, np.array([1e3, 2e3, 0.0]))
-    assert found.sum(axis=1) == pytest.approx([0, 0, 0, 1e3, 2e3, 0], abs=1e-6)  # all worn alike
-    assert found[0, 1] < 0 < found[0, 0]  # the edge of the greater feed looks like cutting force
 
 
 def test_two_feeds_leave_every_law_and_five_do_not():

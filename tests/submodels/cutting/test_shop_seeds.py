@@ -16,7 +16,7 @@ import random
 import sys
 from collections import Counter
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from multiprocessing import Pool
 from pathlib import Path
 
@@ -62,10 +62,14 @@ NORMAL_90 = 1.645 / 1.96
 """Half of a 90 % interval over that of a 95 % one [1]."""
 
 
+@cache
+def _configuration():
+    return yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
+
+
 def held(machine, two, folder, seed):
     """Names of the quantities whose 90 % interval holds the truth, and all that were determined."""
-    values = yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
-    section = partial(structure, values)
+    section = partial(structure, _configuration())
     shop = other_mill(section(f"machine.{machine}.shop", ShopParameters), seed)
     raw, signals = folder / f"raw-{seed}", folder / f"signals-{seed}"
     recorded = write_dynamometer(raw, shop)
@@ -86,7 +90,9 @@ def held(machine, two, folder, seed):
     truth = true_line(shop.cutting, recorded, found.training)
     depth = 1e3 * float(np.mean([one.cut[0].a_p for one in found.training]))
     truth |= {"runout": runout(shop.cutting, depth)["runout"]}
-    waveform = parameters(found.fit, found.uncertainty, settings.widest, found.mean_force)
+    waveform = parameters(
+        found.fit, found.uncertainty, found.not_sharp, settings.widest, found.mean_force
+    )
     inside, determined = [], []
     for method, some in (("waveform", waveform), ("mean force", found.mean_force)):
         for one in some:
