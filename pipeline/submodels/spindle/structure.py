@@ -212,19 +212,29 @@ class Choice:
         return LeftOut(days=days_left_out(*given), hours=hours)
 
     def gains(self, simple: LeftOut, rich: LeftOut) -> bool:
-        """Whether ``rich`` is significantly better, over days or over the hours of a rare source.
+        """Whether ``rich`` is significantly better over days, or over the hours of a rare source.
 
-        Over hours the logarithms of the squared errors are compared: few hours with large errors
-        differ far from normally.  The level is shared out among the tests (Bonferroni); hours
-        credit a network only where its error is lower over all of them too.
+        Days are those left out or, where a source is rare, each day's hours left out: a day whose
+        source the others never excite is wrong by the same under any network, and its large error
+        hides what the other days say.  Over hours the logarithms of the squared errors are
+        compared: few hours with large errors differ far from normally.  The level is shared out
+        among the tests (Bonferroni); hours credit a network only where its error is lower over all
+        of them too.
         """
         rare = [self.hours.excited[:, i] for i in np.flatnonzero(self.rare)]
-        level = LEVEL / (1 + len(rare))
-        if gains(simple.days, rich.days, level):
-            return True
+        if not rare:
+            return gains(simple.days, rich.days)
         known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
         if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
             return False
+        days = np.array([self.pieces[number].day for number in self.hours.at[known, 0]])
+        by_day = [
+            np.log([one.hours[known][days == day].mean() + self.noise for day in np.unique(days)])
+            for one in (simple, rich)
+        ]
+        level = LEVEL / (1 + len(rare))
+        if gains(by_day[0], by_day[1], level):
+            return True
         logs = [np.log(one.hours + self.noise) for one in (simple, rich)]
         return any(gains(logs[0][known & one], logs[1][known & one], level) for one in rare)
 
