@@ -214,19 +214,46 @@ class Choice:
     def gains(self, simple: LeftOut, rich: LeftOut) -> bool:
         """Whether ``rich`` is significantly better, over days or over the hours of a rare source.
 
-        Over hours the logarithms of the squared errors are compared: few hours with large errors
-        differ far from normally.  The level is shared out among the tests (Bonferroni); hours
-        credit a network only where its error is lower over all of them too.
+        Days are those left out or, where a source is rare, each day's hours left out: a day whose
+        source the others never excite is wrong by the same under any network, and its large error
+        hides what the other days say.
         """
-        rare = [self.hours.excited[:, i] for i in np.flatnonzero(self.rare)]
-        level = LEVEL / (1 + len(rare))
-        if gains(simple.days, rich.days, level):
-            return True
+        if not self.rare.any():
+            return gains(simple.days, rich.days)
         known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
         if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
             return False
+        days = np.array([self.pieces[number].day for number in self.hours.at[known, 0]])
+        by_day = [
+            np.log([one.hours[known][days == day].mean() + self.noise for day in np.unique(days)])
+            for one in (simple, rich)
+        ]
+        return gains(by_day[0], by_day[1], self.level) or self._gains_in_hours(simple, rich)
+
+    def settles(self, simple: LeftOut, rich: LeftOut) -> bool:
+        """Whether ``rich`` leaves no doubt of ``simple``, over whole days or a rare source's hours.
+
+        An interval that holds asks for more than the choice of the likelier network does.
+        """
+        return gains(simple.days, rich.days, self.level) or self._gains_in_hours(simple, rich)
+
+    @property
+    def level(self) -> float:
+        """Level of each test, shared out among them (Bonferroni) [1]."""
+        return LEVEL / (1 + int(self.rare.sum()))
+
+    def _gains_in_hours(self, simple: LeftOut, rich: LeftOut) -> bool:
+        """Whether ``rich`` is better in the hours of a rare source, and over all of them too.
+
+        The logarithms of the squared errors are compared: few hours with large errors differ far
+        from normally.
+        """
+        known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
+        if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
+            return False
+        rare = [self.hours.excited[:, i] for i in np.flatnonzero(self.rare)]
         logs = [np.log(one.hours + self.noise) for one in (simple, rich)]
-        return any(gains(logs[0][known & one], logs[1][known & one], level) for one in rare)
+        return any(gains(logs[0][known & one], logs[1][known & one], self.level) for one in rare)
 
     def score(self, error: LeftOut) -> float:
         """Mean squared error that networks are ranked by [K^2]."""
@@ -278,7 +305,7 @@ def identify_spindle_network(
     others = {
         one.name: fits[one] for one in rivals
         if one != chosen and all_determined(fits[one])
-        and not choice.gains(errors[one], errors[chosen])
+        and not choice.settles(errors[one], errors[chosen])
     }  # fmt: skip
     fit, scores = fits[chosen], _scores({one.name: error for one, error in errors.items()})
     if not records.coolant or chosen.massless:

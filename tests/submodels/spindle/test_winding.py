@@ -25,6 +25,7 @@ QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(300.0, 7200.0))
     ("minutes", "in_winding", "seeds", "found_least", "held_least"),
     [
         (3.0, 0.0, 1, 1, 1),
+        (10.0, 1.0, 1, 1, 1),
         *(
             pytest.param(minutes, in_winding, 100, 90, 85, marks=pytest.mark.proof)
             for minutes in (3.0, 10.0, 60.0)
