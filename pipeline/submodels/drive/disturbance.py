@@ -48,6 +48,7 @@ from pipeline.submodels.drive.servo.equation import (
     ServoEquation,
     ServoRecord,
     servo_equation,
+    servo_periods,
     stretches,
     window_columns,
 )
@@ -228,42 +229,78 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
     record = ServoRecord(
         reference=one.reference, position=one.position, command=one.command, period=h
     )
-    nominal, values = _law(servo)
+    nominal, values = _law(servo, sum(servo_periods(one.constants, h)) / 2)
     bandwidth = min(ABOVE * servo.loop_gain / (2 * np.pi), FASTEST / h)
     try:
         equation = servo_equation([record], nominal, bandwidth)
     except ValueError:
         return {}
-    factors = equation.factors(values)
-    own = -(equation.columns @ factors)
-    fitted = values > 0
-    fitted[TS] = False
-    nuisance = equation.jacobian(values, fitted)
-    spans = stretches(record, nominal.current_limit, bandwidth)
-    load = one.load
+    law = _Law(record, one.load, servo, equation, bandwidth)
+    found, values = law.fits(values)
+    # the same about the gains that this recording shows, by which a factor scales
+    return law.fits(values)[0] if any(each.clear for each in found.values()) else found
 
-    def columns(samples: float) -> dict[Entry, Floats]:
-        pushed = shifted(load, samples)
-        aside = replace(record, reference=pushed, position=np.zeros(len(pushed)), command=pushed)
-        rows = np.concatenate([
-            part for a, b in spans for part in window_columns(aside.rows(a, b), equation.node,
-                                                              bandwidth)
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """The servo's law on one recording, in which a disturbance may enter."""
+
+    record: ServoRecord
+    load: Floats
+    servo: ServoParameters
+    equation: ServoEquation
+    bandwidth: float
+
+    def fits(self, values: Floats) -> tuple[dict[Entry, EntryFit], Floats]:
+        """Fits of each place about ``values`` of the law, and its values beside the likeliest."""
+        factors = self.equation.factors(values)
+        own = -(self.equation.columns @ factors)
+        fitted = values > 0
+        fitted[TS] = False
+        nuisance = self.equation.jacobian(values, fitted)
+        proportional = values[SVP] * self.servo.velocity_gain
+
+        def columns(samples: float) -> dict[Entry, Floats]:
+            rows = self.rows(samples)
+            signals = ServoEquation.undelayed(rows)
+            return {
+                "reference": rows[:, :-1] @ factors[:-1],
+                "speed": proportional * signals[:, 0] + self.servo.integral * signals[:, 2],
+                "command": signals[:, -1],
+            }
+
+        period = self.record.period
+        found = entry_fits(
+            own, nuisance, columns, period=period, step=0.25 / self.bandwidth, weight=0.25,
+            stretch=self.equation.stretch,
+        )  # fmt: skip
+        entry = max(found, key=lambda each: found[each].gain)
+        best = found[entry]
+        left = own - best.factor.value * columns(best.delay / period)[entry]
+        shown = values.copy()
+        shown[fitted] += np.linalg.lstsq(nuisance, left, rcond=None)[0]
+        low, high = self.equation.nominal.bounds(self.equation.longest)
+        return found, np.clip(shown, low, high)
+
+    def rows(self, samples: float) -> Floats:
+        """Rows of the equation with the disturbance, ``samples`` late, in the place of signals."""
+        pushed = shifted(self.load, samples)
+        aside = replace(
+            self.record, reference=pushed, position=np.zeros(len(pushed)), command=pushed
+        )
+        node, width = self.equation.node, self.bandwidth
+        spans = stretches(self.record, self.equation.nominal.current_limit, width)
+        return np.concatenate([
+            part for a, b in spans for part in window_columns(aside.rows(a, b), node, width)
         ])  # fmt: skip
-        signals = ServoEquation.undelayed(rows)
-        return {
-            "reference": rows[:, :-1] @ factors[:-1],
-            "speed": servo.proportional * signals[:, 0] + servo.integral * signals[:, 2],
-            "command": signals[:, -1],
-        }
-
-    return entry_fits(
-        own, nuisance, columns, period=h, step=0.25 / bandwidth, weight=0.25,
-        stretch=equation.stretch,
-    )  # fmt: skip
 
 
-def _law(servo: ServoParameters) -> tuple[Nominal, Floats]:
-    """The servo's gains, and its factors of them in the order of ``TERMS``."""
+def _law(servo: ServoParameters, period: float) -> tuple[Nominal, Floats]:
+    """The servo's gains, and its factors of them in the order of ``TERMS``.
+
+    Those of the equation, which integrates where the servo, of ``period`` [s], sums up: what of the
+    proportional gain stands for the difference is taken off again.
+    """
     nominal = Nominal(
         position_gain=servo.position_gain, velocity_gain=servo.velocity_gain,
         integral_gain=servo.integral_gain, velocity_feedforward=0.0, acceleration_feedforward=0.0,
@@ -271,7 +308,10 @@ def _law(servo: ServoParameters) -> tuple[Nominal, Floats]:
         unnamed=frozenset(),
     )  # fmt: skip
     values = np.zeros(len(TERMS))
-    values[[SPP, SVP]] = servo.position_scale, servo.velocity_scale
+    values[[SPP, SVP]] = (
+        servo.position_scale,
+        servo.velocity_scale - 0.5 * period * servo.integral / servo.velocity_gain,
+    )
     values[SVI] = servo.integral_scale if servo.integral_gain > 0 else 0.0
     values[[FV, FA]] = servo.velocity_feedforward, servo.acceleration_feedforward
     values[[TX, TV, TS]] = servo.position_lag, servo.velocity_lag, 1.0

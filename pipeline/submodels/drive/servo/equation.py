@@ -218,6 +218,15 @@ def servo_records(
     return found, constants, unit, others
 
 
+def servo_periods(constants: AxisConstants, period: float) -> tuple[float, float]:
+    """Least and greatest sampling period of the servo, with a recorder's ``period`` [s].
+
+    Where the list does not name it, it is only bounded by the recorder's.
+    """
+    listed = constants.servo_period
+    return (0.0, period) if listed is None else (listed, listed)
+
+
 def servo_bandwidth(records: Sequence[ServoRecord]) -> float:
     """Bandwidth of the comparison [Hz], from that of the position loop.
 

@@ -37,6 +37,7 @@ from pipeline.submodels.drive.servo.equation import (
     ServoEquation,
     servo_bandwidth,
     servo_equation,
+    servo_periods,
     servo_records,
 )
 from pipeline.submodels.drive.servo.search import (
@@ -162,13 +163,10 @@ def _with_rounding(
     """With the contribution of a sampled integral to S_vp.
 
     Sum and integral of the velocity error differ by half a sample of it, which acts like a part
-    S_vi V_i T / 2 of the proportional gain.  Where the servo's period T is not listed, it is only
-    bounded by the recorder's.
+    S_vi V_i T / 2 of the proportional gain, of a servo's period T between its bounds.
     """
     part = 0.5 * estimated.values[SVI] * nominal.integral_gain / nominal.velocity_gain
-    least, most = 0.0, part * period
-    if constants.servo_period is not None:
-        least = most = part * constants.servo_period
+    least, most = (part * one for one in servo_periods(constants, period))
     values, low, high = estimated.values.copy(), estimated.low.copy(), estimated.high.copy()
     values[SVP] += 0.5 * (least + most)
     low[SVP], high[SVP] = low[SVP] + least, high[SVP] + most
