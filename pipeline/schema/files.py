@@ -138,7 +138,7 @@ def ended_by_signals() -> Iterator[None]:
     Files that are not whole are removed on the way out, at the latest when Python ends: a signal
     may come between two steps of a ``with``.  Whatever a library makes of it on its way, the exit
     status holds; one that comes in a callback, where Python raises nothing, ends the run there.  A
-    signal that is ignored stays so.
+    signal that is ignored stays so.  An interrupt from the keyboard in a callback does the same.
     """
     atexit.register(_remove_begun)
     sys.unraisablehook = _end_there
@@ -160,11 +160,15 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 
 def _end_there(unraisable: "sys.UnraisableHookArgs") -> None:
-    if not (_ended and unraisable.exc_type is SystemExit):
+    if _ended and unraisable.exc_type is SystemExit:
+        number = _ended[0]
+    elif unraisable.exc_type is KeyboardInterrupt:
+        number = signal.SIGINT
+    else:
         sys.__unraisablehook__(unraisable)
         return
     _remove_begun()
-    os._exit(128 + _ended[0])
+    os._exit(128 + number)
 
 
 def _remove_begun() -> None:
