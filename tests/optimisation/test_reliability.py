@@ -1,6 +1,7 @@
 """Feeds that keep a limit with a given certainty, against closed forms and waveforms of draws."""
 
 from dataclasses import asdict, replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from pipeline.optimisation.reliability.chance_constraint import (
 )
 from pipeline.optimisation.reliability.part_loads import (
     PartLoads,
+    _sobol,
     critical,
     deeper,
     draws_of,
@@ -368,3 +370,16 @@ def test_an_interval_is_where_the_count_is_not_unlikely(many: int, part: float):
         assert binom.sf(passed - 1, many, low) == pytest.approx(0.025, rel=1e-6)
     if passed < many:
         assert binom.cdf(passed, many, high) == pytest.approx(0.025, rel=1e-6)
+
+
+def test_points_are_kept_and_drawn_again_where_what_is_kept_is_broken(tmp_path, monkeypatch):
+    monkeypatch.setenv("KERF_CACHE", str(tmp_path))
+    drawn = _sobol(5, 100, seed=3)
+    assert drawn.shape == (100, 5) and 0 < drawn.min() and drawn.max() < 1
+    with mock.patch("scipy.stats.qmc.Sobol", side_effect=AssertionError):
+        assert np.array_equal(_sobol(5, 100, seed=3), drawn)
+        assert np.array_equal(_sobol(5, 70, seed=3), drawn[:70])  # of the same power of two
+    (kept,) = (tmp_path / "sobol").iterdir()
+    kept.write_bytes(kept.read_bytes()[:-8])
+    assert np.array_equal(_sobol(5, 100, seed=3), drawn)
+    assert not np.array_equal(_sobol(5, 100, seed=4), drawn)
