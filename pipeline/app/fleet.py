@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from fnmatch import fnmatchcase
+from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from shutil import copy2
@@ -69,18 +70,21 @@ def _composed(override: str) -> dict[str, Any]:
     files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = content_key([*COMPOSED_BY, *files], *versions, override)
-    content = kept("conf", key) or b""
-    text = content.decode(errors="ignore")
+    digest, _, text = (kept("conf", key) or b"").partition(b"\n")
     try:
-        if not text or text.encode() != content:  # none, or a broken one
+        if digest != _digest(text):  # none, or a broken one
             from pipeline.stages.compose import composed
 
-            text = composed(CONF, (override,))
-            keep("conf", key, text.encode())
+            text = composed(CONF, (override,)).encode()
+            keep("conf", key, _digest(text) + b"\n" + text)
         values: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
     except yaml.YAMLError as error:
         raise ValueError(f"{CONF} does not compose: {' '.join(str(error).split())}") from error
     return values
+
+
+def _digest(text: bytes) -> bytes:
+    return sha256(text).hexdigest().encode()
 
 
 def ingest_files(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from io import StringIO
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -86,12 +87,17 @@ def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: as_read(value) if type(value) is str else value,  # no markup
+        finalize=_as_read,
     )
     environment.globals["say"] = say
     environment.filters["csv"] = csv_link
     environment.filters["section_sources"] = section_sources
     return lambda name, **variables: environment.get_template(name).render(**variables)
+
+
+def _as_read(value: Any) -> Any:
+    """Words as they are read; markup, and with it what a template escapes by ``e``, as it is."""
+    return as_read(value) if type(value) is str else value
 
 
 def csv_link(table: Table) -> str:

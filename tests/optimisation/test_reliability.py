@@ -380,6 +380,7 @@ def test_points_are_kept_and_drawn_again_where_what_is_kept_is_broken(tmp_path, 
         assert np.array_equal(_sobol(5, 100, seed=3), drawn)
         assert np.array_equal(_sobol(5, 70, seed=3), drawn[:70])  # of the same power of two
     (kept,) = (tmp_path / "sobol").iterdir()
-    kept.write_bytes(kept.read_bytes()[:-8])
-    assert np.array_equal(_sobol(5, 100, seed=3), drawn)
+    for broken in (kept.read_bytes()[:-8], bytes(8 * 5 * 128 - 1) + b"\x7f"):  # short; beyond 1
+        kept.write_bytes(broken)
+        assert np.array_equal(_sobol(5, 100, seed=3), drawn)
     assert not np.array_equal(_sobol(5, 100, seed=4), drawn)

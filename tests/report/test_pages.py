@@ -70,6 +70,8 @@ def test_units_of_a_judge_are_set_as_they_are_read(tmp_path):
     write_report([folders], FLEET, None, tmp_path / "out")
     words = " ".join(page.read_text() for page in evidence(tmp_path / "out" / "mill01.html"))
     assert "error 9\u202fµm is above 6\u202fµm, 1.5 × 10⁻⁵ N/mm² and −3°" in words
+    tables = re.findall(r'href="(data:text/csv[^"]*)"', words)
+    assert len(tables) > 3 and all(one.isascii() for one in tables)  # to be read by programs
 
 
 def test_every_figure_says_in_words_what_it_shows(report):

@@ -282,9 +282,9 @@ def _sobol(dimensions: int, many: int, seed: int) -> Floats:
     They are kept from run to run: to import the library takes half a second, to read them none.
     """
     power = ceil(log2(many))
-    key = f"{dimensions}-{power}-{seed}-scipy-{scipy.__version__}"
+    key = f"{dimensions}-{power}-{seed}-scipy-{scipy.__version__}-numpy-{np.__version__}"
     content = kept("sobol", key)
-    if content is None or len(content) != 8 * dimensions << power:
+    if content is None or not _is_cube(content, dimensions << power):
         from scipy.stats.qmc import Sobol
 
         sequence = Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
@@ -293,6 +293,14 @@ def _sobol(dimensions: int, many: int, seed: int) -> Floats:
     points = np.frombuffer(content, "<f8").reshape(-1, dimensions)[:many]
     least = 0.5**33
     return np.clip(points, least, 1.0 - least)
+
+
+def _is_cube(content: bytes, many: int) -> bool:
+    """Whether bytes are ``many`` numbers from 0 to 1."""
+    if len(content) != 8 * many:
+        return False
+    values = np.frombuffer(content, "<f8")
+    return bool(((values >= 0) & (values <= 1)).all())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

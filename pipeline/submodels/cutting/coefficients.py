@@ -35,7 +35,10 @@ BESIDE = 0.1
 """Least size of a coefficient in the test of its interval, over the tangential one [1]."""
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
-WAVEFORM = "weighted least squares on the harmonics of the revolution"
+WAVEFORM = (
+    "weighted least squares on the harmonics of the revolution, of several feeds the median over "
+    "laws of the chip"
+)
 
 
 def parameters(

@@ -252,7 +252,8 @@ def law_draws(
     ])  # fmt: skip
     line = line if many else None
     scales = list(product(UNDERSTATED, GAINS, WEARS, (0.0,) if line is None else SHAPES))
-    parts = _covariances(cuts, tables[0], means, line)
+    straight = np.concatenate([design(one, (0.0, 0.0, 0.0), 0.0) for one in each])
+    parts = _covariances(cuts, straight, means, line)
     if line is not None:
         tables = np.concatenate([tables, line.tables(exponents, growths)], axis=1)
         means = np.concatenate([means, line.values])
