@@ -259,14 +259,13 @@ class _Law:
         fitted[TS] = False
         nuisance = self.equation.jacobian(values, fitted)
         proportional = values[SVP] * self.servo.velocity_gain
-        integral = values[SVI] * self.servo.integral_gain
 
         def columns(samples: float) -> dict[Entry, Floats]:
             rows = self.rows(samples)
             signals = ServoEquation.undelayed(rows)
             return {
                 "reference": rows[:, :-1] @ factors[:-1],
-                "speed": proportional * signals[:, 0] + integral * signals[:, 2],
+                "speed": proportional * signals[:, 0] + self.servo.integral * signals[:, 2],
                 "command": signals[:, -1],
             }
 
@@ -300,8 +299,7 @@ def _law(servo: ServoParameters, period: float) -> tuple[Nominal, Floats]:
     """The servo's gains, and its factors of them in the order of ``TERMS``.
 
     Those of the equation, which integrates where the servo, of ``period`` [s], sums up: what of the
-    proportional gain stands for the difference is taken off again.  A servo whose period is not
-    listed is taken to have been identified at the rate of this recording.
+    proportional gain stands for the difference is taken off again.
     """
     nominal = Nominal(
         position_gain=servo.position_gain, velocity_gain=servo.velocity_gain,
