@@ -60,18 +60,16 @@ def test_its_machine_takes_as_long_and_loads_the_tool_below_the_limit(cut, parts
 
 @pytest.mark.proof
 def test_what_is_identified_of_its_machine_holds_the_truth(tmp_path):
-    """95 % intervals, of which one may miss; the law's load in a slot is the truth to 5 %."""
+    """Every interval that is told; the law's load in a slot is the shop's truth to 5 %."""
     model = paper_knowledge(tmp_path / "known").model
     recorded = write_dynamometer(tmp_path / "again", MACHINE)
     true = dynamometer_truth(MACHINE.cutting, recorded)["parameters"]
     told = {k: v for k, v in model.coefficients.items() if k in true and v.determined}
     assert {"K_tc", "K_rc", "K_te", "K_re", "runout"} <= set(told)
-    missed = []
     for name, one in told.items():
         assert one.interval_95 is not None
         low, high = one.interval_95
-        missed += [] if low <= true[name] <= high else [name]
-    assert len(missed) <= 1, missed
+        assert low <= true[name] <= high, name
     identified = identified_coefficients(model)
     assert identified is not None
     law, f_z = identified.law, 0.03e-3
