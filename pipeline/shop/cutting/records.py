@@ -39,7 +39,8 @@ DEFINITION = {
     "runout runout_angle": (
         "offset of the tool's axis halfway down the mean depth of the " + SOUND + ", with its "
         "angle from the first tooth in the sense in which teeth move; a recording tells the angle "
-        "only but for whole pitches, 360 deg / flutes"
+        "only but for whole pitches, 360 deg / flutes; of two teeth the part along them, half the "
+        "difference of their radii: what is across them no force shows"
     ),
     "spindle.no_load_W": "pairs of speed [rev/min] and power [W] without a cut",
     "spindle.specific_force": "power of all passes at the tool over what they remove in that time",
@@ -94,10 +95,15 @@ def _mean_rows(conditions: Conditions, cutting: Cutting) -> Floats:
 
 
 def runout(cutting: Cutting, depth: float) -> dict[str, float]:
-    """Offset [um] and angle [deg] of the tool's axis halfway down ``depth`` [mm]."""
+    """Offset [um] and angle [deg] of the tool's axis halfway down ``depth`` [mm].
+
+    Of two teeth the part along them: both radii stay as they are with an offset across.
+    """
     tool = cutting.tool
     to = np.exp(1j * np.deg2rad([tool.runout_angle, tool.tilt_angle]))
     offset = tool.runout * to[0] + tool.tilt * depth / 2 * to[1]
+    if tool.flutes == 2:
+        offset = complex(offset.real)
     return {"runout": float(np.abs(offset)), "runout_angle": float(np.rad2deg(np.angle(offset)))}
 
 
