@@ -54,7 +54,7 @@ def parameters(
     each = [cut.conditions for cut in fit.problem.cuts]
     values, law = fit.values[:6], np.full(6, np.inf)
     if feeds(each) > 1:
-        draws = law_draws(fit.problem.cuts, uncertainty.line, not_sharp.shape)
+        draws = law_draws(fit.problem.cuts, not_sharp.line, not_sharp.shape)
         drawn = coefficient_draws(draws, each)
         values = np.median(drawn, axis=0)
         law = half_of_draws(drawn, values)

@@ -32,7 +32,7 @@ from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
 from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
-from pipeline.submodels.cutting.law_draws import KnownShape
+from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape
 from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
 from pipeline.submodels.cutting.runout import RoundedFit, rounded_fit
@@ -155,8 +155,10 @@ def identify_cutting_force(
     mean_values, means = mean_regression(cuts, settings.widest, fit, not_sharp.shape)
     folds, averaged = _by_champion(
         [
-            _fold_model(fold, selection.with_residual, shape)
-            for fold, shape in zip(selection.folds, not_sharp.shapes, strict=True)
+            _fold_model(fold, selection.with_residual, line, shape)
+            for fold, line, shape in zip(
+                selection.folds, not_sharp.lines, not_sharp.shapes, strict=True
+            )
         ],
         [[cuts[k] for k in fold.left_out] for fold in selection.folds],
     )
@@ -169,7 +171,7 @@ def identify_cutting_force(
         not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods,
         folds=folds,
         spread=replace(
-            calibrated(spread_of(fit, uncertainty, not_sharp.shape), errors), averaged=averaged
+            calibrated(spread_of(fit, not_sharp.line, not_sharp.shape), errors), averaged=averaged
         ),
         reason=_upside_down(fit),
     )  # fmt: skip
@@ -196,9 +198,11 @@ def _by_champion(
     return (means, True) if mean < line else (folds, False)
 
 
-def _fold_model(fold: Fold, with_residual: bool, shape: KnownShape | None) -> CutModel:
+def _fold_model(
+    fold: Fold, with_residual: bool, line: FittedLine, shape: KnownShape | None
+) -> CutModel:
     """The model of a fit without some recordings; those left out do not scale its spread."""
-    spread = spread_of(fold.fit, fit_uncertainty(fold.fit, (), ()), shape)
+    spread = spread_of(fold.fit, line, shape)
     return model_of(fold.fit, with_residual=with_residual, spread=spread)
 
 

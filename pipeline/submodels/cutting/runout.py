@@ -23,11 +23,12 @@ from pipeline.cutting.tool import DEGREE, UM
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
-from pipeline.submodels.cutting.law_draws import KnownShape
+from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape
 from pipeline.submodels.cutting.selection import (
     FitUncertainty,
     Fold,
     fit_uncertainty,
+    fitted_line,
     left_out_fits,
 )
 
@@ -75,6 +76,16 @@ class RoundedFit:
     fit: Fit
     uncertainty: FitUncertainty
     folds: Sequence[Fold]
+
+    @property
+    def line(self) -> FittedLine:
+        """The constants of its law by the harmonics; harmonics of one recording err alike."""
+        return fitted_line(self.fit, self.uncertainty.factor)
+
+    @property
+    def lines(self) -> list[FittedLine]:
+        """Those of the folds, as well known as those of all recordings."""
+        return [fitted_line(fold.fit, self.uncertainty.factor) for fold in self.folds]
 
     @property
     def shape(self) -> KnownShape | None:

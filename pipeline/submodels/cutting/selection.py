@@ -246,15 +246,15 @@ class FitUncertainty:
         Half of a 95 % interval over the standard deviation [1].
     condition : float
         Condition number of the Jacobian with columns scaled to length one [1].
-    line : FittedLine
-        The six coefficients by the harmonics without the mean forces.
+    factor : ndarray, shape (6,)
+        Of the six coefficients' standard deviations over those of the fit alone [1].
     """
 
     names: list[str]
     covariance: Floats
     quantile: float
     condition: float
-    line: FittedLine
+    factor: Floats
 
     def half_width(self, slope: Floats) -> float:
         """Half of the 95 % interval of a quantity with this gradient by the unknowns."""
@@ -280,9 +280,7 @@ def fit_uncertainty(
     from scipy.stats import t as student
 
     problem = fit.problem
-    slopes = np.concatenate([problem.slopes(fit.x, fit.values), fit.solved.table], axis=1)
-    loose = LOOSE * np.concatenate([problem.scale, np.full(problem.linear, np.inf)])
-    length = np.sqrt((slopes**2).sum(axis=0) + loose**-2.0)
+    slopes, length, loose = _jacobian(fit)
     scaled = slopes / length
     normal = scaled.T @ scaled + np.diag((loose * length) ** -2.0)
     singular: Floats = np.linalg.eigvalsh(normal)
@@ -299,14 +297,32 @@ def fit_uncertainty(
     return FitUncertainty(
         names=names, covariance=covariance, quantile=quantile,
         condition=float(np.sqrt(singular[-1] / max(float(singular[0]), 1e-300))),
-        line=_without_means(fit, slopes, length, loose, factor),
+        factor=factor[len(fit.x) : len(fit.x) + len(COEFFICIENTS)],
     )  # fmt: skip
 
 
-def _without_means(
-    fit: Fit, slopes: Floats, length: Floats, loose: Floats, factor: Floats
-) -> FittedLine:
-    """One Gauss-Newton step of a fit without the rows of its means, with its covariance."""
+def _jacobian(fit: Fit) -> tuple[Floats, Floats, Floats]:
+    """Slopes of the weighted rows, their lengths, and prior deviations of the unknowns."""
+    problem = fit.problem
+    slopes = np.concatenate([problem.slopes(fit.x, fit.values), fit.solved.table], axis=1)
+    loose = LOOSE * np.concatenate([problem.scale, np.full(problem.linear, np.inf)])
+    return slopes, np.sqrt((slopes**2).sum(axis=0) + loose**-2.0), loose
+
+
+def fitted_line(fit: Fit, factor: Floats) -> FittedLine:
+    """The six constants of a fit's law by one Gauss-Newton step without the rows of its means.
+
+    The shape of the law is held: laws of other shapes have their own readings.
+
+    Parameters
+    ----------
+    fit : Fit
+        To recordings.
+    factor : ndarray, shape (6,)
+        Of the standard deviations over those of the fit alone [1].
+    """
+    slopes, length, loose = _jacobian(fit)
+    slopes[:, : len(fit.x)] *= [name not in ("growth", "exponent") for name in fit.problem.names]
     rows = np.ones(len(slopes), dtype=bool)
     first = 0
     for cut in fit.problem.cuts:
@@ -315,8 +331,8 @@ def _without_means(
     scaled = (slopes / length)[rows]
     normal = scaled.T @ scaled + np.diag((loose * length) ** -2.0)
     inverse = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
-    wide = factor / length
     part = slice(len(fit.x), len(fit.x) + len(COEFFICIENTS))
+    wide = factor / length[part]
     step = ((inverse @ scaled.T) / length[:, None])[part]
 
     def answer(change: Sequence[Complexes]) -> Floats:
@@ -339,7 +355,7 @@ def _without_means(
     edges = [one[..., 3 : len(COEFFICIENTS)] for one in fit.problem.designs(fit.x)]
     return FittedLine(
         values=fit.values[:6] + step @ fit.solved.residuals[rows],
-        covariance=(inverse * np.outer(wide, wide))[part, part],
+        covariance=inverse[part, part] * np.outer(wide, wide),
         gain=np.stack(each(shown), axis=1),
         edges=np.stack(each(edges), axis=1),
         reading=reading,

@@ -19,10 +19,9 @@ from pipeline.cutting.force.chip_law import laws_lines, outside_share
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit
-from pipeline.submodels.cutting.law_draws import FRICTION, KnownShape, law_draws
+from pipeline.submodels.cutting.law_draws import FRICTION, FittedLine, KnownShape, law_draws
 from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
-from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
 
 Complexes = NDArray[np.complex128]
@@ -70,11 +69,19 @@ class ForceWave:
         return np.asarray(np.sqrt(law + self.shaped + (self.recording**2).sum(axis=0)))
 
 
-def spread_of(fit: Fit, uncertainty: FitUncertainty, shape: KnownShape | None) -> ForceSpread:
-    """Laws that a fit's recordings allow, before those left out have scaled their intervals."""
+def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpread:
+    """Laws that a fit's recordings allow, before those left out have scaled their intervals.
+
+    Parameters
+    ----------
+    fit : Fit
+        To the recordings.
+    line, shape
+        Of the law, as a fit whose edges are not sharp shows them (:mod:`.runout`).
+    """
     cuts = fit.problem.cuts
     each = [one.conditions for one in cuts]
-    draws = law_draws(cuts, uncertainty.line, shape)
+    draws = law_draws(cuts, line, shape)
     laws = draws.laws(STORED)
     stated = float(np.mean([cut.variance[0].mean() for cut in cuts]))
     ranges = [
