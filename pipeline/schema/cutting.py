@@ -141,7 +141,8 @@ class ForceSpread:
     laws : tuple of ChipLaw
         Draws that the records allow, each as likely as the others.
     line : tuple of float
-        Mean of their straight lines over the recorded cuts: six coefficients [N/m^2], [N/m].
+        Straight line over the recorded cuts that they depart from, six coefficients [N/m^2], [N/m]:
+        that of a predicting law that bends, else the mean of theirs.
     gain, wear : float
         By which depth and gain, and the edge force, differ from recording to recording [1].
     zero_N2 : float
@@ -153,9 +154,6 @@ class ForceSpread:
         Errors of peak, mean and waveform on recordings left out, over what was expected [1].
     freedom : int
         Degrees of freedom of these.
-    averaged : bool
-        Whether forces are predicted by the mean of the laws, as it errs less than the straight line
-        of the waveform on training recordings left out; the intervals hold the laws in both cases.
     """
 
     laws: tuple[ChipLaw, ...]
@@ -170,7 +168,6 @@ class ForceSpread:
     mean_scale: float = 1.0
     shape_scale: float = 1.0
     freedom: int = 4
-    averaged: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +181,8 @@ class StoredCutModel:
     geometry : ToolGeometry
         Its runout and helix.
     values : tuple of float
-        Six coefficients [N/m^2], [N/m], determined or not; then edge forces of single teeth.
+        Six constants of its law [N/m^2], [N/m], determined or not; then edge forces of single
+        teeth.
     natural_Hz, damping : tuple of float or None
         Modes of the channels that measure feed, normal and axis [Hz], [1].
     left_out_N2 : tuple of float
@@ -193,6 +191,12 @@ class StoredCutModel:
         Residuals under trained conditions.
     spread : ForceSpread or None
         Laws and errors that its intervals are made of; None without intervals.
+    growth_m, exponent : float
+        Thickness over which the edge's force grows [m], and exponent of the size effect [1], of its
+        law; both 0 for a straight line.
+    line : tuple of float
+        Six coefficients of its law's straight line over the recorded cuts [N/m^2], [N/m]; empty for
+        those in ``values``.
     """
 
     tool: Mapping[str, Any]
@@ -203,6 +207,9 @@ class StoredCutModel:
     left_out_N2: tuple[float, ...]
     residuals: tuple[StoredResidual, ...] = ()
     spread: ForceSpread | None = None
+    growth_m: float = 0.0
+    exponent: float = 0.0
+    line: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -113,10 +113,14 @@ def identified_coefficients(model: CuttingModel | None) -> IdentifiedCoefficient
 
 
 def fitted_coefficients(model: CuttingModel | None) -> Floats:
-    """The six coefficients as the fit took them, determined or not, SI; 0 where nothing says."""
+    """The six coefficients over the recorded cuts as the predicting fit took them, SI.
+
+    Determined or not; 0 where nothing says.
+    """
     if model is None or model.prediction is None:
         return np.zeros(len(COEFFICIENTS))
-    values = np.array(model.prediction.values[: len(COEFFICIENTS)], dtype=np.float64)
+    taken = model.prediction.line or model.prediction.values[: len(COEFFICIENTS)]
+    values = np.array(taken, dtype=np.float64)
     return np.pad(values, (0, len(COEFFICIENTS) - len(values)))
 
 

@@ -15,7 +15,6 @@ from pipeline.schema.cutting import (
     CuttingFitFacts,
     CuttingModel,
     FoldModel,
-    ForceSpread,
     MethodTried,
     ResidualConditions,
     TermsTried,
@@ -32,7 +31,6 @@ from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
 from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
-from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape
 from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
 from pipeline.submodels.cutting.runout import RoundedFit, rounded_fit
@@ -79,10 +77,10 @@ class CuttingIdentification:
         The same in SI.
     methods : sequence of MethodTried
         Error and evaluations of each method tried.
-    spread : ForceSpread, optional
-        What the intervals of its forces are made of.
+    model : CutModel, optional
+        The one that predicts, with what the intervals of its forces are made of.
     folds : sequence of CutModel
-        The models of the selection's folds, with their own spreads.
+        Its models of the selection's folds, with their own spreads.
     reason : str
         Why there is no fit.
     """
@@ -96,7 +94,7 @@ class CuttingIdentification:
     mean_force: Sequence[Estimate] = ()
     mean_values: Floats | None = None
     methods: Sequence[MethodTried] = ()
-    spread: ForceSpread | None = None
+    model: CutModel | None = None
     folds: Sequence[CutModel] = ()
     reason: str = ""
 
@@ -113,13 +111,6 @@ class CuttingIdentification:
             rest = tuple(name for name in names if name not in out)
             found |= {name: Reference(model=model, fitted_on=rest) for name in out}
         return found
-
-    @property
-    def model(self) -> CutModel | None:
-        """The model that predicts."""
-        if self.fit is None or self.selection is None:
-            return None
-        return model_of(self.fit, with_residual=self.selection.with_residual, spread=self.spread)
 
     @property
     def training(self) -> list[CuttingRecording]:
@@ -153,57 +144,44 @@ def identify_cutting_force(
     uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
     not_sharp = rounded_fit(fit)
     mean_values, means = mean_regression(cuts, settings.widest, fit, not_sharp.shape)
-    folds, averaged = _by_champion(
-        [
-            _fold_model(fold, selection.with_residual, line, shape)
-            for fold, line, shape in zip(
-                selection.folds, not_sharp.lines, not_sharp.shapes, strict=True
-            )
-        ],
-        [[cuts[k] for k in fold.left_out] for fold in selection.folds],
+    with_residual = selection.with_residual
+    serving, fits = _champion(
+        ((fit, selection.folds), (not_sharp.fit, not_sharp.folds)), cuts, with_residual
     )
+    folds = [
+        model_of(fold.fit, with_residual=with_residual, spread=spread_of(fold.fit, line, shape))
+        for fold, line, shape in zip(fits, not_sharp.lines, not_sharp.shapes, strict=True)
+    ]
     errors = [
         left_out_errors(model, cuts[k])
-        for model, fold in zip(folds, selection.folds, strict=True) for k in fold.left_out
+        for model, fold in zip(folds, fits, strict=True) for k in fold.left_out
     ]  # fmt: skip
+    spread = calibrated(spread_of(serving, not_sharp.line, not_sharp.shape), errors)
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
         not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods,
-        folds=folds,
-        spread=replace(
-            calibrated(spread_of(fit, not_sharp.line, not_sharp.shape), errors), averaged=averaged
-        ),
+        folds=folds, model=model_of(serving, with_residual=with_residual, spread=spread),
         reason=_upside_down(fit),
     )  # fmt: skip
 
 
-def _by_champion(
-    folds: list[CutModel], left_out: Sequence[Sequence[CutHarmonics]]
-) -> tuple[list[CutModel], bool]:
-    """Models of folds by the straight line or by the mean of the laws, and which of them errs less.
+def _champion(
+    candidates: Sequence[tuple[Fit, Sequence[Fold]]],
+    cuts: Sequence[CutHarmonics],
+    with_residual: bool,
+) -> tuple[Fit, Sequence[Fold]]:
+    """The fit that errs least on recordings left out, and its fits without them.
 
-    The straight line serves where no recording was left out.
+    The first where no recording was left out.
     """
-    means = [
-        replace(one, spread=None if one.spread is None else replace(one.spread, averaged=True))
-        for one in folds
-    ]
-    line, mean = (
-        sum(
-            relative_square(model, cut)
-            for model, cuts in zip(models, left_out, strict=True) for cut in cuts
-        )
-        for models in (folds, means)
-    )  # fmt: skip
-    return (means, True) if mean < line else (folds, False)
 
+    def error(candidate: tuple[Fit, Sequence[Fold]]) -> float:
+        return sum(
+            relative_square(model_of(fold.fit, with_residual=with_residual), cuts[k])
+            for fold in candidate[1] for k in fold.left_out
+        )  # fmt: skip
 
-def _fold_model(
-    fold: Fold, with_residual: bool, line: FittedLine, shape: KnownShape | None
-) -> CutModel:
-    """The model of a fit without some recordings; those left out do not scale its spread."""
-    spread = spread_of(fold.fit, line, shape)
-    return model_of(fold.fit, with_residual=with_residual, spread=spread)
+    return min(candidates, key=error)
 
 
 def _why_none(recordings: Sequence[CuttingRecording]) -> str:

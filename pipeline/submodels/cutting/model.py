@@ -47,6 +47,8 @@ FEEDS = 1.1
 """Ratio from which two feeds count as different [1]."""
 BEYOND = 2.0
 """Factor beyond the trained feeds, up and down, up to which the residual applies [1]."""
+KEPT = 64
+"""Conditions whose departures of the laws are kept, at most."""
 FURTHER = 0.5
 """Extrapolation of the straight line over the feed, as a share of the trained range [1]."""
 
@@ -168,7 +170,7 @@ class CutModel:
     geometry : ToolGeometry
         Its runout and helix.
     values : ndarray, shape (D,)
-        Six coefficients [N/m^2], [N/m], and edge forces of single teeth, as
+        Six constants of the law [N/m^2], [N/m], and edge forces of single teeth, as
         :func:`pipeline.submodels.cutting.waveform.columns` has them.
     natural, damping : ndarray, shape (3,), optional
         Of the modes of the channels that show feed, normal and axis [Hz], [1].
@@ -178,6 +180,10 @@ class CutModel:
         Residuals under trained conditions; none where they were not kept.
     spread : ForceSpread, optional
         Laws of the chip that the records allow, and what intervals are made of; none without.
+    chip : ChipShape
+        Of the law.
+    line : ndarray, shape (6,), optional
+        Its straight line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default.
     """
 
     tool: Tool
@@ -188,6 +194,8 @@ class CutModel:
     left_out: Floats
     residuals: Sequence[WaveformResidual] = ()
     spread: ForceSpread | None = None
+    chip: ChipShape = STRAIGHT
+    line: Floats | None = None
     _departures: dict[tuple[CutConditions, int], Complexes] = field(
         default_factory=dict, repr=False
     )
@@ -198,13 +206,15 @@ class CutModel:
         return len(self.values) > 6
 
     def law_departures(self, conditions: CutConditions, harmonics: int) -> Complexes:
-        """Harmonics of the forces by each law beyond those of the fitted line; (D, H + 1, 3) [N].
+        """Harmonics of the forces by each law beyond those of the model's; (D, H + 1, 3) [N].
 
-        The laws are not straight over the chip.  The fitted line is one through the recorded cuts,
-        and stands for the mean of their lines there.  One of zeros without a spread.
+        A straight line is one through the recorded cuts, and stands for the mean of the laws' lines
+        there.  One of zeros without a spread.  The last few are kept.
         """
         key = (conditions, harmonics)
         if key not in self._departures:
+            if len(self._departures) > KEPT:
+                self._departures.clear()
             self._departures[key] = self._departed(conditions, harmonics)
         return self._departures[key]
 
@@ -219,31 +229,27 @@ class CutModel:
         laws = self.spread.laws
         cutting = {m: table(0.0, m) for m in {m for law in laws for m in law.exponent}}
         edge = {growth: table(growth, 0.0)[..., 3:] for growth in {law.growth for law in laws}}
-        line = table(*STRAIGHT) @ np.array(self.spread.line)
+        own = self.values[:6] if self.chip != STRAIGHT else np.array(self.spread.line)
+        here = table(*self.chip) @ own
         forces = [
             sum(cutting[m][..., k] * law.cutting[k] for k, m in enumerate(law.exponent))
-            + edge[law.growth] @ np.array(law.edge) - line
+            + edge[law.growth] @ np.array(law.edge) - here
             for law in laws
         ]  # fmt: skip
         return np.asarray(forces) * self.shown(conditions, harmonics)
 
     def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
-        """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N].
-
-        By the straight line of the waveform, or by the mean of the laws where these err less on
-        recordings left out.
-        """
+        """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
         forces = self.coefficient_columns(conditions, harmonics) @ self.values[:6]
-        if self.spread is not None and self.spread.averaged:
-            forces = forces + self.law_departures(conditions, harmonics).mean(axis=0)
         if not self.teeth:
             return np.asarray(forces)
-        teeth = tooth_columns(self.tool, self.geometry, conditions, harmonics) @ self.values[6:]
+        table = tooth_columns(self.tool, self.geometry, conditions, harmonics, self.chip)
+        teeth = table @ self.values[6:]
         return np.asarray(forces + teeth * self.shown(conditions, harmonics))
 
     def coefficient_columns(self, conditions: CutConditions, harmonics: int) -> Complexes:
-        """Harmonics of the forces for each of the six coefficients; shape (H + 1, 3, 6)."""
-        table = columns(self.tool, self.geometry, conditions, harmonics)
+        """Harmonics of the forces for each of the six constants; shape (H + 1, 3, 6)."""
+        table = columns(self.tool, self.geometry, conditions, harmonics, self.chip)
         return np.asarray(table * self.shown(conditions, harmonics)[:, :, None])
 
     def shown(self, conditions: CutConditions, harmonics: int) -> Complexes:
@@ -303,6 +309,9 @@ def stored(model: CutModel) -> StoredCutModel:
         damping=None if model.damping is None else tuple(model.damping.tolist()),
         left_out_N2=tuple(model.left_out.tolist()),
         spread=model.spread,
+        growth_m=model.chip.growth,
+        exponent=model.chip.exponent,
+        line=() if model.line is None else tuple(model.line.tolist()),
         residuals=tuple(
             StoredResidual(
                 conditions=one.conditions, feeds_m=one.feeds,
@@ -330,6 +339,8 @@ def restored(document: StoredCutModel) -> CutModel:
         damping=None if damping is None else np.array(damping),
         left_out=np.array(document.left_out_N2),
         spread=document.spread,
+        chip=ChipShape(growth=document.growth_m, exponent=document.exponent),
+        line=np.array(document.line) if document.line else None,
         residuals=[
             WaveformResidual(
                 conditions=one.conditions, feeds=one.feeds_m,

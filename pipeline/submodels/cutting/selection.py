@@ -17,6 +17,7 @@ from itertools import product
 
 import numpy as np
 
+from pipeline.cutting.force.chip_law import local_lines
 from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
@@ -25,6 +26,7 @@ from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import PAIRS, FittedLine, mixed
 from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
+    STRAIGHT,
     ChipShape,
     Complexes,
     CutHarmonics,
@@ -206,6 +208,17 @@ def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
     return squares[0], squares[1]
 
 
+def own_line(fit: Fit) -> Floats | None:
+    """Straight line of a fit's law over its recordings [N/m^2], [N/m]; None where it is one."""
+    chip = fit.problem.chip(fit.x)
+    if chip == STRAIGHT:
+        return None
+    each = [cut.conditions for cut in fit.problem.cuts]
+    return local_lines(
+        np.full((1, 3), chip.exponent), np.array([chip.growth]), fit.values[None, :6], each
+    )[0]
+
+
 def model_of(fit: Fit, *, with_residual: bool, spread: ForceSpread | None = None) -> CutModel:
     """The model of a fit; with ``with_residual`` its waveform residual is part of it."""
     problem, x = fit.problem, fit.x
@@ -213,7 +226,7 @@ def model_of(fit: Fit, *, with_residual: bool, spread: ForceSpread | None = None
     mechanics = CutModel(
         tool=problem.tool, geometry=problem.geometry(x), values=fit.values,
         natural=None if modes is None else modes[0], damping=None if modes is None else modes[1],
-        left_out=problem.left_out, spread=spread,
+        left_out=problem.left_out, spread=spread, chip=problem.chip(x), line=own_line(fit),
     )  # fmt: skip
     if not with_residual:
         return mechanics
@@ -283,8 +296,9 @@ def fit_uncertainty(
     slopes, length, loose = _jacobian(fit)
     scaled = slopes / length
     normal = scaled.T @ scaled + np.diag((loose * length) ** -2.0)
-    singular: Floats = np.linalg.eigvalsh(normal)
-    covariance = np.linalg.pinv(normal, rcond=1e-14, hermitian=True) / np.outer(length, length)
+    singular = np.linalg.eigvalsh(normal)
+    inverse = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
+    covariance = np.asarray(inverse / np.outer(length, length), np.float64)
     freedom = max(len(slopes) - slopes.shape[1] - problem.linear, 1)
     names = [*problem.names, *COEFFICIENTS, *_edges(fit)]
     quantile = float(student.ppf(0.975, freedom))

@@ -1,8 +1,8 @@
 """90 % intervals of predicted forces: law of the chip, waveform, recording, recordings left out.
 
-Forces are predicted by the straight line of the waveform, or by the mean of the laws that the
-records allow (:mod:`pipeline.submodels.cutting.law_draws`), whichever errs less on training
-recordings left out.  The spread of the laws about it, which grows outside of the feeds that were
+Forces are predicted by a straight law or by one whose edges are not sharp, whichever errs less on
+training recordings left out.  The spread of the laws that the records allow
+(:mod:`pipeline.submodels.cutting.law_draws`) about it, which grows outside of the feeds that were
 learnt, the model error of the harmonics, and what differs from recording to recording (depth and
 gain, wear of the edge, zero) add up to an expected error.  It grows outside of the speeds and
 depths too.  The errors on recordings left out, over those expected, scale it: their mean square is
@@ -22,6 +22,7 @@ from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import FRICTION, FittedLine, KnownShape, law_draws
 from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
+from pipeline.submodels.cutting.selection import own_line
 from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
 
 Complexes = NDArray[np.complex128]
@@ -75,7 +76,7 @@ def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpre
     Parameters
     ----------
     fit : Fit
-        To the recordings.
+        To the recordings, that predicts.
     line, shape
         Of the law, as a fit whose edges are not sharp shows them (:mod:`.runout`).
     """
@@ -83,13 +84,15 @@ def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpre
     each = [one.conditions for one in cuts]
     draws = law_draws(cuts, line, shape)
     laws = draws.laws(STORED)
+    own = own_line(fit)
     stated = float(np.mean([cut.variance[0].mean() for cut in cuts]))
     ranges = [
         (float(min(values)), float(max(values)))
         for values in zip(*((c.f_z, c.speed, c.a_p) for c in each), strict=True)
     ]
     return ForceSpread(
-        laws=laws, line=tuple(laws_lines(laws, each).mean(axis=0).tolist()),
+        laws=laws,
+        line=tuple((laws_lines(laws, each).mean(axis=0) if own is None else own).tolist()),
         gain=draws.gain, wear=draws.wear,
         zero_N2=draws.understated**2 * stated, feeds_m=ranges[0], speeds=ranges[1],
         depths_m=ranges[2],
@@ -188,8 +191,6 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
     table = model.coefficient_columns(conditions, harmonics)
     shape = wave(table.reshape(len(table), -1), angles).reshape(ANGLES, 3, COEFFICIENTS)
     laws = model.law_departures(conditions, harmonics)
-    if spread.averaged:
-        laws = laws - laws.mean(axis=0)
     flat = wave(np.moveaxis(laws, 0, 2).reshape(harmonics + 1, -1), angles)
     parted = np.moveaxis(flat.reshape(ANGLES, 3, -1), 2, 0)
     land = spread.wear * max(abs(float(model.values[4])), abs(float(model.values[3])))

@@ -140,7 +140,7 @@ def test_wear_between_two_cuts_lies_in_the_interval():
 
 
 def test_recordings_left_out_scale_the_interval():
-    found = identified((0.05, 0.1, 0.15)).spread
+    found = identified((0.05, 0.1, 0.15)).model.spread
     wide = calibrated(found, [(3.0, 0.1, 1.0)] * 20)
     assert wide.peak_scale > 2.5 and wide.mean_scale < 0.6 and wide.freedom == 24
     assert wide.shape_scale == pytest.approx(1.0)
@@ -161,7 +161,7 @@ def test_forces_beyond_the_feeds_lie_in_wider_intervals():
         one = recordings(truth, [(6000.0, f_z, 2.0, 0.0, np.pi)], seed=5)[0]
         cut = cut_harmonics(one, SETTINGS)
         levels = force_levels(found.model, cut.conditions, cut.harmonics)
-        halves = half_widths(found.spread, levels)
+        halves = half_widths(found.model.spread, levels)
         real = magnitude(cut.lines)
         for level, half, measured in zip(levels, halves, (real.max(), real.mean()), strict=True):
             assert abs(level.value - measured) <= half

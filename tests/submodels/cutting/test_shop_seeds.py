@@ -131,7 +131,7 @@ def true_line(cutting, recorded, training):
 
 def _shares(found, cut):
     """Whether the intervals of peak and mean hold what was measured, and most of each channel."""
-    model, spread = found.model, found.spread
+    model, spread = found.model, found.model.spread
     levels = force_levels(model, cut.conditions, cut.harmonics)
     real = magnitude(cut.lines)
     for name, level, half, true in zip(
