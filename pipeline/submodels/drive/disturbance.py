@@ -13,10 +13,16 @@ have it only where it is such a force (or is added behind the place where the co
 which no record tells from a force).  The place whose equation gains most likelihood is taken.  In
 a loop without integral and feed-forward the three places of the law are one equation: there the
 factor decides, where only one of them has it in a unit in use, and the motion is the same anyway.
+
+A feed-forward is made from backward differences of the reference, half a sample late, or from
+central ones.  Without a disturbance the lag of the position loop mimics the one by the other; a
+disturbance at the reference or the speed command tells them apart.  The likelier of both is taken;
+where a recording does not tell them apart, what the factor differs by is added to its half width.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from math import inf, isinf, log
 
 import numpy as np
@@ -44,6 +50,7 @@ from pipeline.submodels.drive.servo.equation import (
     TS,
     TV,
     TX,
+    Difference,
     Nominal,
     ServoEquation,
     ServoRecord,
@@ -221,8 +228,26 @@ def _words(
     return ", ".join(said)
 
 
-def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, EntryFit]:
-    """Fits of the servo's law; none without servo, reference or position."""
+def law_fits(
+    recording: Recording, axis: str, drive: IdentifiedDrive
+) -> dict[Difference, dict[Entry, EntryFit]]:
+    """Fits of each place in the servo's law, by the differences that may be fed forward.
+
+    Parameters
+    ----------
+    recording : Recording
+        That shows the axis.
+    axis : str
+        Its letter.
+    drive : IdentifiedDrive
+        As identified.
+
+    Returns
+    -------
+    dict
+        Central differences alone where nothing is fed forward; empty without servo, reference or
+        position.
+    """
     one, servo, h = recording.axes[axis], drive.servo, recording.period
     if servo is None or one.reference is None or one.position is None or one.load is None:
         return {}
@@ -231,14 +256,35 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
     )
     nominal, values = _law(servo, sum(servo_periods(one.constants, h)) / 2)
     bandwidth = min(ABOVE * servo.loop_gain / (2 * np.pi), FASTEST / h)
+    ahead = servo.velocity_feedforward > 0 or servo.acceleration_feedforward > 0
+    differences: tuple[Difference, ...] = ("central", "backward") if ahead else ("central",)
     try:
-        equation = servo_equation([record], nominal, bandwidth)
+        equations = {
+            each: servo_equation([record], nominal, bandwidth, each) for each in differences
+        }
     except ValueError:
         return {}
-    law = _Law(record, one.load, servo, equation, bandwidth)
-    found, values = law.fits(values)
-    # the same about the gains that this recording shows, by which a factor scales
-    return law.fits(values)[0] if any(each.clear for each in found.values()) else found
+    return {
+        each: _Law(record, one.load, servo, equation, bandwidth).about_its_gains(values)
+        for each, equation in equations.items()
+    }
+
+
+def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, EntryFit]:
+    """Fits by the likelier differences; none without servo, reference or position.
+
+    Where the recording does not tell them apart, what a factor differs by is a doubt of it.
+    """
+    found = list(law_fits(recording, axis, drive).values())
+    if not found:
+        return {}
+    likelihood = [max(one.likelihood for one in fits.values()) for fits in found]
+    best, highest = found[int(np.argmax(likelihood))], max(likelihood)
+    open_ = [fits for fits, one in zip(found, likelihood, strict=True) if highest - one < APART]
+    return {
+        entry: one.doubted(max(abs(one.factor.value - fits[entry].factor.value) for fits in open_))
+        for entry, one in best.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,6 +296,14 @@ class _Law:
     servo: ServoParameters
     equation: ServoEquation
     bandwidth: float
+
+    def about_its_gains(self, values: Floats) -> dict[Entry, EntryFit]:
+        """Fits of each place about the gains that the recording shows, from ``values``.
+
+        By these a factor scales.  Where nothing enters, they are those of ``values``.
+        """
+        found, values = self.fits(values)
+        return self.fits(values)[0] if any(each.clear for each in found.values()) else found
 
     def fits(self, values: Floats) -> tuple[dict[Entry, EntryFit], Floats]:
         """Fits of each place about ``values`` of the law, and its values beside the likeliest."""
@@ -282,16 +336,21 @@ class _Law:
         low, high = self.equation.nominal.bounds(self.equation.longest)
         return found, np.clip(shown, low, high)
 
-    def rows(self, samples: float) -> Floats:
-        """Rows of the equation with the disturbance, ``samples`` late, in the place of signals."""
+    @cached_property
+    def rows(self) -> Callable[[float], Floats]:
+        """Rows of the equation with the disturbance, so many samples late, in place of signals."""
+        return cache(self._rows)
+
+    def _rows(self, samples: float) -> Floats:
         pushed = shifted(self.load, samples)
         aside = replace(
             self.record, reference=pushed, position=np.zeros(len(pushed)), command=pushed
         )
-        node, width = self.equation.node, self.bandwidth
+        node, width, difference = self.equation.node, self.bandwidth, self.equation.difference
         spans = stretches(self.record, self.equation.nominal.current_limit, width)
         return np.concatenate([
-            part for a, b in spans for part in window_columns(aside.rows(a, b), node, width)
+            part for a, b in spans
+            for part in window_columns(aside.rows(a, b), node, width, difference)
         ])  # fmt: skip
 
 

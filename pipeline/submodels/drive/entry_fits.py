@@ -5,9 +5,9 @@ the model (Frisch and Waugh 1933): first on a grid of delays, then by steps of G
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from math import log
+from math import inf, log
 from typing import Literal
 
 import numpy as np
@@ -42,6 +42,8 @@ class EntryFit:
         Of the equation's squared error that it explains [1].
     gain : float
         Of log-likelihood over the equation without the disturbance [1].
+    likelihood : float
+        Logarithm of it, less a constant that all fits of the same recorded signal share [1].
     """
 
     factor: Factor
@@ -49,11 +51,17 @@ class EntryFit:
     delay_half_width: float
     share: float
     gain: float
+    likelihood: float
 
     @property
     def clear(self) -> bool:
         """Whether the disturbance enters there at all, with a factor that is determined."""
         return self.factor.is_determined(DETERMINED) and self.share > EXPLAINS and self.gain > APART
+
+    def doubted(self, systematic: float) -> "EntryFit":
+        """The fit whose factor may be wrong by ``systematic``, in SI, beside its interval."""
+        half = self.factor.half_width + systematic
+        return replace(self, factor=replace(self.factor, half_width=half))
 
 
 def shifted(signal: Floats, samples: float) -> Floats:
@@ -165,8 +173,10 @@ def _refined(
     blocks = block_numbers(residuals, stretch, others + 2)
     half = uncertainty_of(jacobian, residuals, blocks).half_width
     whole, after = float(y @ y), float(residuals @ residuals)
-    ratio = whole / max(after, 1e-12 * whole) if whole > 0 else 1.0
+    least = max(after, 1e-12 * whole)
+    ratio = whole / least if whole > 0 else 1.0
     return EntryFit(
         factor=Factor(value=c, half_width=float(half[0])), delay=at * period,
         delay_half_width=float(half[1]), share=1 - 1 / ratio, gain=weight * len(y) * log(ratio),
+        likelihood=-weight * len(y) * log(least) if whole > 0 else inf,
     )  # fmt: skip
