@@ -23,7 +23,7 @@ where a recording does not tell them apart, what the factor differs by is added 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from math import inf, isinf, log
+from math import floor, inf, isinf, log, log10
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from pipeline.submodels.drive.servo.equation import (
     FA,
     FASTEST,
     FV,
+    NODES,
     SPP,
     SVI,
     SVP,
@@ -219,7 +220,8 @@ def _words(
     if known and unit != expected:
         said.append(f"it acts as if in {unit}" + (f", not in {expected}" if expected else ""))
     if not known:
-        said.append(f"its factor is {value:.4g} {si} for one unit of the channel")
+        known_to = round(value, -floor(log10(half)))
+        said.append(f"its factor is {known_to:.4g} {si} for one unit of the channel")
     if abs(found.delay) > max(found.delay_half_width, 1e-3):
         said.append(f"it is {1e3 * found.delay:.3g} ms behind its channel")
     if alike:
@@ -302,31 +304,37 @@ class _Law:
 
         By these a factor scales.  Where nothing enters, they are those of ``values``.
         """
-        found, values = self.fits(values)
-        return self.fits(values)[0] if any(each.clear for each in found.values()) else found
+        found, values = self.fits(values, {})
+        if not any(each.clear for each in found.values()):
+            return found
+        return self.fits(values, found)[0]
 
-    def fits(self, values: Floats) -> tuple[dict[Entry, EntryFit], Floats]:
-        """Fits of each place about ``values`` of the law, and its values beside the likeliest."""
-        factors = self.equation.factors(values)
-        own = -(self.equation.columns @ factors)
+    def fits(
+        self, values: Floats, before: dict[Entry, EntryFit]
+    ) -> tuple[dict[Entry, EntryFit], Floats]:
+        """Fits of each place about ``values`` of the law, and its values beside the likeliest.
+
+        An error of a gain scales the disturbance of a fit ``before``, too.
+        """
+        own = -(self.equation.columns @ self.equation.factors(values))
         fitted = values > 0
-        fitted[TS] = False
+        fitted[TS] = True  # a twin's lag is of first order, a recorded one is what it is
         nuisance = self.equation.jacobian(values, fitted)
-        proportional = values[SVP] * self.servo.velocity_gain
+        entering = self.entering(values)
 
         def columns(samples: float) -> dict[Entry, Floats]:
             rows = self.rows(samples)
-            signals = ServoEquation.undelayed(rows)
-            return {
-                "reference": rows[:, :-1] @ factors[:-1],
-                "speed": proportional * signals[:, 0] + self.servo.integral * signals[:, 2],
-                "command": signals[:, -1],
-            }
+            return {entry: rows @ factors for entry, (factors, _) in entering.items()}
 
         period = self.record.period
+        scaled = {
+            entry: one.factor.value * self.rows(round(one.delay / period))
+            @ entering[entry][1][:, fitted]
+            for entry, one in before.items()
+        }  # fmt: skip
         found = entry_fits(
-            own, nuisance, columns, period=period, step=0.25 / self.bandwidth, weight=0.25,
-            stretch=self.equation.stretch,
+            own, nuisance, scaled, columns, period=period, step=0.25 / self.bandwidth,
+            weight=0.25, stretch=self.equation.stretch,
         )  # fmt: skip
         entry = max(found, key=lambda each: found[each].gain)
         best = found[entry]
@@ -335,6 +343,21 @@ class _Law:
         shown[fitted] += np.linalg.lstsq(nuisance, left, rcond=None)[0]
         low, high = self.equation.nominal.bounds(self.equation.longest)
         return found, np.clip(shown, low, high)
+
+    def entering(self, values: Floats) -> dict[Entry, tuple[Floats, Floats]]:
+        """Factors of the rows of the disturbance at each place, (M,), and their slopes, (M, D)."""
+        gain, error, swept = self.equation.nominal.velocity_gain, 0, 2 * NODES
+        reference, slopes = self.equation.factors(values), self.equation.slopes(values)
+        speed, command = np.zeros_like(reference), np.zeros_like(reference)
+        by_gain = np.zeros_like(slopes)
+        reference[-1], command[-1] = 0.0, 1.0
+        # without delay it enters as the error and its integral do; this is the identified one
+        speed[error], by_gain[error, SVP] = gain * values[SVP], gain
+        speed[swept] = self.servo.integral
+        return {
+            "reference": (reference, slopes), "speed": (speed, by_gain),
+            "command": (command, np.zeros_like(slopes)),
+        }  # fmt: skip
 
     @cached_property
     def rows(self) -> Callable[[float], Floats]:
@@ -407,7 +430,7 @@ def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> EntryF
     width = drive.bandwidth_Hz or 0.25 / recording.period
     share = min(width * 2 * _row_period(recording, width), 1.0)
     found = entry_fits(
-        own, np.ones((len(own), 1)), columns, period=recording.period, step=0.25 / width,
+        own, np.ones((len(own), 1)), {}, columns, period=recording.period, step=0.25 / width,
         weight=0.5 * share, stretch=rows.stretch,
     )["force"]  # fmt: skip
     if abs(found.delay) <= found.delay_half_width + recording.period:

@@ -234,7 +234,7 @@ def test_a_closed_loop_with_pulses_is_followed_wherever_they_enter(name, drives)
 @pytest.mark.parametrize("name", ["PI", "CENTRAL"])
 @pytest.mark.parametrize("kind", [0, 2], ids=["reference", "speed"])
 def test_a_disturbance_tells_the_differences_that_are_fed_forward(name, kind, drives):
-    """The factor is within its interval, and this is no wider for a choice that is open."""
+    """The factor is within its interval, and what the choice leaves open is below 1 %."""
     axis = {"PI": PI, "CENTRAL": CENTRAL}[name]
     entry, size, per_unit, unit, _ = kinds(axis)[kind]
     for seed in range(3):
@@ -244,7 +244,7 @@ def test_a_disturbance_tells_the_differences_that_are_fed_forward(name, kind, dr
         assert likelier == ("central" if axis.central else "backward")
         found = found_in(one, drives[name]).factor
         assert found is not None
-        assert abs(found.value - per_unit) < found.half_width == by_law[likelier].factor.half_width
+        assert abs(found.value - per_unit) < found.half_width < 0.01 * per_unit
 
 
 def test_a_delay_is_found_with_its_interval(drives):

@@ -101,7 +101,7 @@ def test_backward_differences_of_the_reference_are_half_a_sample_late():
     r = record.reference
     once = np.diff(r, prepend=r[0]) / H
     twice = np.diff(once, prepend=once[0]) / H
-    swept = 0.5 * (r + np.r_[r[0], r[:-1]])
+    swept = H * np.cumsum(once - 0.5 * np.diff(once, prepend=once[0]))
     fed = 0.8 * (300.0 * once + 6000.0 * swept) + 2.0 * twice
     record = replace(record, command=record.command + fed)
     left = {

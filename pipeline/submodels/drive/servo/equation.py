@@ -485,20 +485,19 @@ def _stretch(record: ServoRecord, node: float, bandwidth: float, difference: Dif
 def _fed_forward(
     reference: Floats, period: float, difference: Difference
 ) -> tuple[Floats, Floats, Floats]:
-    """Integral, speed and acceleration of the reference by its differences; shape (T,) each.
+    """Integral by trapezoids, speed and acceleration of the reference; shape (T,) each.
 
-    Backward differences have the first half a sample late, the second a whole one; the integral,
-    by trapezoids, is the mean of two samples.
+    Speed and acceleration are its differences over a sample before, or over one on both sides.
     """
-    if difference == "central":
-        speed = derivative(reference, period)
-        return reference - reference[0], speed, derivative(speed, period)
-    before = np.r_[reference[:1], reference[:-1]]
-    speed = (reference - before) / period
-    return (
-        0.5 * (reference + before) - reference[0], speed,
-        np.diff(speed, prepend=speed[0]) / period,
-    )  # fmt: skip
+
+    def rate(signal: Floats) -> Floats:
+        if difference == "central":
+            return np.asarray(np.gradient(signal, period))
+        return np.diff(signal, prepend=signal[0]) / period
+
+    speed = rate(reference)
+    way = period * np.cumsum(speed - 0.5 * np.diff(speed, prepend=speed[0]))
+    return way, speed, rate(speed)
 
 
 def _windows(columns: Floats, rows: int) -> list[Floats]:
